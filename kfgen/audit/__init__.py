@@ -1,0 +1,1 @@
+"""Observability: what no measurement can show, exactly and in words."""

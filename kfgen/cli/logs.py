@@ -1,0 +1,159 @@
+"""Commands on logs: identify, simulate, run, gap, demo."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kfgen.cli.app import app
+from kfgen.cli.options import (
+    Columns,
+    Json,
+    LogPath,
+    ModelName,
+    Noise,
+    Rate,
+    Report,
+    SampleRate,
+    deliver,
+    discrete_of,
+    noise_of,
+    read,
+)
+
+if TYPE_CHECKING:
+    from kfgen.identify.fit import Record
+    from kfgen.log import Log
+    from kfgen.noise import NoiseModel
+
+Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
+NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
+
+
+def _names(text: str | None) -> list[str] | None:
+    return [part.strip() for part in text.split(",") if part.strip()] if text else None
+
+
+def _record(log: Log, name: str) -> Record:
+    from kfgen.identify.fit import Record
+
+    log.uniform_dt()
+    drive = {"temperature": log.values("temperature")} if "temperature" in log.channels else {}
+    return Record(log.t, log.values(name), drive)
+
+
+@app.command()
+def identify(log: LogPath, rate: Rate = None,
+             channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+             effects: Annotated[str | None, typer.Option(
+                 help="Exactly these effects, separated by commas; chosen by the data when left out.")] = None,
+             method: Annotated[str, typer.Option(help="How: ml (maximum likelihood).")] = "ml",
+             columns: Columns = None, output: Output = None, json: Json = None, report: Report = None) -> None:
+    """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
+    from kfgen.errors import InputError
+    from kfgen.identify.likelihood import identify as identified
+    from kfgen.noise import write_noise
+    from kfgen.report.identify import identify_answer, noise_model
+
+    if method != "ml":
+        raise InputError(f"there is no method '{method}'", where="--method", remedy="Known is ml")
+    data = read(log, rate, columns)
+    names = _names(channels) or [c for c in data.channels if not c.startswith(NOT_NOISY)]
+    found = {}
+    for name in names:
+        try:
+            found[name] = identified(_record(data, name), _names(effects))
+        except InputError as error:
+            raise InputError(error.what, where=error.where or f"{data.source}: channel {name}",
+                             remedy=error.remedy) from None
+    answer = identify_answer(data, found)
+    if output:
+        write_noise(noise_model(data, found), output)
+    deliver(answer, json, report)
+
+
+@app.command()
+def simulate(model: ModelName, output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG",
+                                                                    help="A .npz or .csv.")],
+             duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0, rate: SampleRate = 100.0,
+             seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+             manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
+             noise: Noise = None, json: Json = None, report: Report = None) -> None:
+    """A log from a model."""
+    import numpy as np
+
+    from kfgen.readers import write_log
+    from kfgen.report.filter import simulate_answer
+    from kfgen.simulate import simulate as simulated
+
+    log = simulated(discrete_of(model, noise, rate=rate), manoeuvre, duration, np.random.default_rng(seed))
+    write_log(log, output)
+    deliver(simulate_answer(log, str(output)), json, report)
+
+
+@app.command()
+def run(model: ModelName, log: LogPath, noise: Noise = None, rate: Rate = None, columns: Columns = None,
+        json: Json = None, report: Report = None) -> None:
+    """The emitted filterpy filter over a log: estimates, innovations, NIS."""
+    from kfgen.emit.routines import Program
+    from kfgen.report.filter import run_answer
+    from kfgen.run import attitude_error
+    from kfgen.run import run as ran
+
+    data = read(log, rate, columns)
+    result = ran(Program(discrete_of(model, noise, rate=1.0 / data.dt)), data)
+    deliver(run_answer(result, attitude_error(result, data), data), json, report)
+
+
+def _believed(model: str, log: Log) -> NoiseModel:
+    """What is believed of the channels of a log: a noise file, or a library model's own figures."""
+    from kfgen.errors import InputError
+    from kfgen.model.library import build
+    from kfgen.noise import ChannelNoise, NoiseModel, Term
+
+    if model.endswith(".toml"):
+        noise = noise_of(Path(model))
+        assert noise is not None
+    else:
+        built = build(model)
+        noise = NoiseModel({c: ChannelNoise(log.channels[c].unit if c in log.channels else u, tuple(
+            Term(e) for e in built.noise[c] if e.name != "bias")) for c, u in built.channel_units.items()
+            if c in built.noise})
+    known = {c: n for c, n in noise.channels.items() if c in log.channels}
+    if not known:
+        raise InputError(f"no channel of {model} is in the log", where=log.source,
+                         remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}")
+    return NoiseModel(known, noise.provenance)
+
+
+@app.command()
+def gap(log: LogPath, model: Annotated[str, typer.Option(help="What is believed: a noise file or a library model.")],
+        channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+        rate: Rate = None, columns: Columns = None, output: Output = None, json: Json = None,
+        report: Report = None) -> None:
+    """Where model and record disagree, the missing effect by name, the mended model, before and after."""
+    from kfgen.gap.workflow import find_gap
+    from kfgen.noise import write_noise
+    from kfgen.report.gap import gap_answer, mended_model
+
+    data = read(log, rate, columns)
+    believed = _believed(model, data)
+    wanted = _names(channels) or list(believed.channels)
+    gaps = {name: find_gap(name, _record(data, name), believed.channel(name)) for name in wanted}
+    answer = gap_answer(data, believed, gaps)
+    if output:
+        write_noise(mended_model(believed, gaps), output)
+    deliver(answer, json, report)
+
+
+@app.command()
+def demo(out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("kfgen-demo"),
+         json: Json = None) -> None:
+    """The whole chain on a simulated sensor with a hidden effect; ends at a report."""
+    from kfgen.demo import run_demo
+
+    answer = run_demo(out, lambda line: print(line, file=sys.stderr))
+    deliver(answer, json, None)

@@ -1,0 +1,68 @@
+"""Options that commands share, and how an answer is delivered."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from kfgen.discretise import DiscreteModel
+    from kfgen.log import Log
+    from kfgen.noise import NoiseModel
+    from kfgen.report.page import Answer
+
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="A log: CSV or NPZ.")]
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="A library model, see 'kfgen list'.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz]; replaces the log's own time.")]
+Columns = Annotated[str | None, typer.Option(
+    help="Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'.")]
+Noise = Annotated[Path | None, typer.Option(help="A noise file, as 'identify -o' writes it.")]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="The answer as JSON; - for standard output.")]
+Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="The answer as a page.")]
+Order = Annotated[int, typer.Option(help="Order in the step of the motion's coupling, 1 to 3.")]
+MaxStep = Annotated[float, typer.Option(help="Longest step [s].")]
+SampleRate = Annotated[float, typer.Option("--rate", help="Rate of the sensors [Hz].")]
+
+
+def read(path: Path, rate: float | None, columns: str | None) -> Log:
+    """A log with its columns mapped; its warnings go to standard error."""
+    from kfgen.readers import ColumnMap, read_log
+
+    return read_log(path, rate=rate, columns=ColumnMap.parse(columns) if columns else None)
+
+
+def noise_of(path: Path | None) -> NoiseModel | None:
+    """The noise file, where one is given."""
+    from kfgen.noise import read_noise
+
+    return read_noise(path) if path else None
+
+
+def discrete_of(model: str, noise: Path | None, order: int = 1, max_step: float = 0.1,
+                rate: float = 100.0) -> DiscreteModel:
+    """A library model with its noise, ready to step."""
+    from kfgen.discretise import DiscreteModel
+    from kfgen.model.library import build
+
+    return DiscreteModel(build(model, noise_of(noise)), order=order, max_step=max_step, rate=rate)
+
+
+def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
+    """Print an answer, write what was asked for, and exit with 1 when a check failed."""
+    from kfgen.report.page import write_page
+    from kfgen.whole import write_text
+
+    for warning in answer.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    if report is not None:
+        write_page(answer.page, report)
+    data = json.dumps(answer.data, indent=1, allow_nan=False) if json_to else ""
+    if json_to and json_to != "-":
+        write_text(json_to, data + "\n")
+    print(data if json_to == "-" else answer.text)
+    if not answer.ok:
+        raise typer.Exit(1)

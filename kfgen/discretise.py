@@ -1,0 +1,170 @@
+"""From a continuous filter model to one step of length `dt`.
+
+``Phi = sum_k F^k dt^k / k!`` and, from ``dQ/dt = F Q + Q F' + W``, ``Qd = sum_k Q_k dt^(k+1) / (k+1)!``
+with ``Q_0 = G W G'``, ``Q_(k+1) = F Q_k + Q_k F'`` [1]_: the exact series of the exponential and of Van
+Loan's integral, free of the cancellation of their closed forms. The blocks of the effects
+(Gauss-Markov, random walks, ramps) are carried until nothing is left of them in single
+precision at the longest step; the coupling of the motion, whose F changes from step to step
+anyway, to the order that is asked for.
+
+References
+----------
+.. [1] C. F. Van Loan, 1978; differentiate eq. (1.4) at dt = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+
+from kfgen.errors import InputError
+from kfgen.model.blocks import Attitude
+from kfgen.model.filter import FilterModel
+from kfgen.model.rotation import hamilton, small_quaternion
+from kfgen.model.sensors import Sensor
+
+DT = sp.Symbol("dt", positive=True)
+"""The step [s]."""
+EXHAUSTED = 2.0**-27
+"""Relative remainder at which a series of an effect ends: below single precision."""
+LONGEST_SERIES = 24
+
+
+def series(F: sp.Matrix, Q: sp.Matrix, order: int) -> tuple[sp.Matrix, sp.Matrix]:
+    """``Phi`` and ``Qd`` to `order` in `DT`, shape (n, n), for dynamics F and noise density Q."""
+    n = F.rows
+    Phi, Qd = sp.eye(n), sp.zeros(n, n)
+    power, density = sp.eye(n), Q
+    for k in range(1, order + 1):
+        power = power * F
+        scale = DT**k / sp.factorial(k)
+        Phi += power * scale
+        Qd += density * scale
+        if k < order:
+            product = F * density
+            density = product + product.T
+    return Phi, Qd
+
+
+def series_order(fastest: float, max_step: float) -> int:
+    """Terms after which a series of rate `fastest` [1/s] is exhausted at `max_step` [s].
+
+    Raises
+    ------
+    InputError
+        The step is long against the shortest time constant.
+    """
+    x, term = 2.0 * fastest * max_step, 1.0
+    for k in range(1, LONGEST_SERIES + 1):
+        term *= x / k
+        if term < EXHAUSTED:
+            return max(k, 2)
+    raise InputError(f"a step of {max_step:g} s is too long for a time constant of {1 / fastest:.3g} s",
+                     remedy="Give a shorter --max-step")
+
+
+@dataclass(frozen=True)
+class DiscreteModel:
+    """One step of a filter.
+
+    Parameters
+    ----------
+    model : FilterModel
+    order : int
+        Order in `dt` of the motion's coupling, 1 to 3.
+    max_step : float
+        The longest step [s] for which the effects' series are exhausted.
+    rate : float
+        Sampling rate [Hz] of the sensors whose white noise is a density.
+    """
+
+    model: FilterModel
+    order: int = 1
+    max_step: float = 0.1
+    rate: float = 100.0
+
+    def __post_init__(self) -> None:
+        if not (self.rate > 0 and math.isfinite(self.rate)):
+            raise InputError(f"a rate of {self.rate:g} Hz is no sampling rate",
+                             remedy="Give --rate a positive number of hertz")
+        if self.order not in (1, 2, 3):
+            raise InputError(f"an order of {self.order} is not offered", remedy="Give 1, 2 or 3")
+
+    @cached_property
+    def _matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
+        model = self.model
+        Phi, Qd = series(model.F, model.G * model.W * model.G.T, self.order)
+        A, W = model.effect_dynamics
+        if A.rows:
+            fastest = max((abs(float(a)) for a in A), default=0.0)
+            Phi_e, Qd_e = series(A, W, series_order(fastest, self.max_step) + 1)
+            first = Phi.rows - A.rows
+            Phi[first:, first:] = Phi_e.applyfunc(_nested)
+            Qd[first:, first:] = Qd_e.applyfunc(_nested)
+        return Phi, Qd
+
+    @property
+    def Phi(self) -> sp.Matrix:
+        """Transition of the error, shape (n, n)."""
+        return self._matrices[0]
+
+    @property
+    def Qd(self) -> sp.Matrix:
+        """Process noise covariance of a step, shape (n, n)."""
+        return self._matrices[1]
+
+    @cached_property
+    def step(self) -> tuple[sp.Expr, ...]:
+        """The stored state after a step, in the order of `nominal_names`; quaternions not normalised.
+
+        Vectors to second order in `dt`, attitudes by the quaternion of the step's rotation vector,
+        effects by their own transition.
+        """
+        rates = self.model.rates(False)
+        vectors = {s: r for b in self.model.blocks if not isinstance(b, Attitude)
+                   for s, r in zip(b.nominal, rates[b.name])}
+        out: list[sp.Expr] = []
+        for b in self.model.blocks:
+            if isinstance(b, Attitude):
+                out.extend(hamilton(b.quaternion, small_quaternion(rates[b.name] * DT)))
+                continue
+            for s, r in zip(b.nominal, rates[b.name]):
+                second = sum((r.diff(other) * rate for other, rate in vectors.items()), sp.Integer(0))
+                out.append(s + r * DT + second * DT**2 / 2)
+        first = len(self.model.states) - self.model.effect_dynamics[0].rows
+        effects = sp.Matrix([s.symbol for s in self.model.states[first:]])
+        return (*out, *(self.Phi[first:, first:] * effects if effects.rows else ()))
+
+    @property
+    def nominal_names(self) -> tuple[str, ...]:
+        """Names of the stored state, in order."""
+        first = len(self.model.states) - self.model.effect_dynamics[0].rows
+        blocks = tuple(n for b in self.model.blocks for n in b.nominal_names)
+        return blocks + tuple(s.name for s in self.model.states[first:])
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """The stored state before alignment."""
+        blocks = tuple(v for b in self.model.blocks for v in b.start)
+        first = sum(len(b.error_names) for b in self.model.blocks)
+        return blocks + tuple(s.start for s in self.model.states[first:])
+
+    def sample_variance(self, sensor: Sensor, channel: str) -> float:
+        """Variance of the white noise of one sample [SI^2]: the channel's own, else the sensor's.
+
+        Quantisation of the integral counts by the variance of its differences.
+        """
+        white, steps = self.model.white(channel)
+        own = float(white) * self.rate + 2.0 * float(steps) * self.rate**2
+        return own if own > 0.0 else sensor.sd**2
+
+    def measurement_variance(self, sensor: Sensor, channel: str) -> float:
+        """``R`` of one sample [SI^2]: its white noise and what the model leaves out."""
+        return self.sample_variance(sensor, channel) + sensor.left_out**2 * self.rate
+
+
+def _nested(expression: sp.Expr) -> sp.Expr:
+    return sp.horner(expression, wrt=DT) if expression.has(DT) else expression

@@ -1,0 +1,50 @@
+"""The catalogue: every physical effect that kfgen knows, one class each.
+
+To add an effect, write one class in a file of this package; `catalogue` finds it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+
+from kfgen.effects.base import Effect, Parameter
+from kfgen.effects.form import Form, State
+from kfgen.errors import InputError
+
+__all__ = ["Effect", "Form", "Parameter", "State", "catalogue", "effect_named"]
+
+
+@cache
+def _load() -> None:
+    for info in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{info.name}")
+
+
+def catalogue() -> dict[str, type[Effect]]:
+    """Every declared effect by its name, in order of declaration."""
+    _load()
+    found: dict[str, type[Effect]] = {}
+    queue = list(Effect.__subclasses__())
+    while queue:
+        cls = queue.pop(0)
+        queue.extend(cls.__subclasses__())
+        if cls.name:
+            found[cls.name] = cls
+    return found
+
+
+def effect_named(name: str, *, where: str = "") -> type[Effect]:
+    """The effect class of that name.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    known = catalogue()
+    if name not in known:
+        raise InputError(f"there is no effect '{name}'", where=where,
+                         remedy=f"Known are {', '.join(known)}")
+    return known[name]

@@ -1,0 +1,140 @@
+"""`Effect`: a physical effect, declared once.
+
+A subclass states its name, its parameters and its `Form`; Allan variance, spectrum,
+simulation, likelihood, filter states, report row and sentence follow from that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import form as law
+from kfgen.effects.form import Form
+from kfgen.errors import InputError
+from kfgen.units import derived_unit, from_si, parse_quantity
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Its letter in the literature.
+    unit : str
+        Unit template, ``U`` being the unit of the channel.
+    kind : str
+        ``size`` scales the output (zero: no effect), ``time`` is a time constant, ``signed`` is a
+        coefficient that may be negative, ``setting`` is chosen and never estimated.
+    """
+
+    name: str
+    unit: str
+    kind: str
+
+
+def parameter(unit: str, kind: str = "size", default: Any = ...) -> Any:
+    """Declare a parameter of an effect (a dataclass field with its unit and kind)."""
+    metadata = {"unit": unit, "kind": kind}
+    return field(metadata=metadata) if default is ... else field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One declared effect with the values of its parameters [SI], numbers or sympy symbols."""
+
+    name: ClassVar[str] = ""
+    title: ClassVar[str] = ""
+    saying: ClassVar[str] = ""
+    driver: ClassVar[str] = ""
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """The linear stochastic system of the effect.
+
+        Parameters
+        ----------
+        drive : mapping
+            The recorded driver by name: a number, an array over time, or a symbol.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """The declared parameters in order."""
+        return tuple(Parameter(f.name, f.metadata["unit"], f.metadata["kind"]) for f in fields(cls))
+
+    @classmethod
+    def estimated(cls) -> tuple[Parameter, ...]:
+        """The parameters that a fit may change."""
+        return tuple(p for p in cls.parameters() if p.kind != "setting")
+
+    @classmethod
+    def read(cls, entry: Mapping[str, Any], unit: str, where: str) -> Self:
+        """From a file's entry, for a channel in `unit`.
+
+        Raises
+        ------
+        InputError
+            A parameter is missing, unknown or of another unit, or not positive where it must be.
+        """
+        known = {p.name: p for p in cls.parameters()}
+        values: dict[str, float] = {}
+        for key, value in entry.items():
+            if key in ("effect",) or key.endswith("_ci95"):
+                continue
+            if key not in known:
+                raise InputError(f"{cls.name} has no parameter '{key}'", where=where,
+                                 remedy=f"It has {', '.join(known)}")
+            values[key] = parse_quantity(value, derived_unit(known[key].unit, unit), where=f"{where}.{key}")
+            if known[key].kind in ("size", "time") and (values[key] < 0 or (values[key] == 0 and known[key].kind == "time")):
+                raise InputError(f"{key} = {value!r} is not positive", where=where)
+        missing = [f.name for f in fields(cls) if f.name not in values and f.default is f.default_factory]
+        if missing:
+            raise InputError(f"{cls.name} lacks its parameter '{missing[0]}'", where=where)
+        return cls(**values)
+
+    def draw(self, rng: np.random.Generator) -> Self:
+        """One realisation of what differs from switch-on to switch-on; most effects have nothing."""
+        return self
+
+    def allan_variance(self, tau: Array) -> Array:
+        """Allan variance [U^2] at `tau` [s], shape (m,); see `form.allan_variance`."""
+        return law.allan_variance(self.form(), tau)
+
+    def density(self, f: Array) -> Array:
+        """Two-sided spectral density [U^2/Hz] at `f` [Hz], shape (m,)."""
+        return law.density(self.form(), f)
+
+    def sampled_density(self, omega: Array, dt: float, block: int = 1) -> Array:
+        """Spectral density of the samples [U^2]; see `form.sampled_density`."""
+        return law.sampled_density(self.form(), omega, dt, block)
+
+    def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
+        """Expected output [U], shape (n,), at even times `t` [s]."""
+        return law.mean(self.form(drive), t)
+
+    def simulate(self, t: Array, rng: np.random.Generator,
+                 drive: Mapping[str, Array] | None = None) -> Array:
+        """One random output [U], shape (n,), at even times `t` [s]."""
+        return law.simulate(self.form(drive), t, rng)
+
+    def row(self, unit: str) -> dict[str, tuple[float, str]]:
+        """Report row: each parameter in the user's unit, as (value, unit)."""
+        shown = {}
+        for p in self.parameters():
+            text = derived_unit(p.unit, unit)
+            shown[p.name] = (from_si(float(getattr(self, p.name)), text), text)
+        return shown
+
+    def sentence(self, channel: str, unit: str) -> str:
+        """The effect on a channel in words, with sizes in the user's unit."""
+        shown = {k: f"{v:.3g} {u}" for k, (v, u) in self.row(unit).items()}
+        return f"{channel} {self.saying.format(**shown)}"

@@ -1,0 +1,53 @@
+"""Drifts in time: a constant, a ramp.
+
+References
+----------
+.. [1] IEEE Std 952-1997, annex C, eq. (C.22).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from kfgen.effects.base import Effect, parameter
+from kfgen.effects.form import Form, State
+
+
+@dataclass(frozen=True)
+class Bias(Effect):
+    """A constant offset (turn-on bias), known before the record to `value` with deviation `sd`."""
+
+    value: Any = parameter("U", "signed", 0.0)
+    sd: float = parameter("U", "setting", 0.0)
+
+    name: ClassVar[str] = "bias"
+    title: ClassVar[str] = "constant bias"
+    saying: ClassVar[str] = "has a constant bias of {value}"
+
+    def draw(self, rng: np.random.Generator) -> Self:
+        """A turn-on bias."""
+        return replace(self, value=self.value + self.sd * rng.standard_normal())
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``dx = 0``."""
+        return Form(A=((0,),), W=((0,),), C=(1,), x0=(self.value,), states=(State("bias", shared=True),))
+
+
+@dataclass(frozen=True)
+class RateRamp(Effect):
+    """A drift linear in time: AVAR ``R^2 tau^2 / 2``."""
+
+    R: Any = parameter("U/s", "signed")
+
+    name: ClassVar[str] = "rate_ramp"
+    title: ClassVar[str] = "rate ramp"
+    saying: ClassVar[str] = "drifts steadily by R = {R}"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``x1' = x2``, ``x2' = 0``, from ``(0, R)``."""
+        return Form(A=((0, 1), (0, 0)), W=((0, 0), (0, 0)), C=(1, 0), x0=(0, self.R),
+                    states=(State("bias", shared=True), State("ramp", "U/s")))

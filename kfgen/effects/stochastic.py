@@ -1,0 +1,110 @@
+"""Noise of a sensor at rest: white, quantisation, Gauss-Markov, flicker, random walk.
+
+References
+----------
+.. [1] IEEE Std 952-1997, annex C, eqs (C.1)-(C.21).
+.. [2] P. S. Maybeck, Stochastic Models, Estimation, and Control, vol. 1, 1979, sec. 4.11.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from kfgen.effects.base import Effect, parameter
+from kfgen.effects.form import Form, State
+
+
+@dataclass(frozen=True)
+class WhiteNoise(Effect):
+    """White noise (angle or velocity random walk): density ``N^2``, AVAR ``N^2 / tau``."""
+
+    N: Any = parameter("U/sqrt(Hz)")
+
+    name: ClassVar[str] = "white_noise"
+    title: ClassVar[str] = "white noise (random walk of the integral)"
+    saying: ClassVar[str] = "carries white noise of N = {N}"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``y = v``."""
+        return Form(V=self.N**2)
+
+
+@dataclass(frozen=True)
+class Quantisation(Effect):
+    """Quantisation of the integrated output: AVAR ``3 Q^2 / tau^2``."""
+
+    Q: Any = parameter("U*s")
+
+    name: ClassVar[str] = "quantisation"
+    title: ClassVar[str] = "quantisation of the integrated output"
+    saying: ClassVar[str] = "is quantised in its integral by Q = {Q}"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """A white sequence of variance ``Q^2`` on the integral."""
+        return Form(Z=self.Q**2)
+
+
+@dataclass(frozen=True)
+class GaussMarkov(Effect):
+    """First-order Gauss-Markov process, stationary deviation `sigma`, correlation time `tau`."""
+
+    sigma: Any = parameter("U")
+    tau: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "gauss_markov"
+    title: ClassVar[str] = "first-order Gauss-Markov bias"
+    saying: ClassVar[str] = "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``dx = -x / tau dt + dw``, ``W = 2 sigma^2 / tau``."""
+        return Form(A=((-1 / self.tau,),), W=((2 * self.sigma**2 / self.tau,),), C=(1,), x0=(0,),
+                    states=(State("gm"),))
+
+
+@dataclass(frozen=True)
+class BiasInstability(Effect):
+    """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
+
+    Time constants are spaced evenly in the logarithm with ratio ``r`` from `shortest` to
+    `longest`, each of variance ``B^2 ln(r) / pi``: inside the band the sum has the flicker's
+    slope with a ripple under 1 % at one state per factor 4.
+    """
+
+    B: Any = parameter("U")
+    shortest: float = parameter("s", "setting", 1.0)
+    longest: float = parameter("s", "setting", 1e4)
+
+    name: ClassVar[str] = "bias_instability"
+    title: ClassVar[str] = "bias instability (flicker)"
+    saying: ClassVar[str] = "has a bias instability (flicker) of B = {B} between {shortest} and {longest}"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """A diagonal bank of Gauss-Markov processes."""
+        m = max(2, math.ceil(math.log(self.longest / self.shortest) / math.log(4.0)) + 1)
+        r = (self.longest / self.shortest) ** (1.0 / (m - 1))
+        taus = [self.shortest * r**i for i in range(m)]
+        variance = self.B**2 * (math.log(r) / math.pi)
+
+        def diagonal(entries: list[Any]) -> tuple[tuple[Any, ...], ...]:
+            return tuple(tuple(e if i == j else 0 for j in range(m)) for i, e in enumerate(entries))
+
+        return Form(A=diagonal([-1 / t for t in taus]), W=diagonal([2 * variance / t for t in taus]),
+                    C=(1,) * m, x0=(0,) * m, states=tuple(State(f"flicker{i}") for i in range(m)))
+
+
+@dataclass(frozen=True)
+class RateRandomWalk(Effect):
+    """Random walk of the output itself: density ``K^2 / (2 pi f)^2``, AVAR ``K^2 tau / 3``."""
+
+    K: Any = parameter("U/sqrt(s)")
+
+    name: ClassVar[str] = "rate_random_walk"
+    title: ClassVar[str] = "rate random walk"
+    saying: ClassVar[str] = "has a bias in random walk of K = {K}"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``dx = dw``, ``W = K^2``."""
+        return Form(A=((0,),), W=((self.K**2,),), C=(1,), x0=(0,), states=(State("bias", shared=True),))

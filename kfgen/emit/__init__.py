@@ -1,0 +1,23 @@
+"""Emission: a discrete model as code.
+
+A target is one module here with ``TARGET`` and ``files(program, folder name)``, and one folder of
+templates; `targets` finds it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+from types import ModuleType
+
+
+@cache
+def targets() -> dict[str, ModuleType]:
+    """The emit targets by name, from every module of this package that declares one."""
+    found: dict[str, ModuleType] = {}
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        if hasattr(module, "TARGET"):
+            found[module.TARGET] = module
+    return found

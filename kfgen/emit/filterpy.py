@@ -1,0 +1,92 @@
+"""Python: a subclass of filterpy's extended Kalman filter with error-state injection."""
+
+from __future__ import annotations
+
+import kfgen
+from kfgen.emit.ir import Argument, Ref, Routine
+from kfgen.emit.printer import Printer
+from kfgen.emit.routines import Program
+from kfgen.emit.templates import render
+
+TARGET = "filterpy"
+TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
+
+
+class PythonPrinter(Printer):
+    """Double precision Python."""
+
+    def number(self, value: float) -> str:
+        """A literal that reads back to the same float."""
+        return repr(float(value)) if value >= 0 else f"({float(value)!r})"
+
+    def ref(self, ref: Ref) -> str:
+        """Arrays are flat."""
+        return super().ref(ref)
+
+    def root(self, argument: str) -> str:
+        """From the standard library."""
+        return f"sqrt({argument})"
+
+    def let(self, name: str, value: str) -> str:
+        """A local."""
+        return f"{name} = {value}"
+
+    def store(self, target: str, value: str) -> str:
+        """An assignment."""
+        return f"{target} = {value}"
+
+    def note(self, text: str) -> str:
+        """A comment."""
+        return f"# {text}"
+
+    def flag(self, status: str) -> str:
+        """The status is set."""
+        return f'status = "{status}"'
+
+    def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
+        """``if`` and ``else``."""
+        return [f"if {condition}:", *body, *(["else:", *orelse] if orelse else [])]
+
+
+def _function(routine: Routine) -> dict[str, object]:
+    outputs = {"transition": ["Phi"], "noise": ["Qd"]}.get(
+        routine.name, ["h", "H"] if routine.name.startswith("expect_") else [])
+    arguments = ["x", "k", *outputs, *(a.name for a in routine.arguments)]
+    return {"name": f"_{routine.name}", "text": routine.text, "arguments": ", ".join(arguments),
+            "body": PythonPrinter().body(routine) or "    pass"}
+
+
+def _call(arguments: tuple[Argument, ...]) -> str:
+    return "".join(f", {a.name}" for a in arguments)
+
+
+def _typed(arguments: tuple[Argument, ...]) -> str:
+    return "".join(f", {a.name}: {'Vector' if a.size else 'float'}" for a in arguments)
+
+
+def class_name(program: Program) -> str:
+    """The name of the emitted class."""
+    return "".join(part.capitalize() for part in program.name.split("_"))
+
+
+def files(program: Program) -> dict[str, str]:
+    """The emitted module by name."""
+    discrete = program.discrete
+    pieces = {r.name: r for r in program.pieces}
+    sensors = [{"name": s.name, "title": s.title, "unit": s.unit, "channels": s.channels,
+                "R": [discrete.measurement_variance(s, c) for c in s.channels],
+                "extra": _call(pieces[f"expect_{s.name}"].arguments),
+                "typed": _typed(pieces[f"expect_{s.name}"].arguments),
+                "texts": [(a.name, a.text) for a in pieces[f"expect_{s.name}"].arguments]}
+               for s in discrete.model.sensors]
+    step = pieces["step"].arguments
+    longest = max((pieces[n].arguments for n in ("step", "transition", "noise")), key=len)
+    text = render("filterpy/filter.py.j2", name=program.name, model=discrete.model,
+                  version=kfgen.__version__, hash=discrete.model.hash[:16], n=program.n,
+                  klass=class_name(program),
+                  nominal=discrete.nominal_names, start=discrete.start, states=discrete.model.states,
+                  constants=program.constants[:-1], functions=[_function(r) for r in program.pieces],
+                  sensors=sensors, inputs=_typed(longest), texts=[(a.name, a.text) for a in longest],
+                  step=_call(step), transition=_call(pieces["transition"].arguments),
+                  noise=_call(pieces["noise"].arguments))
+    return {f"{program.name}.py": text}

@@ -1,0 +1,119 @@
+"""The folder of an emitted filter: its files, and a manifest from which it can be rebuilt."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import kfgen
+from kfgen.discretise import DiscreteModel
+from kfgen.emit import targets
+from kfgen.emit.routines import Program
+from kfgen.errors import InputError
+from kfgen.model.library import build
+from kfgen.noise import NoiseModel, noise_text, read_noise
+
+MANIFEST = "kfgen.json"
+NOISE = "noise.toml"
+FORMAT = "kfgen-manifest-1"
+
+
+@dataclass(frozen=True)
+class Emitted:
+    """A rebuilt filter: its program, its target, where its files are."""
+
+    program: Program
+    target: str
+    folder: Path
+
+
+def write_folder(program: Program, target: str, noise: NoiseModel | None, folder: str | Path) -> list[str]:
+    """Write a filter's files, all or none; returns their names.
+
+    Raises
+    ------
+    InputError
+        An unknown target, or a folder that holds files of other origin.
+    """
+    if target not in targets():
+        raise InputError(f"there is no target '{target}'", where="--target",
+                         remedy=f"Known are {', '.join(targets())}")
+    folder = Path(folder)
+    _check_free(folder)
+    files = dict(targets()[target].files(program))
+    if noise is not None:
+        files[NOISE] = noise_text(noise)
+    discrete = program.discrete
+    manifest = {"format": FORMAT, "kfgen": kfgen.__version__, "model": discrete.model.name, "target": target,
+                "model_hash": discrete.model.hash, "order": discrete.order, "max_step": discrete.max_step,
+                "rate": discrete.rate, "noise": noise is not None, "files": sorted(files)}
+    files[MANIFEST] = json.dumps(manifest, indent=1) + "\n"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+    try:
+        for name, text in files.items():
+            (fresh / name).write_text(text, encoding="utf-8")
+        fresh.chmod(0o755)
+        if folder.exists():
+            shutil.rmtree(folder)
+        fresh.rename(folder)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise
+    return sorted(files)
+
+
+def _check_free(folder: Path) -> None:
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise InputError("it is a file, not a folder", where=str(folder))
+    present = {p.name for p in folder.iterdir()}
+    if not present:
+        return
+    known = set(_manifest(folder)["files"]) | {MANIFEST} if MANIFEST in present else set()
+    strangers = sorted(present - known)
+    if strangers:
+        raise InputError(f"the folder holds other files ({', '.join(strangers[:3])})", where=str(folder),
+                         remedy="Give a new folder with -o")
+
+
+def _manifest(folder: Path) -> dict[str, object]:
+    path = folder / MANIFEST
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("it is no emitted filter: there is no kfgen.json in it", where=str(folder),
+                         remedy="Make one with: kfgen emit MODEL --target c -o DIR") from None
+    except ValueError as error:
+        raise InputError(f"it is no JSON: {error}", where=str(path)) from None
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT or not isinstance(manifest.get("files"), list):
+        raise InputError("it is no manifest of kfgen", where=str(path))
+    return manifest
+
+
+def read_folder(folder: str | Path) -> Emitted:
+    """Rebuild the filter that a folder was emitted from.
+
+    Raises
+    ------
+    InputError
+        No manifest, a broken one, or one whose model this kfgen derives differently.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("no such folder", where=str(folder))
+    manifest = _manifest(folder)
+    noise = read_noise(folder / NOISE) if manifest.get("noise") else None
+    try:
+        discrete = DiscreteModel(build(str(manifest["model"]), noise), order=int(str(manifest["order"])),
+                                 max_step=float(str(manifest["max_step"])), rate=float(str(manifest["rate"])))
+    except (KeyError, ValueError) as error:
+        raise InputError(f"it lacks or garbles {error}", where=str(folder / MANIFEST)) from None
+    if discrete.model.hash != manifest.get("model_hash"):
+        raise InputError("its model has another hash than this kfgen derives", where=str(folder / MANIFEST),
+                         remedy="Emit it again")
+    return Emitted(Program(discrete), str(manifest.get("target")), folder)

@@ -1,0 +1,115 @@
+"""From sympy to the intermediate form: common parts once, every operation binary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+
+import sympy as sp
+
+from kfgen.emit.ir import Bin, Expr, Let, Num, Ref, Stmt, Una, add, mul, neg
+from kfgen.errors import InputError
+
+LONGEST_POWER = 8
+
+
+class Lowering:
+    """Turns expressions into statements; local names are unique over its life.
+
+    Parameters
+    ----------
+    places : mapping of str to Ref
+        Where each symbol lives.
+    prefix : str
+        Begins every local name, so that two lowerings can share a routine.
+    """
+
+    def __init__(self, places: Mapping[str, Ref], prefix: str = "") -> None:
+        self.places = dict(places)
+        self.prefix = prefix
+        self._next = 0
+
+    def fresh(self, stem: str = "t") -> str:
+        """A new local name."""
+        name = f"{self.prefix}{stem}{self._next}"
+        self._next += 1
+        return name
+
+    def let(self, value: Expr, stem: str = "t") -> tuple[Expr, list[Stmt]]:
+        """The value as an atom: itself, or a new local and the statement that makes it."""
+        core = value.a if isinstance(value, Una) and value.op == "neg" else value
+        if isinstance(core, Num | Ref):
+            return value, []
+        name = self.fresh(stem)
+        if core is not value:
+            return neg(Ref(name)), [Let(name, core)]
+        return Ref(name), [Let(name, value)]
+
+    def many(self, expressions: Sequence[sp.Expr]) -> tuple[list[Expr], list[Stmt]]:
+        """Lower several expressions together, sharing what they have in common."""
+        shared, reduced = sp.cse(list(expressions), symbols=sp.numbered_symbols("__cse"), order="canonical")
+        body: list[Stmt] = []
+        for symbol, value in shared:
+            atom, statements = self.let(self.expression(value))
+            body += statements
+            if isinstance(atom, Ref):
+                self.places[symbol.name] = atom
+            else:
+                name = self.fresh()
+                body.append(Let(name, atom))
+                self.places[symbol.name] = Ref(name)
+        values = [self.expression(e) for e in reduced]
+        for symbol, _ in shared:
+            del self.places[symbol.name]
+        return values, body
+
+    def expression(self, e: sp.Expr) -> Expr:
+        """One expression, without sharing.
+
+        Raises
+        ------
+        InputError
+            It has a function that the intermediate form lacks, or a symbol that lives nowhere.
+        """
+        if e.is_Symbol:
+            if e.name not in self.places:
+                raise InputError(f"the symbol {e.name} has no place in the emitted filter")
+            return self.places[e.name]
+        if e.is_Number:
+            return Num(float(e))
+        if e.is_Add:
+            return reduce(add, sorted(map(self.expression, e.args), key=_negative))
+        if e.is_Mul:
+            return self._product(e)
+        if e.is_Pow:
+            return self._power(e.base, e.exp)
+        raise InputError(f"the function {e.func} cannot be emitted")
+
+    def _product(self, e: sp.Mul) -> Expr:
+        above, below = [], []
+        for factor in e.args:
+            if factor.is_Pow and factor.exp.is_Integer and factor.exp < 0:
+                below.append(self._power(factor.base, -factor.exp))
+            else:
+                above.append(self.expression(factor))
+        sign = [f for f in above if f == Num(-1.0)]
+        above = [f for f in above if f != Num(-1.0)]
+        value = reduce(mul, above, Num(1.0))
+        if below:
+            value = Bin("/", value, reduce(mul, below))
+        return neg(value) if len(sign) % 2 else value
+
+    def _power(self, base: sp.Expr, exponent: sp.Expr) -> Expr:
+        if abs(exponent) == sp.Rational(1, 2):
+            root = Una("sqrt", self.expression(base))
+            return root if exponent > 0 else Bin("/", Num(1.0), root)
+        if not exponent.is_Integer or abs(int(exponent)) > LONGEST_POWER:
+            raise InputError(f"the power {exponent} cannot be emitted")
+        b = self.expression(base)
+        value = reduce(mul, [b] * abs(int(exponent)), Num(1.0))
+        return Bin("/", Num(1.0), value) if exponent < 0 else value
+
+
+def _negative(e: Expr) -> bool:
+    """Negative terms last, so that a sum does not begin with a minus."""
+    return isinstance(e, Una) and e.op == "neg"

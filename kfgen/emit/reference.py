@@ -1,0 +1,92 @@
+"""The reference: the intermediate form run by numpy in a chosen precision, operation by operation.
+
+It interprets the same routines that the targets print, so a word that differs on a core is a
+difference of printing, compiling or arithmetic, never of derivation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.emit.covariance import packed_size
+from kfgen.emit.ir import STATUS, Bin, Compare, Expr, Flag, Let, Num, Ref, Routine, Stmt, Store, Una, When
+from kfgen.emit.routines import Program
+
+
+class Machine:
+    """The arrays of one filter, and its routines.
+
+    Parameters
+    ----------
+    program : Program
+    real : type
+        ``np.float32`` or ``np.float64``.
+    """
+
+    def __init__(self, program: Program, real: type[np.floating[Any]] = np.float32) -> None:
+        self.program = program
+        self.real = real
+        sizes = {"x": len(program.discrete.nominal_names), "P": packed_size(program.n),
+                 "k": len(program.constants), "innovation": program.rows, "variance": program.rows}
+        self.arrays: dict[str, NDArray[np.floating[Any]]] = {a: np.zeros(n, real) for a, n in sizes.items()}
+        self.routines: dict[str, Routine] = {r.name: r for r in program.routines}
+        self._numbers: dict[float, Any] = {}
+
+    def call(self, name: str, values: Sequence[Sequence[float] | float] = ()) -> str:
+        """Run a routine; returns its status.
+
+        Parameters
+        ----------
+        name : str
+        values : sequence
+            One per argument, arrays as sequences.
+        """
+        routine = self.routines[name]
+        env: dict[str, Any] = dict(self.arrays)
+        for argument, value in zip(routine.arguments, values, strict=True):
+            env[argument.name] = np.asarray(value, self.real) if argument.size else self.real(value)  # type: ignore[arg-type]
+        env |= {s.name: np.zeros(s.size, self.real) for s in routine.scratch}
+        env["status"] = STATUS[0]
+        self._run(routine.body, env)
+        return str(env["status"])
+
+    def words(self) -> NDArray[np.floating[Any]]:
+        """State and covariance, one after the other."""
+        return np.concatenate([self.arrays["x"], self.arrays["P"]])
+
+    def _run(self, body: tuple[Stmt, ...], env: dict[str, Any]) -> None:
+        for s in body:
+            if isinstance(s, Let):
+                env[s.name] = self._value(s.value, env)
+            elif isinstance(s, Store):
+                env[s.target.name][s.target.index] = self._value(s.value, env)
+            elif isinstance(s, When):
+                self._run(s.body if self._holds(s.condition, env) else s.orelse, env)
+            elif isinstance(s, Flag):
+                env["status"] = s.status
+
+    def _holds(self, c: Compare, env: Mapping[str, Any]) -> bool:
+        a, b = self._value(c.a, env), self._value(c.b, env)
+        return bool({"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b}[c.op])
+
+    def _value(self, e: Expr, env: Mapping[str, Any]) -> Any:
+        if isinstance(e, Ref):
+            return env[e.name] if e.index is None else env[e.name][e.index]
+        if isinstance(e, Bin):
+            a, b = self._value(e.a, env), self._value(e.b, env)
+            if e.op == "*":
+                return a * b
+            if e.op == "+":
+                return a + b
+            return a - b if e.op == "-" else a / b
+        if isinstance(e, Num):
+            if e.value not in self._numbers:
+                self._numbers[e.value] = self.real(e.value)
+            return self._numbers[e.value]
+        assert isinstance(e, Una)
+        a = self._value(e.a, env)
+        return -a if e.op == "neg" else np.sqrt(a)

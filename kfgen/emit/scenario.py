@@ -1,0 +1,72 @@
+"""A run of the reference over a simulated motion: the calls, their inputs, the words after each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.discretise import DiscreteModel
+from kfgen.emit.ir import Routine
+from kfgen.emit.reference import Machine
+from kfgen.emit.routines import Program
+from kfgen.log import Log
+from kfgen.simulate import simulate
+
+STEPS = 500
+"""Predictions."""
+EVERY = 4
+"""One update of each sensor per so many predictions."""
+SEED = 20261121
+
+
+@dataclass(frozen=True)
+class Call:
+    """One call: the routine, its inputs in a row, state and covariance after it."""
+
+    routine: str
+    inputs: tuple[float, ...]
+    words: NDArray[np.floating[Any]]
+
+
+def scenario(program: Program) -> tuple[Call, ...]:
+    """Simulated inputs through the single precision reference, from ``init`` on."""
+    discrete = program.discrete
+    rng = np.random.default_rng(SEED)
+    log = simulate(discrete, "generic", (STEPS + 1) / discrete.rate, rng)
+    machine = Machine(program)
+    machine.call("init")
+    calls: list[Call] = []
+    for k in range(STEPS):
+        due = program.routines[1:] if k % EVERY == EVERY - 1 else program.routines[1:2]
+        for routine in due:
+            inputs = _inputs(discrete, routine, log, k)
+            machine.call(routine.name, split(routine, inputs))
+            calls.append(Call(routine.name, inputs, machine.words()))
+    return tuple(calls)
+
+
+def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tuple[float, ...]:
+    """The arguments of a routine at sample k, as single precision numbers in a row."""
+    places: Mapping[str, tuple[str, ...]] = (
+        {i.name: i.channels for i in discrete.model.motion.inputs}
+        | {d: (d,) for d in discrete.model.drivers}
+        | {"z": next((s.channels for s in discrete.model.sensors if routine.name == f"update_{s.name}"), ())})
+    row: list[float] = []
+    for a in routine.arguments:
+        values = [1.0 / discrete.rate] if a.name == "dt" else [log.channels[c].values[k] for c in places[a.name]]
+        row += [float(np.float32(v)) for v in values]
+    return tuple(row)
+
+
+def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...] | float]:
+    """The inputs of a call by argument."""
+    out: list[tuple[float, ...] | float] = []
+    at = 0
+    for a in routine.arguments:
+        out.append(inputs[at:at + a.size] if a.size else inputs[at])
+        at += a.size or 1
+    return out

@@ -1,0 +1,223 @@
+"""The workflow: compare, localise, name, add, prove, again, until nothing significant is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kfgen.effects import Effect, effect_named
+from kfgen.errors import InputError
+from kfgen.gap.battery import Test, battery
+from kfgen.gap.evidence import ABOVE, CANDIDATES, Candidate, believed, candidates, probabilities
+from kfgen.gap.proof import Gap, held_out_gap, split
+from kfgen.identify.allan import AllanCurve, allan_curve
+from kfgen.identify.fit import Key, Prior, Record, is_linear, maximise
+from kfgen.identify.interval import interval95
+from kfgen.identify.likelihood import BLOCKS, MINIMUM, starts
+from kfgen.identify.whittle import density_of_differences
+from kfgen.noise import ChannelNoise, Term
+
+TRUST = 0.1
+"""Relative deviation of a believed number that states no interval."""
+LEAST_TRUST = 0.02
+SET = 0.05
+"""Probability above which an alternative belongs to what cannot be told apart."""
+DETECTABLE = 8.0
+"""Nats that an effect must be worth on average to be named."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A missing effect.
+
+    Parameters
+    ----------
+    effect : Effect
+        With its fitted values.
+    ci95 : mapping
+        Intervals of its parameters [SI].
+    probability : float
+        Among all candidates and none.
+    evidence : float
+        Nats.
+    alternatives : tuple of (name, probability)
+    worst : Test
+        The test that showed most disagreement before it was added.
+    """
+
+    effect: Effect
+    ci95: Mapping[str, tuple[float, float]]
+    probability: float
+    evidence: float
+    alternatives: tuple[tuple[str, float], ...]
+    worst: Test
+
+    @property
+    def indistinguishable(self) -> tuple[str, ...]:
+        """Alternatives that the record does not rule out."""
+        return tuple(n for n, p in self.alternatives if p > SET and n != "none")
+
+
+@dataclass(frozen=True)
+class ChannelGap:
+    """The answer for one channel.
+
+    Parameters
+    ----------
+    verdict : str
+        ``no_gap``, ``effects_found`` or ``unknown_effect``.
+    before, after : list of Test
+        The battery under the believed and under the mended model.
+    limits : list of (Effect, parameter, value)
+        What would not have been seen.
+    """
+
+    channel: str
+    unit: str
+    verdict: str
+    findings: tuple[Finding, ...]
+    before: tuple[Test, ...]
+    after: tuple[Test, ...]
+    gap: Gap
+    believed: tuple[Effect, ...]
+    mended: ChannelNoise
+    limits: tuple[tuple[Effect, str, float], ...]
+    curve: AllanCurve
+    record: Record
+    retuned: bool = False
+
+
+def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
+    """Trust in the believed numbers: from their intervals, else `TRUST`."""
+    priors: dict[Key, Prior] = {}
+    for i, term in enumerate(noise.terms):
+        if is_linear(term.effect):
+            continue
+        for p in term.effect.estimated():
+            value = float(getattr(term.effect, p.name))
+            lo, hi = term.ci95.get(p.name, (0.0, 0.0))
+            known = 0.0 < lo < hi < np.inf
+            deviation = max(float(np.log(hi / lo)) / 3.92, LEAST_TRUST) if known else TRUST
+            if value > 0.0:
+                priors[i, p.name] = Prior(float(np.log(value)), deviation)
+    return priors
+
+
+def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
+    """Compare one channel with the noise model that is believed of it.
+
+    Raises
+    ------
+    InputError
+        The record is too short, or the model has no effect.
+    """
+    _check(channel, record, noise)
+    record = replace(record, block=max(1, record.y.size // BLOCKS))
+    fitted, tail = split(record)
+    base = start = believed(fitted, noise.effects, priors_of(noise))
+    before = battery(fitted, start.fit.effects, start.fit.likelihood.coefficients)
+    findings: list[Finding] = []
+    tests, retuned = before, False
+    while True:
+        ranked = candidates(fitted, base)
+        best = ranked[0]
+        if best.gain < ABOVE or (best.name == "retune" and retuned):
+            break
+        if best.name == "retune":
+            retuned, base = True, replace(best, problem=replace(best.problem, priors={}))
+        else:
+            findings.append(_finding(best, ranked, tests[0]))
+            base = best
+        tests = battery(fitted, base.fit.effects, base.fit.likelihood.coefficients)
+    gap = held_out_gap(tail, start.fit, base.fit)
+    findings, mended = _refitted(record, noise, base, findings, retuned)
+    verdict = _verdict(findings, retuned, tests)
+    return ChannelGap(channel, noise.unit, verdict, tuple(findings), tuple(before), tuple(tests), gap,
+                      noise.effects, mended, tuple(_limits(fitted, base)),
+                      allan_curve(record.y, record.dt), record, retuned)
+
+
+def _check(channel: str, record: Record, noise: ChannelNoise) -> None:
+    if record.y.size < 4 * MINIMUM:
+        raise InputError(f"{channel} has {record.y.size} samples, too few to fit and to prove",
+                         remedy=f"Log at least {4 * MINIMUM}")
+    if not np.ptp(record.y) > 0.0:
+        raise InputError(f"{channel} never changes", remedy="Check the sensor and the column")
+    if not any(e.name in ("white_noise", "quantisation") for e in noise.effects):
+        raise InputError(f"the model of {channel} has no white noise",
+                         remedy="Give it an effect white_noise, or identify it first")
+
+
+def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]) -> str:
+    if any(t.significant for t in tests):
+        return "unknown_effect"
+    return "effects_found" if findings or retuned else "no_gap"
+
+
+def _finding(best: Candidate, ranked: Sequence[Candidate], worst: Test) -> Finding:
+    shares = probabilities(ranked)
+    others = sorted(((n, p) for n, p in shares.items() if n != best.name), key=lambda a: -a[1])
+    return Finding(best.fit.effects[-1], {}, shares[best.name], best.gain, tuple(others), worst)
+
+
+def _refitted(record: Record, noise: ChannelNoise, base: Candidate, findings: Sequence[Finding],
+              retuned: bool) -> tuple[list[Finding], ChannelNoise]:
+    """After the proof: parameters and intervals from the whole record."""
+    problem = replace(base.problem, record=record, effects=base.fit.effects)
+    fit = maximise(problem)
+    spread = 1.96 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0)) \
+        if fit.likelihood.coefficients.size else np.zeros(0)
+    linear = iter(spread.tolist())
+    terms = []
+    for i, effect in enumerate(fit.effects):
+        if is_linear(effect):
+            name = effect.estimated()[0].name
+            value, s = float(getattr(effect, name)), next(linear)
+            ci95 = {name: (value - s, value + s)}
+        else:
+            ci95 = {p.name: interval95(problem, fit, (i, p.name)) for p in effect.estimated()
+                    if (i, p.name) in fit.free}
+        terms.append(Term(effect, {k: v for k, v in ci95.items() if np.isfinite(v[1])}))
+    kept = len(noise.terms)
+    if not retuned:
+        terms[:kept] = noise.terms
+    found = [replace(f, effect=t.effect, ci95=t.ci95) for f, t in zip(findings, terms[kept:])]
+    return found, ChannelNoise(noise.unit, tuple(terms))
+
+
+def _limits(record: Record, base: Candidate) -> list[tuple[Effect, str, float]]:
+    """For each effect that was not found, the size that would be worth `DETECTABLE` nats."""
+    curve = allan_curve(record.y, record.dt)
+    out = []
+    for name in CANDIDATES:
+        if any(e.name == name for e in base.fit.effects) or (
+                effect_named(name).driver and effect_named(name).driver not in record.drive):
+            continue
+        effect = starts(name, record, curve)[-1]
+        size = effect.estimated()[0].name
+        value = _linear_limit(record, base, effect) if is_linear(effect) else _size_limit(record, base, effect, size)
+        out.append((replace(effect, **{size: value}), size, value))
+    return out
+
+
+def _linear_limit(record: Record, base: Candidate, effect: Effect) -> float:
+    data = record.ordinates([effect])
+    S = density_of_differences(base.fit.effects, data.omega, data.dt, data.block)
+    return float(np.sqrt(2.0 * DETECTABLE / (data.gram[:, 1, 1] / S).sum()))
+
+
+def _size_limit(record: Record, base: Candidate, effect: Effect, size: str) -> float:
+    from scipy.optimize import brentq
+
+    data = base.problem.data
+    S = density_of_differences(base.fit.effects, data.omega, data.dt, data.block)
+    part = density_of_differences([replace(effect, **{size: 1.0})], data.omega, data.dt, data.block)
+
+    def worth(log_size: float) -> float:
+        x = np.exp(2.0 * log_size) * part / S
+        return float(0.5 * (data.count * (x - np.log1p(x))).sum()) - DETECTABLE
+
+    lo, hi = record.box("size")
+    return float(np.exp(brentq(worth, lo, hi))) if worth(lo) < 0.0 < worth(hi) else float("inf")

@@ -1,0 +1,84 @@
+"""The Cramér-Rao bound of the parameters of a noise model, and the record that reaches one.
+
+Whittle's Fisher information of the differenced samples over a record of n of them,
+``J_ab = 1/2 sum_j (d ln S_j / d a) (d ln S_j / d b)`` at ``omega_j = pi j / n``, in logarithms of
+the parameters, so that a bound is a relative error.
+
+References
+----------
+.. [1] P. Whittle, 1953; M. B. Priestley, Spectral Analysis and Time Series, 1981, sec. 6.1.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.identify.fit import Key, is_linear
+from kfgen.identify.whittle import density_of_differences
+
+Array = NDArray[np.float64]
+
+
+def fisher(effects: Sequence[Effect], dt: float, n: int) -> tuple[tuple[Key, ...], Array]:
+    """Fisher information of the logarithms of the parameters of the random effects.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    dt : float
+        Sampling period [s].
+    n : int
+        Samples.
+
+    Returns
+    -------
+    keys : tuple of Key
+    J : ndarray, shape (k, k)
+    """
+    omega, weight = _grid(n)
+    keys = tuple((i, p.name) for i, e in enumerate(effects) if not is_linear(e) for p in e.estimated())
+
+    def log_density(key: Key, shift: float) -> Array:
+        moved = list(effects)
+        e = moved[key[0]]
+        moved[key[0]] = replace(e, **{key[1]: float(getattr(e, key[1])) * float(np.exp(shift))})
+        return np.log(density_of_differences(moved, omega, dt, 1))
+
+    h = 1e-4
+    slopes = np.array([(log_density(k, h) - log_density(k, -h)) / (2 * h) for k in keys])
+    return keys, 0.5 * (slopes * weight) @ slopes.T
+
+
+def _grid(n: int) -> tuple[Array, Array]:
+    """Ordinates of a long record by bins: angular frequencies and how many each stands for."""
+    edges = np.unique(np.concatenate([np.arange(min(n, 65)), np.geomspace(64, n, 400)]).round())
+    edges = edges[edges <= n]
+    return (0.5 * (edges[1:] + edges[:-1] + 1.0)) * (np.pi / (n + 1)), np.diff(edges)
+
+
+def relative_bound(effects: Sequence[Effect], dt: float, n: int) -> dict[Key, float]:
+    """The smallest relative deviation that an unbiased estimate of each parameter can have."""
+    keys, J = fisher(effects, dt, n)
+    with np.errstate(invalid="ignore"):
+        deviations = np.sqrt(np.maximum(np.diag(np.linalg.pinv(J, hermitian=True)), 0.0))
+    return dict(zip(keys, deviations.tolist()))
+
+
+def seconds_for(effects: Sequence[Effect], dt: float, key: Key, wanted: float = 0.2) -> float:
+    """The length of record [s] at which the bound of one parameter is `wanted` (infinite if beyond)."""
+    lo, hi = 3.0, 15.0
+
+    def bound(exponent: float) -> float:
+        return relative_bound(effects, dt, int(10.0**exponent))[key]
+
+    if bound(hi) > wanted:
+        return float("inf")
+    while hi - lo > 0.01:
+        middle = 0.5 * (lo + hi)
+        lo, hi = (lo, middle) if bound(middle) < wanted else (middle, hi)
+    return float(10.0**hi * dt)

@@ -1,0 +1,148 @@
+"""Exact discretisation of linear stochastic systems.
+
+For ``dx = A x dt + dw`` with ``E[dw dw'] = W dt`` the sampled system is
+``x[k+1] = Phi x[k] + w[k]`` with ``Phi = exp(A dt)`` and
+``Qd = int_0^dt exp(A s) W exp(A s)' ds`` [1]_. Van Loan's one exponential of a matrix with
+``-A`` in it overflows when ``dt`` is long against the time constants; here it is taken
+over a short step only, which is then doubled: ``Q <- Q + Phi Q Phi'``, ``Phi <- Phi Phi``.
+
+References
+----------
+.. [1] C. F. Van Loan, Computing integrals involving the matrix exponential,
+   IEEE Trans. Automatic Control 23(3), 1978, eq. (1.4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
+    """Transition and process noise covariance over `dt`.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        Dynamics [1/s].
+    W : ndarray, shape (n, n)
+        Density of the driving noise, ``E[dw dw'] = W dt``.
+    dt : array_like, shape (...)
+        Steps [s].
+
+    Returns
+    -------
+    Phi, Qd : ndarray, shape (..., n, n)
+    """
+    from scipy.linalg import expm  # late: half of this package never discretises
+
+    dt = np.asarray(dt, dtype=np.float64)
+    n = A.shape[0]
+    if n == 0:
+        return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
+    norm = float(np.abs(A).sum(axis=1).max()) * float(dt.max(initial=0.0))
+    doublings = max(0, int(np.ceil(np.log2(norm))) + 2) if norm > 0.0 else 0
+    h = dt / 2.0**doublings
+    M = np.zeros((2 * n, 2 * n))
+    M[:n, :n], M[:n, n:], M[n:, n:] = -A, W, A.T
+    E = np.asarray(expm(M * h[..., None, None]))
+    Phi = np.swapaxes(E[..., n:, n:], -1, -2)
+    Qd = Phi @ E[..., :n, n:]
+    for _ in range(doublings):
+        Qd = Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2)
+        Phi = Phi @ Phi
+    return Phi, 0.5 * (Qd + np.swapaxes(Qd, -1, -2))
+
+
+def stationary_covariance(A: Array, W: Array) -> Array:
+    """The covariance that the system keeps, zero for a system that has none.
+
+    Parameters
+    ----------
+    A, W : ndarray, shape (n, n)
+        As in `van_loan`.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        ``P`` with ``A P + P A' + W = 0`` when every eigenvalue of A is stable, else zero
+        (a random walk starts at zero: where it stood before the record is a constant).
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    if A.shape[0] == 0 or np.linalg.eigvals(A).real.max() >= 0.0:
+        return np.zeros_like(A)
+    P = np.asarray(solve_continuous_lyapunov(A, -W))
+    return 0.5 * (P + P.T)
+
+
+def accumulate(Phi: Array, Qd: Array, C: Array, steps: int) -> tuple[Array, Array]:
+    """The system of the state and of the running sum of its output, over many steps.
+
+    Parameters
+    ----------
+    Phi, Qd : ndarray, shape (n, n)
+        One step.
+    C : ndarray, shape (n,)
+        Output row; the sum takes ``C x`` before each step.
+    steps : int
+        How many.
+
+    Returns
+    -------
+    Phi_a, Q_a : ndarray, shape (n + 1, n + 1)
+        Transition and noise covariance of ``[x, sum]`` over all steps, by binary powers.
+    """
+    n = C.size
+    Phi_1 = np.zeros((n + 1, n + 1))
+    Q_1 = np.zeros((n + 1, n + 1))
+    Phi_1[:n, :n], Phi_1[n, :n], Phi_1[n, n] = Phi, C, 1.0
+    Q_1[:n, :n] = Qd
+    Phi_a, Q_a = np.eye(n + 1), np.zeros((n + 1, n + 1))
+    while steps:
+        if steps & 1:
+            Phi_a, Q_a = Phi_1 @ Phi_a, Phi_1 @ Q_a @ Phi_1.T + Q_1
+        Phi_1, Q_1 = Phi_1 @ Phi_1, Phi_1 @ Q_1 @ Phi_1.T + Q_1
+        steps >>= 1
+    return Phi_a, Q_a
+
+
+def propagate(Phi: Array, x0: Array, n: int) -> Array:
+    """The noise-free trajectory ``x[k] = Phi^k x0``, shape (n, states), by doubling."""
+    X = np.empty((n, x0.size))
+    X[0], done, power = x0, 1, Phi
+    while done < n:
+        take = min(done, n - done)
+        X[done:done + take] = X[:take] @ power.T
+        power, done = power @ power, done + take
+    return X
+
+
+def simulate(Phi: Array, Qd: Array, x0: Array, n: int, rng: np.random.Generator) -> Array:
+    """A random trajectory of the sampled system, shape (n, states).
+
+    States that nothing couples are filtered one by one; a coupled system is stepped.
+    """
+    from scipy.signal import lfilter
+
+    k = x0.size
+    root = _root(Qd)
+    w = rng.standard_normal((n, k)) @ root.T
+    w[1:] = w[:-1].copy()
+    w[0] = x0
+    if np.count_nonzero(Phi - np.diag(np.diag(Phi))) == 0:
+        return np.column_stack([np.asarray(lfilter([1.0], [1.0, -Phi[i, i]], w[:, i])) for i in range(k)])
+    X = np.empty((n, k))
+    x = np.zeros(k)
+    for i in range(n):
+        x = Phi @ x + w[i]
+        X[i] = x
+    return X
+
+
+def _root(Q: Array) -> Array:
+    """A square root of a positive semidefinite matrix."""
+    values, vectors = np.linalg.eigh(Q)
+    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))

@@ -1,0 +1,1 @@
+"""Filter models: state blocks, motion, sensors and the effects of their channels."""

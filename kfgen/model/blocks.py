@@ -1,0 +1,128 @@
+"""State blocks: each knows its nominal symbols, its error and how the one corrects the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+
+from kfgen.model.rotation import atoms, skew
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A vector state with an additive error.
+
+    Parameters
+    ----------
+    name : str
+        Paper letter; components are ``name_axis``.
+    axes : tuple of str
+    unit : str
+        SI.
+    title : str
+        In words.
+    prior : float
+        Deviation of the error before the first measurement [SI].
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    unit: str
+    title: str
+    prior: float
+
+    @cached_property
+    def nominal(self) -> sp.Matrix:
+        """Nominal symbols, shape (k, 1)."""
+        return sp.Matrix([sp.Symbol(n, real=True) for n in self.error_names])
+
+    @cached_property
+    def error(self) -> sp.Matrix:
+        """Error symbols, shape (k, 1)."""
+        return sp.Matrix([sp.Symbol(f"d_{n}", real=True) for n in self.error_names])
+
+    @property
+    def error_names(self) -> tuple[str, ...]:
+        """Names of the error components."""
+        return tuple(f"{self.name}_{a}" if a else self.name for a in self.axes)
+
+    @property
+    def nominal_names(self) -> tuple[str, ...]:
+        """Names of the stored components."""
+        return self.error_names
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """The stored components before alignment."""
+        return (0.0,) * len(self.axes)
+
+    @property
+    def value(self) -> sp.Matrix:
+        """What a motion or a sensor sees of the estimate."""
+        return self.nominal
+
+    @property
+    def perturbed(self) -> sp.Matrix:
+        """What it sees of the truth, to first order in the error."""
+        return self.nominal + self.error
+
+
+@dataclass(frozen=True)
+class Attitude:
+    """A rotation body to navigation frame, stored as a quaternion, error on navigation axes.
+
+    The truth is ``Exp(phi) R_nb``: a global error, which keeps the transition matrix of an
+    inertial filter triangular.
+    """
+
+    name: str = "phi"
+    title: str = "attitude"
+    unit: str = "rad"
+    prior: float = 0.1
+
+    axes = ("N", "E", "D")
+
+    @cached_property
+    def quaternion(self) -> sp.Matrix:
+        """Stored symbols, shape (4, 1)."""
+        return sp.Matrix([sp.Symbol(n, real=True) for n in self.nominal_names])
+
+    @cached_property
+    def nominal(self) -> sp.Matrix:
+        """The rotation matrix in atoms, shape (3, 3)."""
+        return atoms("R_nb")
+
+    @cached_property
+    def error(self) -> sp.Matrix:
+        """Error symbols, shape (3, 1)."""
+        return sp.Matrix([sp.Symbol(f"d_{n}", real=True) for n in self.error_names])
+
+    @property
+    def error_names(self) -> tuple[str, ...]:
+        """Names of the error components."""
+        return tuple(f"{self.name}_{a}" for a in self.axes)
+
+    @property
+    def nominal_names(self) -> tuple[str, ...]:
+        """Names of the stored components."""
+        return ("q_w", "q_x", "q_y", "q_z")
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """The identity."""
+        return (1.0, 0.0, 0.0, 0.0)
+
+    @property
+    def value(self) -> sp.Matrix:
+        """``R_nb`` of the estimate."""
+        return self.nominal
+
+    @property
+    def perturbed(self) -> sp.Matrix:
+        """``R_nb`` of the truth, to first order in the error."""
+        return (sp.eye(3) + skew(self.error)) * self.nominal
+
+
+Block = Vector | Attitude

@@ -1,0 +1,313 @@
+"""`FilterModel`: blocks, motion, sensors and effects; F, G and H by differentiation.
+
+Every effect of a channel appends its states. Of an input (a gyro that drives the
+motion) the truth is ``u = u_measured - sum C x - n``; of a sensor the measurement is
+``z = predict(x) + sum C x + n``. States of one channel that only keep their value (a constant
+bias, a random walk) cannot be told apart and are one state whose driving noises add.
+
+The errors obey ``d(dx)/dt = F dx + G n`` and a measurement's residual is ``H dx + n``, where
+F, G and H are the derivatives, at zero error, of the equations written with the perturbed state.
+
+References
+----------
+.. [1] J. Solà, Quaternion kinematics for the error-state Kalman filter, 2017, sec. 7.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import sympy as sp
+
+from kfgen.effects import Effect, Form
+from kfgen.errors import InputError
+from kfgen.model.blocks import Attitude, Block
+from kfgen.model.motion import Constant, Motion
+from kfgen.model.sensors import Sensor
+from kfgen.units import derived_unit
+
+
+@dataclass(frozen=True)
+class StateInfo:
+    """One component of the error state.
+
+    Parameters
+    ----------
+    name, unit, title : str
+        SI unit; in words.
+    prior : float
+        Deviation before the first measurement [SI].
+    start : float
+        The estimate before it, of an effect's state [SI].
+    """
+
+    name: str
+    unit: str
+    title: str
+    prior: float
+    start: float = 0.0
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        """The nominal symbol (of an effect's state)."""
+        return sp.Symbol(self.name, real=True)
+
+    @property
+    def error(self) -> sp.Symbol:
+        """The error symbol."""
+        return sp.Symbol(f"d_{self.name}", real=True)
+
+
+@dataclass(frozen=True)
+class Attached:
+    """One effect on one channel: its form, its states in the filter, and which of them it brought."""
+
+    channel: str
+    effect: Effect
+    form: Form
+    states: tuple[int, ...]
+    brought: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class FilterModel:
+    """A filter in symbols.
+
+    Parameters
+    ----------
+    name, title : str
+    motion : Motion
+    sensors : tuple of Sensor
+    noise : mapping of str to tuple of Effect
+        The effects of each channel, in SI.
+    units : mapping of str to str
+        The user's units of the channels, in which he is answered.
+    """
+
+    name: str
+    title: str
+    motion: Motion
+    sensors: tuple[Sensor, ...]
+    noise: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
+        unknown = [c for c in self.noise if c not in self.channel_units]
+        if unknown:
+            raise InputError(f"{self.name} has no channel '{unknown[0]}'",
+                             remedy=f"It has {', '.join(self.channel_units)}")
+
+    def augment(self, channel: str, effect: Effect) -> FilterModel:
+        """The same model with one more effect on a channel."""
+        effects = (*self.noise.get(channel, ()), effect)
+        return replace(self, noise={**self.noise, channel: effects})
+
+    @cached_property
+    def channel_units(self) -> dict[str, str]:
+        """SI unit of every channel, inputs first."""
+        units = {c: i.unit for i in self.motion.inputs for c in i.channels}
+        return units | {c: s.unit for s in self.sensors for c in s.channels}
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks of the motion."""
+        return self.motion.blocks
+
+    @cached_property
+    def constants(self) -> tuple[Constant, ...]:
+        """Every constant of the motion and of the sensors, once."""
+        found = {c.name: c for holder in (self.motion, *self.sensors) for c in holder.constants}
+        return tuple(found.values())
+
+    @cached_property
+    def drivers(self) -> tuple[str, ...]:
+        """Channels that drive effects, ``temperature`` for example."""
+        return tuple(dict.fromkeys(e.driver for es in self.noise.values() for e in es if e.driver))
+
+    @cached_property
+    def _attachment(self) -> tuple[tuple[StateInfo, ...], tuple[Attached, ...]]:
+        """The effects' states (after the blocks') and which effect has which."""
+        infos: list[StateInfo] = []
+        attached: list[Attached] = []
+        offset = sum(len(b.error_names) for b in self.blocks)
+        drive = {d: sp.Symbol(d, real=True) for d in self.drivers}
+        for channel, unit in self.channel_units.items():
+            bias: int | None = None
+            for effect in self.noise.get(channel, ()):
+                form = effect.form(drive)
+                places, brought = [], []
+                for k, prior in enumerate(_prior(effect, form)):
+                    shared = form.states[k].shared
+                    if shared and bias is not None:
+                        old = infos[bias - offset]
+                        infos[bias - offset] = replace(old, prior=max(old.prior, prior))
+                    else:
+                        infos.append(self._info(channel, unit, effect, form, k, prior, infos))
+                    places.append(bias if shared and bias is not None else offset + len(infos) - 1)
+                    brought.append(not (shared and bias is not None))
+                    bias = places[-1] if shared else bias
+                attached.append(Attached(channel, effect, form, tuple(places), tuple(brought)))
+        return tuple(infos), tuple(attached)
+
+    def _info(self, channel: str, unit: str, effect: Effect, form: Form, k: int, prior: float,
+              known: list[StateInfo]) -> StateInfo:
+        """Name, unit and words of a state that an effect brings."""
+        state = form.states[k]
+        letters = {c: f"{i.bias}_{c[-1]}" for i in self.motion.inputs for c in i.channels}
+        stem = letters.get(channel, f"b_{channel}") if state.shared else f"{channel}_{state.name}"
+        same = sum(s.name.rstrip("0123456789") == stem for s in known)
+        title = f"{channel} {'bias' if state.shared else effect.title}"
+        return StateInfo(f"{stem}{same + 1}" if same else stem, derived_unit(state.unit, unit), title, prior,
+                         float(form.x0[k]))
+
+    @cached_property
+    def states(self) -> tuple[StateInfo, ...]:
+        """The error states in order: blocks first, then the effects' by channel."""
+        blocks = tuple(StateInfo(n, b.unit, f"{b.title} {n.rsplit('_', 1)[-1]}", b.prior)
+                       for b in self.blocks for n in b.error_names)
+        return blocks + self._attachment[0]
+
+    @property
+    def attached(self) -> tuple[Attached, ...]:
+        """The effects of all channels in order."""
+        return self._attachment[1]
+
+    @cached_property
+    def attitude(self) -> Attitude | None:
+        """The attitude block, where there is one."""
+        return next((b for b in self.blocks if isinstance(b, Attitude)), None)
+
+    def _shown(self, channel: str, perturbed: bool) -> sp.Expr:
+        """``sum C x`` of a channel's effects, for the estimate or for the truth."""
+        total = sp.Integer(0)
+        for a in self.attached:
+            for c, k, new in zip(a.form.C, a.states, a.brought):
+                if a.channel == channel and new:
+                    info = self.states[k]
+                    total += sp.sympify(c) * (info.symbol + (info.error if perturbed else 0))
+        return total
+
+    def _view(self, perturbed: bool) -> dict[str, sp.Matrix]:
+        return {b.name: (b.perturbed if perturbed else b.value) for b in self.blocks}
+
+    def inputs(self, perturbed: bool) -> dict[str, sp.Matrix]:
+        """The true (or estimated) value of each input triad in symbols."""
+        def value(channel: str) -> sp.Expr:
+            noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
+            return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
+
+        return {i.name: sp.Matrix([value(c) for c in i.channels]) for i in self.motion.inputs}
+
+    def rates(self, perturbed: bool) -> dict[str, sp.Matrix]:
+        """The motion's rates on the estimate or on the truth."""
+        return self.motion.rates(self._view(perturbed), self.inputs(perturbed))
+
+    @cached_property
+    def noise_symbols(self) -> tuple[sp.Symbol, ...]:
+        """White noises that drive the error: of the inputs, then of the effects' states."""
+        inputs = [sp.Symbol(f"n_{c}", real=True) for i in self.motion.inputs for c in i.channels]
+        return (*inputs, *(sp.Symbol(f"w_{s.name}", real=True) for s in self._attachment[0]))
+
+    @cached_property
+    def _error_rate(self) -> sp.Matrix:
+        """``d(dx)/dt`` to first order in errors and noises, shape (n, 1)."""
+        true, estimated = self.rates(True), self.rates(False)
+        rows: list[sp.Expr] = []
+        for b in self.blocks:
+            difference = true[b.name] - estimated[b.name]
+            # For an attitude with R = Exp(phi) R_hat: phi' = R_hat (omega - omega_hat), see [1]_.
+            rows.extend(b.nominal * difference if isinstance(b, Attitude) else difference)
+        n0, size = len(rows), len(self.states)
+        A, _ = self.effect_dynamics
+        errors = sp.Matrix([s.error for s in self.states[n0:]]) if size > n0 else sp.zeros(0, 1)
+        w = sp.Matrix(self.noise_symbols[len(self.noise_symbols) - (size - n0):]) if size > n0 \
+            else sp.zeros(0, 1)
+        return sp.Matrix([*rows, *(A * errors + w)])
+
+    @cached_property
+    def effect_dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
+        """Dynamics A and driving density W of the effects' states, shape (m, m)."""
+        n0 = sum(len(b.error_names) for b in self.blocks)
+        m = len(self._attachment[0])
+        A, W = sp.zeros(m, m), sp.zeros(m, m)
+        for a in self.attached:
+            for i, k in enumerate(a.states):
+                for j, l in enumerate(a.states):
+                    W[k - n0, l - n0] += sp.sympify(a.form.W[i][j])
+                    A[k - n0, l - n0] += sp.sympify(a.form.A[i][j])
+        return A, W
+
+    def white(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
+        """White noise of a channel: density [U^2/Hz], and variance of the steps of its integral."""
+        forms = [a.form for a in self.attached if a.channel == channel]
+        return (sum((sp.sympify(f.V) for f in forms), sp.Integer(0)),
+                sum((sp.sympify(f.Z) for f in forms), sp.Integer(0)))
+
+    @cached_property
+    def _at_zero(self) -> dict[sp.Symbol, int]:
+        return {**{s.error: 0 for s in self.states}, **{n: 0 for n in self.noise_symbols}}
+
+    def _slope(self, vector: sp.Matrix, symbols: tuple[sp.Symbol, ...]) -> sp.Matrix:
+        if not symbols or not vector.rows:
+            return sp.zeros(vector.rows, len(symbols))
+        return vector.jacobian(sp.Matrix(symbols)).subs(self._at_zero).applyfunc(sp.expand)
+
+    @cached_property
+    def F(self) -> sp.Matrix:
+        """Dynamics of the error, shape (n, n)."""
+        return self._slope(self._error_rate, tuple(s.error for s in self.states))
+
+    @cached_property
+    def G(self) -> sp.Matrix:
+        """Noise input, shape (n, q)."""
+        return self._slope(self._error_rate, self.noise_symbols)
+
+    @cached_property
+    def W(self) -> sp.Matrix:
+        """Densities of `noise_symbols`, shape (q, q)."""
+        inputs = [self.white(c)[0] + i.left_out**2 for i in self.motion.inputs for c in i.channels]
+        return sp.diag(*inputs, self.effect_dynamics[1]) if self.noise_symbols else sp.zeros(0, 0)
+
+    def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
+        """The expected measurement with the effects of its channels, shape (m, 1)."""
+        h = sensor.predict(self._view(perturbed))
+        return h + sp.Matrix([self._shown(c, perturbed) for c in sensor.channels])
+
+    def H(self, sensor: Sensor) -> sp.Matrix:
+        """The measurement's Jacobian, shape (m, n)."""
+        return self._slope(self.expected(sensor, perturbed=True), tuple(s.error for s in self.states))
+
+    def sensor(self, name: str) -> Sensor:
+        """The sensor of that name; raises `InputError` when there is none."""
+        for s in self.sensors:
+            if s.name == name:
+                return s
+        raise InputError(f"{self.name} has no sensor '{name}'",
+                         remedy=f"It has {', '.join(s.name for s in self.sensors)}")
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 over the content: equations, numbers, order of states (hexadecimal)."""
+        parts = [self.name, *(repr(s) for s in self.states), sp.srepr(self.F), sp.srepr(self.G),
+                 sp.srepr(self.W), *(repr(c) for c in self.constants)]
+        parts += [f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[self.white(c) for c in s.channels]}"
+                  for s in self.sensors]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _prior(effect: Effect, form: Form) -> list[float]:
+    """Deviation of each state before the first measurement [SI]."""
+    from kfgen.effects.form import initial_covariance
+
+    spread = initial_covariance(form) if form.order else None
+    priors = []
+    for i, state in enumerate(form.states):
+        stationary = float(spread[i, i]) ** 0.5 if spread is not None else 0.0
+        known = float(getattr(effect, "sd", 0.0)) if state.shared else 0.0
+        priors.append(max(stationary, known, abs(float(form.x0[i]))))
+    return priors

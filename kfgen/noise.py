@@ -1,0 +1,173 @@
+"""`NoiseModel`: the effects of each channel, and the file that carries them.
+
+The file is TOML, ``format = "kfgen-noise-1"``: a table per channel with its unit and a
+list of effects whose values are texts with units.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from kfgen.effects import Effect, effect_named
+from kfgen.errors import InputError
+from kfgen.units import derived_unit, from_si, parse_quantity, parse_unit
+from kfgen.whole import write_text
+
+FORMAT = "kfgen-noise-1"
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect with the 95 % intervals [SI] of its parameters, where they are known."""
+
+    effect: Effect
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """The effects of one channel; `unit` is the user's unit, in which the file is written."""
+
+    unit: str
+    terms: tuple[Term, ...]
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects alone."""
+        return tuple(term.effect for term in self.terms)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Effects by channel, and where they come from.
+
+    Parameters
+    ----------
+    channels : mapping of str to ChannelNoise
+    provenance : mapping of str to str
+        For example the log's name and SHA-256, the method.
+    """
+
+    channels: Mapping[str, ChannelNoise]
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+
+    def channel(self, name: str) -> ChannelNoise:
+        """The noise of a channel; raises `InputError` when the model has none of that name."""
+        if name not in self.channels:
+            raise InputError(f"the noise file has no channel '{name}'",
+                             remedy=f"It has {', '.join(self.channels)}")
+        return self.channels[name]
+
+
+def read_noise(path: str | Path) -> NoiseModel:
+    """Read a noise file.
+
+    Raises
+    ------
+    InputError
+        No such file, no TOML, another format, an unknown effect, parameter or unit.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError("no such file", where=str(path))
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"it is no text: {error}", where=str(path)) from None
+    return parse_noise(text, str(path))
+
+
+def parse_noise(text: str, path: str) -> NoiseModel:
+    """A noise model from the text of its file; `path` is said in errors, as in `read_noise`."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"it is no TOML: {error}", where=path) from None
+    if document.get("format") != FORMAT:
+        raise InputError(f"its format is {document.get('format')!r}", where=path,
+                         remedy=f'A noise file begins with format = "{FORMAT}"')
+    provenance = {str(k): str(v) for k, v in dict(document.get("provenance", {})).items()}
+    channels = {name: _channel(table, f"{path}: [{name}]") for name, table in document.items()
+                if isinstance(table, dict) and name != "provenance"}
+    if not channels:
+        raise InputError("there is no channel in it", where=path)
+    return NoiseModel(channels, provenance)
+
+
+def canonical(noise: NoiseModel) -> NoiseModel:
+    """The model as its file says it: numbers with the digits that are written, so that hashes agree."""
+    return parse_noise(noise_text(noise), "noise")
+
+
+def _channel(table: Mapping[str, Any], where: str) -> ChannelNoise:
+    if not where.rsplit("[", 1)[-1].rstrip("]").isidentifier():
+        raise InputError("a channel's name is made of letters, digits and underscores", where=where)
+    unit = table.get("unit")
+    if not isinstance(unit, str):
+        raise InputError("the unit is missing", where=where, remedy='Add a line like unit = "deg/s"')
+    try:
+        parse_unit(unit)
+    except InputError as error:
+        raise InputError(error.what, where=where, remedy=error.remedy) from None
+    entries = table.get("effects", [])
+    if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+        raise InputError("effects is no list of tables", where=where)
+    return ChannelNoise(unit, tuple(_term(entry, unit, where) for entry in entries))
+
+
+def _term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
+    if not isinstance(entry.get("effect"), str):
+        raise InputError("an entry does not name its effect", where=where)
+    cls = effect_named(entry["effect"], where=where)
+    effect = cls.read(entry, unit, f"{where} {cls.name}")
+    ci95 = {}
+    for p in cls.parameters():
+        pair = entry.get(f"{p.name}_ci95")
+        if isinstance(pair, list) and len(pair) == 2:
+            lo, hi = (parse_quantity(v, derived_unit(p.unit, unit), where=where) for v in pair)
+            ci95[p.name] = (lo, hi)
+    return Term(effect, ci95)
+
+
+def noise_text(noise: NoiseModel) -> str:
+    """The noise file as text."""
+    lines = [f'format = "{FORMAT}"']
+    if noise.provenance:
+        lines += ["", "[provenance]"] + [f"{k} = {_quoted(v)}" for k, v in noise.provenance.items()]
+    for name, channel in noise.channels.items():
+        lines += ["", f"[{name}]", f"unit = {_quoted(channel.unit)}", "effects = ["]
+        lines += [f"  {{ {_entry(term, channel.unit)} }}," for term in channel.terms] + ["]"]
+    return "\n".join(lines) + "\n"
+
+
+def write_noise(noise: NoiseModel, path: str | Path) -> None:
+    """Write a noise file, whole or not at all."""
+    write_text(path, noise_text(noise))
+
+
+def _entry(term: Term, unit: str) -> str:
+    parts = [f"effect = {_quoted(term.effect.name)}"]
+    for p in term.effect.parameters():
+        text = derived_unit(p.unit, unit)
+        parts.append(f"{p.name} = {_valued(getattr(term.effect, p.name), text)}")
+        if p.name in term.ci95:
+            lo, hi = (_valued(v, text) for v in term.ci95[p.name])
+            parts.append(f"{p.name}_ci95 = [{lo}, {hi}]")
+    return ", ".join(parts)
+
+
+def _valued(value: float, unit: str) -> str:
+    return _quoted(f"{from_si(float(value), unit):.9g} {unit}")
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'

@@ -1,0 +1,82 @@
+"""Readers: one file a format, each found by its suffixes.
+
+A reader turns a file into a `Table`; `kfgen.readers.table` turns the table into a
+`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from kfgen.errors import InputError
+from kfgen.log import Log
+from kfgen.readers.table import ColumnMap, assemble
+
+__all__ = ["ColumnMap", "read_log", "readers", "write_log"]
+
+
+@cache
+def readers() -> dict[str, ModuleType]:
+    """The reader of each file suffix, from every module of this package that declares one."""
+    found: dict[str, ModuleType] = {}
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        for suffix in getattr(module, "SUFFIXES", ()):
+            found[suffix] = module
+    return found
+
+
+def read_log(path: str | Path, *, rate: float | None = None,
+             columns: ColumnMap | None = None) -> Log:
+    """Read a log of any known format.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    rate : float, optional
+        Sampling rate [Hz]; replaces the file's own time.
+    columns : ColumnMap, optional
+        Which column is which channel, and its unit.
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty, of an unknown format or broken; the message names the place.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError("no such file", where=str(path))
+    reader = readers().get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"'{path.suffix}' is no format that is read", where=str(path),
+                         remedy=f"Known are {', '.join(sorted(readers()))}")
+    data = path.read_bytes()
+    if not data.strip():
+        raise InputError("the file is empty", where=str(path))
+    if rate is not None and not 0.0 < rate < float("inf"):
+        raise InputError(f"a rate of {rate:g} Hz is no sampling rate",
+                         remedy="Give --rate a positive number of hertz")
+    table = reader.read(path)
+    return assemble(table, columns, rate, hashlib.sha256(data).hexdigest())
+
+
+def write_log(log: Log, path: str | Path) -> None:
+    """Write a log in the format of the path's suffix.
+
+    Raises
+    ------
+    InputError
+        No format that can be written has that suffix.
+    """
+    path = Path(path)
+    writer = readers().get(path.suffix.lower())
+    if writer is None or not hasattr(writer, "write"):
+        raise InputError(f"'{path.suffix}' is no format that is written", where=str(path),
+                         remedy="Give a .csv or .npz")
+    writer.write(log, path)

@@ -1,0 +1,124 @@
+"""NPZ: kfgen's own logs, and foreign archives of arrays.
+
+A foreign archive may hold triads under their usual names (``gyr``, ``acc``, ``mag``), a
+reference attitude ``quat``, a rate ``fs`` and a text ``meta`` that states units. Other
+arrays of two dimensions are split into columns: ``name_x``, ``name_y``, ``name_z`` for three.
+Nothing that is pickled is ever loaded.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import zipfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.errors import InputError
+from kfgen.log import Log
+from kfgen.readers.table import Column, Table
+from kfgen.units import parse_unit
+from kfgen.whole import write_whole
+
+SUFFIXES = (".npz",)
+
+_USUAL = {"gyr": ("gyro", "rad/s"), "gyro": ("gyro", "rad/s"), "acc": ("accel", "m/s^2"),
+          "accel": ("accel", "m/s^2"), "mag": ("mag", "uT"), "quat": ("ref_q", "")}
+_SUFFIX = {3: "xyz", 4: "wxyz"}
+# ENU axes seen from NED: a half turn about the bisector of north and east.
+_Q_NED_ENU = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
+
+
+def read(path: Path) -> Table:
+    """Read an NPZ archive.
+
+    Raises
+    ------
+    InputError
+        It is no archive of plain arrays, or its arrays differ in length.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise InputError(f"it is no archive of plain arrays ({error})", where=str(path)) from None
+    units = _own_units(arrays)
+    if units is not None:
+        return Table(str(path), {k: Column(np.asarray(arrays[k], float), u) for k, u in units.items()})
+    return _foreign(path, arrays)
+
+
+def write(log: Log, path: str | Path) -> None:
+    """Write a log as kfgen's own NPZ, whole or not at all."""
+    units = {"t": "s", **{name: c.unit for name, c in log.channels.items()}}
+    arrays: dict[str, NDArray[np.generic]] = {
+        name: np.asarray(from_si_array(c.values, c.unit)) for name, c in log.channels.items()}
+    arrays["t"] = np.asarray(log.t)
+    arrays["kfgen_units"] = np.array(json.dumps(units))
+    with write_whole(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def from_si_array(values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
+    """`values` [SI] in `unit`, any shape."""
+    parsed = parse_unit(unit)
+    return np.asarray((values - parsed.offset) / parsed.factor)
+
+
+def _own_units(arrays: dict[str, NDArray[np.generic]]) -> dict[str, str] | None:
+    if "kfgen_units" not in arrays:
+        return None
+    units = json.loads(str(arrays["kfgen_units"]))
+    return {str(k): str(v) for k, v in units.items() if k in arrays}
+
+
+def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> Table:
+    meta = _meta(arrays)
+    text = str(meta.get("columns", ""))
+    lengths = [a.shape[0] for a in arrays.values() if a.ndim and a.dtype.kind in "fiub"]
+    if not lengths:
+        raise InputError("there is no array of samples in it", where=str(path))
+    n = max(lengths)
+    columns: dict[str, Column] = {}
+    for name, array in arrays.items():
+        if array.ndim not in (1, 2) or array.shape[0] != n or array.dtype.kind not in "fiub":
+            continue
+        columns.update(_columns(name, np.asarray(array, float), text))
+    if any(name not in _USUAL for name in arrays) and any(c.unit is not None for c in columns.values()):
+        columns = {k: c for k, c in columns.items() if c.unit is not None or k == "t"}
+    fs = arrays.get("fs")
+    return Table(str(path), columns, float(fs) if fs is not None and fs.ndim == 0 else None)
+
+
+def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
+    try:
+        meta = json.loads(str(arrays["meta"]))
+    except (KeyError, ValueError):
+        return {}
+    return meta if isinstance(meta, dict) else {}
+
+
+def _columns(name: str, values: NDArray[np.float64], text: str) -> dict[str, Column]:
+    channel, unit = _USUAL.get(name, (name, None))
+    if unit:
+        stated = re.search(rf"\b{name}\s+([A-Za-z][\w/^]*)", text)
+        unit = stated.group(1) if stated else unit
+    if values.ndim == 1:
+        return {channel: Column(values, unit)}
+    if channel == "ref_q" and "ENU" in text:
+        values = _hamilton(_Q_NED_ENU, values)
+    axes = _SUFFIX.get(values.shape[1], "0123456789")
+    return {f"{channel}_{axes[k]}": Column(values[:, k], unit) for k in range(min(values.shape[1], 10))}
+
+
+def _hamilton(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The Hamilton products ``p q_k``, scalar first, shape (n, 4)."""
+    from scipy.spatial.transform import Rotation  # heavy: only for logs with an ENU reference
+
+    out = np.full_like(q, np.nan)
+    good = np.isfinite(q).all(axis=1)
+    turned = Rotation.from_quat(p, scalar_first=True) * Rotation.from_quat(q[good], scalar_first=True)
+    out[good] = turned.as_quat(scalar_first=True)
+    return out

@@ -1,0 +1,129 @@
+"""`Table`: columns as a file has them; `ColumnMap`: what the user says they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.errors import InputError
+from kfgen.log import Channel, Log
+from kfgen.units import parse_unit
+
+_ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s*$")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Values as stored, and the unit that the file states (None where it states none)."""
+
+    values: NDArray[np.float64]
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a reader found: columns by the file's own names, a rate where it states one."""
+
+    source: str
+    columns: Mapping[str, Column]
+    rate: float | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """``channel=column [unit]`` entries: the file's column (or ``#2``) as a channel in a unit."""
+
+    entries: tuple[tuple[str, str, str | None], ...]
+
+    @staticmethod
+    def parse(text: str) -> ColumnMap:
+        """Read ``"gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]"``.
+
+        Raises
+        ------
+        InputError
+            An entry is not of that form, or a channel is named twice.
+        """
+        entries: list[tuple[str, str, str | None]] = []
+        for part in text.split(","):
+            match = _ENTRY.match(part)
+            if match is None:
+                raise InputError(f"the entry '{part.strip()}' cannot be read", where="--columns",
+                                 remedy="Write 'channel=column [unit]', separated by commas")
+            channel, column, unit = match.groups()
+            if any(channel == known for known, _, _ in entries):
+                raise InputError(f"channel '{channel}' is named twice", where="--columns")
+            if unit is not None:
+                parse_unit(unit)
+            entries.append((channel, column, unit))
+        return ColumnMap(tuple(entries))
+
+
+def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256: str) -> Log:
+    """A `Log` from a `Table`: names mapped, units converted, time found.
+
+    Raises
+    ------
+    InputError
+        A mapped column is missing, a unit is unknown or missing, or there is no time.
+    """
+    chosen = _chosen(table, columns)
+    time = chosen.pop("t", None)
+    channels = {name: Channel.of(c.values, _unit(table, name, c)) for name, c in chosen.items()}
+    if not channels:
+        raise InputError("there is no channel in it", where=table.source,
+                         remedy="Name its columns 'gyro_x [deg/s]', or map them with --columns")
+    n = next(iter(channels.values())).values.size
+    warnings = table.warnings
+    if rate is not None and time is not None:
+        warnings += (f"the time column is replaced by --rate {rate:g} Hz",)
+    rate = rate or (table.rate if time is None else None)
+    if rate is None and time is None:
+        raise InputError("it has neither a column t nor a rate", where=table.source,
+                         remedy="Give --rate, or map the time: --columns 't=... [s], ...'")
+    t = np.arange(n) / rate if rate else _time(table, time)
+    return Log(t, channels, table.source, sha256, warnings)
+
+
+def _chosen(table: Table, columns: ColumnMap | None) -> dict[str, Column]:
+    if columns is None:
+        return dict(table.columns)
+    names = list(table.columns)
+    chosen: dict[str, Column] = {}
+    for channel, wanted, unit in columns.entries:
+        name = wanted
+        if re.fullmatch(r"#\d+", wanted) and 1 <= int(wanted[1:]) <= len(names):
+            name = names[int(wanted[1:]) - 1]
+        if name not in table.columns:
+            raise InputError(f"column '{wanted}' is missing", where=table.source,
+                             remedy=f"It has {', '.join(names)}")
+        column = table.columns[name]
+        chosen[channel] = Column(column.values, column.unit if unit is None else unit)
+    if "t" in table.columns:
+        chosen.setdefault("t", table.columns["t"])
+    return chosen
+
+
+def _unit(table: Table, name: str, column: Column) -> str:
+    if column.unit is None:
+        raise InputError(f"column '{name}' has no unit", where=table.source,
+                         remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'")
+    try:
+        parse_unit(column.unit)
+    except InputError as error:
+        raise InputError(error.what, where=f"{table.source}: column '{name}'",
+                         remedy=error.remedy) from None
+    return column.unit
+
+
+def _time(table: Table, time: Column | None) -> NDArray[np.float64]:
+    assert time is not None
+    unit = parse_unit(time.unit or "s")
+    if not unit.same_dimension(parse_unit("s")):
+        raise InputError(f"the column t is in '{time.unit}', which is no time", where=table.source)
+    return np.asarray(time.values * unit.factor, dtype=np.float64)

@@ -1,0 +1,137 @@
+"""The answer of ``identify``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kfgen
+from kfgen.effects import Effect
+from kfgen.identify.fit import is_linear
+from kfgen.identify.likelihood import Identified, Limit
+from kfgen.log import Log
+from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
+from kfgen.report.plots import AFTER, Line, allan_picture
+from kfgen.units import derived_unit, display_unit, from_si, parse_unit
+
+Array = NDArray[np.float64]
+
+
+def noise_model(log: Log, found: Mapping[str, Identified]) -> NoiseModel:
+    """The noise file of what was identified; unresolved drifts are not in it."""
+    channels = {}
+    for name, result in found.items():
+        terms = []
+        for i, effect in enumerate(result.fit.effects):
+            if i not in result.unresolved:
+                ci95 = {p: ci for (k, p), ci in result.intervals.items() if k == i and np.isfinite(ci[1])}
+                terms.append(Term(effect, ci95))
+        channels[name] = ChannelNoise(display_unit(log.channel(name).unit), tuple(terms))
+    return NoiseModel(channels, {"log": log.source.rsplit("/", 1)[-1], "sha256": log.sha256, "method": "ml",
+                                 "kfgen": kfgen.__version__})
+
+
+def model_deviation(effects: tuple[Effect, ...], tau: Array) -> Array:
+    """Allan deviation [SI] of a sum of effects that no driver drives, shape (m,)."""
+    return np.sqrt(sum((e.allan_variance(tau) for e in effects if not e.driver), np.zeros(tau.size)))
+
+
+def quantity(value: float, unit: str) -> str:
+    """An SI value in a unit, three digits."""
+    return f"{from_si(value, unit):.3g} {unit}" if np.isfinite(value) else "unbounded"
+
+
+def identify_answer(log: Log, found: Mapping[str, Identified]) -> Answer:
+    """Text, JSON and page of the channels of a log."""
+    lines, parts, channels, warnings = [], [], {}, list(log.warnings)
+    for name, result in found.items():
+        unit = display_unit(log.channel(name).unit)
+        rows, missing = _rows(result, unit), _missing(result, unit)
+        duration = result.record.duration
+        lines += ["", f"{name}: {duration:.6g} s at {1 / result.record.dt:.6g} Hz", columns(rows)]
+        lines += [f"  {line}" for line in missing]
+        warnings += [f"{name}: {w}" for w in result.warnings]
+        parts += [heading(name), *(sentence(f"{e.sentence(name, unit)}.") for i, e in
+                                   enumerate(result.fit.effects) if i not in result.unresolved),
+                  figure(_picture(result, unit, name), f"Allan deviation of {name} over {duration:.0f} s; "
+                         "the curve is the maximum-likelihood model, not a fit to the points."),
+                  table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
+                  *(text(m) for m in missing), *(text(w) for w in result.warnings)]
+        channels[name] = _channel(result, log.channel(name).si)
+    data = {"format": "kfgen-identify-1", "kfgen": kfgen.__version__, "log": log.source,
+            "sha256": log.sha256, "channels": channels}
+    page = Page(f"Sensor noise in {log.source.rsplit('/', 1)[-1]}", tuple(parts))
+    return Answer("\n".join(lines).lstrip("\n"), data, page, warnings=tuple(warnings))
+
+
+def _rows(result: Identified, unit: str) -> list[list[str]]:
+    rows = []
+    for i, effect in enumerate(result.fit.effects):
+        for p in effect.estimated():
+            if i in result.unresolved:
+                continue
+            u = derived_unit(p.unit, unit)
+            lo, hi = result.intervals.get((i, p.name), (0.0, np.inf))
+            bound = result.bounds.get((i, p.name))
+            rows.append([effect.name, p.name, quantity(float(getattr(effect, p.name)), u),
+                         f"95 % {from_si(lo, u):.4g} to {from_si(hi, u):.4g}",
+                         f"bound {100 * bound:.2g} %" if bound is not None else ""])
+    return rows
+
+
+def _missing(result: Identified, unit: str) -> list[str]:
+    return [_limit(limit, result, unit) for limit in result.limits]
+
+
+def _limit(limit: Limit, result: Identified, unit: str) -> str:
+    u = derived_unit({p.name: p.unit for p in limit.effect.parameters()}[limit.parameter], unit)
+    times = [f" (at {p.name} = {getattr(limit.effect, p.name):.3g} s)" for p in limit.effect.parameters()
+             if p.kind == "time"]
+    hours = f"{limit.hours:.2g} h" if np.isfinite(limit.hours) else "more than any log"
+    return (f"not identifiable in {result.record.duration:.0f} s: {limit.effect.name} {limit.parameter} below "
+            f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show it to 20 %")
+
+
+def _picture(result: Identified, unit: str, name: str) -> str:
+    curve = result.curve
+    line = Line("model", curve.tau, model_deviation(result.fit.effects, curve.tau), AFTER)
+    return allan_picture(curve, [line], unit, parse_unit(unit).factor, f"allan-{name}")
+
+
+def _channel(result: Identified, si: str) -> dict[str, Any]:
+    curve = result.curve
+    effects = []
+    for i, effect in enumerate(result.fit.effects):
+        if i not in result.unresolved:
+            effects.append({"effect": effect.name, "parameters": {
+                p.name: _parameter(result, i, effect, p.name, derived_unit(p.unit, si))
+                for p in effect.estimated()}})
+    missing = [{"effect": m.effect.name, "parameter": m.parameter, "upper95": finite(m.upper95),
+                "unit": derived_unit({p.name: p.unit for p in m.effect.parameters()}[m.parameter], si),
+                "log_hours_for_20_percent": finite(m.hours),
+                **{p.name + "_s": getattr(m.effect, p.name) for p in m.effect.parameters() if p.kind == "time"}}
+               for m in result.limits]
+    return {"unit": si, "duration_s": result.record.duration, "rate_hz": 1.0 / result.record.dt,
+            "effects": effects, "not_identifiable": missing,
+            "allan": {"tau_s": curve.tau.tolist(), "adev": curve.deviation.tolist(), "lo95": curve.lo.tolist(),
+                      "hi95": curve.hi.tolist(),
+                      "model": model_deviation(result.fit.effects, curve.tau).tolist()},
+            "warnings": list(result.warnings)}
+
+
+def _parameter(result: Identified, i: int, effect: Effect, name: str, unit: str) -> dict[str, Any]:
+    lo, hi = result.intervals.get((i, name), (0.0, float("inf")))
+    entry: dict[str, Any] = {"value": float(getattr(effect, name)), "unit": unit,
+                             "ci95": [finite(lo), finite(hi)]}
+    if not is_linear(effect):
+        entry["crlb_rel"] = finite(result.bounds[i, name])
+    return entry
+
+
+def finite(value: float) -> float | None:
+    """A number for JSON: infinities and not-a-number as null."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,89 @@
+"""The answers of ``derive``, ``audit`` and ``list``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+import kfgen
+from kfgen.audit.audit import Audit
+from kfgen.discretise import DiscreteModel
+from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table
+
+
+def mathml(expression: sp.Basic) -> str:
+    """Presentation MathML of an expression, namespaced for a page."""
+    return (f'<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">'
+            f"{sp.mathml(expression, printer='presentation')}</math>")
+
+
+def equations(discrete: DiscreteModel) -> list[tuple[str, sp.Matrix]]:
+    """The matrices of a filter by letter."""
+    model = discrete.model
+    return [("F", model.F), ("G", model.G), ("W", model.W),
+            *((f"H {s.name}", model.H(s)) for s in model.sensors), ("Phi", discrete.Phi), ("Qd", discrete.Qd)]
+
+
+def equation_parts(discrete: DiscreteModel, letters: tuple[str, ...] = ()) -> list[Part]:
+    """The matrices as MathML, each under its letter; short of digits."""
+    return [math(mathml(_short(M)), f"{letter} ({M.rows} x {M.cols})")
+            for letter, M in equations(discrete) if not letters or letter.split()[0] in letters]
+
+
+def _short(M: sp.Matrix) -> sp.Matrix:
+    return M.applyfunc(lambda e: e.xreplace({f: sp.Float(f, 4) for f in e.atoms(sp.Float)}))
+
+
+def state_rows(discrete: DiscreteModel) -> list[list[str]]:
+    """The error states as rows."""
+    return [[str(i), s.name, s.unit, s.title, f"{s.prior:.3g}"] for i, s in enumerate(discrete.model.states)]
+
+
+STATE_HEAD = ("", "state", "unit", "meaning", "prior deviation")
+
+
+def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
+    """A model's equations as text, LaTeX or MathML."""
+    printers = {"text": lambda M: sp.pretty(_short(M), wrap_line=False, use_unicode=True),
+                "latex": lambda M: sp.latex(_short(M)), "mathml": lambda M: mathml(_short(M))}
+    model, pairs = discrete.model, equations(discrete)
+    body = [f"{model.name}: {model.title}", "", columns([list(STATE_HEAD), *state_rows(discrete)]), ""]
+    body += [f"{letter} =\n{printers[form](M)}\n" for letter, M in pairs]
+    data = {"format": "kfgen-derive-1", "kfgen": kfgen.__version__, "model": model.name, "hash": model.hash,
+            "states": [{"name": s.name, "unit": s.unit, "title": s.title} for s in model.states],
+            "matrices": {letter: [[str(M[i, j]) for j in range(M.cols)] for i in range(M.rows)]
+                         for letter, M in pairs}}
+    page = Page(f"{model.name}: {model.title}",
+                (heading("States"), table(STATE_HEAD, state_rows(discrete)), heading("Equations"),
+                 *equation_parts(discrete)))
+    return Answer("\n".join(body).rstrip(), data, page)
+
+
+def audit_answer(audits: list[Audit]) -> Answer:
+    """What cannot be seen, in words."""
+    lines, parts, manoeuvres = [], [], {}
+    for a in audits:
+        head = f"{a.model}, {a.manoeuvre}: rank {a.rank} of {a.states}, {a.nullity} hidden"
+        words = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
+        lines += [head, *(f"  {w}." for w in words)]
+        parts += [heading(head), *(sentence(f"{w}.") for w in words)]
+        manoeuvres[a.manoeuvre] = {
+            "states": a.states, "rank": a.rank, "nullity": a.nullity,
+            "directions": [{"vector": d.vector, "units": d.units, "sentence": d.sentence, "freed_by": []}
+                           for d in a.directions]}
+    data: dict[str, Any] = {"format": "kfgen-audit-1", "kfgen": kfgen.__version__, "model": audits[0].model,
+                            "manoeuvres": manoeuvres}
+    return Answer("\n".join(lines), data, Page(f"What {audits[0].model} cannot see", tuple(parts)))
+
+
+def list_answer(groups: dict[str, list[tuple[str, str]]]) -> Answer:
+    """Everything that has a name."""
+    lines = []
+    for group, entries in groups.items():
+        lines += [group, columns([[n, t] for n, t in entries]), ""]
+    data = {"format": "kfgen-list-1", "kfgen": kfgen.__version__,
+            **{g.replace(" ", "_"): {n: t for n, t in entries} for g, entries in groups.items()}}
+    page = Page("kfgen", tuple(p for g, entries in groups.items()
+                               for p in (heading(g), table(("name", "meaning"), entries))))
+    return Answer("\n".join(lines).rstrip(), data, page)

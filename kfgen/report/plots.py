@@ -1,0 +1,113 @@
+"""Pictures as SVG: the only place that knows matplotlib."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.identify.allan import AllanCurve
+
+Array = NDArray[np.float64]
+
+MEASURED, BEFORE, AFTER, BAND = "#1b2430", "#c4452f", "#1f5fa8", "#b9c4d0"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve of a picture: what it is called, its points, a color, a band around it."""
+
+    label: str
+    x: Array
+    y: Array
+    color: str
+    lo: Array | None = None
+    hi: Array | None = None
+    dashed: bool = False
+
+
+def _figure(width: float, height: float, count: int = 1) -> tuple[Any, list[Any]]:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({"font.size": 9.5}):
+        fig = Figure(figsize=(width, height), layout="constrained")
+        axes = fig.subplots(1, count, squeeze=False)[0].tolist()
+    for ax in axes:
+        ax.grid(True, which="major", color="#e6ebf0", linewidth=0.8)
+        ax.set_axisbelow(True)
+        for side in ("top", "right"):
+            ax.spines[side].set_visible(False)
+    return fig, axes
+
+
+def _svg(fig: Any, key: str) -> str:
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": key}):
+        fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg"):]
+    # Pictures share a page: their inner names must not meet.
+    text = re.sub(r'id="', f'id="{key}-', text)
+    text = re.sub(r'href="#', f'href="#{key}-', text)
+    return re.sub(r"url\(#", f"url(#{key}-", text)
+
+
+def allan_picture(curve: AllanCurve, models: Sequence[Line], unit: str, factor: float, key: str) -> str:
+    """Allan deviation with its 95 % band and model curves, in the user's unit."""
+    fig, (ax,) = _figure(7.4, 4.2)
+    ax.fill_between(curve.tau, curve.lo / factor, curve.hi / factor, color=BAND, alpha=0.55, linewidth=0,
+                    label="measured, 95 % band")
+    ax.plot(curve.tau, curve.deviation / factor, ".", color=MEASURED, markersize=5, label="measured")
+    for line in models:
+        ax.plot(line.x, line.y / factor, color=line.color, linewidth=1.8,
+                linestyle="--" if line.dashed else "-", label=line.label)
+    ax.set(xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel=f"Allan deviation [{unit}]")
+    ax.legend(frameon=False, fontsize=8.5)
+    return _svg(fig, key)
+
+
+def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) -> str:
+    """Residual power over its expectation, before and after."""
+    fig, (ax,) = _figure(7.4, 3.0)
+    ax.axhline(1.0, color=MEASURED, linewidth=0.8)
+    ax.plot(frequency, before, color=BEFORE, linewidth=1.2, marker=".", label="believed model")
+    ax.plot(frequency, after, color=AFTER, linewidth=1.2, marker=".", label="mended model")
+    ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="residual power / expected")
+    ax.legend(frameon=False, fontsize=8.5)
+    return _svg(fig, key)
+
+
+def series_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
+    """Curves over time, with bands."""
+    fig, (ax,) = _figure(7.4, 3.0)
+    for line in lines:
+        if line.lo is not None and line.hi is not None:
+            ax.fill_between(line.x, line.lo, line.hi, color=line.color, alpha=0.2, linewidth=0)
+        ax.plot(line.x, line.y, color=line.color, linewidth=1.1, label=line.label,
+                linestyle="--" if line.dashed else "-")
+    ax.set(xlabel="time [s]", ylabel=ylabel)
+    ax.legend(frameon=False, fontsize=8.5)
+    return _svg(fig, key)
+
+
+def bars_picture(names: Sequence[str], values: Sequence[float], xlabel: str, key: str) -> str:
+    """Horizontal bars, the first on top."""
+    fig, (ax,) = _figure(7.4, 0.6 + 0.3 * len(names))
+    ax.barh(range(len(names)), values, color=AFTER, height=0.62)
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    ax.set(xlabel=xlabel)
+    return _svg(fig, key)
+
+
+def thin(x: Array, most: int = 1500) -> slice:
+    """A stride that keeps a picture small."""
+    return slice(None, None, max(1, x.size // most))

@@ -1,0 +1,195 @@
+"""From a model to a `Log`: a true motion, true sensors, and every effect of every channel.
+
+The sensors are the same ``predict(state)`` expressions that the filter differentiates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from kfgen.discretise import DiscreteModel
+from kfgen.errors import InputError
+from kfgen.log import Channel, Log
+from kfgen.model.blocks import Attitude
+from kfgen.model.filter import FilterModel
+from kfgen.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+GRAVITY_N = np.array([0.0, 0.0, STANDARD_GRAVITY])
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A motion as functions of time.
+
+    Parameters
+    ----------
+    name, title : str
+    rate : callable
+        Body rate [rad/s], shape (n, 3), at times (n,).
+    acceleration : callable
+        Acceleration in the navigation frame [m/s^2], shape (n, 3).
+    """
+
+    name: str
+    title: str
+    rate: Callable[[Array], Array]
+    acceleration: Callable[[Array], Array]
+
+
+def _still(t: Array) -> Array:
+    return np.zeros((t.size, 3))
+
+
+def _waves(sizes: tuple[float, float, float],
+           frequencies: tuple[float, float, float]) -> Callable[[Array], Array]:
+    def wave(t: Array) -> Array:
+        return np.asarray(np.sin(2 * np.pi * np.outer(t, frequencies)) * sizes)
+
+    return wave
+
+
+def _yaw(t: Array) -> Array:
+    """A turn of half a revolution about down in the middle third."""
+    T = t[-1] - t[0] if t.size > 1 else 1.0
+    on = (t > T / 3) & (t < 2 * T / 3)
+    return np.outer(np.where(on, np.pi / (T / 3), 0.0), [0.0, 0.0, 1.0])
+
+
+MANOEUVRES: dict[str, Manoeuvre] = {
+    "static": Manoeuvre("static", "at rest, level, heading north", _still, _still),
+    "yaw-turn": Manoeuvre("yaw-turn", "half a turn about the vertical", _yaw, _still),
+    "generic": Manoeuvre("generic", "rates and accelerations about all axes",
+                         _waves((0.5, 0.4, 0.6), (0.11, 0.17, 0.07)),
+                         _waves((1.0, 1.5, 0.7), (0.05, 0.083, 0.13))),
+}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true motion: `R_nb` (n, 3, 3), `v_n`, `p_n` (n, 3), `omega_b`, `f_b` (n, 3)."""
+
+    t: Array
+    R_nb: Array
+    v_n: Array
+    p_n: Array
+    omega_b: Array
+    f_b: Array
+
+
+def truth(manoeuvre: Manoeuvre, t: Array) -> Truth:
+    """Integrate a manoeuvre from rest at the origin, body axes along north, east and down."""
+    from scipy.spatial.transform import Rotation
+
+    dt = float(t[1] - t[0]) if t.size > 1 else 1.0
+    omega, a = manoeuvre.rate(t), manoeuvre.acceleration(t)
+    steps = Rotation.from_rotvec(omega * dt)
+    q = Rotation.identity()
+    matrices = np.empty((t.size, 3, 3))
+    for k, step in enumerate(steps):
+        matrices[k] = q.as_matrix()
+        q = q * step
+    v = np.vstack([np.zeros(3), np.cumsum(a[:-1] * dt, axis=0)])
+    p = np.vstack([np.zeros(3), np.cumsum(v[:-1] * dt + 0.5 * a[:-1] * dt**2, axis=0)])
+    return Truth(t, matrices, v, p, omega, np.einsum("kij,ki->kj", matrices, a - GRAVITY_N))
+
+
+def simulate(discrete: DiscreteModel, manoeuvre: str, duration: float, rng: np.random.Generator,
+             drive: Mapping[str, Array] | None = None) -> Log:
+    """A log of every input and sensor of a model, with the truth as ``ref_`` channels.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+        Its `rate` [Hz] is the log's.
+    manoeuvre : str
+        A key of `MANOEUVRES`.
+    duration : float
+        [s].
+    rng : numpy.random.Generator
+    drive : mapping of str to ndarray, optional
+        Drivers of effects [SI]; a temperature that warms up and swings where left out.
+
+    Raises
+    ------
+    InputError
+        An unknown manoeuvre, or a duration of less than two samples.
+    """
+    if manoeuvre not in MANOEUVRES:
+        raise InputError(f"there is no manoeuvre '{manoeuvre}'",
+                         remedy=f"Known are {', '.join(MANOEUVRES)}")
+    n = round(duration * discrete.rate) if np.isfinite(duration) else 0
+    if n < 2:
+        raise InputError(f"a duration of {duration:g} s holds {max(n, 0)} samples",
+                         remedy="Give a longer --duration")
+    model, t = discrete.model, np.arange(n) / discrete.rate
+    true = truth(MANOEUVRES[manoeuvre], t)
+    drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
+    channels = {d: Channel(v, "K") for d, v in drive.items()}
+    clean = _clean(model, true)
+    for channel, unit in model.channel_units.items():
+        values = clean[channel] + sum((e.draw(rng).simulate(t, rng, drive)
+                                       for e in model.noise.get(channel, ())), np.zeros(n))
+        channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
+    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
+
+
+def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Generator) -> Array:
+    """A sensor's own noise where no effect says otherwise."""
+    for sensor in discrete.model.sensors:
+        if channel in sensor.channels and discrete.model.white(channel) == (0, 0):
+            return sensor.sd * rng.standard_normal(n)
+    return np.zeros(n)
+
+
+def _clean(model: FilterModel, true: Truth) -> dict[str, Array]:
+    """What every channel would read without its effects."""
+    triads = {"gyro": true.omega_b, "accel": true.f_b}
+    out = {c: triads[i.name][:, k] for i in model.motion.inputs for k, c in enumerate(i.channels)}
+    for sensor in model.sensors:
+        h = sensor.predict({b.name: b.value for b in model.blocks})
+        symbols, values = _substitution(model, true)
+        rows = sp.lambdify(symbols, list(h), "numpy")(*values)
+        for channel, row in zip(sensor.channels, rows):
+            out[channel] = np.broadcast_to(np.asarray(row, float), true.t.shape)
+    return out
+
+
+def _substitution(model: FilterModel, true: Truth) -> tuple[list[sp.Symbol], list[Array | float]]:
+    vectors = {"p": true.p_n, "v": true.v_n}
+    symbols: list[sp.Symbol] = [c.symbol for c in model.constants]
+    values: list[Array | float] = [c.value for c in model.constants]
+    for b in model.blocks:
+        if isinstance(b, Attitude):
+            symbols += list(b.nominal)
+            values += [true.R_nb[:, i, j] for i in range(3) for j in range(3)]
+        else:
+            symbols += list(b.nominal)
+            values += [vectors[b.name][:, k] for k in range(3)]
+    return symbols, values
+
+
+def _references(model: FilterModel, true: Truth) -> dict[str, Channel]:
+    from scipy.spatial.transform import Rotation
+
+    if model.attitude is None:
+        return {}
+    q = Rotation.from_matrix(true.R_nb).as_quat(scalar_first=True, canonical=True)
+    out = {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
+    names = {b.name for b in model.blocks}
+    for name, unit, values in (("p", "m", true.p_n), ("v", "m/s", true.v_n)):
+        if name in names:
+            out |= {f"ref_{name}_{a}": Channel(values[:, k], unit) for k, a in enumerate("NED")}
+    return out
+
+
+def warming(t: Array) -> Array:
+    """A temperature [K] that warms up by 12 K and then swings by 4 K, shape (n,)."""
+    T = float(t[-1] - t[0]) or 1.0
+    return np.asarray(293.15 + 12.0 * (1.0 - np.exp(-6.0 * t / T)) + 4.0 * np.sin(4.5 * np.pi * t / T))

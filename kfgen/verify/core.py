@@ -1,0 +1,93 @@
+"""What a core is to the proof: it holds one compiled filter and runs its routines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.emit.routines import Program
+from kfgen.emit.templates import render
+
+Words = NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the routines cost on a core: exact counts, None where it cannot count.
+
+    Parameters
+    ----------
+    instructions : dict of str to int
+        Executed by a call of each routine, the most of those counted.
+    stack_bytes, text_bytes : int or None
+        Deepest stack of any call; size of the code.
+    """
+
+    instructions: dict[str, int] = field(default_factory=dict)
+    stack_bytes: int | None = None
+    text_bytes: int | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How one core compares.
+
+    Parameters
+    ----------
+    words, differing : int
+        Words compared over all calls, and how many differ: in any bit, or beyond a stated tolerance
+        where the target has an arithmetic of its own.
+    max_ulp : int
+        The largest difference in units of the last place.
+    calls : int
+    cost : Cost
+    """
+
+    core: str
+    words: int
+    differing: int
+    max_ulp: int
+    calls: int
+    cost: Cost
+
+
+class Core(Protocol):
+    """A core with a compiled filter on it."""
+
+    def call(self, routine: str, inputs: Sequence[float]) -> None:
+        """Run one routine on the filter."""
+
+    def words(self) -> Words:
+        """State and covariance as bit patterns."""
+
+    def cost(self) -> Cost:
+        """What the calls so far have cost."""
+
+
+def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
+    """Write the harness that a core drives; returns its path."""
+    path = folder / "harness.c"
+    path.write_text(render("verify/harness.c.j2", name=program.name, width=width(program),
+                           calls=_calls(program), bare=bare), encoding="utf-8")
+    return path
+
+
+def width(program: Program) -> int:
+    """Floats that the longest argument list needs."""
+    return max(sum(a.size or 1 for a in r.arguments) for r in program.routines)
+
+
+def _calls(program: Program) -> list[tuple[str, str]]:
+    calls = []
+    for r in program.routines:
+        texts, at = ["&kf"], 0
+        for a in r.arguments:
+            texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
+            at += a.size or 1
+        calls.append((r.name, ", ".join(texts)))
+    return calls

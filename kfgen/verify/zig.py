@@ -1,0 +1,33 @@
+"""The cross compiler from the package index: clang inside zig."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from kfgen.errors import MissingExtra
+
+
+def command() -> list[str]:
+    """How zig's C compiler is called.
+
+    Raises
+    ------
+    MissingExtra
+        The extra ``pil`` is not installed.
+    """
+    if importlib.util.find_spec("ziglang") is None:
+        raise MissingExtra("the cross compiler (ziglang) is not installed",
+                           remedy="Install it with: pip install 'kfgen[pil]'")
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def environment() -> dict[str, str]:
+    """Its environment: a cache of its own where the machine has no home to write to."""
+    env = dict(os.environ)
+    if not os.access(Path(env.get("HOME") or "/nonexistent"), os.W_OK):
+        env.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(tempfile.gettempdir()) / "kfgen-zig-cache"))
+    return env
