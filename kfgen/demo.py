@@ -14,7 +14,7 @@ import numpy as np
 
 from kfgen.audit.audit import audit
 from kfgen.discretise import DiscreteModel
-from kfgen.effects import Effect, effect_named
+from kfgen.effects import Effect, make
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
 from kfgen.gap.workflow import find_gap
@@ -24,7 +24,14 @@ from kfgen.log import Channel, Log
 from kfgen.model.library import build
 from kfgen.noise import NoiseModel, write_noise
 from kfgen.readers import write_log
-from kfgen.report.filter import OPERATIONS, VERDICT_HEAD, operation_rows, verdict_rows, verify_answer, verify_sentence
+from kfgen.report.filter import (
+    OPERATIONS,
+    VERDICT_HEAD,
+    operation_rows,
+    verdict_rows,
+    verify_answer,
+    verify_sentence,
+)
 from kfgen.report.gap import gap_answer, mended_model
 from kfgen.report.identify import identify_answer, noise_model
 from kfgen.report.model import STATE_HEAD, audit_answer, equation_parts, state_rows
@@ -40,16 +47,17 @@ CHANNEL = "gyro_x"
 
 def sensor() -> tuple[Effect, ...]:
     """The true noise of the simulated gyro: 0.21 deg/sqrt(h) and a bias that wanders by 7 deg/h."""
-    return (effect_named("white_noise")(N=6.1e-5), effect_named("gauss_markov")(sigma=3.4e-5, tau=180.0))
+    return (make("white_noise", N=6.1e-5), make("gauss_markov", sigma=3.4e-5, tau=180.0))
 
 
 def hidden() -> Effect:
     """What the model does not know: 41 deg/h per kelvin."""
-    return effect_named("temperature")(coefficient=2e-4)
+    return make("temperature", coefficient=2e-4)
 
 
-def record_log(source: str, effects: tuple[Effect, ...], temperature: np.ndarray, t: np.ndarray,
-               rng: np.random.Generator) -> Log:
+def record_log(
+    source: str, effects: tuple[Effect, ...], temperature: np.ndarray, t: np.ndarray, rng: np.random.Generator
+) -> Log:
     """A simulated log of one gyro axis at rest with its thermometer."""
     drive: Mapping[str, np.ndarray] = {"temperature": temperature}
     y = sum((e.simulate(t, rng, drive) for e in effects), np.zeros(t.size))
@@ -79,16 +87,41 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     say("3 emit the mended filter and prove it")
     proof, filter_page = _filter(out, mended)
     identified = identify_answer(bench, found)
-    page = Page("A gyro whose model did not know the temperature", (
-        *gap.page.parts[1:3], text("How it was found: a bench log at constant temperature gave the model; a field "
-                                   "log disagreed with it; every effect that kfgen knows competed to explain why."),
-        *gap.page.parts[3:])) + filter_page + Page("", (heading("The bench log"), *identified.page.parts[1:]))
+    page = (
+        Page(
+            "A gyro whose model did not know the temperature",
+            (
+                *gap.page.parts[1:3],
+                text(
+                    "How it was found: a bench log at constant temperature gave the model; a field "
+                    "log disagreed with it; every effect that kfgen knows competed to explain why."
+                ),
+                *gap.page.parts[3:],
+            ),
+        )
+        + filter_page
+        + Page("", (heading("The bench log"), *identified.page.parts[1:]))
+    )
     report = out / "report.html"
     write_page(page, report)
-    words = "\n\n".join(["The bench log", identified.text, "The field log", gap.text, "The mended filter", proof.text,
-                         f"report: {report.resolve()}"])
-    data = {"format": "kfgen-demo-1", "identify": identified.data, "gap": gap.data, "verify": proof.data,
-            "report": str(report.resolve())}
+    words = "\n\n".join(
+        [
+            "The bench log",
+            identified.text,
+            "The field log",
+            gap.text,
+            "The mended filter",
+            proof.text,
+            f"report: {report.resolve()}",
+        ]
+    )
+    data = {
+        "format": "kfgen-demo-1",
+        "identify": identified.data,
+        "gap": gap.data,
+        "verify": proof.data,
+        "report": str(report.resolve()),
+    }
     return Answer(words, data, page, ok=proof.ok and gap.data["verdict"] == "effects_found")
 
 
@@ -100,11 +133,19 @@ def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
     cores = ["host", "m4f"] if _emulator() else ["host"]
     verdicts = verify(read_folder(out / "c"), cores) + verify(read_folder(out / "filterpy"), ["host"])
     hidden_states = audit_answer([audit(program.discrete.model)])
-    page = Page("", (
-        heading("The mended filter"), table(STATE_HEAD, state_rows(program.discrete)),
-        *hidden_states.page.parts[1:], *equation_parts(program.discrete, ("F", "H", "Phi")),
-        table(OPERATIONS, operation_rows(program)), heading("The proof"),
-        sentence(verify_sentence(verdicts) + "."), table(VERDICT_HEAD, verdict_rows(verdicts))))
+    page = Page(
+        "",
+        (
+            heading("The mended filter"),
+            table(STATE_HEAD, state_rows(program.discrete)),
+            *hidden_states.page.parts[1:],
+            *equation_parts(program.discrete, ("F", "H", "Phi")),
+            table(OPERATIONS, operation_rows(program)),
+            heading("The proof"),
+            sentence(verify_sentence(verdicts) + "."),
+            table(VERDICT_HEAD, verdict_rows(verdicts)),
+        ),
+    )
     return verify_answer(program.discrete.model.hash, verdicts), page
 
 

@@ -62,8 +62,10 @@ def series_order(fastest: float, max_step: float) -> int:
         term *= x / k
         if term < EXHAUSTED:
             return max(k, 2)
-    raise InputError(f"a step of {max_step:g} s is too long for a time constant of {1 / fastest:.3g} s",
-                     remedy="Give a shorter --max-step")
+    raise InputError(
+        f"a step of {max_step:g} s is too long for a time constant of {1 / fastest:.3g} s",
+        remedy="Give a shorter --max-step",
+    )
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,10 @@ class DiscreteModel:
 
     def __post_init__(self) -> None:
         if not (self.rate > 0 and math.isfinite(self.rate)):
-            raise InputError(f"a rate of {self.rate:g} Hz is no sampling rate",
-                             remedy="Give --rate a positive number of hertz")
+            raise InputError(
+                f"a rate of {self.rate:g} Hz is no sampling rate",
+                remedy="Give --rate a positive number of hertz",
+            )
         if self.order not in (1, 2, 3):
             raise InputError(f"an order of {self.order} is not offered", remedy="Give 1, 2 or 3")
 
@@ -124,8 +128,12 @@ class DiscreteModel:
         effects by their own transition.
         """
         rates = self.model.rates(False)
-        vectors = {s: r for b in self.model.blocks if not isinstance(b, Attitude)
-                   for s, r in zip(b.nominal, rates[b.name])}
+        vectors = {
+            s: r
+            for b in self.model.blocks
+            if not isinstance(b, Attitude)
+            for s, r in zip(b.nominal, rates[b.name])
+        }
         out: list[sp.Expr] = []
         for b in self.model.blocks:
             if isinstance(b, Attitude):

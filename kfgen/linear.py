@@ -74,7 +74,7 @@ def stationary_covariance(A: Array, W: Array) -> Array:
 
     if A.shape[0] == 0 or np.linalg.eigvals(A).real.max() >= 0.0:
         return np.zeros_like(A)
-    P = np.asarray(solve_continuous_lyapunov(A, -W))
+    P: Array = solve_continuous_lyapunov(A, -W)
     return 0.5 * (P + P.T)
 
 
@@ -115,7 +115,7 @@ def propagate(Phi: Array, x0: Array, n: int) -> Array:
     X[0], done, power = x0, 1, Phi
     while done < n:
         take = min(done, n - done)
-        X[done:done + take] = X[:take] @ power.T
+        X[done : done + take] = X[:take] @ power.T
         power, done = power @ power, done + take
     return X
 

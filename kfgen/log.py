@@ -90,20 +90,26 @@ class Log:
             if channel.values.shape != self.t.shape:
                 raise InputError(
                     f"channel {name} has {channel.values.size} samples, time has {self.t.size}",
-                    where=self.source)
+                    where=self.source,
+                )
 
     def _check_time(self) -> None:
         bad = np.flatnonzero(~np.isfinite(self.t))
         if bad.size:
-            raise InputError(f"time is not a number at sample {bad[0] + 1}", where=self.source,
-                             remedy="Mend the file, or leave the time out and give --rate")
+            raise InputError(
+                f"time is not a number at sample {bad[0] + 1}",
+                where=self.source,
+                remedy="Mend the file, or leave the time out and give --rate",
+            )
         back = np.flatnonzero(np.diff(self.t) <= 0.0)
         if back.size:
             k = int(back[0])
             raise InputError(
                 f"time does not increase at sample {k + 2}: {self.t[k]:.9g} s is followed by "
-                f"{self.t[k + 1]:.9g} s", where=self.source,
-                remedy="Sort the log, or leave the time out and give --rate")
+                f"{self.t[k + 1]:.9g} s",
+                where=self.source,
+                remedy="Sort the log, or leave the time out and give --rate",
+            )
 
     @property
     def n(self) -> int:
@@ -131,8 +137,11 @@ class Log:
             The log has no such channel.
         """
         if name not in self.channels:
-            raise InputError(f"channel '{name}' is missing", where=self.source,
-                             remedy=f"It has {', '.join(self.channels)}; map others with --columns")
+            raise InputError(
+                f"channel '{name}' is missing",
+                where=self.source,
+                remedy=f"It has {', '.join(self.channels)}; map others with --columns",
+            )
         return self.channels[name]
 
     def values(self, name: str) -> Array:
@@ -142,7 +151,10 @@ class Log:
         if bad.size:
             raise InputError(
                 f"channel {name} is not a number at sample {bad[0] + 1} (t = {self.t[bad[0]]:.6g} s)"
-                f", {bad.size} in all", where=self.source, remedy="Cut or mend these samples")
+                f", {bad.size} in all",
+                where=self.source,
+                remedy="Cut or mend these samples",
+            )
         return values
 
     def uniform_dt(self) -> float:
@@ -159,7 +171,10 @@ class Log:
             raise InputError(
                 f"time is uneven: {bad.size} of {steps.size} steps are off by more than half a "
                 f"period, the first at t = {self.t[bad[0]]:.6g} s ({steps[bad[0]]:.4g} s instead of "
-                f"{dt:.4g} s)", where=self.source, remedy="Cut the log at the gaps")
+                f"{dt:.4g} s)",
+                where=self.source,
+                remedy="Cut the log at the gaps",
+            )
         return float((self.t[-1] - self.t[0]) / steps.size)
 
     def cut(self, start: int, stop: int) -> Log:

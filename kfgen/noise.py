@@ -62,8 +62,9 @@ class NoiseModel:
     def channel(self, name: str) -> ChannelNoise:
         """The noise of a channel; raises `InputError` when the model has none of that name."""
         if name not in self.channels:
-            raise InputError(f"the noise file has no channel '{name}'",
-                             remedy=f"It has {', '.join(self.channels)}")
+            raise InputError(
+                f"the noise file has no channel '{name}'", remedy=f"It has {', '.join(self.channels)}"
+            )
         return self.channels[name]
 
 
@@ -92,11 +93,17 @@ def parse_noise(text: str, path: str) -> NoiseModel:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"it is no TOML: {error}", where=path) from None
     if document.get("format") != FORMAT:
-        raise InputError(f"its format is {document.get('format')!r}", where=path,
-                         remedy=f'A noise file begins with format = "{FORMAT}"')
+        raise InputError(
+            f"its format is {document.get('format')!r}",
+            where=path,
+            remedy=f'A noise file begins with format = "{FORMAT}"',
+        )
     provenance = {str(k): str(v) for k, v in dict(document.get("provenance", {})).items()}
-    channels = {name: _channel(table, f"{path}: [{name}]") for name, table in document.items()
-                if isinstance(table, dict) and name != "provenance"}
+    channels = {
+        name: _channel(table, f"{path}: [{name}]")
+        for name, table in document.items()
+        if isinstance(table, dict) and name != "provenance"
+    }
     if not channels:
         raise InputError("there is no channel in it", where=path)
     return NoiseModel(channels, provenance)

@@ -62,12 +62,13 @@ class FilterRun:
 
 def load(program: Program) -> ModuleType:
     """The emitted filterpy module, written to a scratch folder and imported from there."""
-    (name, text), = files(program).items()
+    ((name, text),) = files(program).items()
     with tempfile.TemporaryDirectory(prefix="kfgen-run-") as folder:
         path = Path(folder) / name
         path.write_text(text, encoding="utf-8")
         spec = importlib.util.spec_from_file_location(f"kfgen_emitted_{program.name}", path)
-        assert spec is not None and spec.loader is not None
+        assert spec is not None
+        assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
     return module
@@ -92,11 +93,17 @@ def run(program: Program, log: Log) -> FilterRun:
     kf = getattr(module, class_name(program))()
     inputs = {i.name: np.column_stack([log.values(c) for c in i.channels]) for i in model.motion.inputs}
     drive = {d: log.values(d) for d in model.drivers}
-    present = {s.name: np.column_stack([log.channel(c).values for c in s.channels]) for s in model.sensors
-               if all(c in log.channels for c in s.channels)}
+    present = {
+        s.name: np.column_stack([log.channel(c).values for c in s.channels])
+        for s in model.sensors
+        if all(c in log.channels for c in s.channels)
+    }
     if not present:
-        raise InputError(f"no sensor of {model.name} is in the log", where=log.source,
-                         remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels))
+        raise InputError(
+            f"no sensor of {model.name} is in the log",
+            where=log.source,
+            remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels),
+        )
     _align(kf, discrete, log, model.constants)
     takes = {r.name: {a.name for a in r.arguments} for r in program.pieces}
     stepping = set().union(*(takes[n] for n in ("step", "transition", "noise")))
@@ -115,8 +122,12 @@ def run(program: Program, log: Log) -> FilterRun:
         if steps[k] > 0.0:
             given: dict[str, Any] = {n: v[k] for n, v in (inputs | drive).items() if n in stepping}
             kf.predict(**given, dt=steps[k])
-    sensors = {name: SensorRun(np.array([r[0] for r in rows]), np.array([r[1] for r in rows]),
-                               np.array([r[2] for r in rows])) for name, rows in seen.items()}
+    sensors = {
+        name: SensorRun(
+            np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+        )
+        for name, rows in seen.items()
+    }
     return FilterRun(model.name, np.asarray(log.t), discrete.nominal_names, estimate, deviation, sensors)
 
 
@@ -124,7 +135,7 @@ def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant
     """First attitude from gravity and the magnetic field at rest, first position and velocity from GNSS."""
     names = list(discrete.nominal_names)
     if "q_w" in names and all(f"accel_{a}" in log.channels for a in "xyz"):
-        kf.nominal[names.index("q_w"):names.index("q_w") + 4] = _level(log, kf, constants)
+        kf.nominal[names.index("q_w") : names.index("q_w") + 4] = _level(log, kf, constants)
     for name in ("p", "v"):
         for axis in "NED":
             channel = log.channels.get(f"gnss_{name}_{axis}")
@@ -179,12 +190,15 @@ def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     good = np.isfinite(reference).all(axis=1)
     if "movement" in log.channels:
         good &= log.channel("movement").values > 0.5
-    estimated = Rotation.from_quat(result.estimate[good, at:at + 4], scalar_first=True)
-    error = (estimated * Rotation.from_quat(reference[good], scalar_first=True).inv()).as_quat(scalar_first=True)
+    estimated = Rotation.from_quat(result.estimate[good, at : at + 4], scalar_first=True)
+    error = (estimated * Rotation.from_quat(reference[good], scalar_first=True).inv()).as_quat(
+        scalar_first=True
+    )
     w, x, y, z = error.T
     inclination = 2.0 * np.arcsin(np.clip(np.hypot(x, y), 0.0, 1.0))
     heading = 2.0 * np.arctan2(z, w)
     heading -= np.angle(np.mean(np.exp(1j * heading)))
     heading = np.angle(np.exp(1j * heading))
-    return AttitudeError(float(np.sqrt(np.mean(inclination**2))), float(np.sqrt(np.mean(heading**2))),
-                         int(good.sum()))
+    return AttitudeError(
+        float(np.sqrt(np.mean(inclination**2))), float(np.sqrt(np.mean(heading**2))), int(good.sum())
+    )

@@ -47,8 +47,9 @@ def _still(t: Array) -> Array:
     return np.zeros((t.size, 3))
 
 
-def _waves(sizes: tuple[float, float, float],
-           frequencies: tuple[float, float, float]) -> Callable[[Array], Array]:
+def _waves(
+    sizes: tuple[float, float, float], frequencies: tuple[float, float, float]
+) -> Callable[[Array], Array]:
     def wave(t: Array) -> Array:
         return np.asarray(np.sin(2 * np.pi * np.outer(t, frequencies)) * sizes)
 
@@ -65,9 +66,12 @@ def _yaw(t: Array) -> Array:
 MANOEUVRES: dict[str, Manoeuvre] = {
     "static": Manoeuvre("static", "at rest, level, heading north", _still, _still),
     "yaw-turn": Manoeuvre("yaw-turn", "half a turn about the vertical", _yaw, _still),
-    "generic": Manoeuvre("generic", "rates and accelerations about all axes",
-                         _waves((0.5, 0.4, 0.6), (0.11, 0.17, 0.07)),
-                         _waves((1.0, 1.5, 0.7), (0.05, 0.083, 0.13))),
+    "generic": Manoeuvre(
+        "generic",
+        "rates and accelerations about all axes",
+        _waves((0.5, 0.4, 0.6), (0.11, 0.17, 0.07)),
+        _waves((1.0, 1.5, 0.7), (0.05, 0.083, 0.13)),
+    ),
 }
 
 
@@ -100,8 +104,13 @@ def truth(manoeuvre: Manoeuvre, t: Array) -> Truth:
     return Truth(t, matrices, v, p, omega, np.einsum("kij,ki->kj", matrices, a - GRAVITY_N))
 
 
-def simulate(discrete: DiscreteModel, manoeuvre: str, duration: float, rng: np.random.Generator,
-             drive: Mapping[str, Array] | None = None) -> Log:
+def simulate(
+    discrete: DiscreteModel,
+    manoeuvre: str,
+    duration: float,
+    rng: np.random.Generator,
+    drive: Mapping[str, Array] | None = None,
+) -> Log:
     """A log of every input and sensor of a model, with the truth as ``ref_`` channels.
 
     Parameters
@@ -122,20 +131,21 @@ def simulate(discrete: DiscreteModel, manoeuvre: str, duration: float, rng: np.r
         An unknown manoeuvre, or a duration of less than two samples.
     """
     if manoeuvre not in MANOEUVRES:
-        raise InputError(f"there is no manoeuvre '{manoeuvre}'",
-                         remedy=f"Known are {', '.join(MANOEUVRES)}")
+        raise InputError(f"there is no manoeuvre '{manoeuvre}'", remedy=f"Known are {', '.join(MANOEUVRES)}")
     n = round(duration * discrete.rate) if np.isfinite(duration) else 0
     if n < 2:
-        raise InputError(f"a duration of {duration:g} s holds {max(n, 0)} samples",
-                         remedy="Give a longer --duration")
+        raise InputError(
+            f"a duration of {duration:g} s holds {max(n, 0)} samples", remedy="Give a longer --duration"
+        )
     model, t = discrete.model, np.arange(n) / discrete.rate
     true = truth(MANOEUVRES[manoeuvre], t)
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
-        values = clean[channel] + sum((e.draw(rng).simulate(t, rng, drive)
-                                       for e in model.noise.get(channel, ())), np.zeros(n))
+        values = clean[channel] + sum(
+            (e.draw(rng).simulate(t, rng, drive) for e in model.noise.get(channel, ())), np.zeros(n)
+        )
         channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
     return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
 

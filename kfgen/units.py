@@ -101,7 +101,8 @@ class Unit:
     @property
     def si(self) -> str:
         """The coherent SI unit of the same dimension, as text."""
-        up, down = [], []
+        up: list[str] = []
+        down: list[str] = []
         for base, exponent in zip(BASE, self.exponents, strict=True):
             if exponent:
                 power = abs(exponent)
@@ -268,13 +269,19 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "") -> float:
     else:
         match = re.match(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(.*)$", value, re.S)
         if match is None:
-            raise InputError(f"'{value}' does not begin with a number", where=where,
-                             remedy=f"Write it like '0.01 {si_unit}'")
+            raise InputError(
+                f"'{value}' does not begin with a number",
+                where=where,
+                remedy=f"Write it like '0.01 {si_unit}'",
+            )
         number, rest = float(match.group(1)), match.group(2).strip()
         unit = parse_unit(rest) if rest else parse_unit(wanted.si)
         if not unit.same_dimension(wanted):
-            raise InputError(f"'{value}' has the dimension of {unit.si}, not of {si_unit}",
-                             where=where, remedy=f"Write it in {si_unit}")
+            raise InputError(
+                f"'{value}' has the dimension of {unit.si}, not of {si_unit}",
+                where=where,
+                remedy=f"Write it in {si_unit}",
+            )
     if not math.isfinite(number):
         raise InputError(f"{value!r} is not finite", where=where)
     return number * unit.factor + unit.offset

@@ -22,8 +22,9 @@ def write_whole(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     if not path.parent.is_dir():
-        raise InputError("the folder of the output does not exist", where=str(path),
-                         remedy=f"Make {path.parent} first")
+        raise InputError(
+            "the folder of the output does not exist", where=str(path), remedy=f"Make {path.parent} first"
+        )
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:

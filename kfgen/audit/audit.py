@@ -7,13 +7,19 @@ from dataclasses import dataclass
 import sympy as sp
 
 from kfgen.audit.null import null_directions
-from kfgen.model.filter import FilterModel, StateInfo
+from kfgen.model.attach import StateInfo
+from kfgen.model.filter import FilterModel
 
 NAVIGATION = {"x": "N", "y": "E", "z": "D"}
 """At the operating point body axes lie along navigation axes, and are called by them."""
 WORDS = {"N": "north", "E": "east", "D": "down", "x": "x", "y": "y", "z": "z"}
-NATURAL = {"rad": (1e-3, "mrad"), "rad/s": (1e-3, "mrad/s"), "m/s^2": (1e-3, "mm/s^2"), "m": (1.0, "m"),
-           "m/s": (1.0, "m/s")}
+NATURAL = {
+    "rad": (1e-3, "mrad"),
+    "rad/s": (1e-3, "mrad/s"),
+    "m/s^2": (1e-3, "mm/s^2"),
+    "m": (1.0, "m"),
+    "m/s": (1.0, "m/s"),
+}
 
 
 @dataclass(frozen=True)
@@ -63,24 +69,35 @@ def audit(model: FilterModel) -> Audit:
 def _direction(model: FilterModel, v: sp.Matrix) -> Direction:
     parts = [(s, float(e)) for s, e in zip(model.states, v) if e != 0]
     names = {s.name: called(model, s) for s, _ in parts}
-    return Direction({names[s.name]: value for s, value in parts}, {names[s.name]: s.unit for s, _ in parts},
-                     _sentence([(names[s.name], s, value) for s, value in parts]))
+    return Direction(
+        {names[s.name]: value for s, value in parts},
+        {names[s.name]: s.unit for s, _ in parts},
+        _sentence([(names[s.name], s, value) for s, value in parts]),
+    )
 
 
 def called(model: FilterModel, state: StateInfo) -> str:
     """The name of a state at the operating point: biases of body axes by navigation axes."""
     stem, _, axis = state.name.rpartition("_")
     biases = {i.bias for i in model.motion.inputs}
-    return f"{stem}_{NAVIGATION[axis]}" if model.attitude and stem in biases and axis in NAVIGATION \
+    return (
+        f"{stem}_{NAVIGATION[axis]}"
+        if model.attitude and stem in biases and axis in NAVIGATION
         else state.name
+    )
 
 
 def words(name: str, state: StateInfo) -> str:
     """A state in words."""
     stem, _, axis = name.rpartition("_")
     where = WORDS.get(axis, axis)
-    nouns = {"phi": f"{where} tilt" if axis != "D" else "heading", "bg": f"{where} gyro bias",
-             "ba": f"{where} accelerometer bias", "p": f"{where} position", "v": f"{where} velocity"}
+    nouns = {
+        "phi": f"{where} tilt" if axis != "D" else "heading",
+        "bg": f"{where} gyro bias",
+        "ba": f"{where} accelerometer bias",
+        "p": f"{where} position",
+        "v": f"{where} velocity",
+    }
     return nouns.get(stem, state.title)
 
 

@@ -15,6 +15,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import sympy as sp
 
@@ -55,7 +56,7 @@ def observability_rows(F: sp.Matrix, H: sp.Matrix, drivers: Sequence[sp.Symbol])
     for _ in range(F.rows - 1):
         change = sp.zeros(*block.shape)
         for symbols in chain.values():
-            for now, then in zip(symbols, symbols[1:]):
+            for now, then in pairwise(symbols):
                 change += block.diff(now) * then
         block = change + block * F
         rows.append(block)

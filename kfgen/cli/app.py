@@ -8,9 +8,14 @@ import typer
 
 import kfgen
 
-app = typer.Typer(name="kfgen", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
-                  rich_markup_mode=None,
-                  help="From a log of a real sensor to a Kalman filter that is proven on its target.")
+app = typer.Typer(
+    name="kfgen",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="From a log of a real sensor to a Kalman filter that is proven on its target.",
+)
 
 
 def _version(wanted: bool) -> None:
@@ -20,8 +25,11 @@ def _version(wanted: bool) -> None:
 
 
 @app.callback()
-def top(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
-                                              help="Show the version.")] = False) -> None:
+def top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
     """From a log of a real sensor to a Kalman filter that is proven on its target."""
 
 

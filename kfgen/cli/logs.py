@@ -46,12 +46,20 @@ def _record(log: Log, name: str) -> Record:
 
 
 @app.command()
-def identify(log: LogPath, rate: Rate = None,
-             channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
-             effects: Annotated[str | None, typer.Option(
-                 help="Exactly these effects, separated by commas; chosen by the data when left out.")] = None,
-             method: Annotated[str, typer.Option(help="How: ml (maximum likelihood).")] = "ml",
-             columns: Columns = None, output: Output = None, json: Json = None, report: Report = None) -> None:
+def identify(
+    log: LogPath,
+    rate: Rate = None,
+    channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out."),
+    ] = None,
+    method: Annotated[str, typer.Option(help="How: ml (maximum likelihood).")] = "ml",
+    columns: Columns = None,
+    output: Output = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
     from kfgen.errors import InputError
     from kfgen.identify.likelihood import identify as identified
@@ -67,8 +75,9 @@ def identify(log: LogPath, rate: Rate = None,
         try:
             found[name] = identified(_record(data, name), _names(effects))
         except InputError as error:
-            raise InputError(error.what, where=error.where or f"{data.source}: channel {name}",
-                             remedy=error.remedy) from None
+            raise InputError(
+                error.what, where=error.where or f"{data.source}: channel {name}", remedy=error.remedy
+            ) from None
     answer = identify_answer(data, found)
     if output:
         write_noise(noise_model(data, found), output)
@@ -76,12 +85,17 @@ def identify(log: LogPath, rate: Rate = None,
 
 
 @app.command()
-def simulate(model: ModelName, output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG",
-                                                                    help="A .npz or .csv.")],
-             duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0, rate: SampleRate = 100.0,
-             seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
-             manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
-             noise: Noise = None, json: Json = None, report: Report = None) -> None:
+def simulate(
+    model: ModelName,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
+    duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0,
+    rate: SampleRate = 100.0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
+    noise: Noise = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """A log from a model."""
     import numpy as np
 
@@ -95,8 +109,15 @@ def simulate(model: ModelName, output: Annotated[Path, typer.Option("-o", "--out
 
 
 @app.command()
-def run(model: ModelName, log: LogPath, noise: Noise = None, rate: Rate = None, columns: Columns = None,
-        json: Json = None, report: Report = None) -> None:
+def run(
+    model: ModelName,
+    log: LogPath,
+    noise: Noise = None,
+    rate: Rate = None,
+    columns: Columns = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
     from kfgen.emit.routines import Program
     from kfgen.report.filter import run_answer
@@ -119,21 +140,37 @@ def _believed(model: str, log: Log) -> NoiseModel:
         assert noise is not None
     else:
         built = build(model)
-        noise = NoiseModel({c: ChannelNoise(log.channels[c].unit if c in log.channels else u, tuple(
-            Term(e) for e in built.noise[c] if e.name != "bias")) for c, u in built.channel_units.items()
-            if c in built.noise})
+        noise = NoiseModel(
+            {
+                c: ChannelNoise(
+                    log.channels[c].unit if c in log.channels else u,
+                    tuple(Term(e) for e in built.noise[c] if e.name != "bias"),
+                )
+                for c, u in built.channel_units.items()
+                if c in built.noise
+            }
+        )
     known = {c: n for c, n in noise.channels.items() if c in log.channels}
     if not known:
-        raise InputError(f"no channel of {model} is in the log", where=log.source,
-                         remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}")
+        raise InputError(
+            f"no channel of {model} is in the log",
+            where=log.source,
+            remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}",
+        )
     return NoiseModel(known, noise.provenance)
 
 
 @app.command()
-def gap(log: LogPath, model: Annotated[str, typer.Option(help="What is believed: a noise file or a library model.")],
-        channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
-        rate: Rate = None, columns: Columns = None, output: Output = None, json: Json = None,
-        report: Report = None) -> None:
+def gap(
+    log: LogPath,
+    model: Annotated[str, typer.Option(help="What is believed: a noise file or a library model.")],
+    channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+    rate: Rate = None,
+    columns: Columns = None,
+    output: Output = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """Where model and record disagree, the missing effect by name, the mended model, before and after."""
     from kfgen.gap.workflow import find_gap
     from kfgen.noise import write_noise
@@ -150,8 +187,10 @@ def gap(log: LogPath, model: Annotated[str, typer.Option(help="What is believed:
 
 
 @app.command()
-def demo(out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("kfgen-demo"),
-         json: Json = None) -> None:
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("kfgen-demo"),
+    json: Json = None,
+) -> None:
     """The whole chain on a simulated sensor with a hidden effect; ends at a report."""
     from kfgen.demo import run_demo
 

@@ -33,33 +33,48 @@ def list_(json: Json = None, report: Report = None) -> None:
     from kfgen.simulate import MANOEUVRES
     from kfgen.verify.compare import cores
 
-    answer = list_answer({
-        "models": [(n, e.title) for n, e in LIBRARY.items()],
-        "sensors": [(n, s.title) for n, s in sensors().items()],
-        "effects": [(n, e.title) for n, e in catalogue().items()],
-        "manoeuvres": [(n, m.title) for n, m in MANOEUVRES.items()],
-        "targets": [(n, t.TITLE) for n, t in targets().items()],
-        "cores": list(cores().items())})
+    answer = list_answer(
+        {
+            "models": [(n, e.title) for n, e in LIBRARY.items()],
+            "sensors": [(n, s.title) for n, s in sensors().items()],
+            "effects": [(n, e.title) for n, e in catalogue().items()],
+            "manoeuvres": [(n, m.title) for n, m in MANOEUVRES.items()],
+            "targets": [(n, t.TITLE) for n, t in targets().items()],
+            "cores": list(cores().items()),
+        }
+    )
     deliver(answer, json, report)
 
 
 @app.command()
-def derive(model: ModelName, noise: Noise = None,
-           format: Annotated[str, typer.Option(help="text, latex or mathml.")] = "text",
-           order: Order = 1, rate: SampleRate = 100.0, json: Json = None, report: Report = None) -> None:
+def derive(
+    model: ModelName,
+    noise: Noise = None,
+    format: Annotated[str, typer.Option(help="text, latex or mathml.")] = "text",
+    order: Order = 1,
+    rate: SampleRate = 100.0,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """States, F, G, H, Phi and Qd of a model."""
     from kfgen.errors import InputError
     from kfgen.report.model import derive_answer
 
     if format not in ("text", "latex", "mathml"):
-        raise InputError(f"there is no format '{format}'", where="--format", remedy="Known are text, latex, mathml")
+        raise InputError(
+            f"there is no format '{format}'", where="--format", remedy="Known are text, latex, mathml"
+        )
     deliver(derive_answer(discrete_of(model, noise, order=order, rate=rate), format), json, report)
 
 
 @app.command()
-def audit(model: ModelName, noise: Noise = None,
-          manoeuvre: Annotated[list[str] | None, typer.Option(help="The motion: static.")] = None,
-          json: Json = None, report: Report = None) -> None:
+def audit(
+    model: ModelName,
+    noise: Noise = None,
+    manoeuvre: Annotated[list[str] | None, typer.Option(help="The motion: static.")] = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """What cannot be seen, in words."""
     from kfgen.audit.audit import audit as audited
     from kfgen.errors import InputError
@@ -68,15 +83,24 @@ def audit(model: ModelName, noise: Noise = None,
 
     for name in manoeuvre or ():
         if name != "static":
-            raise InputError(f"the audit knows no manoeuvre '{name}'", where="--manoeuvre", remedy="Known is static")
+            raise InputError(
+                f"the audit knows no manoeuvre '{name}'", where="--manoeuvre", remedy="Known is static"
+            )
     deliver(audit_answer([audited(build(model, noise_of(noise)))]), json, report)
 
 
 @app.command()
-def emit(model: ModelName, target: Annotated[str, typer.Option(help="See 'kfgen list'.")],
-         output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")],
-         noise: Noise = None, order: Order = 1, max_step: MaxStep = 0.1, rate: SampleRate = 100.0,
-         json: Json = None, report: Report = None) -> None:
+def emit(
+    model: ModelName,
+    target: Annotated[str, typer.Option(help="See 'kfgen list'.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")],
+    noise: Noise = None,
+    order: Order = 1,
+    max_step: MaxStep = 0.1,
+    rate: SampleRate = 100.0,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """The filter as code, with its self-test."""
     from kfgen.emit.folder import write_folder
     from kfgen.emit.routines import Program
@@ -88,9 +112,12 @@ def emit(model: ModelName, target: Annotated[str, typer.Option(help="See 'kfgen 
 
 
 @app.command()
-def verify(folder: Annotated[Path, typer.Argument(metavar="DIR", help="As 'emit' wrote it.")],
-           core: Annotated[list[str] | None, typer.Option(help="host, m4f, ...; may be repeated.")] = None,
-           json: Json = None, report: Report = None) -> None:
+def verify(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="As 'emit' wrote it.")],
+    core: Annotated[list[str] | None, typer.Option(help="host, m4f, ...; may be repeated.")] = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
     """Compile, run on host and emulated cores, compare every word, count instructions, stack and code."""
     from kfgen.emit.folder import read_folder
     from kfgen.report.filter import verify_answer

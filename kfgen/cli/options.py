@@ -18,10 +18,14 @@ if TYPE_CHECKING:
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="A log: CSV or NPZ.")]
 ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="A library model, see 'kfgen list'.")]
 Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz]; replaces the log's own time.")]
-Columns = Annotated[str | None, typer.Option(
-    help="Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'.")]
+Columns = Annotated[
+    str | None,
+    typer.Option(help="Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."),
+]
 Noise = Annotated[Path | None, typer.Option(help="A noise file, as 'identify -o' writes it.")]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="The answer as JSON; - for standard output.")]
+Json = Annotated[
+    str | None, typer.Option("--json", metavar="FILE", help="The answer as JSON; - for standard output.")
+]
 Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="The answer as a page.")]
 Order = Annotated[int, typer.Option(help="Order in the step of the motion's coupling, 1 to 3.")]
 MaxStep = Annotated[float, typer.Option(help="Longest step [s].")]
@@ -42,8 +46,9 @@ def noise_of(path: Path | None) -> NoiseModel | None:
     return read_noise(path) if path else None
 
 
-def discrete_of(model: str, noise: Path | None, order: int = 1, max_step: float = 0.1,
-                rate: float = 100.0) -> DiscreteModel:
+def discrete_of(
+    model: str, noise: Path | None, order: int = 1, max_step: float = 0.1, rate: float = 100.0
+) -> DiscreteModel:
     """A library model with its noise, ready to step."""
     from kfgen.discretise import DiscreteModel
     from kfgen.model.library import build

@@ -8,12 +8,13 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from functools import cache
+from typing import Any
 
-from kfgen.effects.base import Effect, Parameter
+from kfgen.effects.base import Effect, Look, Parameter
 from kfgen.effects.form import Form, State
 from kfgen.errors import InputError
 
-__all__ = ["Effect", "Form", "Parameter", "State", "catalogue", "effect_named"]
+__all__ = ["Effect", "Form", "Look", "Parameter", "State", "catalogue", "effect_named", "make"]
 
 
 @cache
@@ -45,6 +46,12 @@ def effect_named(name: str, *, where: str = "") -> type[Effect]:
     """
     known = catalogue()
     if name not in known:
-        raise InputError(f"there is no effect '{name}'", where=where,
-                         remedy=f"Known are {', '.join(known)}")
+        raise InputError(f"there is no effect '{name}'", where=where, remedy=f"Known are {', '.join(known)}")
     return known[name]
+
+
+def make(name: str, **values: Any) -> Effect:
+    """An effect of that name with these values [SI]."""
+    cls: Any = effect_named(name)
+    effect: Effect = cls(**values)
+    return effect

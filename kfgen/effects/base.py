@@ -41,6 +41,27 @@ class Parameter:
     kind: str
 
 
+@dataclass(frozen=True)
+class Look:
+    """A first look at a record, from which an effect guesses where a fit of it should start.
+
+    Parameters
+    ----------
+    tau, deviation : ndarray, shape (m,)
+        Allan deviation [U] at averaging times [s].
+    dt, duration : float
+        Sampling period and length [s].
+    drive : mapping of str to float
+        Mean of each recorded driver [SI].
+    """
+
+    tau: Array
+    deviation: Array
+    dt: float
+    duration: float
+    drive: Mapping[str, float]
+
+
 def parameter(unit: str, kind: str = "size", default: Any = ...) -> Any:
     """Declare a parameter of an effect (a dataclass field with its unit and kind)."""
     metadata = {"unit": unit, "kind": kind}
@@ -55,6 +76,7 @@ class Effect:
     title: ClassVar[str] = ""
     saying: ClassVar[str] = ""
     driver: ClassVar[str] = ""
+    repeatable: ClassVar[bool] = False
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """The linear stochastic system of the effect.
@@ -65,6 +87,11 @@ class Effect:
             The recorded driver by name: a number, an array over time, or a symbol.
         """
         raise NotImplementedError
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """Where fits should start; none for an effect that a record at rest cannot show."""
+        return []
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
@@ -91,10 +118,13 @@ class Effect:
             if key in ("effect",) or key.endswith("_ci95"):
                 continue
             if key not in known:
-                raise InputError(f"{cls.name} has no parameter '{key}'", where=where,
-                                 remedy=f"It has {', '.join(known)}")
+                raise InputError(
+                    f"{cls.name} has no parameter '{key}'", where=where, remedy=f"It has {', '.join(known)}"
+                )
             values[key] = parse_quantity(value, derived_unit(known[key].unit, unit), where=f"{where}.{key}")
-            if known[key].kind in ("size", "time") and (values[key] < 0 or (values[key] == 0 and known[key].kind == "time")):
+            if known[key].kind in ("size", "time") and (
+                values[key] < 0 or (values[key] == 0 and known[key].kind == "time")
+            ):
                 raise InputError(f"{key} = {value!r} is not positive", where=where)
         missing = [f.name for f in fields(cls) if f.name not in values and f.default is f.default_factory]
         if missing:
@@ -121,8 +151,7 @@ class Effect:
         """Expected output [U], shape (n,), at even times `t` [s]."""
         return law.mean(self.form(drive), t)
 
-    def simulate(self, t: Array, rng: np.random.Generator,
-                 drive: Mapping[str, Array] | None = None) -> Array:
+    def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None) -> Array:
         """One random output [U], shape (n,), at even times `t` [s]."""
         return law.simulate(self.form(drive), t, rng)
 

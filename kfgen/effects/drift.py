@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kfgen.effects.base import Effect, parameter
+from kfgen.effects.base import Effect, Look, parameter
 from kfgen.effects.form import Form, State
 
 
@@ -47,7 +47,17 @@ class RateRamp(Effect):
     title: ClassVar[str] = "rate ramp"
     saying: ClassVar[str] = "drifts steadily by R = {R}"
 
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """None: the coefficient is solved for."""
+        return [cls(R=0.0)]
+
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``x1' = x2``, ``x2' = 0``, from ``(0, R)``."""
-        return Form(A=((0, 1), (0, 0)), W=((0, 0), (0, 0)), C=(1, 0), x0=(0, self.R),
-                    states=(State("bias", shared=True), State("ramp", "U/s")))
+        return Form(
+            A=((0, 1), (0, 0)),
+            W=((0, 0), (0, 0)),
+            C=(1, 0),
+            x0=(0, self.R),
+            states=(State("bias", shared=True), State("ramp", "U/s")),
+        )

@@ -126,7 +126,8 @@ def allan_variance(form: Form, tau: Array) -> Array:
     start = np.einsum("ti,tij->tj", psi, Phi[:, :k, :k] - np.eye(k))
     spread = np.einsum("ti,ij,tj->t", start, M0, start)
     carried = np.einsum("ti,tij,tj->t", psi, Q[:, :k, :k], psi) - 2.0 * np.einsum(
-        "ti,ti->t", psi, Q[:, :k, k])
+        "ti,ti->t", psi, Q[:, :k, k]
+    )
     return np.asarray(avar + (spread + carried + 2.0 * Q[:, k, k]) / (2.0 * tau**2))
 
 
@@ -141,8 +142,10 @@ def density(form: Form, f: Array) -> Array:
     A, W = _matrices(form)
     out = np.full(s.shape, float(form.V))
     if k and not form.deterministic:
-        g = np.linalg.solve(np.swapaxes(s[:, None, None] * np.eye(k) - A, 1, 2),
-                            np.broadcast_to(_row(form)[:, None], (s.size, k, 1)))[..., 0]
+        g = np.linalg.solve(
+            np.swapaxes(s[:, None, None] * np.eye(k) - A, 1, 2),
+            np.broadcast_to(_row(form)[:, None], (s.size, k, 1)),
+        )[..., 0]
         out = out + np.einsum("fi,ij,fj->f", g, W, g.conj()).real
     return out
 
@@ -167,7 +170,7 @@ def sampled_density(form: Form, omega: Array, dt: float, block: int = 1) -> Arra
     k = form.order
     z = np.exp(1j * np.asarray(omega, dtype=np.float64))
     out = np.full(z.shape, float(form.V) / (dt * block))
-    out += np.abs(1.0 - 1.0 / z)**2 * float(form.Z) / (block * dt)**2
+    out += np.abs(1.0 - 1.0 / z) ** 2 * float(form.Z) / (block * dt) ** 2
     if k == 0 or form.deterministic:
         return out
     Phi, Qd = discretise(form, dt)
@@ -188,8 +191,9 @@ def mean(form: Form, t: Array) -> Array:
     dt = float(t[-1] - t[0]) / (n - 1) if n > 1 else 0.0
     Phi, _ = linear.van_loan(A, W, dt)
     X = linear.propagate(Phi, np.array(form.x0 or (0.0,) * k, dtype=np.float64), n)
-    return sum((np.broadcast_to(np.asarray(c, float), (n,)) * X[:, i] for i, c in enumerate(form.C)),
-               np.zeros(n))
+    return sum(
+        (np.broadcast_to(np.asarray(c, float), (n,)) * X[:, i] for i, c in enumerate(form.C)), np.zeros(n)
+    )
 
 
 def simulate(form: Form, t: Array, rng: np.random.Generator) -> Array:

@@ -11,9 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-from kfgen.effects.base import Effect, parameter
+import numpy as np
+
+from kfgen.effects.base import Effect, Look, parameter
 from kfgen.effects.form import Form, State
 
 
@@ -26,6 +28,11 @@ class WhiteNoise(Effect):
     name: ClassVar[str] = "white_noise"
     title: ClassVar[str] = "white noise (random walk of the integral)"
     saying: ClassVar[str] = "carries white noise of N = {N}"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The first point of the Allan deviation."""
+        return [cls(N=float(look.deviation[0] * np.sqrt(look.tau[0])))]
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``y = v``."""
@@ -42,6 +49,11 @@ class Quantisation(Effect):
     title: ClassVar[str] = "quantisation of the integrated output"
     saying: ClassVar[str] = "is quantised in its integral by Q = {Q}"
 
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The first point of the Allan deviation."""
+        return [cls(Q=float(look.deviation[0] * look.tau[0] / np.sqrt(3.0)))]
+
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """A white sequence of variance ``Q^2`` on the integral."""
         return Form(Z=self.Q**2)
@@ -56,12 +68,25 @@ class GaussMarkov(Effect):
 
     name: ClassVar[str] = "gauss_markov"
     title: ClassVar[str] = "first-order Gauss-Markov bias"
-    saying: ClassVar[str] = "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
+    saying: ClassVar[str] = (
+        "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
+    )
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """Correlation times over the record, each with the deviation seen there at its peak."""
+        times = np.geomspace(max(look.duration / 1000.0, 20.0 * look.dt), look.duration / 10.0, 4)
+        return [cls(float(np.interp(t, look.tau, look.deviation)) / 0.6, float(t)) for t in times]
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``dx = -x / tau dt + dw``, ``W = 2 sigma^2 / tau``."""
-        return Form(A=((-1 / self.tau,),), W=((2 * self.sigma**2 / self.tau,),), C=(1,), x0=(0,),
-                    states=(State("gm"),))
+        return Form(
+            A=((-1 / self.tau,),),
+            W=((2 * self.sigma**2 / self.tau,),),
+            C=(1,),
+            x0=(0,),
+            states=(State("gm"),),
+        )
 
 
 @dataclass(frozen=True)
@@ -81,6 +106,11 @@ class BiasInstability(Effect):
     title: ClassVar[str] = "bias instability (flicker)"
     saying: ClassVar[str] = "has a bias instability (flicker) of B = {B} between {shortest} and {longest}"
 
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The floor of the Allan deviation, over the band that the record can show."""
+        return [cls(float(look.deviation.min()), 10.0 * look.dt, look.duration)]
+
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """A diagonal bank of Gauss-Markov processes."""
         m = max(2, math.ceil(math.log(self.longest / self.shortest) / math.log(4.0)) + 1)
@@ -91,8 +121,13 @@ class BiasInstability(Effect):
         def diagonal(entries: list[Any]) -> tuple[tuple[Any, ...], ...]:
             return tuple(tuple(e if i == j else 0 for j in range(m)) for i, e in enumerate(entries))
 
-        return Form(A=diagonal([-1 / t for t in taus]), W=diagonal([2 * variance / t for t in taus]),
-                    C=(1,) * m, x0=(0,) * m, states=tuple(State(f"flicker{i}") for i in range(m)))
+        return Form(
+            A=diagonal([-1 / t for t in taus]),
+            W=diagonal([2 * variance / t for t in taus]),
+            C=(1,) * m,
+            x0=(0,) * m,
+            states=tuple(State(f"flicker{i}") for i in range(m)),
+        )
 
 
 @dataclass(frozen=True)
@@ -104,6 +139,11 @@ class RateRandomWalk(Effect):
     name: ClassVar[str] = "rate_random_walk"
     title: ClassVar[str] = "rate random walk"
     saying: ClassVar[str] = "has a bias in random walk of K = {K}"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The last point of the Allan deviation."""
+        return [cls(K=float(look.deviation[-1] * np.sqrt(3.0 / look.tau[-1])))]
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``dx = dw``, ``W = K^2``."""

@@ -73,30 +73,51 @@ class CFunction:
 
 
 def _function(program: Program, routine: Routine) -> CFunction:
-    arguments = [f"const float {a.name}[{a.size}]" if a.size else f"float {a.name}" for a in routine.arguments]
+    arguments = [
+        f"const float {a.name}[{a.size}]" if a.size else f"float {a.name}" for a in routine.arguments
+    ]
     signature = ", ".join([f"{program.name}_t *kf", *arguments])
     scratch = tuple(f"float {s.name}[{s.size}] = {{0.0f}};" for s in routine.scratch)
-    return CFunction(routine.name, routine.text, routine.operations,
-                     tuple((a.name, a.text) for a in routine.arguments), scratch,
-                     CPrinter().body(routine), signature)
+    return CFunction(
+        routine.name,
+        routine.text,
+        routine.operations,
+        tuple((a.name, a.text) for a in routine.arguments),
+        scratch,
+        CPrinter().body(routine),
+        signature,
+    )
 
 
 def header(program: Program) -> str:
     """The header's text."""
     model, discrete = program.discrete.model, program.discrete
-    return render("c/filter.h.j2", name=program.name, guard=f"{program.name.upper()}_H", model=model,
-                  version=kfgen.__version__, hash=model.hash[:16], program=program, status=STATUS,
-                  nominal=list(enumerate(discrete.nominal_names)), states=list(enumerate(model.states)),
-                  constants=list(enumerate(program.constants)), nx=len(discrete.nominal_names),
-                  np=packed_size(program.n), functions=[_function(program, r) for r in program.routines])
+    return render(
+        "c/filter.h.j2",
+        name=program.name,
+        guard=f"{program.name.upper()}_H",
+        model=model,
+        version=kfgen.__version__,
+        hash=model.hash[:16],
+        program=program,
+        status=STATUS,
+        nominal=list(enumerate(discrete.nominal_names)),
+        states=list(enumerate(model.states)),
+        constants=list(enumerate(program.constants)),
+        nx=len(discrete.nominal_names),
+        np=packed_size(program.n),
+        functions=[_function(program, r) for r in program.routines],
+    )
 
 
 def files(program: Program) -> dict[str, str]:
     """The emitted files by name."""
     calls = scenario(program)
-    return {f"{program.name}.h": header(program),
-            "selftest.c": render("c/selftest.c.j2", name=program.name, calls=_listed(program, calls)),
-            f"{program.name}_vectors.h": _vectors(program, calls)}
+    return {
+        f"{program.name}.h": header(program),
+        "selftest.c": render("c/selftest.c.j2", name=program.name, calls=_listed(program, calls)),
+        f"{program.name}_vectors.h": _vectors(program, calls),
+    }
 
 
 def _listed(program: Program, calls: Sequence[Call]) -> list[tuple[int, str, str]]:
@@ -117,9 +138,16 @@ def _vectors(program: Program, calls: Sequence[Call]) -> str:
     short = calls[:SELFTEST_CALLS]
     width = max(len(c.inputs) for c in short)
     inputs = [[*c.inputs, *([0.0] * (width - len(c.inputs)))] for c in short]
-    return render("c/vectors.h.j2", name=program.name, count=len(short), width=width,
-                  words=short[-1].words.size, routine=[numbers[c.routine] for c in short],
-                  inputs=[_bits(row) for row in inputs], expected=_bits(short[-1].words))
+    return render(
+        "c/vectors.h.j2",
+        name=program.name,
+        count=len(short),
+        width=width,
+        words=short[-1].words.size,
+        routine=[numbers[c.routine] for c in short],
+        inputs=[_bits(row) for row in inputs],
+        expected=_bits(short[-1].words),
+    )
 
 
 def _bits(values: Sequence[float] | np.ndarray) -> list[str]:

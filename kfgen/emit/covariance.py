@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 from functools import reduce
+from typing import Any
 
 from kfgen.emit.ir import Bin, Compare, Expr, Flag, Let, Note, Num, Ref, Stmt, Store, When, add, mul, sub
 from kfgen.emit.lower import Lowering
@@ -46,15 +47,19 @@ def row_order(rows: dict[int, Row], names: list[str]) -> list[int]:
     while left:
         free = [i for i in left if not any(i in left[k] for k in left if k != i)]
         if not free:
-            raise InputError("the states " + ", ".join(names[i] for i in left)
-                             + " drive one another in a circle, which this form cannot order")
+            raise InputError(
+                "the states "
+                + ", ".join(names[i] for i in left)
+                + " drive one another in a circle, which this form cannot order"
+            )
         order.append(free[0])
         del left[free[0]]
     return order
 
 
-def predict_covariance(n: int, Phi: dict[int, Row], Qd: dict[tuple[int, int], Expr],
-                       names: list[str]) -> list[Stmt]:
+def predict_covariance(
+    n: int, Phi: dict[int, Row], Qd: dict[tuple[int, int], Expr], names: list[str]
+) -> list[Stmt]:
     """Statements of ``P <- Phi P Phi' + Qd``.
 
     Parameters
@@ -82,15 +87,19 @@ def _congruence(n: int, i: int, row: Row) -> list[Stmt]:
     diagonal = row.get(i, Num(1.0))
     others = [(j, c) for j, c in row.items() if j != i]
     half = f"h_{i}"
-    body: list[Stmt] = [Let(half, _sum([mul(diagonal, packed(n, i, i)),
-                                        *(mul(c, packed(n, i, j)) for j, c in others)]))]
+    body: list[Stmt] = [
+        Let(half, _sum([mul(diagonal, packed(n, i, i)), *(mul(c, packed(n, i, j)) for j, c in others)]))
+    ]
     for k in range(n):
         if k != i:
             new = _sum([mul(diagonal, packed(n, i, k)), *(mul(c, packed(n, j, k)) for j, c in others)])
             if new != packed(n, i, k):
                 body.append(Store(packed(n, i, k), new))
-    body.append(Store(packed(n, i, i), _sum([mul(diagonal, Ref(half)),
-                                             *(mul(c, packed(n, i, j)) for j, c in others)])))
+    body.append(
+        Store(
+            packed(n, i, i), _sum([mul(diagonal, Ref(half)), *(mul(c, packed(n, i, j)) for j, c in others)])
+        )
+    )
     return body
 
 
@@ -98,8 +107,7 @@ def _sum(terms: list[Expr]) -> Expr:
     return reduce(add, terms)
 
 
-def update_scalar(n: int, tag: str, H: Row, residual: Expr, variance: Expr,
-                  lower: Lowering) -> list[Stmt]:
+def update_scalar(lower: Lowering, n: int, tag: str, *, H: Row, residual: Expr, variance: Expr) -> list[Stmt]:
     """Statements that fuse one scalar measurement.
 
     The correction gathers in ``dx``; the residual of a later scalar is taken at the state
@@ -144,11 +152,10 @@ def _row_index(tag: str) -> int:
 
 def _copied(body: list[Stmt], b: list[Expr], lower: Lowering) -> tuple[list[Stmt], list[Expr]]:
     """Elements of P that stand for themselves, copied before the update overwrites them."""
-    out: list[Expr] = []
+    out: list[Any] = []
     for value in b:
-        if isinstance(value, Ref) and value.name == "P":
-            name = lower.fresh("b")
-            body.append(Let(name, value))
-            value = Ref(name)
-        out.append(value)
+        stored = isinstance(value, Ref) and value.name == "P"
+        out.append(Ref(lower.fresh("b")) if stored else value)
+        if stored:
+            body.append(Let(out[-1].name, value))
     return body, out

@@ -50,10 +50,15 @@ class PythonPrinter(Printer):
 
 def _function(routine: Routine) -> dict[str, object]:
     outputs = {"transition": ["Phi"], "noise": ["Qd"]}.get(
-        routine.name, ["h", "H"] if routine.name.startswith("expect_") else [])
+        routine.name, ["h", "H"] if routine.name.startswith("expect_") else []
+    )
     arguments = ["x", "k", *outputs, *(a.name for a in routine.arguments)]
-    return {"name": f"_{routine.name}", "text": routine.text, "arguments": ", ".join(arguments),
-            "body": PythonPrinter().body(routine) or "    pass"}
+    return {
+        "name": f"_{routine.name}",
+        "text": routine.text,
+        "arguments": ", ".join(arguments),
+        "body": PythonPrinter().body(routine) or "    pass",
+    }
 
 
 def _call(arguments: tuple[Argument, ...]) -> str:
@@ -73,20 +78,39 @@ def files(program: Program) -> dict[str, str]:
     """The emitted module by name."""
     discrete = program.discrete
     pieces = {r.name: r for r in program.pieces}
-    sensors = [{"name": s.name, "title": s.title, "unit": s.unit, "channels": s.channels,
-                "R": [discrete.measurement_variance(s, c) for c in s.channels],
-                "extra": _call(pieces[f"expect_{s.name}"].arguments),
-                "typed": _typed(pieces[f"expect_{s.name}"].arguments),
-                "texts": [(a.name, a.text) for a in pieces[f"expect_{s.name}"].arguments]}
-               for s in discrete.model.sensors]
+    sensors = [
+        {
+            "name": s.name,
+            "title": s.title,
+            "unit": s.unit,
+            "channels": s.channels,
+            "R": [discrete.measurement_variance(s, c) for c in s.channels],
+            "extra": _call(pieces[f"expect_{s.name}"].arguments),
+            "typed": _typed(pieces[f"expect_{s.name}"].arguments),
+            "texts": [(a.name, a.text) for a in pieces[f"expect_{s.name}"].arguments],
+        }
+        for s in discrete.model.sensors
+    ]
     step = pieces["step"].arguments
     longest = max((pieces[n].arguments for n in ("step", "transition", "noise")), key=len)
-    text = render("filterpy/filter.py.j2", name=program.name, model=discrete.model,
-                  version=kfgen.__version__, hash=discrete.model.hash[:16], n=program.n,
-                  klass=class_name(program),
-                  nominal=discrete.nominal_names, start=discrete.start, states=discrete.model.states,
-                  constants=program.constants[:-1], functions=[_function(r) for r in program.pieces],
-                  sensors=sensors, inputs=_typed(longest), texts=[(a.name, a.text) for a in longest],
-                  step=_call(step), transition=_call(pieces["transition"].arguments),
-                  noise=_call(pieces["noise"].arguments))
+    text = render(
+        "filterpy/filter.py.j2",
+        name=program.name,
+        model=discrete.model,
+        version=kfgen.__version__,
+        hash=discrete.model.hash[:16],
+        n=program.n,
+        klass=class_name(program),
+        nominal=discrete.nominal_names,
+        start=discrete.start,
+        states=discrete.model.states,
+        constants=program.constants[:-1],
+        functions=[_function(r) for r in program.pieces],
+        sensors=sensors,
+        inputs=_typed(longest),
+        texts=[(a.name, a.text) for a in longest],
+        step=_call(step),
+        transition=_call(pieces["transition"].arguments),
+        noise=_call(pieces["noise"].arguments),
+    )
     return {f"{program.name}.py": text}

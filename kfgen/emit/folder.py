@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import kfgen
 from kfgen.discretise import DiscreteModel
@@ -39,17 +40,27 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         An unknown target, or a folder that holds files of other origin.
     """
     if target not in targets():
-        raise InputError(f"there is no target '{target}'", where="--target",
-                         remedy=f"Known are {', '.join(targets())}")
+        raise InputError(
+            f"there is no target '{target}'", where="--target", remedy=f"Known are {', '.join(targets())}"
+        )
     folder = Path(folder)
     _check_free(folder)
     files = dict(targets()[target].files(program))
     if noise is not None:
         files[NOISE] = noise_text(noise)
     discrete = program.discrete
-    manifest = {"format": FORMAT, "kfgen": kfgen.__version__, "model": discrete.model.name, "target": target,
-                "model_hash": discrete.model.hash, "order": discrete.order, "max_step": discrete.max_step,
-                "rate": discrete.rate, "noise": noise is not None, "files": sorted(files)}
+    manifest = {
+        "format": FORMAT,
+        "kfgen": kfgen.__version__,
+        "model": discrete.model.name,
+        "target": target,
+        "model_hash": discrete.model.hash,
+        "order": discrete.order,
+        "max_step": discrete.max_step,
+        "rate": discrete.rate,
+        "noise": noise is not None,
+        "files": sorted(files),
+    }
     files[MANIFEST] = json.dumps(manifest, indent=1) + "\n"
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
@@ -77,20 +88,30 @@ def _check_free(folder: Path) -> None:
     known = set(_manifest(folder)["files"]) | {MANIFEST} if MANIFEST in present else set()
     strangers = sorted(present - known)
     if strangers:
-        raise InputError(f"the folder holds other files ({', '.join(strangers[:3])})", where=str(folder),
-                         remedy="Give a new folder with -o")
+        raise InputError(
+            f"the folder holds other files ({', '.join(strangers[:3])})",
+            where=str(folder),
+            remedy="Give a new folder with -o",
+        )
 
 
-def _manifest(folder: Path) -> dict[str, object]:
+def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError("it is no emitted filter: there is no kfgen.json in it", where=str(folder),
-                         remedy="Make one with: kfgen emit MODEL --target c -o DIR") from None
+        raise InputError(
+            "it is no emitted filter: there is no kfgen.json in it",
+            where=str(folder),
+            remedy="Make one with: kfgen emit MODEL --target c -o DIR",
+        ) from None
     except ValueError as error:
         raise InputError(f"it is no JSON: {error}", where=str(path)) from None
-    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT or not isinstance(manifest.get("files"), list):
+    if (
+        not isinstance(manifest, dict)
+        or manifest.get("format") != FORMAT
+        or not isinstance(manifest.get("files"), list)
+    ):
         raise InputError("it is no manifest of kfgen", where=str(path))
     return manifest
 
@@ -109,11 +130,18 @@ def read_folder(folder: str | Path) -> Emitted:
     manifest = _manifest(folder)
     noise = read_noise(folder / NOISE) if manifest.get("noise") else None
     try:
-        discrete = DiscreteModel(build(str(manifest["model"]), noise), order=int(str(manifest["order"])),
-                                 max_step=float(str(manifest["max_step"])), rate=float(str(manifest["rate"])))
+        discrete = DiscreteModel(
+            build(str(manifest["model"]), noise),
+            order=int(str(manifest["order"])),
+            max_step=float(str(manifest["max_step"])),
+            rate=float(str(manifest["rate"])),
+        )
     except (KeyError, ValueError) as error:
         raise InputError(f"it lacks or garbles {error}", where=str(folder / MANIFEST)) from None
     if discrete.model.hash != manifest.get("model_hash"):
-        raise InputError("its model has another hash than this kfgen derives", where=str(folder / MANIFEST),
-                         remedy="Emit it again")
+        raise InputError(
+            "its model has another hash than this kfgen derives",
+            where=str(folder / MANIFEST),
+            remedy="Emit it again",
+        )
     return Emitted(Program(discrete), str(manifest.get("target")), folder)

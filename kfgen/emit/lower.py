@@ -11,6 +11,7 @@ from kfgen.emit.ir import Bin, Expr, Let, Num, Ref, Stmt, Una, add, mul, neg
 from kfgen.errors import InputError
 
 LONGEST_POWER = 8
+ONE: Expr = Num(1.0)
 
 
 class Lowering:
@@ -94,7 +95,7 @@ class Lowering:
                 above.append(self.expression(factor))
         sign = [f for f in above if f == Num(-1.0)]
         above = [f for f in above if f != Num(-1.0)]
-        value = reduce(mul, above, Num(1.0))
+        value = reduce(mul, above, ONE)
         if below:
             value = Bin("/", value, reduce(mul, below))
         return neg(value) if len(sign) % 2 else value
@@ -106,7 +107,7 @@ class Lowering:
         if not exponent.is_Integer or abs(int(exponent)) > LONGEST_POWER:
             raise InputError(f"the power {exponent} cannot be emitted")
         b = self.expression(base)
-        value = reduce(mul, [b] * abs(int(exponent)), Num(1.0))
+        value = reduce(mul, [b] * abs(int(exponent)), ONE)
         return Bin("/", Num(1.0), value) if exponent < 0 else value
 
 

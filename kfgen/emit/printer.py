@@ -80,8 +80,10 @@ class Printer:
                 assert isinstance(s, When)
                 inner = self.statements(s.body, depth + 1)
                 orelse = self.statements(s.orelse, depth + 1)
-                lines += [pad + line if line.lstrip() == line else line
-                          for line in self.branch(self.condition(s.condition), inner, orelse)]
+                lines += [
+                    pad + line if line.lstrip() == line else line
+                    for line in self.branch(self.condition(s.condition), inner, orelse)
+                ]
         return lines
 
     def body(self, routine: Routine) -> str:

@@ -30,8 +30,13 @@ class Machine:
     def __init__(self, program: Program, real: type[np.floating[Any]] = np.float32) -> None:
         self.program = program
         self.real = real
-        sizes = {"x": len(program.discrete.nominal_names), "P": packed_size(program.n),
-                 "k": len(program.constants), "innovation": program.rows, "variance": program.rows}
+        sizes = {
+            "x": len(program.discrete.nominal_names),
+            "P": packed_size(program.n),
+            "k": len(program.constants),
+            "innovation": program.rows,
+            "variance": program.rows,
+        }
         self.arrays: dict[str, NDArray[np.floating[Any]]] = {a: np.zeros(n, real) for a, n in sizes.items()}
         self.routines: dict[str, Routine] = {r.name: r for r in program.routines}
         self._numbers: dict[float, Any] = {}

@@ -16,7 +16,23 @@ import sympy as sp
 
 from kfgen.discretise import DT, DiscreteModel
 from kfgen.emit.covariance import Row, packed, packed_size, predict_covariance, update_scalar
-from kfgen.emit.ir import Argument, Compare, Expr, Flag, Let, Note, Num, Ref, Routine, Scratch, Stmt, Store, When, mul, sub
+from kfgen.emit.ir import (
+    Argument,
+    Compare,
+    Expr,
+    Flag,
+    Let,
+    Note,
+    Num,
+    Ref,
+    Routine,
+    Scratch,
+    Stmt,
+    Store,
+    When,
+    mul,
+    sub,
+)
 from kfgen.emit.lower import Lowering
 from kfgen.model.blocks import Attitude
 from kfgen.model.motion import Constant
@@ -60,8 +76,9 @@ class Program:
     def _lowering(self, prefix: str = "") -> Lowering:
         places = {name: Ref("x", i) for i, name in enumerate(self.discrete.nominal_names)}
         places |= {c.name: Ref("k", i) for i, c in enumerate(self.constants)}
-        places |= {c: Ref(i.name, k) for i in self.discrete.model.motion.inputs
-                   for k, c in enumerate(i.channels)}
+        places |= {
+            c: Ref(i.name, k) for i in self.discrete.model.motion.inputs for k, c in enumerate(i.channels)
+        }
         places |= {d: Ref(d) for d in self.discrete.model.drivers}
         return Lowering(places | {str(DT): Ref("dt")}, prefix)
 
@@ -83,8 +100,10 @@ class Program:
         return tuple(Argument(d, 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols)
 
     def _motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        triads = tuple(Argument(i.name, len(i.channels), f"{i.title} [{i.unit}], body axes")
-                       for i in self.discrete.model.motion.inputs)
+        triads = tuple(
+            Argument(i.name, len(i.channels), f"{i.title} [{i.unit}], body axes")
+            for i in self.discrete.model.motion.inputs
+        )
         return (*triads, *self._drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
@@ -128,7 +147,7 @@ class Program:
         values, statements = lower.many(used)
         body += statements
         atoms: list[Expr] = []
-        for value in values[:len(flat)]:
+        for value in values[: len(flat)]:
             atom, made = lower.let(value, "f")
             atoms.append(atom)
             body += made
@@ -137,12 +156,13 @@ class Program:
         Qd = {key: next(stream) for key in noise}
         body += predict_covariance(self.n, Phi, Qd, [s.name for s in self.discrete.model.states])
         body.append(Note("state"))
-        body += self._normalised(values[len(flat):], lower)
+        body += self._normalised(values[len(flat) :], lower)
         longest = Num(self.discrete.max_step)
         guarded = When(Compare("<=", Ref("dt"), longest), tuple(body), (Flag("BAD_STEP"),))
         outer = When(Compare(">", Ref("dt"), Num(0.0)), (guarded,), (Flag("BAD_STEP"),))
-        return Routine("predict", "State and covariance over one step.",
-                       self._motion_arguments(used), (outer,))
+        return Routine(
+            "predict", "State and covariance over one step.", self._motion_arguments(used), (outer,)
+        )
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one measurement of a sensor, scalar by scalar."""
@@ -155,7 +175,7 @@ class Program:
         values, statements = lower.many([*h, *(H[i, j] for i, j in entries)])
         body += statements
         rows: list[Row] = [{} for _ in range(H.rows)]
-        for (i, j), value in zip(entries, values[H.rows:]):
+        for (i, j), value in zip(entries, values[H.rows :]):
             rows[i][j], made = lower.let(value, "h")
             body += made
         residuals: list[Expr] = []
@@ -166,12 +186,21 @@ class Program:
         for i, channel in enumerate(sensor.channels):
             variance = Num(self.discrete.measurement_variance(sensor, channel))
             body.append(Note(channel))
-            body += update_scalar(self.n, f"{i}", rows[i], residuals[i], variance, lower)
+            body += update_scalar(lower, self.n, f"{i}", H=rows[i], residual=residuals[i], variance=variance)
         body += self._inject()
-        arguments = (Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: "
-                              + ", ".join(sensor.channels)), *self._drivers(used))
-        return Routine(f"update_{sensor.name}", f"Fuse one sample: {sensor.title}.", arguments,
-                       tuple(body), (Scratch("dx", self.n),))
+        arguments = (
+            Argument(
+                "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
+            ),
+            *self._drivers(used),
+        )
+        return Routine(
+            f"update_{sensor.name}",
+            f"Fuse one sample: {sensor.title}.",
+            arguments,
+            tuple(body),
+            (Scratch("dx", self.n),),
+        )
 
     def _inject(self) -> list[Stmt]:
         """The correction ``dx`` moves into the state."""
@@ -197,8 +226,9 @@ class Program:
         body += [Store(Ref("P", i), Num(priors.get(Ref("P", i), 0.0))) for i in range(packed_size(self.n))]
         body += [Store(Ref("k", i), Num(c.value)) for i, c in enumerate(self.constants)]
         body += [Store(Ref(a, i), Num(0.0)) for a in ("innovation", "variance") for i in range(self.rows)]
-        return Routine("init", "State, covariance and constants before the first measurement.", (),
-                       tuple(body))
+        return Routine(
+            "init", "State, covariance and constants before the first measurement.", (), tuple(body)
+        )
 
     @cached_property
     def routines(self) -> tuple[Routine, ...]:
@@ -210,35 +240,53 @@ class Program:
     def pieces(self) -> tuple[Routine, ...]:
         """The parts of a filter whose matrices belong to the target."""
         Phi, Qd, n = self.discrete.Phi, self.discrete.Qd, self.n
-        transition = [(Ref("Phi", i * n + j), Phi[i, j]) for i in range(n) for j in range(n)
-                      if Phi[i, j] != 0]
+        transition = [
+            (Ref("Phi", i * n + j), Phi[i, j]) for i in range(n) for j in range(n) if Phi[i, j] != 0
+        ]
         noise = [(Ref("Qd", i * n + j), Qd[i, j]) for i in range(n) for j in range(n) if Qd[i, j] != 0]
-        parts = [self._piece("transition", "Transition of the error.", transition),
-                 self._piece("noise", "Process noise of a step.", noise)]
+        parts = [
+            self._piece("transition", "Transition of the error.", transition),
+            self._piece("noise", "Process noise of a step.", noise),
+        ]
         for s in self.discrete.model.sensors:
             h, H = self.discrete.model.expected(s), self.discrete.model.H(s)
             stores = [(Ref("h", i), h[i]) for i in range(H.rows)]
-            stores += [(Ref("H", i * n + j), H[i, j]) for i in range(H.rows) for j in range(n)
-                       if H[i, j] != 0]
+            stores += [
+                (Ref("H", i * n + j), H[i, j]) for i in range(H.rows) for j in range(n) if H[i, j] != 0
+            ]
             arguments = self._drivers([e for _, e in stores])
-            parts.append(self._piece(f"expect_{s.name}", f"Expected sample and Jacobian: {s.title}.",
-                                     stores, arguments))
+            parts.append(
+                self._piece(
+                    f"expect_{s.name}", f"Expected sample and Jacobian: {s.title}.", stores, arguments
+                )
+            )
         lower = self._lowering()
         body = self._rotation(lower, self.discrete.step)
         values, statements = lower.many(self.discrete.step)
         body += [*statements, *self._normalised(values, lower)]
-        step = Routine("step", "The stored state over one step.",
-                       self._motion_arguments(self.discrete.step), tuple(body))
-        inject = Routine("inject", "The correction dx moves into the stored state.",
-                         (Argument("dx", n, "correction of the error state"),), tuple(self._inject()))
+        step = Routine(
+            "step", "The stored state over one step.", self._motion_arguments(self.discrete.step), tuple(body)
+        )
+        inject = Routine(
+            "inject",
+            "The correction dx moves into the stored state.",
+            (Argument("dx", n, "correction of the error state"),),
+            tuple(self._inject()),
+        )
         return (step, *parts, inject)
 
-    def _piece(self, name: str, text: str, stores: list[tuple[Ref, sp.Expr]],
-               arguments: tuple[Argument, ...] | None = None) -> Routine:
+    def _piece(
+        self,
+        name: str,
+        text: str,
+        stores: list[tuple[Ref, sp.Expr]],
+        arguments: tuple[Argument, ...] | None = None,
+    ) -> Routine:
         used = [e for _, e in stores]
         lower = self._lowering()
         body = self._rotation(lower, used)
         values, statements = lower.many(used)
         body += [*statements, *(Store(ref, v) for (ref, _), v in zip(stores, values))]
-        return Routine(name, text, self._motion_arguments(used) if arguments is None else arguments,
-                       tuple(body))
+        return Routine(
+            name, text, self._motion_arguments(used) if arguments is None else arguments, tuple(body)
+        )

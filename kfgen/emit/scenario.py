@@ -54,10 +54,13 @@ def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tupl
     places: Mapping[str, tuple[str, ...]] = (
         {i.name: i.channels for i in discrete.model.motion.inputs}
         | {d: (d,) for d in discrete.model.drivers}
-        | {"z": next((s.channels for s in discrete.model.sensors if routine.name == f"update_{s.name}"), ())})
+        | {"z": next((s.channels for s in discrete.model.sensors if routine.name == f"update_{s.name}"), ())}
+    )
     row: list[float] = []
     for a in routine.arguments:
-        values = [1.0 / discrete.rate] if a.name == "dt" else [log.channels[c].values[k] for c in places[a.name]]
+        values = (
+            [1.0 / discrete.rate] if a.name == "dt" else [log.channels[c].values[k] for c in places[a.name]]
+        )
         row += [float(np.float32(v)) for v in values]
     return tuple(row)
 
@@ -67,6 +70,6 @@ def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...]
     out: list[tuple[float, ...] | float] = []
     at = 0
     for a in routine.arguments:
-        out.append(inputs[at:at + a.size] if a.size else inputs[at])
+        out.append(inputs[at : at + a.size] if a.size else inputs[at])
         at += a.size or 1
     return out

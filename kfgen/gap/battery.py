@@ -16,15 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kfgen.effects import Effect, effect_named
+from kfgen.effects import Effect, catalogue
 from kfgen.identify.fit import Record, is_linear
-from kfgen.identify.likelihood import starts
 from kfgen.identify.whittle import Ordinates, log_likelihood, residual_ratio
 
 RATE = 0.01
 """Family-wise false alarm rate of the battery."""
 BANDS_PER_DECADE = 3
-DRIVEN = ("rate_ramp", "temperature")
 
 
 @dataclass(frozen=True)
@@ -54,9 +52,10 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: np.ndarray)
     data = record.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
     tests = [_band(data, ratio, lo, hi) for lo, hi in bands(data)]
-    tests += [_driven(record, effects, coefficients, name) for name in DRIVEN
-              if not any(e.name == name for e in effects)
-              and (not effect_named(name).driver or effect_named(name).driver in record.drive)]
+    for name, cls in catalogue().items():
+        shown = cls.starts(record.look)
+        if shown and is_linear(cls) and not any(e.name == name for e in effects):
+            tests.append(_driven(record, effects, coefficients, shown[0]))
     return _holm(tests)
 
 
@@ -78,11 +77,10 @@ def _band(data: Ordinates, ratio: np.ndarray, lo: int, hi: int) -> Test:
     return Test("power", min(p, 1.0), (float(f[lo]), float(f[hi - 1])), total / m)
 
 
-def _driven(record: Record, effects: Sequence[Effect], coefficients: np.ndarray, name: str) -> Test:
+def _driven(record: Record, effects: Sequence[Effect], coefficients: np.ndarray, effect: Effect) -> Test:
     """Regression of the residual on a deterministic effect."""
     from scipy.stats import norm
 
-    effect = starts_of(name, record)
     data = record.ordinates([*effects, effect])
     held = np.append(coefficients, 0.0)
     base = log_likelihood(data, effects, held).value
@@ -90,15 +88,6 @@ def _driven(record: Record, effects: Sequence[Effect], coefficients: np.ndarray,
     z = np.sqrt(max(2.0 * (best - base), 0.0))
     f = data.frequency
     return Test(effect.title, float(2.0 * norm.sf(z)), (0.0, float(f[min(5, f.size - 1)])), 1.0 + z**2)
-
-
-def starts_of(name: str, record: Record) -> Effect:
-    """A deterministic effect with its reference taken from the record."""
-    from kfgen.identify.allan import allan_curve
-
-    effect = starts(name, record, allan_curve(record.y[: max(9, min(record.y.size, 4096))], record.dt))[0]
-    assert is_linear(effect)
-    return effect
 
 
 def _holm(tests: list[Test]) -> list[Test]:

@@ -19,21 +19,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kfgen.effects import Effect, effect_named
-from kfgen.errors import InputError
-from kfgen.identify.allan import AllanCurve, allan_curve
+from kfgen.effects import Effect, catalogue
 from kfgen.identify.fit import Fit, Key, Prior, Problem, Record, curvature, is_linear, maximise
-from kfgen.identify.likelihood import starts
 
-CANDIDATES = ("white_noise", "quantisation", "gauss_markov", "bias_instability", "rate_random_walk",
-              "rate_ramp", "temperature")
 ABOVE = 3.0
 """Nats of evidence above which an effect is named."""
 DECADES = float(np.log(1e2))
 """Width of the log-uniform prior of a size."""
 COEFFICIENT = float(2.0 * np.log(1e4))
 """Normalisation of the log-uniform prior of a coefficient of either sign."""
-REPEATABLE = ("gauss_markov",)
 
 
 @dataclass(frozen=True)
@@ -100,47 +94,44 @@ def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Pri
     return Candidate("", maximise(problem), problem, 0.0)
 
 
-def candidates(record: Record, base: Candidate) -> list[Candidate]:
+def candidates(base: Candidate) -> list[Candidate]:
     """Every addition that the record allows, by evidence, the best first."""
-    curve = allan_curve(record.y, record.dt)
-    reference = log_evidence(base.problem, base.fit)
-    names = [n for n in CANDIDATES if _allowed(n, record, base.fit.effects)]
-    cost = float(np.log(len(names) + 1))
-    found = [_retuned(base, reference, cost)]
-    found += [_added(name, record, base, curve, reference, cost) for name in names]
+    allowed = additions(base)
+    cost = float(np.log(len(allowed) + 1))
+    reference = log_evidence(base.problem, base.fit) + cost
+    found = [_retuned(base, reference), *(_added(starts, base, reference) for starts in allowed)]
     return sorted(found, key=lambda c: -c.gain)
 
 
-def _allowed(name: str, record: Record, effects: Sequence[Effect]) -> bool:
-    if name not in REPEATABLE and any(e.name == name for e in effects):
-        return False
-    driver = effect_named(name).driver
-    return not driver or (driver in record.drive and bool(np.ptp(record.drive[driver]) > 0.0))
+def additions(base: Candidate) -> list[list[Effect]]:
+    """The start values of every effect of the catalogue that could be added."""
+    present = {e.name for e in base.fit.effects}
+    look = base.problem.record.look
+    shown = [
+        list(cls.starts(look)) for name, cls in catalogue().items() if cls.repeatable or name not in present
+    ]
+    return [starts for starts in shown if starts]
 
 
-def _retuned(base: Candidate, reference: float, cost: float) -> Candidate:
+def _retuned(base: Candidate, reference: float) -> Candidate:
     problem = replace(base.problem, priors={})
     fit = maximise(problem.starting(base.fit.effects))
-    return Candidate("retune", fit, problem, log_evidence(problem, fit) - reference - cost)
+    return Candidate("retune", fit, problem, log_evidence(problem, fit) - reference)
 
 
-def _added(name: str, record: Record, base: Candidate, curve: AllanCurve, reference: float,
-           cost: float) -> Candidate:
-    best: tuple[Fit, Problem] | None = None
-    first: Problem | None = None
-    for extra in starts(name, record, curve):
-        effects = (*base.fit.effects, extra)
-        if first is None:
-            first = Problem(record, effects, base.problem.priors)
-        for scale in (1.0,) if is_linear(extra) else (1.0, 0.1):
-            problem = first.starting((*base.fit.effects, _scaled(extra, scale)))
-            fit = maximise(problem)
-            if best is None or fit.value > best[0].value:
-                best = (fit, problem)
-    if best is None:
-        raise InputError(f"{name} has no start value")
-    fit, problem = best
-    return Candidate(name, fit, problem, log_evidence(problem, fit) - reference - cost)
+def _added(starts: Sequence[Effect], base: Candidate, reference: float) -> Candidate:
+    """The best fit of the believed model with one more effect, from all its start values."""
+    known = base.fit.effects
+    first = Problem(base.problem.record, (*known, starts[0]), base.problem.priors)
+    problems = [
+        first.starting((*known, _scaled(start, scale)))
+        for start in starts
+        for scale in ((1.0,) if is_linear(start) else (1.0, 0.1))
+    ]
+    fits = [maximise(p) for p in problems]
+    best = int(np.argmax([f.value for f in fits]))
+    gain = log_evidence(problems[best], fits[best]) - reference
+    return Candidate(starts[0].name, fits[best], problems[best], gain)
 
 
 def _scaled(effect: Effect, scale: float) -> Effect:

@@ -49,8 +49,12 @@ def split(record: Record) -> tuple[Record, Record]:
 
 def cut(record: Record, start: int, stop: int) -> Record:
     """A stretch of a record."""
-    return replace(record, t=record.t[start:stop], y=record.y[start:stop],
-                   drive={k: v[start:stop] for k, v in record.drive.items()})
+    return replace(
+        record,
+        t=record.t[start:stop],
+        y=record.y[start:stop],
+        drive={k: v[start:stop] for k, v in record.drive.items()},
+    )
 
 
 def held_out_gap(tail: Record, before: Fit, after: Fit) -> Gap:
@@ -72,7 +76,9 @@ def held_out_gap(tail: Record, before: Fit, after: Fit) -> Gap:
 def _ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tuple[Array, Array]:
     data = tail.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
-    parts = [(float(data.count[lo:hi].sum()), float(data.count[lo:hi] @ ratio[lo:hi])) for lo, hi in bands(data)]
+    parts = [
+        (float(data.count[lo:hi].sum()), float(data.count[lo:hi] @ ratio[lo:hi])) for lo, hi in bands(data)
+    ]
     m = np.array([p[0] for p in parts])
     return np.array([p[1] for p in parts]) / m, m
 

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kfgen.effects import Effect, effect_named
+from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.gap.battery import Test, battery
-from kfgen.gap.evidence import ABOVE, CANDIDATES, Candidate, believed, candidates, probabilities
+from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
 from kfgen.gap.proof import Gap, held_out_gap, split
-from kfgen.identify.allan import AllanCurve, allan_curve
 from kfgen.identify.fit import Key, Prior, Record, is_linear, maximise
 from kfgen.identify.interval import interval95
-from kfgen.identify.likelihood import BLOCKS, MINIMUM, starts
+from kfgen.identify.likelihood import BLOCKS, MINIMUM
 from kfgen.identify.whittle import density_of_differences
 from kfgen.noise import ChannelNoise, Term
 
@@ -84,7 +83,6 @@ class ChannelGap:
     believed: tuple[Effect, ...]
     mended: ChannelNoise
     limits: tuple[tuple[Effect, str, float], ...]
-    curve: AllanCurve
     record: Record
     retuned: bool = False
 
@@ -121,7 +119,7 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
     findings: list[Finding] = []
     tests, retuned = before, False
     while True:
-        ranked = candidates(fitted, base)
+        ranked = candidates(base)
         best = ranked[0]
         if best.gain < ABOVE or (best.name == "retune" and retuned):
             break
@@ -134,20 +132,35 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
     gap = held_out_gap(tail, start.fit, base.fit)
     findings, mended = _refitted(record, noise, base, findings, retuned)
     verdict = _verdict(findings, retuned, tests)
-    return ChannelGap(channel, noise.unit, verdict, tuple(findings), tuple(before), tuple(tests), gap,
-                      noise.effects, mended, tuple(_limits(fitted, base)),
-                      allan_curve(record.y, record.dt), record, retuned)
+    return ChannelGap(
+        channel,
+        noise.unit,
+        verdict,
+        tuple(findings),
+        tuple(before),
+        tuple(tests),
+        gap,
+        noise.effects,
+        mended,
+        tuple(_limits(base)),
+        record,
+        retuned,
+    )
 
 
 def _check(channel: str, record: Record, noise: ChannelNoise) -> None:
     if record.y.size < 4 * MINIMUM:
-        raise InputError(f"{channel} has {record.y.size} samples, too few to fit and to prove",
-                         remedy=f"Log at least {4 * MINIMUM}")
+        raise InputError(
+            f"{channel} has {record.y.size} samples, too few to fit and to prove",
+            remedy=f"Log at least {4 * MINIMUM}",
+        )
     if not np.ptp(record.y) > 0.0:
         raise InputError(f"{channel} never changes", remedy="Check the sensor and the column")
-    if not any(e.name in ("white_noise", "quantisation") for e in noise.effects):
-        raise InputError(f"the model of {channel} has no white noise",
-                         remedy="Give it an effect white_noise, or identify it first")
+    if not any(e.form().V or e.form().Z for e in noise.effects):
+        raise InputError(
+            f"the model of {channel} has no white noise",
+            remedy="Give it an effect white_noise, or identify it first",
+        )
 
 
 def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]) -> str:
@@ -162,13 +175,17 @@ def _finding(best: Candidate, ranked: Sequence[Candidate], worst: Test) -> Findi
     return Finding(best.fit.effects[-1], {}, shares[best.name], best.gain, tuple(others), worst)
 
 
-def _refitted(record: Record, noise: ChannelNoise, base: Candidate, findings: Sequence[Finding],
-              retuned: bool) -> tuple[list[Finding], ChannelNoise]:
+def _refitted(
+    record: Record, noise: ChannelNoise, base: Candidate, findings: Sequence[Finding], retuned: bool
+) -> tuple[list[Finding], ChannelNoise]:
     """After the proof: parameters and intervals from the whole record."""
     problem = replace(base.problem, record=record, effects=base.fit.effects)
     fit = maximise(problem)
-    spread = 1.96 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0)) \
-        if fit.likelihood.coefficients.size else np.zeros(0)
+    spread = (
+        1.96 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0))
+        if fit.likelihood.coefficients.size
+        else np.zeros(0)
+    )
     linear = iter(spread.tolist())
     terms = []
     for i, effect in enumerate(fit.effects):
@@ -177,8 +194,11 @@ def _refitted(record: Record, noise: ChannelNoise, base: Candidate, findings: Se
             value, s = float(getattr(effect, name)), next(linear)
             ci95 = {name: (value - s, value + s)}
         else:
-            ci95 = {p.name: interval95(problem, fit, (i, p.name)) for p in effect.estimated()
-                    if (i, p.name) in fit.free}
+            ci95 = {
+                p.name: interval95(problem, fit, (i, p.name))
+                for p in effect.estimated()
+                if (i, p.name) in fit.free
+            }
         terms.append(Term(effect, {k: v for k, v in ci95.items() if np.isfinite(v[1])}))
     kept = len(noise.terms)
     if not retuned:
@@ -187,18 +207,16 @@ def _refitted(record: Record, noise: ChannelNoise, base: Candidate, findings: Se
     return found, ChannelNoise(noise.unit, tuple(terms))
 
 
-def _limits(record: Record, base: Candidate) -> list[tuple[Effect, str, float]]:
+def _limits(base: Candidate) -> list[tuple[Effect, str, float]]:
     """For each effect that was not found, the size that would be worth `DETECTABLE` nats."""
-    curve = allan_curve(record.y, record.dt)
+    present, record = {e.name for e in base.fit.effects}, base.problem.record
     out = []
-    for name in CANDIDATES:
-        if any(e.name == name for e in base.fit.effects) or (
-                effect_named(name).driver and effect_named(name).driver not in record.drive):
-            continue
-        effect = starts(name, record, curve)[-1]
+    for starts in additions(base):
+        effect = starts[-1]
         size = effect.estimated()[0].name
-        value = _linear_limit(record, base, effect) if is_linear(effect) else _size_limit(record, base, effect, size)
-        out.append((replace(effect, **{size: value}), size, value))
+        if effect.name not in present:
+            value = _linear_limit(record, base, effect) if is_linear(effect) else _size_limit(base, effect)
+            out.append((replace(effect, **{size: value}), size, value))
     return out
 
 
@@ -208,10 +226,10 @@ def _linear_limit(record: Record, base: Candidate, effect: Effect) -> float:
     return float(np.sqrt(2.0 * DETECTABLE / (data.gram[:, 1, 1] / S).sum()))
 
 
-def _size_limit(record: Record, base: Candidate, effect: Effect, size: str) -> float:
+def _size_limit(base: Candidate, effect: Effect) -> float:
     from scipy.optimize import brentq
 
-    data = base.problem.data
+    data, size = base.problem.data, effect.estimated()[0].name
     S = density_of_differences(base.fit.effects, data.omega, data.dt, data.block)
     part = density_of_differences([replace(effect, **{size: 1.0})], data.omega, data.dt, data.block)
 
@@ -219,5 +237,5 @@ def _size_limit(record: Record, base: Candidate, effect: Effect, size: str) -> f
         x = np.exp(2.0 * log_size) * part / S
         return float(0.5 * (data.count * (x - np.log1p(x))).sum()) - DETECTABLE
 
-    lo, hi = record.box("size")
+    lo, hi = base.problem.record.box("size")
     return float(np.exp(brentq(worth, lo, hi))) if worth(lo) < 0.0 < worth(hi) else float("inf")

@@ -59,7 +59,7 @@ def overlapping_variance(y: Array, m: NDArray[np.int64]) -> Array:
     x = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     out = np.empty(m.size)
     for i, k in enumerate(m.tolist()):
-        d = x[2 * k:] - 2.0 * x[k:-k] + x[:-2 * k]
+        d = x[2 * k :] - 2.0 * x[k:-k] + x[: -2 * k]
         out[i] = float(d @ d) / (2.0 * k * k * d.size)
     return out
 
@@ -80,7 +80,7 @@ def degrees_of_freedom(n: int, m: Array, slope: Array) -> Array:
     white = (3.0 * (n - 1) / (2 * m) - 2.0 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
     flicker = np.where(m == 1, 2.0 * (n - 2) / (2.3 * n - 4.9), 5.0 * n**2 / (4 * m * (n + 3 * m)))
     flicker = np.where(m == 1, flicker * n / 2.0, flicker)
-    walk = (n - 2) / m * ((n - 1)**2 - 3 * m * (n - 1) + 4 * m**2) / max(n - 3, 1)**2
+    walk = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / max(n - 3, 1) ** 2
     edf = np.where(slope < -0.5, white, np.where(slope < 0.5, flicker, walk))
     return np.asarray(np.maximum(edf, 1.0))
 
@@ -111,5 +111,5 @@ def allan_curve(y: Array, dt: float, factors: NDArray[np.int64] | None = None) -
     tau = m * dt
     slope = np.gradient(np.log(avar), np.log(tau)) if m.size > 1 else np.full(1, -1.0)
     edf = degrees_of_freedom(y.size, m.astype(float), slope)
-    lo, hi = (np.sqrt(avar * edf / chi2.ppf(p, edf)) for p in (0.975, 0.025))
-    return AllanCurve(tau, np.sqrt(avar), lo, hi, edf)
+    ends = [np.asarray(np.sqrt(avar * edf / chi2.ppf(p, edf)), dtype=np.float64) for p in (0.975, 0.025)]
+    return AllanCurve(np.asarray(tau, dtype=np.float64), np.sqrt(avar), ends[0], ends[1], edf)

@@ -14,7 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
+from kfgen.effects import Effect, Look
+from kfgen.identify.allan import AllanCurve, allan_curve
 from kfgen.identify.whittle import Fitted, Ordinates, log_likelihood, ordinates
 
 Array = NDArray[np.float64]
@@ -60,9 +61,23 @@ class Record:
 
     def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
         """The binned transform, with a regressor for each deterministic effect in order."""
-        unit = [replace(e, **{e.estimated()[0].name: 1.0}).mean(self.t, self.drive)
-                for e in effects if is_linear(e)]
+        unit = [
+            replace(e, **{e.estimated()[0].name: 1.0}).mean(self.t, self.drive)
+            for e in effects
+            if is_linear(e)
+        ]
         return ordinates(self.y, self.dt, self.block, unit)
+
+    @cached_property
+    def curve(self) -> AllanCurve:
+        """Its overlapping Allan deviation."""
+        return allan_curve(self.y, self.dt)
+
+    @cached_property
+    def look(self) -> Look:
+        """What effects guess their start values from; only drivers that change are shown."""
+        means = {k: float(np.mean(v)) for k, v in self.drive.items() if np.ptp(v) > 0.0}
+        return Look(self.curve.tau, self.curve.deviation, self.dt, self.duration, means)
 
     def box(self, kind: str) -> tuple[float, float]:
         """Bounds of the logarithm of a parameter of that kind."""
@@ -127,8 +142,13 @@ class Problem:
     @cached_property
     def free(self) -> tuple[Key, ...]:
         """The parameters fitted in their logarithm."""
-        return tuple((i, p.name) for i, e in enumerate(self.effects) if not is_linear(e)
-                     for p in e.estimated() if (i, p.name) not in self.fixed)
+        return tuple(
+            (i, p.name)
+            for i, e in enumerate(self.effects)
+            if not is_linear(e)
+            for p in e.estimated()
+            if (i, p.name) not in self.fixed
+        )
 
     @cached_property
     def bounds(self) -> list[tuple[float, float]]:
@@ -151,8 +171,11 @@ class Problem:
     def objective(self, point: Array) -> float:
         """Minus log-likelihood minus log prior."""
         value = log_likelihood(self.data, self.at(point)).value
-        value += sum(prior.log_density(float(point[self.free.index(key)]))
-                     for key, prior in self.priors.items() if key in self.free)
+        value += sum(
+            prior.log_density(float(point[self.free.index(key)]))
+            for key, prior in self.priors.items()
+            if key in self.free
+        )
         return -value
 
     def pin(self, key: Key, value: float) -> Problem:
@@ -177,8 +200,7 @@ def maximise(problem: Problem) -> Fit:
     point = problem.start()
     if point.size:
         options = {"maxiter": 200, "ftol": 1e-12, "gtol": 1e-5}
-        result = minimize(problem.objective, point, method="L-BFGS-B", bounds=problem.bounds,
-                          options=options)
+        result = minimize(problem.objective, point, method="L-BFGS-B", bounds=problem.bounds, options=options)
         point = np.asarray(result.x)
     effects = problem.at(point)
     likelihood = log_likelihood(problem.data, effects)
@@ -188,8 +210,7 @@ def maximise(problem: Problem) -> Fit:
 
 def _with_coefficients(effects: tuple[Effect, ...], coefficients: Array) -> tuple[Effect, ...]:
     values = iter(coefficients.tolist())
-    return tuple(replace(e, **{e.estimated()[0].name: next(values)}) if is_linear(e) else e
-                 for e in effects)
+    return tuple(replace(e, **{e.estimated()[0].name: next(values)}) if is_linear(e) else e for e in effects)
 
 
 def curvature(problem: Problem, point: Array, step: float = 1e-3) -> Array:
@@ -205,9 +226,12 @@ def curvature(problem: Problem, point: Array, step: float = 1e-3) -> Array:
                 H[i, i] = (up - 2.0 * f0 + down) / step**2
             else:
                 a, b = offsets[i] + offsets[j], offsets[i] - offsets[j]
-                H[i, j] = H[j, i] = (problem.objective(point + a) - problem.objective(point + b)
-                                     - problem.objective(point - b) + problem.objective(point - a)
-                                     ) / (4.0 * step**2)
+                H[i, j] = H[j, i] = (
+                    problem.objective(point + a)
+                    - problem.objective(point + b)
+                    - problem.objective(point - b)
+                    + problem.objective(point - a)
+                ) / (4.0 * step**2)
     return H
 
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
-from kfgen.identify.allan import AllanCurve, allan_curve
 from kfgen.identify.bounds import relative_bound, seconds_for
 from kfgen.identify.fit import Fit, Key, Problem, Record, is_linear, maximise
 from kfgen.identify.interval import interval95, upper95
@@ -67,7 +66,6 @@ class Identified:
     intervals: dict[Key, tuple[float, float]]
     bounds: dict[Key, float]
     limits: tuple[Limit, ...]
-    curve: AllanCurve
     record: Record
     warnings: tuple[str, ...] = ()
 
@@ -93,8 +91,7 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
     if not np.ptp(record.y) > 0.0:
         raise InputError("the channel never changes", remedy="Check the sensor and the column")
     record = replace(record, block=max(1, n // BLOCKS))
-    curve = allan_curve(record.y, record.dt)
-    best, problem = _exactly(record, wanted, curve) if wanted else _climb(record, curve)
+    best, problem = _exactly(record, wanted) if wanted else _climb(record)
     intervals: dict[Key, tuple[float, float]] = {key: interval95(problem, best, key) for key in best.free}
     intervals |= _linear_intervals(best)
     bounds = relative_bound(best.effects, record.dt, n)
@@ -103,7 +100,7 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
     certain = replace(best, effects=tuple(e for e in best.effects if e.name not in LADDER or e.name in shown))
     limits = () if wanted else tuple(_limit(problem, certain, name) for name in LADDER if name not in shown)
     warnings = (_drift_warning(best, unresolved, record),) if unresolved else ()
-    return Identified(best, unresolved, intervals, bounds, limits, curve, record, warnings)
+    return Identified(best, unresolved, intervals, bounds, limits, record, warnings)
 
 
 def _unresolved(problem: Problem, best: Fit) -> frozenset[int]:
@@ -111,44 +108,35 @@ def _unresolved(problem: Problem, best: Fit) -> frozenset[int]:
     data = problem.data
     parts = [e.sampled_density(data.omega, data.dt, data.block) for e in best.effects]
     total = np.sum(parts, axis=0)
-    return frozenset(i for i, e in enumerate(best.effects) if e.name in LADDER
-                     and float(data.count[parts[i] > 0.5 * total].sum()) < RESOLVED)
+    return frozenset(
+        i
+        for i, e in enumerate(best.effects)
+        if e.name in LADDER and float(data.count[parts[i] > 0.5 * total].sum()) < RESOLVED
+    )
 
 
 def _drift_warning(best: Fit, unresolved: frozenset[int], record: Record) -> str:
     names = " and ".join(best.effects[i].title for i in sorted(unresolved))
-    return (f"there is a slow drift, fitted as {names}; {record.duration:.0f} s are too short to tell "
-            "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature")
+    return (
+        f"there is a slow drift, fitted as {names}; {record.duration:.0f} s are too short to tell "
+        "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature"
+    )
 
 
-def starts(name: str, record: Record, curve: AllanCurve) -> list[Effect]:
-    """Start values of an effect, read off the Allan curve."""
-    cls, adev, tau = effect_named(name), curve.deviation, curve.tau
-    floor, T = float(adev.min()), record.duration
-    if name == "white_noise":
-        return [cls(N=float(adev[0] * np.sqrt(tau[0])))]
-    if name == "quantisation":
-        return [cls(Q=float(adev[0] * tau[0] / np.sqrt(3.0)))]
-    if name == "rate_random_walk":
-        return [cls(K=float(adev[-1] * np.sqrt(3.0 / tau[-1])))]
-    if name == "bias_instability":
-        return [cls(B=floor, shortest=10 * record.dt, longest=T)]
-    if name == "gauss_markov":
-        lo, hi = (float(np.exp(v)) for v in record.box("time"))
-        times = np.clip(np.array([T / 1000, T / 150, T / 40, T / 10]), 2 * lo, 0.5 * hi)
-        return [cls(sigma=float(np.interp(t, tau, adev)) / 0.6, tau=float(t)) for t in np.unique(times)]
-    if is_linear(cls):
-        return [_linear_start(cls, record)]
-    raise InputError(f"{name} cannot be identified on a record at rest")
+def starts(name: str, record: Record) -> list[Effect]:
+    """Where fits of an effect to a record should start.
 
-
-def _linear_start(cls: type[Effect], record: Record) -> Effect:
-    if cls.driver and cls.driver not in record.drive:
-        raise InputError(f"{cls.name} needs the channel '{cls.driver}', which the log lacks")
-    values = {cls.estimated()[0].name: 0.0}
-    if cls.driver:
-        values["reference"] = float(np.mean(record.drive[cls.driver]))
-    return cls(**values)
+    Raises
+    ------
+    InputError
+        A record at rest cannot show the effect, or the log lacks its driver.
+    """
+    cls = effect_named(name)
+    found = cls.starts(record.look)
+    if not found:
+        missing = f"needs the channel '{cls.driver}'" if cls.driver else "cannot be seen on a record at rest"
+        raise InputError(f"{name} {missing}", remedy="Leave it out, or give a log that has it")
+    return list(found)
 
 
 def best_of(record: Record, choices: Sequence[tuple[Effect, ...]]) -> tuple[Fit, Problem]:
@@ -160,22 +148,24 @@ def best_of(record: Record, choices: Sequence[tuple[Effect, ...]]) -> tuple[Fit,
     return fits[best], problems[best]
 
 
-def _exactly(record: Record, wanted: Sequence[str], curve: AllanCurve) -> tuple[Fit, Problem]:
+def _exactly(record: Record, wanted: Sequence[str]) -> tuple[Fit, Problem]:
     choices: list[tuple[Effect, ...]] = [()]
     for name in wanted:
-        choices = [(*c, e) for c in choices for e in starts(name, record, curve)]
+        choices = [(*c, e) for c in choices for e in starts(name, record)]
     return best_of(record, choices)
 
 
-def _climb(record: Record, curve: AllanCurve) -> tuple[Fit, Problem]:
+def _climb(record: Record) -> tuple[Fit, Problem]:
     """White noise first; then whichever rung gains most over its threshold, until none does."""
-    best, problem = _exactly(record, ["white_noise"], curve)
+    best, problem = _exactly(record, ["white_noise"])
     left = list(LADDER)
     while left:
-        trials = [(name, *best_of(record, [(*best.effects, e) for e in starts(name, record, curve)]))
-                  for name in left]
-        gains = [2.0 * (fit.value - best.value) / THRESHOLD[len(fit.free) - len(best.free)]
-                 for _, fit, _ in trials]
+        trials = [
+            (name, *best_of(record, [(*best.effects, e) for e in starts(name, record)])) for name in left
+        ]
+        gains = [
+            2.0 * (fit.value - best.value) / THRESHOLD[len(fit.free) - len(best.free)] for _, fit, _ in trials
+        ]
         k = int(np.argmax(gains))
         if gains[k] < 1.0:
             break
@@ -185,11 +175,13 @@ def _climb(record: Record, curve: AllanCurve) -> tuple[Fit, Problem]:
 
 
 def _linear_intervals(fit: Fit) -> dict[Key, tuple[float, float]]:
-    spread = 1.959963984540054 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0)) \
-        if fit.likelihood.coefficients.size else np.zeros(0)
+    spread = (
+        1.959963984540054 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0))
+        if fit.likelihood.coefficients.size
+        else np.zeros(0)
+    )
     keys = [(i, e.estimated()[0].name) for i, e in enumerate(fit.effects) if is_linear(e)]
-    return {key: (float(c - s), float(c + s))
-            for key, c, s in zip(keys, fit.likelihood.coefficients, spread)}
+    return {key: (float(c - s), float(c + s)) for key, c, s in zip(keys, fit.likelihood.coefficients, spread)}
 
 
 def _limit(problem: Problem, best: Fit, name: str) -> Limit:
@@ -198,36 +190,19 @@ def _limit(problem: Problem, best: Fit, name: str) -> Limit:
     An unresolved drift may be all of the effect asked for, so it is not held against it.
     """
     record, index = problem.record, len(best.effects)
-    cls = effect_named(name)
-    size = cls.estimated()[0].name
-    times: list[tuple[float, ...]] = [()]
-    if any(p.kind == "time" for p in cls.estimated()):
-        T = record.duration
-        times = [(t,) for t in np.geomspace(max(T / 100, 20 * record.dt * record.block), T / 5, 4)]
+    shown = starts(name, record)
+    size = shown[0].estimated()[0].name
     worst: Limit | None = None
-    for tail in times:
-        tiny = float(np.exp(problem.record.box("size")[0])) * 10.0
-        effect = cls(tiny, *map(float, tail))
-        fixed = frozenset((index, p.name) for p in cls.estimated()[1:])
-        trial = Problem(record, (*best.effects, effect), fixed=fixed)
+    for start in shown[1:] or shown:
+        fixed = frozenset((index, p.name) for p in start.estimated()[1:])
+        trial = Problem(record, (*best.effects, start), fixed=fixed)
         trial.__dict__["data"] = problem.data
-        fit = _anchored(trial, index, size)
+        small = replace(start, **{size: 1e-3 * float(getattr(start, size))})
+        fits = [maximise(t) for t in (trial, trial.starting((*best.effects, small)))]
+        fit = max(fits, key=lambda f: f.value)
         top = upper95(trial, fit, (index, size))
         if worst is None or top > worst.upper95:
-            found = replace(fit.effects[index], **{size: top})
-            worst = Limit(found, size, top, 0.0)
+            worst = Limit(replace(fit.effects[index], **{size: top}), size, top, 0.0)
     assert worst is not None
-    effects = (*best.effects, worst.effect)
-    hours = seconds_for(effects, record.dt, (index, size)) / 3600.0
+    hours = seconds_for((*best.effects, worst.effect), record.dt, (index, size)) / 3600.0
     return replace(worst, hours=hours)
-
-
-def _anchored(trial: Problem, index: int, size: str) -> Fit:
-    """The maximum, from a start where the size matters: at zero the likelihood is flat."""
-    effect = trial.effects[index]
-    white = float(getattr(trial.effects[0], "N", 1.0))
-    T = trial.record.duration
-    guess = white / np.sqrt(T) if size == "sigma" else white / T
-    started = list(trial.effects)
-    started[index] = replace(effect, **{size: float(guess)})
-    return max((maximise(trial), maximise(trial.starting(tuple(started)))), key=lambda f: f.value)

@@ -72,7 +72,7 @@ class Ordinates:
 def block_means(y: Array, block: int) -> Array:
     """Means of successive blocks along the first axis; an incomplete last block is left out."""
     n = y.shape[0] // block
-    return np.asarray(y[:n * block].reshape(n, block, *y.shape[1:]).mean(axis=1))
+    return np.asarray(y[: n * block].reshape(n, block, *y.shape[1:]).mean(axis=1))
 
 
 def ordinates(y: Array, dt: float, block: int = 1, regressors: Sequence[Array] = ()) -> Ordinates:
@@ -125,8 +125,7 @@ class Fitted:
     covariance: Array
 
 
-def log_likelihood(data: Ordinates, effects: Sequence[Effect],
-                   coefficients: Array | None = None) -> Fitted:
+def log_likelihood(data: Ordinates, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
     """``ln L`` of the record under the random `effects`.
 
     Parameters

@@ -23,54 +23,12 @@ from types import MappingProxyType
 
 import sympy as sp
 
-from kfgen.effects import Effect, Form
+from kfgen.effects import Effect
 from kfgen.errors import InputError
+from kfgen.model.attach import Attached, Attachment, StateInfo
 from kfgen.model.blocks import Attitude, Block
 from kfgen.model.motion import Constant, Motion
 from kfgen.model.sensors import Sensor
-from kfgen.units import derived_unit
-
-
-@dataclass(frozen=True)
-class StateInfo:
-    """One component of the error state.
-
-    Parameters
-    ----------
-    name, unit, title : str
-        SI unit; in words.
-    prior : float
-        Deviation before the first measurement [SI].
-    start : float
-        The estimate before it, of an effect's state [SI].
-    """
-
-    name: str
-    unit: str
-    title: str
-    prior: float
-    start: float = 0.0
-
-    @property
-    def symbol(self) -> sp.Symbol:
-        """The nominal symbol (of an effect's state)."""
-        return sp.Symbol(self.name, real=True)
-
-    @property
-    def error(self) -> sp.Symbol:
-        """The error symbol."""
-        return sp.Symbol(f"d_{self.name}", real=True)
-
-
-@dataclass(frozen=True)
-class Attached:
-    """One effect on one channel: its form, its states in the filter, and which of them it brought."""
-
-    channel: str
-    effect: Effect
-    form: Form
-    states: tuple[int, ...]
-    brought: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -99,8 +57,9 @@ class FilterModel:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
         unknown = [c for c in self.noise if c not in self.channel_units]
         if unknown:
-            raise InputError(f"{self.name} has no channel '{unknown[0]}'",
-                             remedy=f"It has {', '.join(self.channel_units)}")
+            raise InputError(
+                f"{self.name} has no channel '{unknown[0]}'", remedy=f"It has {', '.join(self.channel_units)}"
+            )
 
     def augment(self, channel: str, effect: Effect) -> FilterModel:
         """The same model with one more effect on a channel."""
@@ -121,8 +80,8 @@ class FilterModel:
     @cached_property
     def constants(self) -> tuple[Constant, ...]:
         """Every constant of the motion and of the sensors, once."""
-        found = {c.name: c for holder in (self.motion, *self.sensors) for c in holder.constants}
-        return tuple(found.values())
+        declared = [*self.motion.constants, *(c for s in self.sensors for c in s.constants)]
+        return tuple({c.name: c for c in declared}.values())
 
     @cached_property
     def drivers(self) -> tuple[str, ...]:
@@ -132,44 +91,22 @@ class FilterModel:
     @cached_property
     def _attachment(self) -> tuple[tuple[StateInfo, ...], tuple[Attached, ...]]:
         """The effects' states (after the blocks') and which effect has which."""
-        infos: list[StateInfo] = []
-        attached: list[Attached] = []
-        offset = sum(len(b.error_names) for b in self.blocks)
-        drive = {d: sp.Symbol(d, real=True) for d in self.drivers}
-        for channel, unit in self.channel_units.items():
-            bias: int | None = None
-            for effect in self.noise.get(channel, ()):
-                form = effect.form(drive)
-                places, brought = [], []
-                for k, prior in enumerate(_prior(effect, form)):
-                    shared = form.states[k].shared
-                    if shared and bias is not None:
-                        old = infos[bias - offset]
-                        infos[bias - offset] = replace(old, prior=max(old.prior, prior))
-                    else:
-                        infos.append(self._info(channel, unit, effect, form, k, prior, infos))
-                    places.append(bias if shared and bias is not None else offset + len(infos) - 1)
-                    brought.append(not (shared and bias is not None))
-                    bias = places[-1] if shared else bias
-                attached.append(Attached(channel, effect, form, tuple(places), tuple(brought)))
-        return tuple(infos), tuple(attached)
-
-    def _info(self, channel: str, unit: str, effect: Effect, form: Form, k: int, prior: float,
-              known: list[StateInfo]) -> StateInfo:
-        """Name, unit and words of a state that an effect brings."""
-        state = form.states[k]
         letters = {c: f"{i.bias}_{c[-1]}" for i in self.motion.inputs for c in i.channels}
-        stem = letters.get(channel, f"b_{channel}") if state.shared else f"{channel}_{state.name}"
-        same = sum(s.name.rstrip("0123456789") == stem for s in known)
-        title = f"{channel} {'bias' if state.shared else effect.title}"
-        return StateInfo(f"{stem}{same + 1}" if same else stem, derived_unit(state.unit, unit), title, prior,
-                         float(form.x0[k]))
+        drive = {d: sp.Symbol(d, real=True) for d in self.drivers}
+        attachment = Attachment(letters, drive, sum(len(b.error_names) for b in self.blocks))
+        for channel, unit in self.channel_units.items():
+            for effect in self.noise.get(channel, ()):
+                attachment.add(channel, unit, effect)
+        return tuple(attachment.states), tuple(attachment.effects)
 
     @cached_property
     def states(self) -> tuple[StateInfo, ...]:
         """The error states in order: blocks first, then the effects' by channel."""
-        blocks = tuple(StateInfo(n, b.unit, f"{b.title} {n.rsplit('_', 1)[-1]}", b.prior)
-                       for b in self.blocks for n in b.error_names)
+        blocks = tuple(
+            StateInfo(n, b.unit, f"{b.title} {n.rsplit('_', 1)[-1]}", b.prior)
+            for b in self.blocks
+            for n in b.error_names
+        )
         return blocks + self._attachment[0]
 
     @property
@@ -197,6 +134,7 @@ class FilterModel:
 
     def inputs(self, perturbed: bool) -> dict[str, sp.Matrix]:
         """The true (or estimated) value of each input triad in symbols."""
+
         def value(channel: str) -> sp.Expr:
             noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
             return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
@@ -225,8 +163,11 @@ class FilterModel:
         n0, size = len(rows), len(self.states)
         A, _ = self.effect_dynamics
         errors = sp.Matrix([s.error for s in self.states[n0:]]) if size > n0 else sp.zeros(0, 1)
-        w = sp.Matrix(self.noise_symbols[len(self.noise_symbols) - (size - n0):]) if size > n0 \
+        w = (
+            sp.Matrix(self.noise_symbols[len(self.noise_symbols) - (size - n0) :])
+            if size > n0
             else sp.zeros(0, 1)
+        )
         return sp.Matrix([*rows, *(A * errors + w)])
 
     @cached_property
@@ -245,12 +186,14 @@ class FilterModel:
     def white(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
         """White noise of a channel: density [U^2/Hz], and variance of the steps of its integral."""
         forms = [a.form for a in self.attached if a.channel == channel]
-        return (sum((sp.sympify(f.V) for f in forms), sp.Integer(0)),
-                sum((sp.sympify(f.Z) for f in forms), sp.Integer(0)))
+        return (
+            sum((sp.sympify(f.V) for f in forms), sp.Integer(0)),
+            sum((sp.sympify(f.Z) for f in forms), sp.Integer(0)),
+        )
 
     @cached_property
     def _at_zero(self) -> dict[sp.Symbol, int]:
-        return {**{s.error: 0 for s in self.states}, **{n: 0 for n in self.noise_symbols}}
+        return {**{s.error: 0 for s in self.states}, **dict.fromkeys(self.noise_symbols, 0)}
 
     def _slope(self, vector: sp.Matrix, symbols: tuple[sp.Symbol, ...]) -> sp.Matrix:
         if not symbols or not vector.rows:
@@ -287,27 +230,23 @@ class FilterModel:
         for s in self.sensors:
             if s.name == name:
                 return s
-        raise InputError(f"{self.name} has no sensor '{name}'",
-                         remedy=f"It has {', '.join(s.name for s in self.sensors)}")
+        raise InputError(
+            f"{self.name} has no sensor '{name}'", remedy=f"It has {', '.join(s.name for s in self.sensors)}"
+        )
 
     @cached_property
     def hash(self) -> str:
         """SHA-256 over the content: equations, numbers, order of states (hexadecimal)."""
-        parts = [self.name, *(repr(s) for s in self.states), sp.srepr(self.F), sp.srepr(self.G),
-                 sp.srepr(self.W), *(repr(c) for c in self.constants)]
-        parts += [f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[self.white(c) for c in s.channels]}"
-                  for s in self.sensors]
+        parts = [
+            self.name,
+            *(repr(s) for s in self.states),
+            sp.srepr(self.F),
+            sp.srepr(self.G),
+            sp.srepr(self.W),
+            *(repr(c) for c in self.constants),
+        ]
+        parts += [
+            f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[self.white(c) for c in s.channels]}"
+            for s in self.sensors
+        ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def _prior(effect: Effect, form: Form) -> list[float]:
-    """Deviation of each state before the first measurement [SI]."""
-    from kfgen.effects.form import initial_covariance
-
-    spread = initial_covariance(form) if form.order else None
-    priors = []
-    for i, state in enumerate(form.states):
-        stationary = float(spread[i, i]) ** 0.5 if spread is not None else 0.0
-        known = float(getattr(effect, "sd", 0.0)) if state.shared else 0.0
-        priors.append(max(stationary, known, abs(float(form.x0[i]))))
-    return priors

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from kfgen.effects import Effect, effect_named
+from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.model.filter import FilterModel
 from kfgen.model.motion import Motion, Rest, Rotating, Strapdown
@@ -27,21 +27,23 @@ class Entry:
 
 def _with_inputs(motion: Motion, noise: NoiseModel | None) -> dict[str, tuple[Effect, ...]]:
     """White noise and a constant bias on every input, the noise file's effects where it has them."""
-    white, bias = effect_named("white_noise"), effect_named("bias")
     effects: dict[str, tuple[Effect, ...]] = {}
     for triad in motion.inputs:
         for channel in triad.channels:
             known = noise.channels[channel].effects if noise and channel in noise.channels else ()
-            effects[channel] = (*(known or (white(N=triad.N),)), bias(sd=triad.bias_prior))
+            effects[channel] = (
+                *(known or (make("white_noise", N=triad.N),)),
+                make("bias", sd=triad.bias_prior),
+            )
     return effects
 
 
 def _moving(motion: Motion, *sensors: type) -> Callable[[str, str, NoiseModel | None], FilterModel]:
     def build(name: str, title: str, noise: NoiseModel | None) -> FilterModel:
         model = FilterModel(name, title, motion, tuple(s() for s in sensors), _with_inputs(motion, noise))
-        for channel in (noise.channels if noise else {}):
+        for channel, found in (noise.channels if noise else {}).items():
             if channel in model.channel_units and channel not in model.noise:
-                model = replace(model, noise={**model.noise, channel: noise.channels[channel].effects})
+                model = replace(model, noise={**model.noise, channel: found.effects})
         _check_units(model, noise)
         return model
 
@@ -53,24 +55,28 @@ def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
         if noise and channel in noise.channels:
             given = noise.channels[channel].unit
             if not parse_unit(given).same_dimension(parse_unit(unit)):
-                raise InputError(f"channel {channel} is in {given} in the noise file, {model.name} "
-                                 f"needs {unit}")
+                raise InputError(
+                    f"channel {channel} is in {given} in the noise file, {model.name} needs {unit}"
+                )
 
 
 def _one_axis(name: str, title: str, noise: NoiseModel | None) -> FilterModel:
     """One channel at rest: the first gyro channel of the noise file, or its first channel."""
     if noise is None:
-        effects: tuple[Effect, ...] = (effect_named("white_noise")(N=1.5e-4),
-                                       effect_named("gauss_markov")(sigma=3e-5, tau=300.0))
+        effects: tuple[Effect, ...] = (
+            make("white_noise", N=1.5e-4),
+            make("gauss_markov", sigma=3e-5, tau=300.0),
+        )
         channel, unit = "gyro_x", "rad/s"
     else:
         channel = next((c for c in noise.channels if c.startswith("gyro")), next(iter(noise.channels)))
         effects = noise.channels[channel].effects
         unit = noise.channels[channel].unit
     si = parse_unit(unit).si
-    bias = effect_named("bias")(sd=_turn_on(effects))
-    return FilterModel(name, title, Rest(), (AtRest(channel, si),), {channel: (*effects, bias)},
-                       {channel: unit})
+    bias = make("bias", sd=_turn_on(effects))
+    return FilterModel(
+        name, title, Rest(), (AtRest(channel, si),), {channel: (*effects, bias)}, {channel: unit}
+    )
 
 
 def _turn_on(effects: tuple[Effect, ...]) -> float:
@@ -81,10 +87,14 @@ def _turn_on(effects: tuple[Effect, ...]) -> float:
 
 LIBRARY: dict[str, Entry] = {
     "gyro-static": Entry("one sensor axis at rest: the sum of its identified effects", _one_axis),
-    "ahrs6": Entry("attitude and gyro bias from gyros, gravity and magnetic field",
-                   _moving(Rotating(), GravityDirection, MagneticField)),
-    "ins15": Entry("position, velocity, attitude, accelerometer and gyro bias, with GNSS",
-                   _moving(Strapdown(), GnssPosition, GnssVelocity)),
+    "ahrs6": Entry(
+        "attitude and gyro bias from gyros, gravity and magnetic field",
+        _moving(Rotating(), GravityDirection, MagneticField),
+    ),
+    "ins15": Entry(
+        "position, velocity, attitude, accelerometer and gyro bias, with GNSS",
+        _moving(Strapdown(), GnssPosition, GnssVelocity),
+    ),
 }
 
 

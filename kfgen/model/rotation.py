@@ -28,23 +28,27 @@ def atoms(name: str) -> sp.Matrix:
 def matrix_of(q: sp.Matrix) -> sp.Matrix:
     """The rotation matrix of a unit quaternion, scalar first (eq. (115) of [1]_)."""
     w, x, y, z = q
-    return sp.Matrix([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
+    return sp.Matrix(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def hamilton(p: sp.Matrix, q: sp.Matrix) -> sp.Matrix:
     """The Hamilton product, scalar first (eq. (12) of [1]_)."""
     pw, px, py, pz = p
     qw, qx, qy, qz = q
-    return sp.Matrix([
-        pw * qw - px * qx - py * qy - pz * qz,
-        pw * qx + px * qw + py * qz - pz * qy,
-        pw * qy - px * qz + py * qw + pz * qx,
-        pw * qz + px * qy - py * qx + pz * qw,
-    ])
+    return sp.Matrix(
+        [
+            pw * qw - px * qx - py * qy - pz * qz,
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+        ]
+    )
 
 
 def small_quaternion(theta: sp.Matrix) -> sp.Matrix:

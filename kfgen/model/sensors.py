@@ -13,8 +13,10 @@ import sympy as sp
 
 from kfgen.model.motion import GRAVITY, Constant
 
-FIELD = (Constant("mag_N", "T", 20e-6, "magnetic field, north (horizontal) component"),
-         Constant("mag_D", "T", 44e-6, "magnetic field, down component"))
+FIELD = (
+    Constant("mag_N", "T", 20e-6, "magnetic field, north (horizontal) component"),
+    Constant("mag_D", "T", 44e-6, "magnetic field, down component"),
+)
 
 
 class Sensor:

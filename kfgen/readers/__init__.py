@@ -31,8 +31,7 @@ def readers() -> dict[str, ModuleType]:
     return found
 
 
-def read_log(path: str | Path, *, rate: float | None = None,
-             columns: ColumnMap | None = None) -> Log:
+def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap | None = None) -> Log:
     """Read a log of any known format.
 
     Parameters
@@ -54,14 +53,18 @@ def read_log(path: str | Path, *, rate: float | None = None,
         raise InputError("no such file", where=str(path))
     reader = readers().get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"'{path.suffix}' is no format that is read", where=str(path),
-                         remedy=f"Known are {', '.join(sorted(readers()))}")
+        raise InputError(
+            f"'{path.suffix}' is no format that is read",
+            where=str(path),
+            remedy=f"Known are {', '.join(sorted(readers()))}",
+        )
     data = path.read_bytes()
     if not data.strip():
         raise InputError("the file is empty", where=str(path))
     if rate is not None and not 0.0 < rate < float("inf"):
-        raise InputError(f"a rate of {rate:g} Hz is no sampling rate",
-                         remedy="Give --rate a positive number of hertz")
+        raise InputError(
+            f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
+        )
     table = reader.read(path)
     return assemble(table, columns, rate, hashlib.sha256(data).hexdigest())
 
@@ -77,6 +80,7 @@ def write_log(log: Log, path: str | Path) -> None:
     path = Path(path)
     writer = readers().get(path.suffix.lower())
     if writer is None or not hasattr(writer, "write"):
-        raise InputError(f"'{path.suffix}' is no format that is written", where=str(path),
-                         remedy="Give a .csv or .npz")
+        raise InputError(
+            f"'{path.suffix}' is no format that is written", where=str(path), remedy="Give a .csv or .npz"
+        )
     writer.write(log, path)

@@ -37,8 +37,10 @@ def read(path: Path) -> Table:
     separator, first = _first_row(path, lines)
     names, units = _header(path, lines, first, separator)
     values = _numbers(path, lines, first, separator, names)
-    return Table(str(path), {name: Column(values[:, k], unit)
-                             for k, (name, unit) in enumerate(zip(names, units, strict=True))})
+    return Table(
+        str(path),
+        {name: Column(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))},
+    )
 
 
 def write(log: Log, path: str | Path) -> None:
@@ -49,8 +51,14 @@ def write(log: Log, path: str | Path) -> None:
         columns.append((channel.values - unit.offset) / unit.factor)
         names.append(f"{name} [{channel.unit}]")
     with write_whole(path) as temporary:
-        np.savetxt(temporary, np.column_stack(columns), fmt="%.10g", delimiter=",",
-                   header=",".join(names), comments="")
+        np.savetxt(
+            temporary,
+            np.column_stack(columns),
+            fmt="%.10g",
+            delimiter=",",
+            header=",".join(names),
+            comments="",
+        )
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -83,15 +91,19 @@ def _no_row(path: Path, lines: list[str]) -> None:
     for index, line in enumerate(lines[:_SEARCH]):
         for k, cell in enumerate(_cells(line, ",")):
             if not _is_number(cell) and any(_is_number(c) for c in _cells(line, ",")) and index:
-                raise InputError(f"'{cell}' is not a number",
-                                 where=f"{path}: line {index + 1}, column {k + 1}",
-                                 remedy="Mend or remove that line")
-    raise InputError("no line of it is all numbers", where=str(path),
-                     remedy="A CSV log has a header 'name [unit],...' and rows of numbers")
+                raise InputError(
+                    f"'{cell}' is not a number",
+                    where=f"{path}: line {index + 1}, column {k + 1}",
+                    remedy="Mend or remove that line",
+                )
+    raise InputError(
+        "no line of it is all numbers",
+        where=str(path),
+        remedy="A CSV log has a header 'name [unit],...' and rows of numbers",
+    )
 
 
-def _header(path: Path, lines: list[str], first: int,
-            separator: str) -> tuple[list[str], list[str | None]]:
+def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[list[str], list[str | None]]:
     width = len(_cells(lines[first], separator))
     for index in range(first - 1, -1, -1):
         line = lines[index].lstrip("# ")
@@ -111,16 +123,19 @@ def _names(path: Path, index: int, cells: list[str]) -> tuple[list[str], list[st
         match = _HEADER.match(cell)
         name, unit = (match.group(1), match.group(2)) if match else (cell, None)
         if name in names:
-            raise InputError(f"the header has '{name}' twice",
-                             where=f"{path}: line {index + 1}, column {k + 1}",
-                             remedy="Rename one of the two columns")
+            raise InputError(
+                f"the header has '{name}' twice",
+                where=f"{path}: line {index + 1}, column {k + 1}",
+                remedy="Rename one of the two columns",
+            )
         names.append(name)
         units.append(unit)
     return names, units
 
 
-def _numbers(path: Path, lines: list[str], first: int, separator: str,
-             names: list[str]) -> NDArray[np.float64]:
+def _numbers(
+    path: Path, lines: list[str], first: int, separator: str, names: list[str]
+) -> NDArray[np.float64]:
     rows = lines[first:]
     try:
         return np.loadtxt(rows, delimiter=separator or None, ndmin=2, dtype=np.float64)
@@ -136,10 +151,15 @@ def _explain(path: Path, rows: list[str], first: int, separator: str, names: lis
             continue
         cells, number = _cells(line, separator), first + index + 1
         if len(cells) != len(names):
-            raise InputError(f"has {len(cells)} cells instead of {len(names)}",
-                             where=f"{path}: line {number}", remedy="Mend or remove that line")
+            raise InputError(
+                f"has {len(cells)} cells instead of {len(names)}",
+                where=f"{path}: line {number}",
+                remedy="Mend or remove that line",
+            )
         for k, cell in enumerate(cells):
             if not _is_number(cell):
-                raise InputError(f"'{cell}' is not a number" if cell else "an empty cell",
-                                 where=f"{path}: line {number}, column {k + 1} ({names[k]})",
-                                 remedy="Mend or remove that line")
+                raise InputError(
+                    f"'{cell}' is not a number" if cell else "an empty cell",
+                    where=f"{path}: line {number}, column {k + 1} ({names[k]})",
+                    remedy="Mend or remove that line",
+                )

@@ -24,8 +24,14 @@ from kfgen.whole import write_whole
 
 SUFFIXES = (".npz",)
 
-_USUAL = {"gyr": ("gyro", "rad/s"), "gyro": ("gyro", "rad/s"), "acc": ("accel", "m/s^2"),
-          "accel": ("accel", "m/s^2"), "mag": ("mag", "uT"), "quat": ("ref_q", "")}
+_USUAL = {
+    "gyr": ("gyro", "rad/s"),
+    "gyro": ("gyro", "rad/s"),
+    "acc": ("accel", "m/s^2"),
+    "accel": ("accel", "m/s^2"),
+    "mag": ("mag", "uT"),
+    "quat": ("ref_q", ""),
+}
 _SUFFIX = {3: "xyz", 4: "wxyz"}
 # ENU axes seen from NED: a half turn about the bisector of north and east.
 _Q_NED_ENU = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
@@ -54,7 +60,8 @@ def write(log: Log, path: str | Path) -> None:
     """Write a log as kfgen's own NPZ, whole or not at all."""
     units = {"t": "s", **{name: c.unit for name, c in log.channels.items()}}
     arrays: dict[str, NDArray[np.generic]] = {
-        name: np.asarray(from_si_array(c.values, c.unit)) for name, c in log.channels.items()}
+        name: np.asarray(from_si_array(c.values, c.unit)) for name, c in log.channels.items()
+    }
     arrays["t"] = np.asarray(log.t)
     arrays["kfgen_units"] = np.array(json.dumps(units))
     with write_whole(path) as temporary, open(temporary, "wb") as file:

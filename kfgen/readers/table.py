@@ -53,8 +53,11 @@ class ColumnMap:
         for part in text.split(","):
             match = _ENTRY.match(part)
             if match is None:
-                raise InputError(f"the entry '{part.strip()}' cannot be read", where="--columns",
-                                 remedy="Write 'channel=column [unit]', separated by commas")
+                raise InputError(
+                    f"the entry '{part.strip()}' cannot be read",
+                    where="--columns",
+                    remedy="Write 'channel=column [unit]', separated by commas",
+                )
             channel, column, unit = match.groups()
             if any(channel == known for known, _, _ in entries):
                 raise InputError(f"channel '{channel}' is named twice", where="--columns")
@@ -76,16 +79,22 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
     time = chosen.pop("t", None)
     channels = {name: Channel.of(c.values, _unit(table, name, c)) for name, c in chosen.items()}
     if not channels:
-        raise InputError("there is no channel in it", where=table.source,
-                         remedy="Name its columns 'gyro_x [deg/s]', or map them with --columns")
+        raise InputError(
+            "there is no channel in it",
+            where=table.source,
+            remedy="Name its columns 'gyro_x [deg/s]', or map them with --columns",
+        )
     n = next(iter(channels.values())).values.size
     warnings = table.warnings
     if rate is not None and time is not None:
         warnings += (f"the time column is replaced by --rate {rate:g} Hz",)
     rate = rate or (table.rate if time is None else None)
     if rate is None and time is None:
-        raise InputError("it has neither a column t nor a rate", where=table.source,
-                         remedy="Give --rate, or map the time: --columns 't=... [s], ...'")
+        raise InputError(
+            "it has neither a column t nor a rate",
+            where=table.source,
+            remedy="Give --rate, or map the time: --columns 't=... [s], ...'",
+        )
     t = np.arange(n) / rate if rate else _time(table, time)
     return Log(t, channels, table.source, sha256, warnings)
 
@@ -100,8 +109,9 @@ def _chosen(table: Table, columns: ColumnMap | None) -> dict[str, Column]:
         if re.fullmatch(r"#\d+", wanted) and 1 <= int(wanted[1:]) <= len(names):
             name = names[int(wanted[1:]) - 1]
         if name not in table.columns:
-            raise InputError(f"column '{wanted}' is missing", where=table.source,
-                             remedy=f"It has {', '.join(names)}")
+            raise InputError(
+                f"column '{wanted}' is missing", where=table.source, remedy=f"It has {', '.join(names)}"
+            )
         column = table.columns[name]
         chosen[channel] = Column(column.values, column.unit if unit is None else unit)
     if "t" in table.columns:
@@ -111,13 +121,15 @@ def _chosen(table: Table, columns: ColumnMap | None) -> dict[str, Column]:
 
 def _unit(table: Table, name: str, column: Column) -> str:
     if column.unit is None:
-        raise InputError(f"column '{name}' has no unit", where=table.source,
-                         remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'")
+        raise InputError(
+            f"column '{name}' has no unit",
+            where=table.source,
+            remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'",
+        )
     try:
         parse_unit(column.unit)
     except InputError as error:
-        raise InputError(error.what, where=f"{table.source}: column '{name}'",
-                         remedy=error.remedy) from None
+        raise InputError(error.what, where=f"{table.source}: column '{name}'", remedy=error.remedy) from None
     return column.unit
 
 

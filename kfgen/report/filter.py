@@ -10,7 +10,7 @@ from kfgen.log import Log
 from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, MEASURED, Line, series_picture, thin
 from kfgen.run import AttitudeError, FilterRun
-from kfgen.verify.compare import Verdict
+from kfgen.verify.core import Verdict
 
 OPERATIONS = ("routine", "operations")
 
@@ -23,11 +23,20 @@ def operation_rows(program: Program) -> list[list[str]]:
 def emit_answer(program: Program, target: str, folder: str, names: list[str]) -> Answer:
     """What was written."""
     model = program.discrete.model
-    lines = [f"{model.name} as {target} in {folder}: {', '.join(names)}",
-             f"  {program.n} states, hash {model.hash[:16]}", columns(operation_rows(program))]
-    data = {"format": "kfgen-emit-1", "kfgen": kfgen.__version__, "model": model.name, "target": target,
-            "model_hash": model.hash, "files": names,
-            "operations": {r.name: r.operations for r in program.routines}}
+    lines = [
+        f"{model.name} as {target} in {folder}: {', '.join(names)}",
+        f"  {program.n} states, hash {model.hash[:16]}",
+        columns(operation_rows(program)),
+    ]
+    data = {
+        "format": "kfgen-emit-1",
+        "kfgen": kfgen.__version__,
+        "model": model.name,
+        "target": target,
+        "model_hash": model.hash,
+        "files": names,
+        "operations": {r.name: r.operations for r in program.routines},
+    }
     page = Page(f"{model.name} as {target}", (table(OPERATIONS, operation_rows(program)),))
     return Answer("\n".join(lines), data, page)
 
@@ -40,8 +49,16 @@ def verdict_rows(verdicts: list[Verdict]) -> list[list[str]]:
     rows = []
     for v in verdicts:
         counts = ", ".join(f"{r} {n}" for r, n in v.cost.instructions.items())
-        rows.append([v.core, str(v.words), str(v.differing), counts or "not counted",
-                     _known(v.cost.stack_bytes), _known(v.cost.text_bytes)])
+        rows.append(
+            [
+                v.core,
+                str(v.words),
+                str(v.differing),
+                counts or "not counted",
+                _known(v.cost.stack_bytes),
+                _known(v.cost.text_bytes),
+            ]
+        )
     return rows
 
 
@@ -56,17 +73,31 @@ def verify_sentence(verdicts: list[Verdict]) -> str:
         words = sum(v.words for v in verdicts)
         where = " and ".join(v.core for v in verdicts)
         return f"The emitted filter gives the words of its reference on {where}: 0 of {words} differ"
-    return "; ".join(f"{v.differing} of {v.words} words differ on {v.core} (by up to {v.max_ulp} ulp)"
-                     for v in wrong)
+    return "; ".join(
+        f"{v.differing} of {v.words} words differ on {v.core} (by up to {v.max_ulp} ulp)" for v in wrong
+    )
 
 
 def verify_answer(model_hash: str, verdicts: list[Verdict]) -> Answer:
     """The comparison, with its counts."""
     rows = verdict_rows(verdicts)
-    data = {"format": "kfgen-verify-1", "kfgen": kfgen.__version__, "model_hash": model_hash, "cores": {
-        v.core: {"words": v.words, "differing": v.differing, "max_ulp": v.max_ulp, "calls": v.calls,
-                 "instructions": v.cost.instructions, "stack_bytes": v.cost.stack_bytes,
-                 "text_bytes": v.cost.text_bytes} for v in verdicts}}
+    data = {
+        "format": "kfgen-verify-1",
+        "kfgen": kfgen.__version__,
+        "model_hash": model_hash,
+        "cores": {
+            v.core: {
+                "words": v.words,
+                "differing": v.differing,
+                "max_ulp": v.max_ulp,
+                "calls": v.calls,
+                "instructions": v.cost.instructions,
+                "stack_bytes": v.cost.stack_bytes,
+                "text_bytes": v.cost.text_bytes,
+            }
+            for v in verdicts
+        },
+    }
     page = Page("Proof on cores", (sentence(verify_sentence(verdicts) + "."), table(VERDICT_HEAD, rows)))
     text = columns([list(VERDICT_HEAD), *rows]) + f"\n{verify_sentence(verdicts)}."
     return Answer(text, data, page, ok=not any(v.differing for v in verdicts))
@@ -76,41 +107,73 @@ def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answ
     """Estimates, innovations and the distance from a reference."""
     lines = [f"{result.model} over {log.duration:.6g} s of {log.source}"]
     parts: list[Part] = []
-    data: dict[str, object] = {"format": "kfgen-run-1", "kfgen": kfgen.__version__, "model": result.model,
-                               "log": log.source, "sha256": log.sha256, "duration_s": log.duration}
+    data: dict[str, object] = {
+        "format": "kfgen-run-1",
+        "kfgen": kfgen.__version__,
+        "model": result.model,
+        "log": log.source,
+        "sha256": log.sha256,
+        "duration_s": log.duration,
+    }
     if error is not None:
-        words = (f"inclination RMSE {np.degrees(error.inclination):.3g} deg, heading RMSE "
-                 f"{np.degrees(error.heading):.3g} deg against the reference attitude ({error.samples} samples)")
+        words = (
+            f"inclination RMSE {np.degrees(error.inclination):.3g} deg, heading RMSE "
+            f"{np.degrees(error.heading):.3g} deg against the reference attitude ({error.samples} samples)"
+        )
         lines.append(f"  {words}")
         parts.append(sentence(words[0].upper() + words[1:] + "."))
-        data["attitude_error"] = {"inclination_rmse": error.inclination, "heading_rmse": error.heading,
-                                  "unit": "rad", "samples": error.samples}
-    rows = [[name, str(s.t.size), str(s.innovation.shape[1] if s.t.size else 0), f"{s.nis.mean():.3g}"]
-            for name, s in result.sensors.items() if s.t.size]
+        data["attitude_error"] = {
+            "inclination_rmse": error.inclination,
+            "heading_rmse": error.heading,
+            "unit": "rad",
+            "samples": error.samples,
+        }
+    rows = [
+        [name, str(s.t.size), str(s.innovation.shape[1] if s.t.size else 0), f"{s.nis.mean():.3g}"]
+        for name, s in result.sensors.items()
+        if s.t.size
+    ]
     head = ["sensor", "updates", "rows", "mean NIS"]
     lines.append(columns([head, *rows]))
     final = [[n, f"{v:.6g}"] for n, v in zip(result.names, result.estimate[-1])]
     lines += ["  at the end:", columns(final, "    ")]
-    data["sensors"] = {name: {"updates": int(s.t.size), "mean_nis": float(s.nis.mean())}
-                       for name, s in result.sensors.items() if s.t.size}
+    data["sensors"] = {
+        name: {"updates": int(s.t.size), "mean_nis": float(s.nis.mean())}
+        for name, s in result.sensors.items()
+        if s.t.size
+    }
     data["final"] = dict(zip(result.names, result.estimate[-1].tolist()))
-    parts += [heading("Innovations"), table(head, rows), heading("At the end"), table(("state", "value"), final)]
+    parts += [
+        heading("Innovations"),
+        table(head, rows),
+        heading("At the end"),
+        table(("state", "value"), final),
+    ]
     parts += [figure(_innovations(result, name), f"Innovations of {name}.") for name in result.sensors]
-    return Answer("\n".join(lines), data, Page(f"{result.model} over {log.source.rsplit('/', 1)[-1]}", tuple(parts)))
+    return Answer(
+        "\n".join(lines), data, Page(f"{result.model} over {log.source.rsplit('/', 1)[-1]}", tuple(parts))
+    )
 
 
 def _innovations(result: FilterRun, name: str) -> str:
     s = result.sensors[name]
     keep = thin(s.t)
     colors = (AFTER, MEASURED, "#c4452f", "#7a8794")
-    lines = [Line(f"row {i + 1}", s.t[keep], s.innovation[keep, i], colors[i % 4])
-             for i in range(s.innovation.shape[1])]
+    lines = [
+        Line(f"row {i + 1}", s.t[keep], s.innovation[keep, i], colors[i % 4])
+        for i in range(s.innovation.shape[1])
+    ]
     return series_picture(lines, f"{name} innovation [SI]", f"innovation-{name}")
 
 
 def simulate_answer(log: Log, path: str) -> Answer:
     """What was simulated."""
     text = f"{log.source}: {log.n} samples, {log.duration:.6g} s, {len(log.channels)} channels in {path}"
-    data = {"format": "kfgen-simulate-1", "kfgen": kfgen.__version__, "samples": log.n, "path": path,
-            "channels": {n: c.unit for n, c in log.channels.items()}}
+    data = {
+        "format": "kfgen-simulate-1",
+        "kfgen": kfgen.__version__,
+        "samples": log.n,
+        "path": path,
+        "channels": {n: c.unit for n, c in log.channels.items()},
+    }
     return Answer(text, data, Page("Simulated log", (sentence(text + "."),)))

@@ -14,29 +14,43 @@ from kfgen.effects import Effect
 from kfgen.gap.battery import bands
 from kfgen.gap.proof import METRIC
 from kfgen.gap.workflow import ChannelGap, Finding
+from kfgen.identify.allan import overlapping_variance
 from kfgen.identify.fit import Record, is_linear
 from kfgen.identify.whittle import block_means, residual_ratio
 from kfgen.log import Log
 from kfgen.noise import NoiseModel, noise_text
 from kfgen.report.identify import finite, quantity
 from kfgen.report.page import Answer, Page, Part, code, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, allan_picture, bars_picture, series_picture, spectrum_picture, thin
-from kfgen.identify.allan import allan_curve
+from kfgen.report.plots import (
+    AFTER,
+    BEFORE,
+    MEASURED,
+    Line,
+    allan_picture,
+    bars_picture,
+    series_picture,
+    spectrum_picture,
+    thin,
+)
 from kfgen.units import derived_unit, from_si, parse_unit
 
 Array = NDArray[np.float64]
 
-VERDICTS = {"no_gap": "model and record agree",
-            "effects_found": "an effect is missing from the model, and it is named",
-            "unknown_effect": "something is missing from the model that the catalogue does not explain"}
+VERDICTS = {
+    "no_gap": "model and record agree",
+    "effects_found": "an effect is missing from the model, and it is named",
+    "unknown_effect": "something is missing from the model that the catalogue does not explain",
+}
 
 
 def finding_sentence(g: ChannelGap, f: Finding) -> str:
     """A missing effect in words: name, size, share, band, alternatives."""
     lo, hi = f.worst.band_hz
     size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
-    words = (f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {100 * f.probability:.1f} % "
-             f"probable among all candidates; the disagreement was strongest in {lo:.2g} to {hi:.2g} Hz")
+    words = (
+        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {100 * f.probability:.1f} % "
+        f"probable among all candidates; the disagreement was strongest in {lo:.2g} to {hi:.2g} Hz"
+    )
     if g.gap.before > 0.0:
         words += f", and on the last 30 % of the record, which the fit did not see, {100 * g.gap.closed:.0f} % of it closes"
     if f.indistinguishable:
@@ -63,13 +77,21 @@ def verdict_sentence(g: ChannelGap) -> str:
 
 def mended_model(noise: NoiseModel, gaps: Mapping[str, ChannelGap]) -> NoiseModel:
     """The noise model with every finding added."""
-    return NoiseModel({n: gaps[n].mended if n in gaps else c for n, c in noise.channels.items()}, noise.provenance)
+    return NoiseModel(
+        {n: gaps[n].mended if n in gaps else c for n, c in noise.channels.items()}, noise.provenance
+    )
 
 
 def model_diff(before: NoiseModel, after: NoiseModel) -> str:
     """What changes in the noise file."""
-    lines = difflib.unified_diff(noise_text(before).splitlines(), noise_text(after).splitlines(),
-                                 "believed", "mended", lineterm="", n=1)
+    lines = difflib.unified_diff(
+        noise_text(before).splitlines(),
+        noise_text(after).splitlines(),
+        "believed",
+        "mended",
+        lineterm="",
+        n=1,
+    )
     return "\n".join(lines)
 
 
@@ -84,72 +106,112 @@ def gap_answer(log: Log, believed: NoiseModel, gaps: Mapping[str, ChannelGap]) -
     if diff:
         lines += ["The model changes by", diff]
         parts += [heading("What changes in the model"), code(diff)]
-    data = {"format": "kfgen-gap-1", "kfgen": kfgen.__version__, "log": log.source, "sha256": log.sha256,
-            **gap_data(gaps)}
+    data = {
+        "format": "kfgen-gap-1",
+        "kfgen": kfgen.__version__,
+        "log": log.source,
+        "sha256": log.sha256,
+        **gap_data(gaps),
+    }
     page = Page(f"Model against {log.source.rsplit('/', 1)[-1]}", tuple(parts))
     return Answer("\n".join(lines).rstrip(), data, page)
 
 
 def _gap_rows(g: ChannelGap) -> list[list[str]]:
-    return [["held-out gap before", f"{g.gap.before:.3g} nats per sample"],
-            ["held-out gap after", f"{g.gap.after:.3g} nats per sample"],
-            ["closed", f"{100 * g.gap.closed:.0f} % (95 %: {100 * g.gap.ci95[0]:.0f} to {100 * g.gap.ci95[1]:.0f})"
-             if g.gap.before > 0.0 and (g.findings or g.retuned) else "nothing to close"],
-            ["significant tests before", str(sum(t.significant for t in g.before))],
-            ["significant tests after", str(sum(t.significant for t in g.after))]]
+    return [
+        ["held-out gap before", f"{g.gap.before:.3g} nats per sample"],
+        ["held-out gap after", f"{g.gap.after:.3g} nats per sample"],
+        [
+            "closed",
+            f"{100 * g.gap.closed:.0f} % (95 %: {100 * g.gap.ci95[0]:.0f} to {100 * g.gap.ci95[1]:.0f})"
+            if g.gap.before > 0.0 and (g.findings or g.retuned)
+            else "nothing to close",
+        ],
+        ["significant tests before", str(sum(t.significant for t in g.before))],
+        ["significant tests after", str(sum(t.significant for t in g.after))],
+    ]
 
 
 def _limit_lines(g: ChannelGap) -> list[str]:
     seen = []
     for effect, name, value in g.limits:
         unit = derived_unit({p.name: p.unit for p in effect.parameters()}[name], g.unit)
-        times = [f" at tau = {getattr(effect, p.name):.3g} s" for p in effect.parameters() if p.kind == "time"]
-        seen.append(f"would not have been seen: {effect.name} {name} below {quantity(value, unit)}{''.join(times)}")
+        times = [
+            f" at tau = {getattr(effect, p.name):.3g} s" for p in effect.parameters() if p.kind == "time"
+        ]
+        seen.append(
+            f"would not have been seen: {effect.name} {name} below {quantity(value, unit)}{''.join(times)}"
+        )
     return seen
 
 
 def _parts(g: ChannelGap) -> list[Part]:
     key = g.channel
-    parts = [heading(g.channel), sentence(verdict_sentence(g) + "."),
-             *(sentence(finding_sentence(g, f) + ".") for f in g.findings),
-             figure(_allan(g), "Allan deviation: the record with its 95 % band, the believed model, the mended "
-                    "model. Deterministic parts of the mended model are taken out of the record in the second set."),
-             figure(_spectrum(g), "What the models leave, over what they expect: one everywhere when a model holds.")]
-    parts += [figure(_driven(g, f), f"The record in blocks, and the part that {f.effect.title} explains.")
-              for f in g.findings if is_linear(f.effect)]
+    parts = [
+        heading(g.channel),
+        sentence(verdict_sentence(g) + "."),
+        *(sentence(finding_sentence(g, f) + ".") for f in g.findings),
+        figure(
+            _allan(g),
+            "Allan deviation: the record with its 95 % band, what the believed model expects of "
+            "this record, what the mended model expects.",
+        ),
+        figure(
+            _spectrum(g), "What the models leave, over what they expect: one everywhere when a model holds."
+        ),
+    ]
+    parts += [
+        figure(_driven(g, f), f"The record in blocks, and the part that {f.effect.title} explains.")
+        for f in g.findings
+        if is_linear(f.effect)
+    ]
     for f in g.findings:
         names = [f.effect.name, *(n for n, _ in f.alternatives[:5])]
         shares = [f.probability, *(p for _, p in f.alternatives[:5])]
-        parts.append(figure(bars_picture(names, shares, "probability", f"rank-{key}-{f.effect.name}"),
-                            "The candidates by probability."))
-    parts += [table(("gap", ""), _gap_rows(g)),
-              table(("test", "band [Hz]", "power found / expected", "adjusted p"),
-                    [[t.name, f"{t.band_hz[0]:.2g} to {t.band_hz[1]:.2g}", f"{t.ratio:.3g}", f"{t.p:.2g}"]
-                     for t in g.before if t.significant] or [["none significant", "", "", ""]],
-                    "Tests that the believed model fails (family-wise rate 1 %).")]
+        parts.append(
+            figure(
+                bars_picture(names, shares, "probability", f"rank-{key}-{f.effect.name}"),
+                "The candidates by probability.",
+            )
+        )
+    parts += [
+        table(("gap", ""), _gap_rows(g)),
+        table(
+            ("test", "band [Hz]", "power found / expected", "adjusted p"),
+            [
+                [t.name, f"{t.band_hz[0]:.2g} to {t.band_hz[1]:.2g}", f"{t.ratio:.3g}", f"{t.p:.2g}"]
+                for t in g.before
+                if t.significant
+            ]
+            or [["none significant", "", "", ""]],
+            "Tests that the believed model fails (family-wise rate 1 %).",
+        ),
+    ]
     parts += [text(m) for m in _limit_lines(g)]
     return parts
 
 
 def _without(record: Record, effects: Sequence[Effect]) -> Array:
-    return record.y - sum((e.mean(record.t, record.drive) for e in effects if is_linear(e)), np.zeros(record.y.size))
+    return record.y - sum(
+        (e.mean(record.t, record.drive) for e in effects if is_linear(e)), np.zeros(record.y.size)
+    )
 
 
 def _allan(g: ChannelGap) -> str:
-    factor, curve = parse_unit(g.unit).factor, g.curve
-    lines = [_model_line("believed model", g.believed, curve.tau, BEFORE, dashed=False)]
-    mended = g.mended.effects
-    if any(is_linear(e) for e in mended):
-        rest = allan_curve(_without(g.record, mended), g.record.dt)
-        lines.append(Line("record without it", rest.tau, rest.deviation, "#7a8794", dashed=True))
+    lines = [_model_line("believed model", g.believed, g, BEFORE)]
     if g.findings or g.retuned:
-        lines.append(_model_line("mended model", mended, curve.tau, AFTER, dashed=False))
-    return allan_picture(curve, lines, g.unit, factor, f"gap-allan-{g.channel}")
+        lines.append(_model_line("mended model", g.mended.effects, g, AFTER))
+    return allan_picture(g.record.curve, lines, g.unit, parse_unit(g.unit).factor, f"gap-allan-{g.channel}")
 
 
-def _model_line(label: str, effects: Sequence[Effect], tau: Array, color: str, *, dashed: bool) -> Line:
+def _model_line(label: str, effects: Sequence[Effect], g: ChannelGap, color: str) -> Line:
+    """A model's Allan deviation on this record: of its noise, and of what it says of time and drivers."""
+    tau, record = g.record.curve.tau, g.record
     total = sum((e.allan_variance(tau) for e in effects if not is_linear(e)), np.zeros(tau.size))
-    return Line(label, tau, np.sqrt(total), color, dashed=dashed)
+    explained = record.y - _without(record, effects)
+    if np.ptp(explained) > 0.0:
+        total = total + overlapping_variance(explained, np.round(tau / record.dt).astype(np.int64))
+    return Line(label, tau, np.sqrt(total), color)
 
 
 def _spectrum(g: ChannelGap) -> str:
@@ -160,7 +222,9 @@ def _spectrum(g: ChannelGap) -> str:
         ratio = residual_ratio(data, effects, theta)
         groups = bands(data)
         f = np.array([np.sqrt(data.frequency[lo] * data.frequency[hi - 1]) for lo, hi in groups])
-        ratios.append(np.array([data.count[lo:hi] @ ratio[lo:hi] / data.count[lo:hi].sum() for lo, hi in groups]))
+        ratios.append(
+            np.array([data.count[lo:hi] @ ratio[lo:hi] / data.count[lo:hi].sum() for lo, hi in groups])
+        )
     return spectrum_picture(f, ratios[0], ratios[1], f"gap-spectrum-{g.channel}")
 
 
@@ -173,7 +237,10 @@ def _driven(g: ChannelGap, f: Finding) -> str:
     explained = block_means(part, block) / factor
     keep = thin(t)
     shift = y.mean() - explained.mean()
-    lines = [Line("record", t[keep], y[keep], MEASURED), Line("explained", t[keep], explained[keep] + shift, AFTER)]
+    lines = [
+        Line("record", t[keep], y[keep], MEASURED),
+        Line("explained", t[keep], explained[keep] + shift, AFTER),
+    ]
     return series_picture(lines, f"{g.channel} [{g.unit}]", f"driven-{g.channel}-{f.effect.name}")
 
 
@@ -184,34 +251,65 @@ def gap_data(gaps: Mapping[str, ChannelGap]) -> dict[str, Any]:
     worst = max(gaps.values(), key=lambda g: g.gap.before)
     localised = [_test(g, t) for g in gaps.values() for t in g.before if t.significant]
     remaining = [_test(g, t) for g in gaps.values() for t in g.after if t.significant]
-    return {"verdict": verdict, "localised": localised,
-            "steps": [_step(g, f) for g in gaps.values() for f in g.findings],
-            "gap": {"metric": METRIC, "channel": worst.channel, "before": worst.gap.before, "after": worst.gap.after,
-                    "closed_fraction": worst.gap.closed, "ci95": list(worst.gap.ci95)},
-            "remaining": {"significant": bool(remaining), "tests": remaining},
-            "retuned": [g.channel for g in gaps.values() if g.retuned],
-            "limits": [_limit(g, *limit) for g in gaps.values() for limit in g.limits]}
+    return {
+        "verdict": verdict,
+        "localised": localised,
+        "steps": [_step(g, f) for g in gaps.values() for f in g.findings],
+        "gap": {
+            "metric": METRIC,
+            "channel": worst.channel,
+            "before": worst.gap.before,
+            "after": worst.gap.after,
+            "closed_fraction": worst.gap.closed,
+            "ci95": list(worst.gap.ci95),
+        },
+        "remaining": {"significant": bool(remaining), "tests": remaining},
+        "retuned": [g.channel for g in gaps.values() if g.retuned],
+        "limits": [_limit(g, *limit) for g in gaps.values() for limit in g.limits],
+    }
 
 
 def _test(g: ChannelGap, t: Any) -> dict[str, Any]:
-    return {"channel": g.channel, "test": t.name, "p": t.p, "from_s": float(g.record.t[0]),
-            "to_s": float(g.record.t[-1]), "band_hz": list(t.band_hz), "regime": "whole record", "ratio": t.ratio}
+    return {
+        "channel": g.channel,
+        "test": t.name,
+        "p": t.p,
+        "from_s": float(g.record.t[0]),
+        "to_s": float(g.record.t[-1]),
+        "band_hz": list(t.band_hz),
+        "regime": "whole record",
+        "ratio": t.ratio,
+    }
 
 
 def _step(g: ChannelGap, f: Finding) -> dict[str, Any]:
     si = parse_unit(g.unit).si
-    return {"effect": f.effect.name, "channel": g.channel, "probability": f.probability,
-            "evidence_nats": f.evidence,
-            "alternatives": [{"effect": n, "probability": p} for n, p in f.alternatives],
-            "indistinguishable": list(f.indistinguishable),
-            "parameters": {p.name: {"value": float(getattr(f.effect, p.name)), "unit": derived_unit(p.unit, si),
-                                    "ci95": [finite(v) for v in f.ci95.get(p.name, (np.nan, np.nan))]}
-                           for p in f.effect.estimated()},
-            "where": {"from_s": float(g.record.t[0]), "to_s": float(g.record.t[-1])},
-            "sentence": finding_sentence(g, f)}
+    return {
+        "effect": f.effect.name,
+        "channel": g.channel,
+        "probability": f.probability,
+        "evidence_nats": f.evidence,
+        "alternatives": [{"effect": n, "probability": p} for n, p in f.alternatives],
+        "indistinguishable": list(f.indistinguishable),
+        "parameters": {
+            p.name: {
+                "value": float(getattr(f.effect, p.name)),
+                "unit": derived_unit(p.unit, si),
+                "ci95": [finite(v) for v in f.ci95.get(p.name, (np.nan, np.nan))],
+            }
+            for p in f.effect.estimated()
+        },
+        "where": {"from_s": float(g.record.t[0]), "to_s": float(g.record.t[-1])},
+        "sentence": finding_sentence(g, f),
+    }
 
 
 def _limit(g: ChannelGap, effect: Effect, name: str, value: float) -> dict[str, Any]:
     unit = derived_unit({p.name: p.unit for p in effect.parameters()}[name], parse_unit(g.unit).si)
-    return {"effect": effect.name, "channel": g.channel, "parameter": name, "would_not_see_below": finite(value),
-            "unit": unit}
+    return {
+        "effect": effect.name,
+        "channel": g.channel,
+        "parameter": name,
+        "would_not_see_below": finite(value),
+        "unit": unit,
+    }

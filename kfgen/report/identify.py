@@ -31,8 +31,15 @@ def noise_model(log: Log, found: Mapping[str, Identified]) -> NoiseModel:
                 ci95 = {p: ci for (k, p), ci in result.intervals.items() if k == i and np.isfinite(ci[1])}
                 terms.append(Term(effect, ci95))
         channels[name] = ChannelNoise(display_unit(log.channel(name).unit), tuple(terms))
-    return NoiseModel(channels, {"log": log.source.rsplit("/", 1)[-1], "sha256": log.sha256, "method": "ml",
-                                 "kfgen": kfgen.__version__})
+    return NoiseModel(
+        channels,
+        {
+            "log": log.source.rsplit("/", 1)[-1],
+            "sha256": log.sha256,
+            "method": "ml",
+            "kfgen": kfgen.__version__,
+        },
+    )
 
 
 def model_deviation(effects: tuple[Effect, ...], tau: Array) -> Array:
@@ -55,15 +62,30 @@ def identify_answer(log: Log, found: Mapping[str, Identified]) -> Answer:
         lines += ["", f"{name}: {duration:.6g} s at {1 / result.record.dt:.6g} Hz", columns(rows)]
         lines += [f"  {line}" for line in missing]
         warnings += [f"{name}: {w}" for w in result.warnings]
-        parts += [heading(name), *(sentence(f"{e.sentence(name, unit)}.") for i, e in
-                                   enumerate(result.fit.effects) if i not in result.unresolved),
-                  figure(_picture(result, unit, name), f"Allan deviation of {name} over {duration:.0f} s; "
-                         "the curve is the maximum-likelihood model, not a fit to the points."),
-                  table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
-                  *(text(m) for m in missing), *(text(w) for w in result.warnings)]
+        parts += [
+            heading(name),
+            *(
+                sentence(f"{e.sentence(name, unit)}.")
+                for i, e in enumerate(result.fit.effects)
+                if i not in result.unresolved
+            ),
+            figure(
+                _picture(result, unit, name),
+                f"Allan deviation of {name} over {duration:.0f} s; "
+                "the curve is the maximum-likelihood model, not a fit to the points.",
+            ),
+            table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
+            *(text(m) for m in missing),
+            *(text(w) for w in result.warnings),
+        ]
         channels[name] = _channel(result, log.channel(name).si)
-    data = {"format": "kfgen-identify-1", "kfgen": kfgen.__version__, "log": log.source,
-            "sha256": log.sha256, "channels": channels}
+    data = {
+        "format": "kfgen-identify-1",
+        "kfgen": kfgen.__version__,
+        "log": log.source,
+        "sha256": log.sha256,
+        "channels": channels,
+    }
     page = Page(f"Sensor noise in {log.source.rsplit('/', 1)[-1]}", tuple(parts))
     return Answer("\n".join(lines).lstrip("\n"), data, page, warnings=tuple(warnings))
 
@@ -77,9 +99,15 @@ def _rows(result: Identified, unit: str) -> list[list[str]]:
             u = derived_unit(p.unit, unit)
             lo, hi = result.intervals.get((i, p.name), (0.0, np.inf))
             bound = result.bounds.get((i, p.name))
-            rows.append([effect.name, p.name, quantity(float(getattr(effect, p.name)), u),
-                         f"95 % {from_si(lo, u):.4g} to {from_si(hi, u):.4g}",
-                         f"bound {100 * bound:.2g} %" if bound is not None else ""])
+            rows.append(
+                [
+                    effect.name,
+                    p.name,
+                    quantity(float(getattr(effect, p.name)), u),
+                    f"95 % {from_si(lo, u):.4g} to {from_si(hi, u):.4g}",
+                    f"bound {100 * bound:.2g} %" if bound is not None else "",
+                ]
+            )
     return rows
 
 
@@ -89,44 +117,73 @@ def _missing(result: Identified, unit: str) -> list[str]:
 
 def _limit(limit: Limit, result: Identified, unit: str) -> str:
     u = derived_unit({p.name: p.unit for p in limit.effect.parameters()}[limit.parameter], unit)
-    times = [f" (at {p.name} = {getattr(limit.effect, p.name):.3g} s)" for p in limit.effect.parameters()
-             if p.kind == "time"]
+    times = [
+        f" (at {p.name} = {getattr(limit.effect, p.name):.3g} s)"
+        for p in limit.effect.parameters()
+        if p.kind == "time"
+    ]
     hours = f"{limit.hours:.2g} h" if np.isfinite(limit.hours) else "more than any log"
-    return (f"not identifiable in {result.record.duration:.0f} s: {limit.effect.name} {limit.parameter} below "
-            f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show it to 20 %")
+    return (
+        f"not identifiable in {result.record.duration:.0f} s: {limit.effect.name} {limit.parameter} below "
+        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show it to 20 %"
+    )
 
 
 def _picture(result: Identified, unit: str, name: str) -> str:
-    curve = result.curve
+    curve = result.record.curve
     line = Line("model", curve.tau, model_deviation(result.fit.effects, curve.tau), AFTER)
     return allan_picture(curve, [line], unit, parse_unit(unit).factor, f"allan-{name}")
 
 
 def _channel(result: Identified, si: str) -> dict[str, Any]:
-    curve = result.curve
+    curve = result.record.curve
     effects = []
     for i, effect in enumerate(result.fit.effects):
         if i not in result.unresolved:
-            effects.append({"effect": effect.name, "parameters": {
-                p.name: _parameter(result, i, effect, p.name, derived_unit(p.unit, si))
-                for p in effect.estimated()}})
-    missing = [{"effect": m.effect.name, "parameter": m.parameter, "upper95": finite(m.upper95),
-                "unit": derived_unit({p.name: p.unit for p in m.effect.parameters()}[m.parameter], si),
-                "log_hours_for_20_percent": finite(m.hours),
-                **{p.name + "_s": getattr(m.effect, p.name) for p in m.effect.parameters() if p.kind == "time"}}
-               for m in result.limits]
-    return {"unit": si, "duration_s": result.record.duration, "rate_hz": 1.0 / result.record.dt,
-            "effects": effects, "not_identifiable": missing,
-            "allan": {"tau_s": curve.tau.tolist(), "adev": curve.deviation.tolist(), "lo95": curve.lo.tolist(),
-                      "hi95": curve.hi.tolist(),
-                      "model": model_deviation(result.fit.effects, curve.tau).tolist()},
-            "warnings": list(result.warnings)}
+            effects.append(
+                {
+                    "effect": effect.name,
+                    "parameters": {
+                        p.name: _parameter(result, i, effect, p.name, derived_unit(p.unit, si))
+                        for p in effect.estimated()
+                    },
+                }
+            )
+    missing = [
+        {
+            "effect": m.effect.name,
+            "parameter": m.parameter,
+            "upper95": finite(m.upper95),
+            "unit": derived_unit({p.name: p.unit for p in m.effect.parameters()}[m.parameter], si),
+            "log_hours_for_20_percent": finite(m.hours),
+            **{p.name + "_s": getattr(m.effect, p.name) for p in m.effect.parameters() if p.kind == "time"},
+        }
+        for m in result.limits
+    ]
+    return {
+        "unit": si,
+        "duration_s": result.record.duration,
+        "rate_hz": 1.0 / result.record.dt,
+        "effects": effects,
+        "not_identifiable": missing,
+        "allan": {
+            "tau_s": curve.tau.tolist(),
+            "adev": curve.deviation.tolist(),
+            "lo95": curve.lo.tolist(),
+            "hi95": curve.hi.tolist(),
+            "model": model_deviation(result.fit.effects, curve.tau).tolist(),
+        },
+        "warnings": list(result.warnings),
+    }
 
 
 def _parameter(result: Identified, i: int, effect: Effect, name: str, unit: str) -> dict[str, Any]:
     lo, hi = result.intervals.get((i, name), (0.0, float("inf")))
-    entry: dict[str, Any] = {"value": float(getattr(effect, name)), "unit": unit,
-                             "ci95": [finite(lo), finite(hi)]}
+    entry: dict[str, Any] = {
+        "value": float(getattr(effect, name)),
+        "unit": unit,
+        "ci95": [finite(lo), finite(hi)],
+    }
     if not is_linear(effect):
         entry["crlb_rel"] = finite(result.bounds[i, name])
     return entry

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import Any
 
 import sympy as sp
@@ -14,21 +16,46 @@ from kfgen.report.page import Answer, Page, Part, columns, heading, math, senten
 
 def mathml(expression: sp.Basic) -> str:
     """Presentation MathML of an expression, namespaced for a page."""
-    return (f'<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">'
-            f"{sp.mathml(expression, printer='presentation')}</math>")
+    return (
+        f'<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">'
+        f"{_fenced(sp.mathml(expression, printer='presentation'))}</math>"
+    )
+
+
+def _fenced(markup: str) -> str:
+    """Browsers draw operators as fences, not the old element that sympy writes for them."""
+    open_tags: list[str] = []
+
+    def swap(match: re.Match[str]) -> str:
+        if match.group(0) == "</mfenced>":
+            return f'<mo fence="true">{open_tags.pop()}</mo></mrow>'
+        left, right = (re.search(rf'{side}="(.)"', match.group(0)) for side in ("open", "close"))
+        open_tags.append(right.group(1) if right else ")")
+        return f'<mrow><mo fence="true">{left.group(1) if left else "("}</mo>'
+
+    return re.sub(r"<mfenced[^>]*>|</mfenced>", swap, markup)
 
 
 def equations(discrete: DiscreteModel) -> list[tuple[str, sp.Matrix]]:
     """The matrices of a filter by letter."""
     model = discrete.model
-    return [("F", model.F), ("G", model.G), ("W", model.W),
-            *((f"H {s.name}", model.H(s)) for s in model.sensors), ("Phi", discrete.Phi), ("Qd", discrete.Qd)]
+    return [
+        ("F", model.F),
+        ("G", model.G),
+        ("W", model.W),
+        *((f"H {s.name}", model.H(s)) for s in model.sensors),
+        ("Phi", discrete.Phi),
+        ("Qd", discrete.Qd),
+    ]
 
 
 def equation_parts(discrete: DiscreteModel, letters: tuple[str, ...] = ()) -> list[Part]:
     """The matrices as MathML, each under its letter; short of digits."""
-    return [math(mathml(_short(M)), f"{letter} ({M.rows} x {M.cols})")
-            for letter, M in equations(discrete) if not letters or letter.split()[0] in letters]
+    return [
+        math(mathml(_short(M)), f"{letter} ({M.rows} x {M.cols})")
+        for letter, M in equations(discrete)
+        if not letters or letter.split()[0] in letters
+    ]
 
 
 def _short(M: sp.Matrix) -> sp.Matrix:
@@ -45,18 +72,33 @@ STATE_HEAD = ("", "state", "unit", "meaning", "prior deviation")
 
 def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
     """A model's equations as text, LaTeX or MathML."""
-    printers = {"text": lambda M: sp.pretty(_short(M), wrap_line=False, use_unicode=True),
-                "latex": lambda M: sp.latex(_short(M)), "mathml": lambda M: mathml(_short(M))}
+    printers: dict[str, Callable[[sp.Matrix], str]] = {
+        "text": lambda M: sp.pretty(_short(M), wrap_line=False, use_unicode=True),
+        "latex": lambda M: sp.latex(_short(M)),
+        "mathml": lambda M: mathml(_short(M)),
+    }
     model, pairs = discrete.model, equations(discrete)
     body = [f"{model.name}: {model.title}", "", columns([list(STATE_HEAD), *state_rows(discrete)]), ""]
     body += [f"{letter} =\n{printers[form](M)}\n" for letter, M in pairs]
-    data = {"format": "kfgen-derive-1", "kfgen": kfgen.__version__, "model": model.name, "hash": model.hash,
-            "states": [{"name": s.name, "unit": s.unit, "title": s.title} for s in model.states],
-            "matrices": {letter: [[str(M[i, j]) for j in range(M.cols)] for i in range(M.rows)]
-                         for letter, M in pairs}}
-    page = Page(f"{model.name}: {model.title}",
-                (heading("States"), table(STATE_HEAD, state_rows(discrete)), heading("Equations"),
-                 *equation_parts(discrete)))
+    data = {
+        "format": "kfgen-derive-1",
+        "kfgen": kfgen.__version__,
+        "model": model.name,
+        "hash": model.hash,
+        "states": [{"name": s.name, "unit": s.unit, "title": s.title} for s in model.states],
+        "matrices": {
+            letter: [[str(M[i, j]) for j in range(M.cols)] for i in range(M.rows)] for letter, M in pairs
+        },
+    }
+    page = Page(
+        f"{model.name}: {model.title}",
+        (
+            heading("States"),
+            table(STATE_HEAD, state_rows(discrete)),
+            heading("Equations"),
+            *equation_parts(discrete),
+        ),
+    )
     return Answer("\n".join(body).rstrip(), data, page)
 
 
@@ -69,11 +111,20 @@ def audit_answer(audits: list[Audit]) -> Answer:
         lines += [head, *(f"  {w}." for w in words)]
         parts += [heading(head), *(sentence(f"{w}.") for w in words)]
         manoeuvres[a.manoeuvre] = {
-            "states": a.states, "rank": a.rank, "nullity": a.nullity,
-            "directions": [{"vector": d.vector, "units": d.units, "sentence": d.sentence, "freed_by": []}
-                           for d in a.directions]}
-    data: dict[str, Any] = {"format": "kfgen-audit-1", "kfgen": kfgen.__version__, "model": audits[0].model,
-                            "manoeuvres": manoeuvres}
+            "states": a.states,
+            "rank": a.rank,
+            "nullity": a.nullity,
+            "directions": [
+                {"vector": d.vector, "units": d.units, "sentence": d.sentence, "freed_by": []}
+                for d in a.directions
+            ],
+        }
+    data: dict[str, Any] = {
+        "format": "kfgen-audit-1",
+        "kfgen": kfgen.__version__,
+        "model": audits[0].model,
+        "manoeuvres": manoeuvres,
+    }
     return Answer("\n".join(lines), data, Page(f"What {audits[0].model} cannot see", tuple(parts)))
 
 
@@ -82,8 +133,13 @@ def list_answer(groups: dict[str, list[tuple[str, str]]]) -> Answer:
     lines = []
     for group, entries in groups.items():
         lines += [group, columns([[n, t] for n, t in entries]), ""]
-    data = {"format": "kfgen-list-1", "kfgen": kfgen.__version__,
-            **{g.replace(" ", "_"): {n: t for n, t in entries} for g, entries in groups.items()}}
-    page = Page("kfgen", tuple(p for g, entries in groups.items()
-                               for p in (heading(g), table(("name", "meaning"), entries))))
+    data = {
+        "format": "kfgen-list-1",
+        "kfgen": kfgen.__version__,
+        **{g.replace(" ", "_"): dict(entries) for g, entries in groups.items()},
+    }
+    page = Page(
+        "kfgen",
+        tuple(p for g, entries in groups.items() for p in (heading(g), table(("name", "meaning"), entries))),
+    )
     return Answer("\n".join(lines).rstrip(), data, page)

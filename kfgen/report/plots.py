@@ -53,7 +53,7 @@ def _svg(fig: Any, key: str) -> str:
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": key}):
         fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    text = text[text.index("<svg"):]
+    text = text[text.index("<svg") :]
     # Pictures share a page: their inner names must not meet.
     text = re.sub(r'id="', f'id="{key}-', text)
     text = re.sub(r'href="#', f'href="#{key}-', text)
@@ -63,12 +63,25 @@ def _svg(fig: Any, key: str) -> str:
 def allan_picture(curve: AllanCurve, models: Sequence[Line], unit: str, factor: float, key: str) -> str:
     """Allan deviation with its 95 % band and model curves, in the user's unit."""
     fig, (ax,) = _figure(7.4, 4.2)
-    ax.fill_between(curve.tau, curve.lo / factor, curve.hi / factor, color=BAND, alpha=0.55, linewidth=0,
-                    label="measured, 95 % band")
+    ax.fill_between(
+        curve.tau,
+        curve.lo / factor,
+        curve.hi / factor,
+        color=BAND,
+        alpha=0.55,
+        linewidth=0,
+        label="measured, 95 % band",
+    )
     ax.plot(curve.tau, curve.deviation / factor, ".", color=MEASURED, markersize=5, label="measured")
     for line in models:
-        ax.plot(line.x, line.y / factor, color=line.color, linewidth=1.8,
-                linestyle="--" if line.dashed else "-", label=line.label)
+        ax.plot(
+            line.x,
+            line.y / factor,
+            color=line.color,
+            linewidth=1.8,
+            linestyle="--" if line.dashed else "-",
+            label=line.label,
+        )
     ax.set(xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel=f"Allan deviation [{unit}]")
     ax.legend(frameon=False, fontsize=8.5)
     return _svg(fig, key)
@@ -91,8 +104,14 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
     for line in lines:
         if line.lo is not None and line.hi is not None:
             ax.fill_between(line.x, line.lo, line.hi, color=line.color, alpha=0.2, linewidth=0)
-        ax.plot(line.x, line.y, color=line.color, linewidth=1.1, label=line.label,
-                linestyle="--" if line.dashed else "-")
+        ax.plot(
+            line.x,
+            line.y,
+            color=line.color,
+            linewidth=1.1,
+            label=line.label,
+            linestyle="--" if line.dashed else "-",
+        )
     ax.set(xlabel="time [s]", ylabel=ylabel)
     ax.legend(frameon=False, fontsize=8.5)
     return _svg(fig, key)

@@ -72,8 +72,12 @@ class Core(Protocol):
 def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
     """Write the harness that a core drives; returns its path."""
     path = folder / "harness.c"
-    path.write_text(render("verify/harness.c.j2", name=program.name, width=width(program),
-                           calls=_calls(program), bare=bare), encoding="utf-8")
+    path.write_text(
+        render(
+            "verify/harness.c.j2", name=program.name, width=width(program), calls=_calls(program), bare=bare
+        ),
+        encoding="utf-8",
+    )
     return path
 
 

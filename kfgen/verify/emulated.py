@@ -28,9 +28,19 @@ RETURN = FLASH + 0xFFFF0
 COUNTED = 6
 """Calls of each routine that are counted; the rest runs without hooks."""
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding", "-fno-unwind-tables",
-         "-fno-asynchronous-unwind-tables", "-ffunction-sections", "-fno-stack-protector",
-         "-fno-sanitize=all", "-g0")
+FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-ffreestanding",
+    "-fno-unwind-tables",
+    "-fno-asynchronous-unwind-tables",
+    "-ffunction-sections",
+    "-fno-stack-protector",
+    "-fno-sanitize=all",
+    "-g0",
+)
 
 
 @dataclass(frozen=True)
@@ -46,8 +56,9 @@ class Chip:
 CHIPS: dict[str, Chip] = {
     "m4f": Chip("Cortex-M4F", "thumb-freestanding-eabihf", "cortex_m4+vfp4d16sp", "UC_CPU_ARM_CORTEX_M4"),
     "m7f": Chip("Cortex-M7F", "thumb-freestanding-eabihf", "cortex_m7+fp_armv8d16sp", "UC_CPU_ARM_CORTEX_M7"),
-    "m33f": Chip("Cortex-M33F", "thumb-freestanding-eabihf", "cortex_m33+fp_armv8d16sp",
-                 "UC_CPU_ARM_CORTEX_M33"),
+    "m33f": Chip(
+        "Cortex-M33F", "thumb-freestanding-eabihf", "cortex_m33+fp_armv8d16sp", "UC_CPU_ARM_CORTEX_M33"
+    ),
     "m4": Chip("Cortex-M4, soft float", "thumb-freestanding-eabi", "cortex_m4", "UC_CPU_ARM_CORTEX_M4"),
     "m0": Chip("Cortex-M0+, soft float", "thumb-freestanding-eabi", "cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
 }
@@ -116,8 +127,19 @@ class Emulated:
 def _build(chip: Chip, program: Program, source: Path, scratch: Path) -> Path:
     harness = write_harness(program, scratch, bare=True)
     elf = scratch / "filter.elf"
-    call = [*command(), "-target", chip.target, f"-mcpu={chip.cpu}", *FLAGS, "-T",
-            str(template_folder() / "verify" / "link.ld"), f"-I{source}", str(harness), "-o", str(elf)]
+    call = [
+        *command(),
+        "-target",
+        chip.target,
+        f"-mcpu={chip.cpu}",
+        *FLAGS,
+        "-T",
+        str(template_folder() / "verify" / "link.ld"),
+        f"-I{source}",
+        str(harness),
+        "-o",
+        str(elf),
+    ]
     done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment())
     if done.returncode:
         raise CheckFailed(f"{program.name}.h does not compile for {chip.title}: {done.stderr.strip()[:2000]}")
@@ -131,10 +153,15 @@ def _load(elf: Path) -> tuple[dict[str, int], list[tuple[int, bytes]], int]:
     with open(elf, "rb") as file:
         image = ELFFile(file)
         table = image.get_section_by_name(".symtab")
-        symbols = {s.name: int(s["st_value"]) & ~1 if s["st_info"]["type"] == "STT_FUNC"
-                   else int(s["st_value"]) for s in table.iter_symbols()}
-        segments = [(int(s["p_paddr"]), bytes(s.data())) for s in image.iter_segments()
-                    if s["p_type"] == "PT_LOAD" and s["p_filesz"] > 0]
+        symbols = {
+            s.name: int(s["st_value"]) & ~1 if s["st_info"]["type"] == "STT_FUNC" else int(s["st_value"])
+            for s in table.iter_symbols()
+        }
+        segments = [
+            (int(s["p_paddr"]), bytes(s.data()))
+            for s in image.iter_segments()
+            if s["p_type"] == "PT_LOAD" and s["p_filesz"] > 0
+        ]
         text = image.get_section_by_name(".text")
         return symbols, segments, int(text["sh_size"])
 

@@ -16,8 +16,20 @@ from kfgen.emit.routines import Program
 from kfgen.errors import CheckFailed, MissingExtra
 from kfgen.verify.core import Cost, Words, width, write_harness
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-pedantic", "-Wall", "-Wextra",
-         "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wfloat-equal", "-Werror")
+FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Wfloat-equal",
+    "-Werror",
+)
 
 
 def compiler() -> list[str]:
@@ -49,8 +61,10 @@ class Host:
     def __init__(self, program: Program, source: Path, scratch: Path) -> None:
         harness = write_harness(program, scratch, bare=False)
         library = scratch / "filter.so"
-        run([*compiler(), *FLAGS, "-shared", "-fPIC", f"-I{source}", str(harness), "-o", str(library),
-             "-lm"], f"{program.name}.h on the host")
+        run(
+            [*compiler(), *FLAGS, "-shared", "-fPIC", f"-I{source}", str(harness), "-o", str(library), "-lm"],
+            f"{program.name}.h on the host",
+        )
         self._library = ctypes.CDLL(str(library))
         self._inputs = (ctypes.c_float * width(program)).in_dll(self._library, "in")
         count = len(program.discrete.nominal_names) + packed_size(program.n)
@@ -58,7 +72,7 @@ class Host:
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
         """Run one routine on the filter."""
-        self._inputs[:len(inputs)] = inputs
+        self._inputs[: len(inputs)] = list(inputs)
         getattr(self._library, f"call_{routine}")()
 
     def words(self) -> Words:

@@ -49,11 +49,14 @@ def compare_module(program: Program, folder: Path) -> Verdict:
         routine = routines[call.routine]
         values = split(routine, call.inputs)
         machine.call(call.routine, values)
-        getattr(kf, call.routine)(**{a.name: np.asarray(v) if a.size else v
-                                     for a, v in zip(routine.arguments, values)})
+        getattr(kf, call.routine)(
+            **{a.name: np.asarray(v) if a.size else v for a, v in zip(routine.arguments, values)}
+        )
         P = np.array([machine.arrays["P"][packed(n, i, j).index] for i, j in upper])
         sd = np.sqrt(np.array([machine.arrays["P"][packed(n, i, i).index] for i in range(n)]))
-        off_P = np.abs(np.array([kf.P[i, j] for i, j in upper]) - P) / np.array([sd[i] * sd[j] for i, j in upper])
+        off_P = np.abs(np.array([kf.P[i, j] for i, j in upper]) - P) / np.array(
+            [sd[i] * sd[j] for i, j in upper]
+        )
         off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / sd.min()
         differing += int((off_P > TOLERANCE).sum()) + int((off_x > 1.0).sum())
         words += off_P.size + off_x.size

@@ -20,8 +20,10 @@ def command() -> list[str]:
         The extra ``pil`` is not installed.
     """
     if importlib.util.find_spec("ziglang") is None:
-        raise MissingExtra("the cross compiler (ziglang) is not installed",
-                           remedy="Install it with: pip install 'kfgen[pil]'")
+        raise MissingExtra(
+            "the cross compiler (ziglang) is not installed",
+            remedy="Install it with: pip install 'kfgen[pil]'",
+        )
     return [sys.executable, "-m", "ziglang", "cc"]
 
 
