@@ -133,20 +133,24 @@ class _Parser:
             position = match.end()
 
     def error(self, what: str) -> InputError:
+        """The error for this text."""
         return InputError(
             f"the unit '{self.text}' {what}",
             remedy="Write units like 'deg/s', 'm/s^2', 'mg/sqrt(Hz)', 'deg/sqrt(h)' or 'g/16384'",
         )
 
     def peek(self) -> str:
+        """The next token, empty at the end."""
         return self.tokens[0] if self.tokens else ""
 
     def take(self, expected: str = "") -> str:
+        """Consume a token."""
         if not self.tokens or (expected and self.tokens[0] != expected):
             raise self.error(f"misses a '{expected}'" if expected else "ends too early")
         return self.tokens.pop(0)
 
     def product(self) -> Unit:
+        """Factors with signs between them."""
         result = self.power()
         while self.tokens and self.peek() != ")":
             sign = 1
@@ -156,6 +160,7 @@ class _Parser:
         return result
 
     def power(self) -> Unit:
+        """An atom with its exponent."""
         unit = self.atom()
         if self.peek() == "^":
             self.take()
@@ -163,6 +168,7 @@ class _Parser:
         return unit
 
     def exponent(self) -> Fraction:
+        """A number, or a fraction in brackets."""
         bracket = self.peek() == "("
         if bracket:
             self.take("(")
@@ -179,6 +185,7 @@ class _Parser:
         return value
 
     def atom(self) -> Unit:
+        """A bracket, a root, a number or a name."""
         token = self.take()
         if token == "(":
             unit = self.product()
@@ -197,6 +204,7 @@ class _Parser:
         return self.name(token)
 
     def name(self, token: str) -> Unit:
+        """A unit with or without a prefix."""
         for split in (0, 1):
             prefix, root = token[:split], token[split:]
             if root in _NAMES and prefix in _PREFIX and (not prefix or _NAMES[root][2]):

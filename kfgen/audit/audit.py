@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from kfgen.audit.null import null_directions
+from kfgen.audit.numeric import Numeric, numeric
 from kfgen.model.attach import StateInfo
 from kfgen.model.filter import FilterModel
 
@@ -41,12 +42,13 @@ class Direction:
 
 @dataclass(frozen=True)
 class Audit:
-    """What one operating point hides."""
+    """What one operating point hides; `numeric` is what floating point says of it."""
 
     model: str
     manoeuvre: str
     states: int
     directions: tuple[Direction, ...]
+    numeric: Numeric
 
     @property
     def nullity(self) -> int:
@@ -63,7 +65,7 @@ def audit(model: FilterModel) -> Audit:
     """Audit a model at rest."""
     values = {c.symbol: sp.Float(c.value) for c in model.constants}
     directions = tuple(_direction(model, v.subs(values)) for v in null_directions(model))
-    return Audit(model.name, "static", len(model.states), directions)
+    return Audit(model.name, "static", len(model.states), directions, numeric(model))
 
 
 def _direction(model: FilterModel, v: sp.Matrix) -> Direction:

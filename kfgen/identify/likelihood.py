@@ -97,8 +97,7 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
     bounds = relative_bound(best.effects, record.dt, n)
     unresolved = frozenset() if wanted else _unresolved(problem, best)
     shown = {e.name for i, e in enumerate(best.effects) if i not in unresolved}
-    certain = replace(best, effects=tuple(e for e in best.effects if e.name not in LADDER or e.name in shown))
-    limits = () if wanted else tuple(_limit(problem, certain, name) for name in LADDER if name not in shown)
+    limits = () if wanted else tuple(_limit(problem, best, name) for name in LADDER if name not in shown)
     warnings = (_drift_warning(best, unresolved, record),) if unresolved else ()
     return Identified(best, unresolved, intervals, bounds, limits, record, warnings)
 
@@ -185,24 +184,26 @@ def _linear_intervals(fit: Fit) -> dict[Key, tuple[float, float]]:
 
 
 def _limit(problem: Problem, best: Fit, name: str) -> Limit:
-    """The upper limit of an effect beside the certain ones, at its worst correlation time.
+    """The upper limit of an effect beside the others, at its worst correlation time.
 
-    An unresolved drift may be all of the effect asked for, so it is not held against it.
+    The others are fitted anew for every size that is tried, so that an unresolved drift may turn out
+    to be all of the effect asked for.
     """
-    record, index = problem.record, len(best.effects)
+    others = tuple(e for e in best.effects if e.name != name)
+    record, index = problem.record, len(others)
     shown = starts(name, record)
     size = shown[0].estimated()[0].name
     worst: Limit | None = None
     for start in shown[1:] or shown:
         fixed = frozenset((index, p.name) for p in start.estimated()[1:])
-        trial = Problem(record, (*best.effects, start), fixed=fixed)
+        trial = Problem(record, (*others, start), fixed=fixed)
         trial.__dict__["data"] = problem.data
         small = replace(start, **{size: 1e-3 * float(getattr(start, size))})
-        fits = [maximise(t) for t in (trial, trial.starting((*best.effects, small)))]
+        fits = [maximise(t) for t in (trial, trial.starting((*others, small)))]
         fit = max(fits, key=lambda f: f.value)
         top = upper95(trial, fit, (index, size))
         if worst is None or top > worst.upper95:
             worst = Limit(replace(fit.effects[index], **{size: top}), size, top, 0.0)
     assert worst is not None
-    hours = seconds_for((*best.effects, worst.effect), record.dt, (index, size)) / 3600.0
+    hours = seconds_for((*others, worst.effect), record.dt, (index, size)) / 3600.0
     return replace(worst, hours=hours)

@@ -48,7 +48,7 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
     lo, hi = f.worst.band_hz
     size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
-        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {100 * f.probability:.1f} % "
+        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {_percent(f.probability)} "
         f"probable among all candidates; the disagreement was strongest in {lo:.2g} to {hi:.2g} Hz"
     )
     if g.gap.before > 0.0:
@@ -56,6 +56,10 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
     if f.indistinguishable:
         words += f". This record does not rule out {' or '.join(f.indistinguishable)}"
     return words
+
+
+def _percent(p: float) -> str:
+    return "more than 99.9 %" if p > 0.999 else f"{100 * p:.3g} %"
 
 
 def _with_interval(f: Finding, name: str, unit: str) -> str:
@@ -119,8 +123,14 @@ def gap_answer(log: Log, believed: NoiseModel, gaps: Mapping[str, ChannelGap]) -
 
 def _gap_rows(g: ChannelGap) -> list[list[str]]:
     return [
-        ["held-out gap before", f"{g.gap.before:.3g} nats per sample"],
-        ["held-out gap after", f"{g.gap.after:.3g} nats per sample"],
+        [
+            "held-out gap before",
+            f"{g.gap.before:.3g} nats per sample" if g.gap.before > 0.0 else "none above chance",
+        ],
+        [
+            "held-out gap after",
+            f"{g.gap.after:.3g} nats per sample" if g.gap.after > 0.0 else "none above chance",
+        ],
         [
             "closed",
             f"{100 * g.gap.closed:.0f} % (95 %: {100 * g.gap.ci95[0]:.0f} to {100 * g.gap.ci95[1]:.0f})"

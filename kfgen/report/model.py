@@ -11,7 +11,8 @@ import sympy as sp
 import kfgen
 from kfgen.audit.audit import Audit
 from kfgen.discretise import DiscreteModel
-from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table
+from kfgen.report.identify import finite
+from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table, text
 
 
 def mathml(expression: sp.Basic) -> str:
@@ -108,12 +109,18 @@ def audit_answer(audits: list[Audit]) -> Answer:
     for a in audits:
         head = f"{a.model}, {a.manoeuvre}: rank {a.rank} of {a.states}, {a.nullity} hidden"
         words = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
-        lines += [head, *(f"  {w}." for w in words)]
-        parts += [heading(head), *(sentence(f"{w}.") for w in words)]
+        beside = (
+            f"python-control and numpy: rank {a.numeric.rank}, condition number {a.numeric.condition:.2g} "
+            "in floating point, units mixed"
+        )
+        lines += [head, *(f"  {w}." for w in words), f"  {beside}."]
+        parts += [heading(head), *(sentence(f"{w}.") for w in words), text(f"{beside}.")]
         manoeuvres[a.manoeuvre] = {
             "states": a.states,
             "rank": a.rank,
             "nullity": a.nullity,
+            "condition": {"raw": finite(a.numeric.condition)},
+            "numeric_rank": a.numeric.rank,
             "directions": [
                 {"vector": d.vector, "units": d.units, "sentence": d.sentence, "freed_by": []}
                 for d in a.directions

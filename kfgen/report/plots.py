@@ -53,7 +53,7 @@ def _svg(fig: Any, key: str) -> str:
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": key}):
         fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.S)
     # Pictures share a page: their inner names must not meet.
     text = re.sub(r'id="', f'id="{key}-', text)
     text = re.sub(r'href="#', f'href="#{key}-', text)

@@ -1,0 +1,25 @@
+# make demo   environment, install, the main job; ends with the path of a report page
+# make test   environment, install, every test; make test-long the long ones too
+VENV ?= .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test test-long lint clean
+demo: $(VENV)/installed
+	$(BIN)/kfgen demo --out out/demo
+
+test: $(VENV)/installed
+	$(BIN)/python -m pytest -n 2 -m "not long"
+
+test-long: $(VENV)/installed
+	$(BIN)/python -m pytest -n 2
+
+lint: $(VENV)/installed
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
+
+$(VENV)/installed: pyproject.toml constraints.txt tools/venv.sh
+	sh tools/venv.sh $(VENV)
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) out build dist

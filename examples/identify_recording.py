@@ -1,0 +1,26 @@
+"""Noise of a real MPU-6050 at rest, from raw counts to a noise file.
+
+The recording (T. Suarez, ImuCalibration, MIT) has four header lines of its own and integer
+counts: 131 per deg/s, 16384 per g, 100 Hz.
+"""
+
+import os
+from pathlib import Path
+
+from kfgen.identify.fit import Record
+from kfgen.identify.likelihood import identify
+from kfgen.noise import noise_text
+from kfgen.readers import ColumnMap, read_log
+from kfgen.report.identify import identify_answer, noise_model
+
+data = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
+recording = data / "native" / "mpu6050_static.csv"
+if not recording.is_file():
+    print(f"skipped: {recording.name} is not here (set KFGEN_DATA)")
+    raise SystemExit
+
+columns = ",".join(f"gyro_{a}=g{a} [deg/s/131], accel_{a}=a{a} [g/16384]" for a in "xyz")
+log = read_log(recording, rate=100.0, columns=ColumnMap.parse(columns))
+found = {name: identify(Record(log.t, log.values(name))) for name in log.channels}
+print(identify_answer(log, found).text)
+print(noise_text(noise_model(log, found)))

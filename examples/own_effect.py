@@ -1,0 +1,57 @@
+"""A new effect in one place: a bias that follows the supply voltage squared.
+
+Declared once, it simulates, is found in a record by the gap workflow, and becomes a filter state.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from kfgen.effects import Effect, Form, Look, State, make
+from kfgen.effects.base import parameter
+from kfgen.gap.workflow import find_gap
+from kfgen.identify.fit import Record
+from kfgen.model.library import build
+from kfgen.noise import ChannelNoise, Term
+from kfgen.report.gap import finding_sentence
+
+
+@dataclass(frozen=True)
+class SupplySquared(Effect):
+    """``y = coefficient (voltage - reference)^2``."""
+
+    coefficient: Any = parameter("U/V^2", "signed")
+    reference: float = parameter("V", "setting", 3.3)
+
+    name: ClassVar[str] = "supply_squared"
+    title: ClassVar[str] = "bias proportional to the square of the supply voltage's error"
+    saying: ClassVar[str] = "follows the supply voltage squared by {coefficient}"
+    driver: ClassVar[str] = "voltage"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """One constant state, seen through the voltage."""
+        away = (drive["voltage"] - self.reference) ** 2 if drive else 0.0
+        return Form(((0,),), ((0,),), (away,), x0=(self.coefficient,), states=(State("supply", "U/V^2"),))
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The coefficient is solved for; 3.3 V is nominal."""
+        return [cls(0.0)] if "voltage" in look.drive else []
+
+
+rng = np.random.default_rng(1)
+t = np.arange(36_000) / 10.0
+voltage = 3.3 + 0.2 * np.sin(2 * np.pi * t / 900.0) * np.exp(-t / 3000.0)
+white, hidden = make("white_noise", N=1e-4), SupplySquared(coefficient=5e-3)
+y = white.simulate(t, rng) + hidden.simulate(t, rng, {"voltage": voltage})
+
+believed = ChannelNoise("deg/s", (Term(white),))
+gap = find_gap("gyro_x", Record(t, y, {"voltage": voltage}), believed)
+for finding in gap.findings:
+    print(finding_sentence(gap, finding))
+assert [f.effect.name for f in gap.findings] == ["supply_squared"]
+
+filter_model = build("gyro-static").augment("gyro_x", gap.findings[0].effect)
+print("states:", ", ".join(f"{s.name} [{s.unit}]" for s in filter_model.states))

@@ -1,0 +1,5 @@
+"""``python -m kfgen``."""
+
+from kfgen.cli import main
+
+main()

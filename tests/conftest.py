@@ -1,0 +1,42 @@
+"""What the tests share: where recordings are, and the command line in process."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
+
+
+@pytest.fixture(scope="session")
+def recording() -> Callable[[str], Path]:
+    """The path of a real recording; skips, saying so, where it is absent."""
+
+    def find(name: str) -> Path:
+        path = DATA / name
+        if not path.is_file():
+            pytest.skip(f"the recording {name} is not here (set KFGEN_DATA)")
+        return path
+
+    return find
+
+
+@pytest.fixture
+def kfgen() -> Callable[..., Result]:
+    """The command line: returns exit status and output; errors of kfgen become its exit status."""
+    from kfgen.cli.app import app
+    from kfgen.errors import KfgenError
+
+    def call(*words: object) -> Result:
+        result = CliRunner().invoke(app, [str(w) for w in words])
+        if isinstance(result.exception, KfgenError):
+            result.exit_code = result.exception.exit_status
+        elif result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        return result
+
+    return call

@@ -1,0 +1,80 @@
+"""The house: layers, style, types, sizes, and what must never be in it."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = sorted((ROOT / "kfgen").rglob("*.py"))
+BIN = Path(sys.executable).parent
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(BIN / words[0]), *words[1:]], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("lint-imports",), ("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",)],
+    ids=" ".join,
+)
+def test_tool_is_content(words: tuple[str, ...]) -> None:
+    done = run(*words)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_every_module_has_a_layer() -> None:
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    rooms = {p.relative_to(ROOT / "kfgen").parts[0].removesuffix(".py") for p in FILES} - {
+        "__init__",
+        "__main__",
+    }
+    assert [r for r in rooms if f"kfgen.{r}" not in text] == []
+
+
+def functions(tree: ast.AST) -> list[ast.FunctionDef]:
+    return [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_file(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    assert text.count("\n") <= 400
+    assert ast.get_docstring(tree)
+    for f in functions(tree):
+        assert f.end_lineno is not None
+        assert f.end_lineno - f.lineno <= 70, f"{f.name} is too long"
+        assert f.name.startswith("_") or ast.get_docstring(f) or nested(tree, f), f"{f.name} has no docstring"
+    calls = {n.func.id for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+    assert not calls & {"eval", "exec", "sympify", "parse_expr"}
+    assert "print" not in calls or path.parent.name == "cli"
+
+
+def nested(tree: ast.AST, f: ast.FunctionDef) -> bool:
+    return any(f in ast.walk(g) and f is not g for g in functions(tree))
+
+
+def test_no_second_allan_variance() -> None:
+    """The closed forms of Allan variances stand nowhere: they follow from the declarations."""
+    places = [
+        p.name for p in FILES for word in ("/ tau**2", "tau / 3", "log(2)") if word in p.read_text("utf-8")
+    ]
+    assert set(places) <= {"form.py", "base.py"}
+
+
+def test_light_start() -> None:
+    """The help comes up without a single heavy library."""
+    script = (
+        "import sys, kfgen.cli.app; "
+        "print([m for m in ('numpy','scipy','sympy','control','filterpy','matplotlib','jinja2') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,463 @@
+"""Proves that every effect of the catalogue obeys the laws that its declaration implies.
+
+The parametrisation is the catalogue itself: a new effect is tested by being there. Its Allan variance must be
+the integral of its own spectrum, its sampled spectrum must alias, sum to its variance and describe its simulation,
+and its words and file entries must carry every parameter. Where noise.md states a closed form it is compared
+besides. Simulations are held to normal limits of 4.5 standard deviations of the statistic (7e-6 of the seeds
+for each of about 30 checks), with the deviation computed from the spectrum; seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import mpmath as mp
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kfgen.discretise import DiscreteModel
+from kfgen.effects import Effect, Form, Look, Parameter, State, catalogue, effect_named, make
+from kfgen.effects.base import parameter
+from kfgen.effects.form import initial_covariance
+from kfgen.emit import c
+from kfgen.emit.routines import Program
+from kfgen.errors import InputError
+from kfgen.gap.evidence import additions, believed, candidates
+from kfgen.gap.workflow import find_gap
+from kfgen.identify.fit import Record
+from kfgen.identify.likelihood import identify
+from kfgen.model.library import build
+from kfgen.noise import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
+from kfgen.units import derived_unit, parse_unit, to_si
+
+Array = NDArray[np.float64]
+
+LIMIT = 4.5
+KINDS = {"size": 0.7, "time": 3.0, "signed": -0.4, "setting": 2.0}
+
+
+def example(cls: type[Effect]) -> Effect:
+    """An effect with plain numbers, its settings as declared where they have a default."""
+    settings = {p.name for p in cls.parameters() if p.kind == "setting" and hasattr(cls, p.name)}
+    return cls(**{p.name: KINDS[p.kind] for p in cls.parameters() if p.name not in settings})
+
+
+NAMES = list(catalogue())
+EXAMPLES = {name: example(cls) for name, cls in catalogue().items()}
+RANDOM = [n for n, e in EXAMPLES.items() if not e.form().deterministic]
+DETERMINISTIC = [n for n in NAMES if n not in RANDOM]
+
+
+def test_the_catalogue_has_the_effects_of_the_interface() -> None:
+    wanted = {"white_noise", "quantisation", "bias_instability", "gauss_markov", "rate_random_walk"}
+    assert wanted | {"rate_ramp", "temperature", "bias"} <= set(NAMES)
+    assert set(RANDOM) >= wanted
+    assert set(DETERMINISTIC) >= {"bias", "rate_ramp", "temperature"}
+
+
+def test_an_unknown_effect_is_refused() -> None:
+    with pytest.raises(InputError, match="no effect 'pink_elephant'"):
+        effect_named("pink_elephant")
+
+
+# Closed forms of noise.md, with the example's parameters.
+
+
+def gauss_markov_avar(sigma: float, tc: float, tau: float) -> float:
+    with mp.workdps(60):
+        q2, T, t = 2 * mp.mpf(sigma) ** 2 / mp.mpf(tc), mp.mpf(tc), mp.mpf(tau)
+        x = t / T
+        return float(q2 * T**2 / t * (1 - T / (2 * t) * (3 - 4 * mp.exp(-x) + mp.exp(-2 * x))))
+
+
+AVAR = {
+    "white_noise": lambda e, tau: e.N**2 / tau,
+    "quantisation": lambda e, tau: 3 * e.Q**2 / tau**2,
+    "gauss_markov": lambda e, tau: gauss_markov_avar(e.sigma, e.tau, tau),
+    "rate_random_walk": lambda e, tau: e.K**2 * tau / 3,
+    "rate_ramp": lambda e, tau: e.R**2 * tau**2 / 2,
+    "bias": lambda e, tau: 0.0,
+}
+
+
+@pytest.mark.parametrize("name", AVAR)
+def test_allan_variance_has_its_closed_form(name: str) -> None:
+    effect = EXAMPLES[name]
+    tau = np.geomspace(1e-4, 1e6, 41)
+    expected = [AVAR[name](effect, float(t)) for t in tau]
+    np.testing.assert_allclose(effect.allan_variance(tau), expected, rtol=1e-10, atol=1e-300)
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 1.0, 1.892618, 1e3, 1e6])
+def test_gauss_markov_at_one_time_alone(ratio: float) -> None:
+    """Far from its correlation time as well, where the closed form cancels in float64."""
+    effect = make("gauss_markov", sigma=0.02, tau=100.0)
+    got = effect.allan_variance(np.array([100.0 * ratio]))[0]
+    assert got == pytest.approx(gauss_markov_avar(0.02, 100.0, 100.0 * ratio), rel=1e-11)
+
+
+def test_gauss_markov_peak() -> None:
+    """ADEV = 0.617364 sigma at tau = 1.892618 Tc, and no higher beside it."""
+    effect = make("gauss_markov", sigma=2.0, tau=50.0)
+    adev = np.sqrt(effect.allan_variance(50.0 * 1.892618 * np.array([0.98, 1.0, 1.02])))
+    assert adev[1] == pytest.approx(2.0 * 0.617364, rel=1e-6)
+    assert adev[1] > max(adev[0], adev[2])
+
+
+def test_flicker_is_flat_inside_its_band() -> None:
+    """AVAR = (2 ln 2 / pi) B^2 and density B^2 / (2 pi f), within 1 %."""
+    effect = make("bias_instability", B=0.3, shortest=1e-3, longest=1e6)
+    tau = np.geomspace(1.0, 1e3, 31)
+    np.testing.assert_allclose(effect.allan_variance(tau), 2 * np.log(2) / np.pi * 0.09, rtol=0.01)
+    f = np.geomspace(1e-3, 1.0, 31)
+    np.testing.assert_allclose(effect.density(f), 0.09 / (2 * np.pi * f), rtol=0.01)
+
+
+PSD = {
+    "white_noise": lambda e, f: np.full_like(f, e.N**2),
+    "gauss_markov": lambda e, f: 2 * e.sigma**2 / e.tau / ((2 * np.pi * f) ** 2 + 1 / e.tau**2),
+    "rate_random_walk": lambda e, f: e.K**2 / (2 * np.pi * f) ** 2,
+}
+
+
+@pytest.mark.parametrize("name", PSD)
+def test_density_has_its_closed_form(name: str) -> None:
+    f = np.geomspace(1e-6, 1e4, 51)
+    np.testing.assert_allclose(EXAMPLES[name].density(f), PSD[name](EXAMPLES[name], f), rtol=1e-12)
+
+
+def test_quantisation_has_its_closed_form_where_it_is_sampled() -> None:
+    """(2 pi f)^2 Q^2 T at small f; and 4 sin^2(pi f T) Q^2 / T at any."""
+    effect, T = make("quantisation", Q=0.2), 0.01
+    f = np.array([1e-3, 1.0, 50.0])
+    S = T * effect.sampled_density(2 * np.pi * f * T, T)
+    np.testing.assert_allclose(S, 4 * np.sin(np.pi * f * T) ** 2 * 0.04 / T, rtol=1e-9)
+    assert S[0] == pytest.approx((2 * np.pi * 1e-3) ** 2 * 0.04 * T, rel=1e-6)
+
+
+# Laws of all effects.
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_density_is_not_negative(name: str) -> None:
+    f = np.geomspace(1e-7, 1e4, 101)
+    S = EXAMPLES[name].density(f)
+    assert S.shape == f.shape
+    assert (S >= 0.0).all()
+    D = EXAMPLES[name].sampled_density(np.linspace(1e-4, np.pi, 101), 0.1)
+    assert (D >= 0.0).all()
+    assert (D > 0.0).any() == (name in RANDOM)
+
+
+def avar_of_density(effect: Effect, tau: float) -> float:
+    """4 int_0^inf S(f) sin^4(pi f tau) / (pi f tau)^2 df, the tail by its mean of sin^4."""
+    end = 400.0 * np.pi
+    u = np.concatenate([np.geomspace(1e-6, 0.1, 4000), np.linspace(0.1, end, 400001)[1:]])
+    S = effect.density(u / (np.pi * tau))
+    body = np.trapezoid(S * np.sin(u) ** 4 / u**2, u)
+    v = np.geomspace(end, 1e6 * end, 2000)
+    tail = np.trapezoid(0.375 * effect.density(v / (np.pi * tau)) / v**2, v)
+    return float(4.0 / (np.pi * tau) * (body + tail))
+
+
+@pytest.mark.parametrize("name", RANDOM)
+@pytest.mark.parametrize("tau", [0.3, 30.0])
+def test_allan_variance_is_the_integral_of_the_density(name: str, tau: float) -> None:
+    effect = EXAMPLES[name]
+    quantised = 3.0 * float(effect.form().Z) / tau**2  # a sequence on the integral has no continuous density
+    expected = avar_of_density(effect, tau) + quantised
+    assert effect.allan_variance(np.array([tau]))[0] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", DETERMINISTIC)
+def test_allan_variance_of_what_is_not_random_is_that_of_its_mean(name: str) -> None:
+    """Half the squared difference of the averages over two adjoining intervals of its own output."""
+    effect, tau = EXAMPLES[name], 7.0
+    t = np.linspace(0.0, 2 * tau, 20001)
+    y = effect.mean(t)
+    first, second = (np.trapezoid(y[part], t[part]) / tau for part in (slice(0, 10001), slice(10000, None)))
+    assert effect.allan_variance(np.array([tau]))[0] == pytest.approx(0.5 * (second - first) ** 2, rel=1e-6)
+
+
+VARIANCE = {
+    "white_noise": lambda e, dt: e.N**2 / dt,
+    "quantisation": lambda e, dt: 2 * e.Q**2 / dt**2,
+    "gauss_markov": lambda e, dt: e.sigma**2,
+}
+
+
+@pytest.mark.parametrize("name", VARIANCE)
+def test_sampled_density_integrates_to_the_closed_variance(name: str) -> None:
+    dt, omega = 0.05, (np.arange(1 << 16) + 0.5) * np.pi / (1 << 16)
+    got = EXAMPLES[name].sampled_density(omega, dt).mean()
+    assert got == pytest.approx(VARIANCE[name](EXAMPLES[name], dt), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_sampled_density_integrates_to_the_sample_variance(name: str) -> None:
+    """Of the samples where they have a variance, else of their first differences."""
+    effect, dt = EXAMPLES[name], 0.05
+    form = effect.form()
+    omega = (np.arange(1 << 19) + 0.5) * np.pi / (1 << 19)
+    S = effect.sampled_density(omega, dt)
+    A = np.array(form.A, float).reshape(form.order, form.order)
+    if form.order and np.linalg.eigvals(A).real.max() >= 0.0:
+        assert name == "rate_random_walk", "state the variance of its steps here"
+        assert (4 * np.sin(omega / 2) ** 2 * S).mean() == pytest.approx(effect.K**2 * dt, rel=1e-9)
+        return
+    C = np.array(form.C, float)
+    variance = float(form.V) / dt + 2 * float(form.Z) / dt**2
+    variance += float(C @ initial_covariance(form) @ C) if form.order else 0.0
+    assert S.mean() == pytest.approx(variance, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", RANDOM)
+@pytest.mark.parametrize("block", [2, 5, 16, 250])
+def test_averages_of_blocks_alias(name: str, block: int) -> None:
+    """S_D(w) = 1/D sum_k |H(l_k)|^2 S_1(l_k), l_k = (w + 2 pi k)/D, H the running mean of D samples."""
+    effect, dt = EXAMPLES[name], 0.05
+    omega = np.array([1e-3, 0.1, 1.0, 2.0, np.pi])
+    folded = np.zeros(omega.size)
+    for k in range(block):
+        at = (omega + 2 * np.pi * k) / block
+        H2 = (np.sin(block * at / 2) / (block * np.sin(at / 2))) ** 2
+        folded += H2 * effect.sampled_density(np.minimum(at, 2 * np.pi - at), dt) / block
+    np.testing.assert_allclose(effect.sampled_density(omega, dt, block), folded, rtol=1e-8)
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_fast_sampling_shows_the_continuous_density(name: str) -> None:
+    effect = EXAMPLES[name]
+    if effect.form().Z:
+        assert (effect.density(np.array([1.0])) == float(effect.form().V)).all()
+        return
+    dt, f = 1e-4, np.array([0.01, 0.1, 1.0])
+    got = dt * effect.sampled_density(2 * np.pi * f * dt, dt)
+    np.testing.assert_allclose(got, effect.density(f), rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", RANDOM)
+@pytest.mark.parametrize("block", [1, 8, 64])
+def test_simulation_has_the_expected_allan_variance(name: str, block: int) -> None:
+    """Mean square difference of block means: its mean and its variance from their spectral density."""
+    effect, dt, n = EXAMPLES[name], 0.1, 1 << 16
+    y = effect.simulate(np.arange(n) * dt, np.random.default_rng(20261121), None)
+    d = np.diff(y.reshape(-1, block).mean(axis=1))
+    omega = (np.arange(1 << 16) + 0.5) * np.pi / (1 << 16)
+    D = 4 * np.sin(omega / 2) ** 2 * effect.sampled_density(omega, dt, block)
+    spread = np.sqrt(2.0 * np.mean(D**2) / d.size)
+    assert y.shape == (n,)
+    assert abs(np.mean(d**2) - D.mean()) < LIMIT * spread
+    if block == 64:  # the Allan variance of the averages of many samples is that of continuous time
+        assert 0.5 * D.mean() == pytest.approx(effect.allan_variance(np.array([block * dt]))[0], rel=0.01)
+
+
+@pytest.mark.parametrize("name", DETERMINISTIC)
+def test_what_is_not_random_is_simulated_as_its_mean(name: str) -> None:
+    effect, t = EXAMPLES[name], np.arange(50) * 0.1
+    drive = {effect.driver: 290.0 + np.sin(t)} if effect.driver else None
+    a = effect.simulate(t, np.random.default_rng(1), drive)
+    b = effect.simulate(t, np.random.default_rng(2), drive)
+    np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(a, effect.mean(t, drive))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_size_there_is_no_effect(name: str) -> None:
+    cls = catalogue()[name]
+    off = replace(EXAMPLES[name], **{p.name: 0.0 for p in cls.estimated() if p.kind in ("size", "signed")})
+    t = np.arange(100) * 0.1
+    drive = {cls.driver: 290.0 + np.sin(t)} if cls.driver else None
+    np.testing.assert_array_equal(off.simulate(t, np.random.default_rng(0), drive), np.zeros(t.size))
+    np.testing.assert_array_equal(off.allan_variance(np.array([1.0, 9.0])), 0.0)
+
+
+def test_means_of_driven_and_drifting_effects() -> None:
+    t = np.arange(5) * 0.5
+    T = np.array([280.0, 290.0, 298.15, 300.0, 310.0])
+    temperature = make("temperature", coefficient=0.2)
+    np.testing.assert_allclose(temperature.mean(t, {"temperature": T}), 0.2 * (T - 298.15), rtol=1e-12)
+    np.testing.assert_allclose(make("rate_ramp", R=0.3).mean(t), 0.3 * t, rtol=1e-12)
+    np.testing.assert_allclose(make("bias", value=0.3).mean(t), 0.3, rtol=1e-15)
+
+
+# Words and files.
+
+
+def unit_of(p: Parameter, channel: str) -> str:
+    return derived_unit(p.unit, channel)
+
+
+@pytest.mark.parametrize("unit", ["deg/s", "mg", "uT", "g/16384"])
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_and_sentences_say_every_parameter_with_its_unit(name: str, unit: str) -> None:
+    effect = EXAMPLES[name]
+    row, words = effect.row(unit), effect.sentence("gyro_q", unit)
+    assert list(row) == [p.name for p in effect.parameters()]
+    assert words.startswith("gyro_q ")
+    assert "{" not in words
+    for p in effect.parameters():
+        value, text = row[p.name]
+        si = parse_unit(unit_of(p, parse_unit(unit).si))
+        assert parse_unit(text).same_dimension(si)
+        assert to_si(value, text) == pytest.approx(float(getattr(effect, p.name)), rel=1e-12)
+        if p.kind != "setting":
+            assert f"{value:.3g} {text}" in words
+
+
+@pytest.mark.parametrize("unit", ["deg/s", "mg", "g/16384", "degC"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_written_entry_is_read_back(name: str, unit: str, tmp_path: Path) -> None:
+    effect = EXAMPLES[name]
+    sizes = {p.name: (0.5 * abs(v), 2.0 * abs(v)) for p in effect.estimated() if (v := getattr(effect, p.name))}
+    path = tmp_path / "noise.toml"
+    write_noise(NoiseModel({"ch": ChannelNoise(unit, (Term(effect, sizes),))}), path)
+    channel = read_noise(path).channel("ch")
+    (back,) = channel.terms
+    assert type(back.effect) is type(effect)
+    assert channel.unit == unit
+    for p in effect.parameters():
+        assert getattr(back.effect, p.name) == pytest.approx(getattr(effect, p.name), rel=1e-8)
+    assert {k: pytest.approx(v, rel=1e-8) for k, v in back.ci95.items()} == sizes
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_entries_that_are_wrong_are_refused(name: str) -> None:
+    cls = catalogue()[name]
+    good = {p.name: KINDS[p.kind] for p in cls.parameters()}
+    assert cls.read({"effect": name, **good}, "rad/s", "file")
+    with pytest.raises(InputError, match="no parameter 'zzz'"):
+        cls.read({**good, "zzz": 1.0}, "rad/s", "file")
+    for p in cls.parameters():
+        with pytest.raises(InputError, match=r"dimension|finite"):
+            cls.read({**good, p.name: "1 kg"}, "rad/s", "file")
+        if p.kind in ("size", "time"):
+            with pytest.raises(InputError, match="not positive"):
+                cls.read({**good, p.name: -1.0}, "rad/s", "file")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_starts_are_guesses_that_a_fit_can_use(name: str) -> None:
+    tau = np.geomspace(0.1, 100.0, 20)
+    look = Look(tau, 0.1 / np.sqrt(tau), 0.1, 300.0, {"temperature": 300.0})
+    cls = catalogue()[name]
+    for start in cls.starts(look):
+        assert type(start) is cls
+        for p in cls.estimated():
+            value = float(getattr(start, p.name))
+            assert np.isfinite(value)
+            assert value > 0.0 or p.kind == "signed"
+    if cls.driver:
+        assert not cls.starts(replace(look, drive={}))
+
+
+# A new effect is one class and nothing else.
+
+
+@pytest.fixture
+def hum() -> Iterator[type[Effect]]:
+    """An effect that kfgen has never heard of: a damped resonance at 1 Hz, driven by white noise."""
+
+    @dataclass(frozen=True)
+    class Hum(Effect):
+        rms: Any = parameter("U")
+        decay: Any = parameter("s", "time", 4.0)
+
+        name: ClassVar[str] = "test_hum"
+        title: ClassVar[str] = "hum of the test bench"
+        saying: ClassVar[str] = "hums by {rms}, decaying in {decay}"
+
+        @classmethod
+        def starts(cls, look: Look) -> list[Any]:
+            return [cls(float(look.deviation[0]))]
+
+        def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+            w = 2 * 3.141592653589793
+            q = 2 * self.rms**2 / self.decay
+            return Form(
+                A=((-1 / self.decay, w), (-w, -1 / self.decay)),
+                W=((q, 0), (0, q)),
+                C=(1, 0),
+                x0=(0, 0),
+                states=(State("hum_in"), State("hum_out")),
+            )
+
+    yield Hum
+    Hum.name = ""  # out of the catalogue at once, whoever still holds the class
+    del Hum
+    gc.collect()
+
+
+def hum_record(n: int = 8192, dt: float = 0.1) -> Record:
+    """White noise of N = 1 and a 1 Hz resonance of rms 2, 4 s, stepped in plain numpy."""
+    rng = np.random.default_rng(5)
+    pole = np.exp((-1 / 4.0 + 2j * np.pi) * dt)
+    w = (rng.standard_normal(n) + 1j * rng.standard_normal(n)) * 2.0 * np.sqrt(1 - abs(pole) ** 2)
+    z = np.zeros(n, complex)
+    for k in range(1, n):
+        z[k] = pole * z[k - 1] + w[k]
+    return Record(np.arange(n) * dt, z.real + rng.standard_normal(n) / np.sqrt(dt))
+
+
+def test_a_new_effect_has_laws(hum: Any) -> None:
+    """Catalogue, Allan variance, spectrum and simulation."""
+    assert catalogue()["test_hum"] is hum
+    effect = make("test_hum", rms=2.0)
+    f = np.array([0.1, 0.9, 1.0, 1.1])
+    b, g = 2 * np.pi * f, 1 / 4.0  # variance 4, correlation 4 exp(-|t|/4) cos(2 pi t)
+    lorentz = [4.0 * g / (g**2 + (b - s * 2 * np.pi) ** 2) for s in (-1, 1)]
+    np.testing.assert_allclose(effect.density(f), sum(lorentz), rtol=1e-10)
+    assert effect.allan_variance(np.array([0.3]))[0] == pytest.approx(avar_of_density(effect, 0.3), rel=1e-3)
+    y = effect.simulate(np.arange(20000) * 0.1, np.random.default_rng(0), None)
+    # Bartlett: var(mean y^2) = 2/n sum_k rho_k^2 sigma^4, sum_k rho_k^2 about tau/(2 dt) = 20
+    assert abs(np.mean(y**2) - 4.0) < LIMIT * 4.0 * np.sqrt(2 * 20 / 20000)
+
+
+def test_a_new_effect_goes_through_files(hum: Any, tmp_path: Path) -> None:
+    effect = hum(rms=0.03, decay=7.0)
+    write_noise(NoiseModel({"gyro_x": ChannelNoise("deg/s", (Term(effect),))}), tmp_path / "n.toml")
+    (back,) = read_noise(tmp_path / "n.toml").channel("gyro_x").effects
+    assert type(back) is hum
+    assert (back.rms, back.decay) == (pytest.approx(0.03, rel=1e-8), pytest.approx(7.0, rel=1e-8))
+    assert effect.sentence("gyro_x", "rad/s") == "gyro_x hums by 0.03 rad/s, decaying in 7 s"
+
+
+def test_a_new_effect_becomes_states_and_code(hum: Any) -> None:
+    model = build("gyro-static")
+    more = model.augment("gyro_x", hum(rms=0.03, decay=7.0))
+    assert len(more.states) == len(model.states) + 2
+    names = [s.name for s in more.states][-2:]
+    assert names == ["gyro_x_hum_in", "gyro_x_hum_out"]
+    assert [s.prior for s in more.states][-2:] == [pytest.approx(0.03, rel=1e-9)] * 2
+    H = more.H(more.sensors[0])
+    assert list(H)[-2:] == [1, 0]
+    files = c.files(Program(DiscreteModel(more, max_step=0.02)))
+    header = next(text for name, text in files.items() if name == "gyro_static.h")
+    assert all(name in header for name in names)
+    assert hum.title in header
+    plain = c.files(Program(DiscreteModel(model)))["gyro_static.h"]
+    assert "hum_in" not in plain
+
+
+def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
+    record = hum_record()
+    found = identify(record, ["white_noise", "test_hum"])
+    lo, hi = found.intervals[1, "rms"]
+    assert lo < 2.0 < hi < 3.0
+    base = believed(record, (make("white_noise", N=1.0),), {})
+    assert any(type(starts[0]) is hum for starts in additions(base))
+    assert candidates(base)[0].name == "test_hum"
+    gap = find_gap("gyro_x", record, ChannelNoise("rad/s", (Term(make("white_noise", N=1.0)),)))
+    assert [f.effect.name for f in gap.findings] == ["test_hum"]
+    assert gap.verdict == "effects_found"
+
+
+def test_the_new_effect_is_gone() -> None:
+    assert "test_hum" not in catalogue()
+    with pytest.raises(InputError, match="no effect"):
+        parse_noise('format = "kfgen-noise-1"\n[a]\nunit = "rad"\neffects = [{effect = "test_hum"}]', "x")
