@@ -18,6 +18,13 @@ from kfgen.errors import InputError
 Array = NDArray[np.float64]
 
 
+EXACT = 2_000_000
+"""Samples up to which every difference is taken at every factor."""
+DECIMATE = 128
+CHUNK = 1 << 13
+"""Small enough for the cache, and for a dot product that no library splits over threads."""
+
+
 @dataclass(frozen=True)
 class AllanCurve:
     """An Allan deviation.
@@ -40,14 +47,28 @@ class AllanCurve:
 
 
 def log_factors(n: int, per_decade: int = 12) -> NDArray[np.int64]:
-    """Averaging factors up to a third of the record, evenly spaced in the logarithm."""
+    """Averaging factors up to a third of the record, evenly spaced in the logarithm.
+
+    From `DECIMATE` on they are multiples of their stride, so that a long record can be thinned.
+    """
     top = max(1, n // 3)
     count = max(2, int(np.ceil(np.log10(top) * per_decade)) + 1) if top > 1 else 1
-    return np.unique(np.round(np.geomspace(1, top, count)).astype(np.int64))
+    m = np.round(np.geomspace(1, top, count)).astype(np.int64)
+    stride = np.array([_stride(k) for k in m.tolist()])
+    return np.unique(m // stride * stride)
+
+
+def _stride(m: int) -> int:
+    """The power of two that leaves between half of `DECIMATE` and `DECIMATE` steps in m."""
+    return 1 << max(0, m.bit_length() - DECIMATE.bit_length() + 1) if m >= DECIMATE else 1
 
 
 def overlapping_variance(y: Array, m: NDArray[np.int64]) -> Array:
     """Overlapping Allan variance of `y` at averaging factors `m` (eq. (11) of [1]_).
+
+    Records beyond `EXACT` samples are thinned at large factors: differences are then taken at every
+    ``m / 64``-th sample or denser, which changes the variance by less than 1 % of itself, far below its
+    statistical error.
 
     Parameters
     ----------
@@ -57,11 +78,29 @@ def overlapping_variance(y: Array, m: NDArray[np.int64]) -> Array:
         Averaging factors, ``2 m <= n``.
     """
     x = np.concatenate([[0.0], np.cumsum(y - y.mean())])
-    out = np.empty(m.size)
+    out, stride = np.empty(m.size), 1
+    buffer = np.empty(CHUNK)
     for i, k in enumerate(m.tolist()):
-        d = x[2 * k :] - 2.0 * x[k:-k] + x[: -2 * k]
-        out[i] = float(d @ d) / (2.0 * k * k * d.size)
+        wanted = _stride(k)
+        if y.size > EXACT and wanted > stride and k % wanted == 0:
+            x, stride = x[:: wanted // stride].copy(), wanted
+        step = k // stride if k % stride == 0 else 0
+        source = x if step else np.concatenate([[0.0], np.cumsum(y - y.mean())])
+        out[i] = _second_differences(source, step or k, buffer) / (2.0 * k * k)
     return out
+
+
+def _second_differences(x: Array, m: int, buffer: Array) -> float:
+    """Mean square of ``x[i + 2 m] - 2 x[i + m] + x[i]``, by chunks that stay in the cache."""
+    count, total = x.size - 2 * m, 0.0
+    for start in range(0, count, CHUNK):
+        stop = min(start + CHUNK, count)
+        d = buffer[: stop - start]
+        np.subtract(x[start + 2 * m : stop + 2 * m], x[start + m : stop + m], out=d)
+        d -= x[start + m : stop + m]
+        d += x[start:stop]
+        total += float(d @ d)
+    return total / count
 
 
 def degrees_of_freedom(n: int, m: Array, slope: Array) -> Array:

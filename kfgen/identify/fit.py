@@ -16,9 +16,19 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, Look
 from kfgen.identify.allan import AllanCurve, allan_curve
-from kfgen.identify.whittle import Fitted, Ordinates, log_likelihood, ordinates
+from kfgen.identify.whittle import (
+    Fitted,
+    Ordinates,
+    density_of_differences,
+    log_likelihood,
+    ordinates,
+    sensitivity,
+)
 
 Array = NDArray[np.float64]
+
+NUDGE = 1e-5
+"""Step in a logarithm over which a density is differentiated."""
 
 Key = tuple[int, str]
 """A parameter: index of its effect, name."""
@@ -178,6 +188,28 @@ class Problem:
         )
         return -value
 
+    def gradient(self, point: Array) -> Array:
+        """Derivative of `objective`; the coefficients of regressors stand at their best."""
+        effects = self.at(point)
+        slope = sensitivity(self.data, effects, log_likelihood(self.data, effects).coefficients)
+        g = np.array([-float(slope @ self._density_slope(effects[i], name)) for i, name in self.free])
+        for k, key in enumerate(self.free):
+            if key in self.priors:
+                prior = self.priors[key]
+                g[k] += (float(point[k]) - prior.mean) / prior.deviation**2
+        return g
+
+    def _density_slope(self, effect: Effect, name: str) -> Array:
+        """Derivative of an effect's density with respect to the logarithm of a parameter, shape (m,)."""
+        data, value = self.data, float(getattr(effect, name))
+        up, down = (
+            density_of_differences(
+                [replace(effect, **{name: value * float(np.exp(h))})], data.omega, data.dt, data.block
+            )
+            for h in (NUDGE, -NUDGE)
+        )
+        return np.asarray((up - down) / (2.0 * NUDGE))
+
     def pin(self, key: Key, value: float) -> Problem:
         """The same with one parameter held at `value` [SI]."""
         effects = list(self.effects)
@@ -199,8 +231,15 @@ def maximise(problem: Problem) -> Fit:
 
     point = problem.start()
     if point.size:
-        options = {"maxiter": 200, "ftol": 1e-12, "gtol": 1e-5}
-        result = minimize(problem.objective, point, method="L-BFGS-B", bounds=problem.bounds, options=options)
+        options = {"maxiter": 200, "ftol": 1e-15, "gtol": 1e-4}
+        result = minimize(
+            problem.objective,
+            point,
+            jac=problem.gradient,
+            method="L-BFGS-B",
+            bounds=problem.bounds,
+            options=options,
+        )
         point = np.asarray(result.x)
     effects = problem.at(point)
     likelihood = log_likelihood(problem.data, effects)

@@ -146,8 +146,19 @@ def log_likelihood(data: Ordinates, effects: Sequence[Effect], coefficients: Arr
     return Fitted(-0.5 * float(data.count @ np.log(S) + quadratic), theta, covariance)
 
 
+def residual_power(data: Ordinates, coefficients: Array) -> Array:
+    """Power of the record less its regressors, summed in each bin [U^2], shape (m,)."""
+    c = np.concatenate([[1.0], -coefficients])
+    return np.asarray(np.einsum("i,mij,j->m", c, data.gram, c))
+
+
 def residual_ratio(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:
     """Power of the residual over its expectation, per bin, shape (m,): one where the model holds."""
     S = density_of_differences(effects, data.omega, data.dt, data.block)
-    c = np.concatenate([[1.0], -coefficients])
-    return np.asarray(np.einsum("i,mij,j->m", c, data.gram, c) / (data.count * S))
+    return residual_power(data, coefficients) / (data.count * S)
+
+
+def sensitivity(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:
+    """Derivative of ``ln L`` with respect to the density in each bin [1/U^2], shape (m,)."""
+    S = np.maximum(density_of_differences(effects, data.omega, data.dt, data.block), np.finfo(float).tiny)
+    return np.asarray(0.5 * (residual_power(data, coefficients) / S - data.count) / S)
