@@ -90,6 +90,26 @@ def audit(
 
 
 @app.command()
+def plan(
+    noise: Annotated[Path, typer.Argument(metavar="NOISE.toml", help="As 'identify -o' writes it.")],
+    rate: SampleRate = 100.0,
+    wanted: Annotated[float, typer.Option(help="Wanted relative deviation.")] = 0.2,
+    json: Json = None,
+    report: Report = None,
+) -> None:
+    """How long to log for a wanted accuracy: the Cramér-Rao bound against the length of the record."""
+    from kfgen.errors import InputError
+    from kfgen.noise import read_noise
+    from kfgen.report.plan import plan_answer
+
+    if not 0.0 < wanted < 10.0 or not 0.0 < rate < float("inf"):
+        raise InputError(
+            "an accuracy and a rate are positive numbers", remedy="Give --wanted 0.2 --rate 100, say"
+        )
+    deliver(plan_answer(read_noise(noise), rate, wanted), json, report)
+
+
+@app.command()
 def emit(
     model: ModelName,
     target: Annotated[str, typer.Option(help="See 'kfgen list'.")],

@@ -117,6 +117,16 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
     return _svg(fig, key)
 
 
+def bound_picture(lines: Sequence[Line], key: str) -> str:
+    """Relative bounds against hours of record."""
+    fig, (ax,) = _figure(7.4, 3.4)
+    for line in lines:
+        ax.plot(line.x, 100.0 * line.y, color=line.color, marker=".", label=line.label)
+    ax.set(xscale="log", yscale="log", xlabel="length of the record [h]", ylabel="bound [%]")
+    ax.legend(frameon=False, fontsize=8.5)
+    return _svg(fig, key)
+
+
 def bars_picture(names: Sequence[str], values: Sequence[float], xlabel: str, key: str) -> str:
     """Horizontal bars, the first on top."""
     fig, (ax,) = _figure(7.4, 0.6 + 0.3 * len(names))
