@@ -94,6 +94,11 @@ class DiscreteModel:
                 f"a rate of {self.rate:g} Hz is no sampling rate",
                 remedy="Give --rate a positive number of hertz",
             )
+        if not self.max_step > 0.0:
+            raise InputError(
+                f"a step of {self.max_step:g} s is none",
+                remedy="Give --max-step a positive number of seconds",
+            )
         if self.order not in (1, 2, 3):
             raise InputError(f"an order of {self.order} is not offered", remedy="Give 1, 2 or 3")
 

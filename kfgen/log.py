@@ -91,6 +91,7 @@ class Log:
                 raise InputError(
                     f"channel {name} has {channel.values.size} samples, time has {self.t.size}",
                     where=self.source,
+                    remedy="Give every channel one sample for each time",
                 )
 
     def _check_time(self) -> None:

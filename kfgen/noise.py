@@ -6,6 +6,7 @@ list of effects whose values are texts with units.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -90,7 +91,7 @@ def parse_noise(text: str, path: str) -> NoiseModel:
     """A noise model from the text of its file; `path` is said in errors, as in `read_noise`."""
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also numbers too long, nests too deep
         raise InputError(f"it is no TOML: {error}", where=path) from None
     if document.get("format") != FORMAT:
         raise InputError(
@@ -98,9 +99,12 @@ def parse_noise(text: str, path: str) -> NoiseModel:
             where=path,
             remedy=f'A noise file begins with format = "{FORMAT}"',
         )
-    provenance = {str(k): str(v) for k, v in dict(document.get("provenance", {})).items()}
+    origin = document.get("provenance", {})
+    if not isinstance(origin, dict):
+        raise InputError("provenance is no table", where=path)
+    provenance = {k: str(v) for k, v in origin.items()}
     channels = {
-        name: _channel(table, f"{path}: [{name}]")
+        name: _channel(name, table, f"{path}: [{name}]")
         for name, table in document.items()
         if isinstance(table, dict) and name != "provenance"
     }
@@ -114,9 +118,17 @@ def canonical(noise: NoiseModel) -> NoiseModel:
     return parse_noise(noise_text(noise), "noise")
 
 
-def _channel(table: Mapping[str, Any], where: str) -> ChannelNoise:
-    if not where.rsplit("[", 1)[-1].rstrip("]").isidentifier():
-        raise InputError("a channel's name is made of letters, digits and underscores", where=where)
+def _check_name(name: str, where: str) -> None:
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) or name in ("format", "provenance"):
+        raise InputError(
+            f"'{name}' cannot be a channel of a noise file",
+            where=where,
+            remedy="A channel's name is made of letters, digits and underscores; rename it with --columns",
+        )
+
+
+def _channel(name: str, table: Mapping[str, Any], where: str) -> ChannelNoise:
+    _check_name(name, where)
     unit = table.get("unit")
     if not isinstance(unit, str):
         raise InputError("the unit is missing", where=where, remedy='Add a line like unit = "deg/s"')
@@ -139,7 +151,10 @@ def _term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
     for p in cls.parameters():
         pair = entry.get(f"{p.name}_ci95")
         if isinstance(pair, list) and len(pair) == 2:
-            lo, hi = (parse_quantity(v, derived_unit(p.unit, unit), where=where) for v in pair)
+            lo, hi = (
+                parse_quantity(v, derived_unit(p.unit, unit), where=where, offset="U" not in p.unit)
+                for v in pair
+            )
             ci95[p.name] = (lo, hi)
     return Term(effect, ci95)
 
@@ -148,8 +163,9 @@ def noise_text(noise: NoiseModel) -> str:
     """The noise file as text."""
     lines = [f'format = "{FORMAT}"']
     if noise.provenance:
-        lines += ["", "[provenance]"] + [f"{k} = {_quoted(v)}" for k, v in noise.provenance.items()]
+        lines += ["", "[provenance]"] + [f"{_quoted(k)} = {_quoted(v)}" for k, v in noise.provenance.items()]
     for name, channel in noise.channels.items():
+        _check_name(name, "noise")
         lines += ["", f"[{name}]", f"unit = {_quoted(channel.unit)}", "effects = ["]
         lines += [f"  {{ {_entry(term, channel.unit)} }}," for term in channel.terms] + ["]"]
     return "\n".join(lines) + "\n"
@@ -176,5 +192,6 @@ def _valued(value: float, unit: str) -> str:
 
 
 def _quoted(text: str) -> str:
+    text = text.encode("utf-8", "replace").decode("utf-8")  # lone surrogates of odd file names
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'

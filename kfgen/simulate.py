@@ -21,6 +21,9 @@ from kfgen.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
+LONGEST = 10**9
+"""Samples of the longest log."""
+
 GRAVITY_N = np.array([0.0, 0.0, STANDARD_GRAVITY])
 
 
@@ -133,6 +136,8 @@ def simulate(
     if manoeuvre not in MANOEUVRES:
         raise InputError(f"there is no manoeuvre '{manoeuvre}'", remedy=f"Known are {', '.join(MANOEUVRES)}")
     n = round(duration * discrete.rate) if np.isfinite(duration) else 0
+    if n > LONGEST:
+        raise InputError(f"a duration of {duration:g} s is too long", remedy="Give a shorter --duration")
     if n < 2:
         raise InputError(
             f"a duration of {duration:g} s holds {max(n, 0)} samples", remedy="Give a longer --duration"

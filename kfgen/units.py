@@ -240,14 +240,19 @@ def parse_unit(text: str) -> Unit:
     if not text.strip():
         return Unit("1", 1.0, (Fraction(0),) * len(BASE))
     parser = _Parser(text)
-    unit = parser.product()
+    try:
+        unit = parser.product()
+    except (OverflowError, ZeroDivisionError, RecursionError):
+        raise parser.error("is beyond any number") from None
+    if not (math.isfinite(unit.factor) and unit.factor > 0.0):
+        raise parser.error("is beyond any number")
     if parser.tokens:
         raise parser.error(f"has '{parser.peek()}' left over")
     offset = 273.15 if text.strip() == "degC" else 0.0
     return Unit(text.strip(), unit.factor, unit.exponents, offset)
 
 
-def parse_quantity(value: object, si_unit: str, *, where: str = "") -> float:
+def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool = True) -> float:
     """Read a value of a file: a number is SI, a string carries its unit.
 
     Parameters
@@ -273,9 +278,12 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "") -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise InputError(f"expected a number or a text with a unit, found {value!r}", where=where)
     if isinstance(value, int | float):
-        number, unit = float(value), parse_unit(wanted.si)
+        try:
+            number, unit = float(value), parse_unit(wanted.si)
+        except OverflowError:
+            raise InputError("the number is too large", where=where) from None
     else:
-        match = re.match(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(.*)$", value, re.S)
+        match = re.match(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.])(.*)$", value, re.S)
         if match is None:
             raise InputError(
                 f"'{value}' does not begin with a number",
@@ -283,16 +291,20 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "") -> float:
                 remedy=f"Write it like '0.01 {si_unit}'",
             )
         number, rest = float(match.group(1)), match.group(2).strip()
-        unit = parse_unit(rest) if rest else parse_unit(wanted.si)
+        try:
+            unit = parse_unit(rest) if rest else parse_unit(wanted.si)
+        except InputError as error:
+            raise InputError(error.what, where=where, remedy=error.remedy) from None
         if not unit.same_dimension(wanted):
             raise InputError(
                 f"'{value}' has the dimension of {unit.si}, not of {si_unit}",
                 where=where,
                 remedy=f"Write it in {si_unit}",
             )
-    if not math.isfinite(number):
+    result = number * unit.factor + (unit.offset if offset else 0.0)
+    if not math.isfinite(result):
         raise InputError(f"{value!r} is not finite", where=where)
-    return number * unit.factor + unit.offset
+    return result
 
 
 def to_si(values: float, unit: str) -> float:
@@ -313,9 +325,10 @@ def derived_unit(template: str, unit: str) -> str:
     >>> derived_unit("U/sqrt(Hz)", "deg/s")
     'deg/s/sqrt(Hz)'
     """
+    unit = "K" if unit.strip() == "degC" else unit  # a size of an effect is a difference
     plain = re.fullmatch(r"[A-Za-z%]+(/[A-Za-z]+(\^[0-9.]+)?)*", unit) is not None
-    text = unit if plain else f"({unit})"
-    return re.sub(r"\bU\b", text, template).replace("1*", "")
+    text = unit if plain else f"({unit.strip() or 1})"
+    return re.sub(r"\bU\b", text, template)
 
 
 _SHOWN = {"rad/s": "deg/s", "m/s^2": "mg", "T": "uT", "K": "K", "rad": "deg"}

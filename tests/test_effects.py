@@ -203,17 +203,18 @@ def test_sampled_density_integrates_to_the_sample_variance(name: str) -> None:
     """Of the samples where they have a variance, else of their first differences."""
     effect, dt = EXAMPLES[name], 0.05
     form = effect.form()
-    omega = (np.arange(1 << 19) + 0.5) * np.pi / (1 << 19)
+    omega = np.geomspace(1e-11, np.pi, 100_001)  # the slowest effects are narrow lines about zero
     S = effect.sampled_density(omega, dt)
     A = np.array(form.A, float).reshape(form.order, form.order)
     if form.order and np.linalg.eigvals(A).real.max() >= 0.0:
         assert name == "rate_random_walk", "state the variance of its steps here"
-        assert (4 * np.sin(omega / 2) ** 2 * S).mean() == pytest.approx(effect.K**2 * dt, rel=1e-9)
+        steps = np.trapezoid(4 * np.sin(omega / 2) ** 2 * S, omega) / np.pi
+        assert steps == pytest.approx(effect.K**2 * dt, rel=1e-6)
         return
     C = np.array(form.C, float)
     variance = float(form.V) / dt + 2 * float(form.Z) / dt**2
     variance += float(C @ initial_covariance(form) @ C) if form.order else 0.0
-    assert S.mean() == pytest.approx(variance, rel=1e-4)
+    assert np.trapezoid(S, omega) / np.pi == pytest.approx(variance, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", RANDOM)
@@ -314,7 +315,9 @@ def test_rows_and_sentences_say_every_parameter_with_its_unit(name: str, unit: s
 @pytest.mark.parametrize("name", NAMES)
 def test_a_written_entry_is_read_back(name: str, unit: str, tmp_path: Path) -> None:
     effect = EXAMPLES[name]
-    sizes = {p.name: (0.5 * abs(v), 2.0 * abs(v)) for p in effect.estimated() if (v := getattr(effect, p.name))}
+    sizes = {
+        p.name: (0.5 * abs(v), 2.0 * abs(v)) for p in effect.estimated() if (v := getattr(effect, p.name))
+    }
     path = tmp_path / "noise.toml"
     write_noise(NoiseModel({"ch": ChannelNoise(unit, (Term(effect, sizes),))}), path)
     channel = read_noise(path).channel("ch")
@@ -393,6 +396,34 @@ def hum() -> Iterator[type[Effect]]:
     gc.collect()
 
 
+@pytest.fixture
+def swell() -> Iterator[type[Effect]]:
+    """Another: white noise through two equal lags, of stationary deviation `rms`."""
+
+    @dataclass(frozen=True)
+    class Swell(Effect):
+        rms: Any = parameter("U")
+        lag: Any = parameter("s", "time")
+
+        name: ClassVar[str] = "test_swell"
+        title: ClassVar[str] = "swell of the test bench"
+        saying: ClassVar[str] = "swells by {rms} with a lag of {lag}"
+
+        def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+            return Form(
+                A=((-1 / self.lag, 1), (0, -1 / self.lag)),
+                W=((0, 0), (0, 4 * self.rms**2 / self.lag**3)),
+                C=(1, 0),
+                x0=(0, 0),
+                states=(State("swell"), State("swell_rate", "U/s")),
+            )
+
+    yield Swell
+    Swell.name = ""
+    del Swell
+    gc.collect()
+
+
 def hum_record(n: int = 8192, dt: float = 0.1) -> Record:
     """White noise of N = 1 and a 1 Hz resonance of rms 2, 4 s, stepped in plain numpy."""
     rng = np.random.default_rng(5)
@@ -427,21 +458,41 @@ def test_a_new_effect_goes_through_files(hum: Any, tmp_path: Path) -> None:
     assert effect.sentence("gyro_x", "rad/s") == "gyro_x hums by 0.03 rad/s, decaying in 7 s"
 
 
-def test_a_new_effect_becomes_states_and_code(hum: Any) -> None:
+def header_of(effect: Effect) -> tuple[str, list[str]]:
+    """The emitted C header of the model gyro-static with one more effect, and its states' names."""
+    more = build("gyro-static").augment("gyro_x", effect)
+    text = c.files(Program(DiscreteModel(more, max_step=0.02)))["gyro_static.h"]
+    return text, [s.name for s in more.states]
+
+
+def test_a_new_effect_becomes_states_of_a_filter(swell: Any) -> None:
     model = build("gyro-static")
-    more = model.augment("gyro_x", hum(rms=0.03, decay=7.0))
+    more = model.augment("gyro_x", swell(rms=0.03, lag=7.0))
+    assert [s.name for s in more.states][-2:] == ["gyro_x_swell", "gyro_x_swell_rate"]
     assert len(more.states) == len(model.states) + 2
-    names = [s.name for s in more.states][-2:]
-    assert names == ["gyro_x_hum_in", "gyro_x_hum_out"]
-    assert [s.prior for s in more.states][-2:] == [pytest.approx(0.03, rel=1e-9)] * 2
-    H = more.H(more.sensors[0])
-    assert list(H)[-2:] == [1, 0]
-    files = c.files(Program(DiscreteModel(more, max_step=0.02)))
-    header = next(text for name, text in files.items() if name == "gyro_static.h")
-    assert all(name in header for name in names)
-    assert hum.title in header
-    plain = c.files(Program(DiscreteModel(model)))["gyro_static.h"]
-    assert "hum_in" not in plain
+    assert [s.unit for s in more.states][-1] == "rad/s/s"
+    # stationary: rms, and rms / lag of the rate (two equal lags: var x = q lag^3 / 4, var x2 = q lag / 2)
+    np.testing.assert_allclose(
+        [s.prior for s in more.states][-2:], [0.03, 0.03 * np.sqrt(2) / 7.0], rtol=1e-9
+    )
+    assert list(more.H(more.sensors[0]))[-2:] == [1, 0]
+    discrete = DiscreteModel(more)
+    step = np.array(discrete.Phi[-2:, -2:].subs(dict.fromkeys(discrete.Phi.free_symbols, 0.1)), float)
+    e = np.exp(-0.1 / 7.0)
+    np.testing.assert_allclose(step, [[e, 0.1 * e], [0.0, e]], rtol=1e-7)
+
+
+def test_a_new_effect_becomes_code(swell: Any) -> None:
+    text, names = header_of(swell(rms=0.03, lag=7.0))
+    assert all(name in text for name in names)
+    assert swell.title in text
+    assert "swell" not in c.files(Program(DiscreteModel(build("gyro-static"))))["gyro_static.h"]
+
+
+def test_a_new_effect_whose_states_drive_one_another_becomes_code(hum: Any) -> None:
+    """Any resonance is such an effect."""
+    text, names = header_of(hum(rms=0.03, decay=7.0))
+    assert all(name in text for name in names)
 
 
 def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
@@ -458,6 +509,6 @@ def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
 
 
 def test_the_new_effect_is_gone() -> None:
-    assert "test_hum" not in catalogue()
+    assert not {"test_hum", "test_swell"} & set(catalogue())
     with pytest.raises(InputError, match="no effect"):
         parse_noise('format = "kfgen-noise-1"\n[a]\nunit = "rad"\neffects = [{effect = "test_hum"}]', "x")

@@ -212,7 +212,9 @@ def test_the_rate_replaces_the_files_time_and_says_so(tmp_path: Path) -> None:
     assert any("--rate" in w for w in log.warnings)
 
 
-@pytest.mark.parametrize("text", ["gyro_x", "gyro_x=", "=gx", "1x=gx", "a=b [m", "a=b,,c=d", "a=b,a=c", "a=b [zz]"])
+@pytest.mark.parametrize(
+    "text", ["gyro_x", "gyro_x=", "=gx", "1x=gx", "a=b [m", "a=b,,c=d", "a=b,a=c", "a=b [zz]"]
+)
 def test_a_garbled_column_map_is_refused(text: str) -> None:
     with pytest.raises(InputError) as caught:
         ColumnMap.parse(text)

@@ -298,9 +298,7 @@ def test_a_person_reads_his_own_unit_or_the_usual_one(unit: str, shown: str) -> 
 
 
 @settings(max_examples=200, deadline=None)
-@given(
-    st.floats(-1e12, 1e12, allow_subnormal=False), st.sampled_from([t for t, _ in FACTORS if t != "degC"])
-)
+@given(st.floats(-1e12, 1e12, allow_subnormal=False), st.sampled_from([t for t, _ in FACTORS if t != "degC"]))
 def test_there_and_back(value: float, unit: str) -> None:
     assert from_si(to_si(value, unit), unit) == pytest.approx(value, rel=1e-14, abs=1e-300)
 

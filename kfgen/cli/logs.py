@@ -21,6 +21,7 @@ from kfgen.cli.options import (
     deliver,
     discrete_of,
     noise_of,
+    not_over,
     read,
 )
 
@@ -68,8 +69,15 @@ def identify(
 
     if method != "ml":
         raise InputError(f"there is no method '{method}'", where="--method", remedy="Known is ml")
+    not_over(output, log)
     data = read(log, rate, columns)
     names = _names(channels) or [c for c in data.channels if not c.startswith(NOT_NOISY)]
+    if not names:
+        raise InputError(
+            f"there is nothing to identify among {', '.join(data.channels)}",
+            where=data.source,
+            remedy="Name channels with --channels",
+        )
     found = {}
     for name in names:
         try:
@@ -90,7 +98,7 @@ def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
     duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0,
     rate: SampleRate = 100.0,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
     manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
     noise: Noise = None,
     json: Json = None,
@@ -134,6 +142,7 @@ def _believed(model: str, log: Log) -> NoiseModel:
     from kfgen.errors import InputError
     from kfgen.model.library import build
     from kfgen.noise import ChannelNoise, NoiseModel, Term
+    from kfgen.units import parse_unit
 
     if model.endswith(".toml"):
         noise = noise_of(Path(model))
@@ -157,6 +166,12 @@ def _believed(model: str, log: Log) -> NoiseModel:
             where=log.source,
             remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}",
         )
+    for c, n in known.items():
+        if not parse_unit(n.unit).same_dimension(parse_unit(log.channels[c].unit)):
+            raise InputError(
+                f"channel {c} is in {log.channels[c].unit} in the log, in {n.unit} in {model}",
+                where=log.source,
+            )
     return NoiseModel(known, noise.provenance)
 
 
@@ -176,6 +191,7 @@ def gap(
     from kfgen.noise import write_noise
     from kfgen.report.gap import gap_answer, mended_model
 
+    not_over(output, log)
     data = read(log, rate, columns)
     believed = _believed(model, data)
     wanted = _names(channels) or list(believed.channels)

@@ -56,6 +56,14 @@ def discrete_of(
     return DiscreteModel(build(model, noise_of(noise)), order=order, max_step=max_step, rate=rate)
 
 
+def not_over(output: Path | None, source: Path) -> None:
+    """An output must not overwrite what the command reads."""
+    from kfgen.errors import InputError
+
+    if output is not None and output.resolve() == source.resolve():
+        raise InputError("the output would overwrite the input", where=str(output), remedy="Give another -o")
+
+
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     """Print an answer, write what was asked for, and exit with 1 when a check failed."""
     from kfgen.report.page import write_page

@@ -121,7 +121,10 @@ class Effect:
                 raise InputError(
                     f"{cls.name} has no parameter '{key}'", where=where, remedy=f"It has {', '.join(known)}"
                 )
-            values[key] = parse_quantity(value, derived_unit(known[key].unit, unit), where=f"{where}.{key}")
+            template = known[key].unit
+            values[key] = parse_quantity(
+                value, derived_unit(template, unit), where=f"{where}.{key}", offset="U" not in template
+            )
             if known[key].kind in ("size", "time") and (
                 values[key] < 0 or (values[key] == 0 and known[key].kind == "time")
             ):

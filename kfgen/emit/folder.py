@@ -105,12 +105,14 @@ def _manifest(folder: Path) -> dict[str, Any]:
             where=str(folder),
             remedy="Make one with: kfgen emit MODEL --target c -o DIR",
         ) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"it is no JSON: {error}", where=str(path)) from None
     if (
         not isinstance(manifest, dict)
         or manifest.get("format") != FORMAT
         or not isinstance(manifest.get("files"), list)
+        or not all(isinstance(name, str) for name in manifest["files"])
+        or manifest.get("target") not in targets()
     ):
         raise InputError("it is no manifest of kfgen", where=str(path))
     return manifest

@@ -90,9 +90,13 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
         raise InputError(f"{n} samples are too few for a fit", remedy=f"Log at least {MINIMUM}")
     if not np.ptp(record.y) > 0.0:
         raise InputError("the channel never changes", remedy="Check the sensor and the column")
+    if not np.isfinite(n * float(np.abs(record.y).max()) * float(np.abs(record.y).max())):
+        raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
     record = replace(record, block=max(1, n // BLOCKS))
     best, problem = _exactly(record, wanted) if wanted else _climb(record)
     intervals: dict[Key, tuple[float, float]] = {key: interval95(problem, best, key) for key in best.free}
+    if wanted:
+        intervals |= _open_intervals(problem, best)
     intervals |= _linear_intervals(best)
     bounds = relative_bound(best.effects, record.dt, n)
     unresolved = frozenset() if wanted else _unresolved(problem, best)
@@ -100,6 +104,26 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
     limits = () if wanted else tuple(_limit(problem, best, name) for name in LADDER if name not in shown)
     warnings = (_drift_warning(best, unresolved, record),) if unresolved else ()
     return Identified(best, unresolved, intervals, bounds, limits, record, warnings)
+
+
+def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
+    """One-sided intervals of a wanted term with a searched time that the record does not support.
+
+    The search over its time lets the likelihood close on chance (its null gain passes 3.84 far more
+    often than once in twenty), so that below the ladder's threshold only a limit holds.
+    """
+    found: dict[Key, tuple[float, float]] = {}
+    for i, effect in enumerate(best.effects):
+        times = [p.name for p in effect.estimated() if p.kind == "time"]
+        others = tuple(e for k, e in enumerate(best.effects) if k != i)
+        if not times or is_linear(effect) or not others:
+            continue
+        without = maximise(Problem(problem.record, others))
+        if 2.0 * (best.value - without.value) < THRESHOLD[len(effect.estimated())]:
+            limit = _limit(problem, best, effect.name)
+            found[i, limit.parameter] = (0.0, limit.upper95)
+            found |= {(i, name): (0.0, float("inf")) for name in times}
+    return found
 
 
 def _unresolved(problem: Problem, best: Fit) -> frozenset[int]:
@@ -148,9 +172,18 @@ def best_of(record: Record, choices: Sequence[tuple[Effect, ...]]) -> tuple[Fit,
 
 
 def _exactly(record: Record, wanted: Sequence[str]) -> tuple[Fit, Problem]:
+    twice = [name for name in wanted if wanted.count(name) > 1 and not effect_named(name).repeatable]
+    if twice:
+        raise InputError(f"{twice[0]} is wanted twice", where="--effects", remedy="Name it once")
     choices: list[tuple[Effect, ...]] = [()]
     for name in wanted:
         choices = [(*c, e) for c in choices for e in starts(name, record)]
+    if all(
+        e.form({e.driver: record.drive[e.driver]} if e.driver else None).deterministic for e in choices[0]
+    ):
+        raise InputError(
+            f"{', '.join(wanted)} alone is no noise", where="--effects", remedy="Add white_noise"
+        )
     return best_of(record, choices)
 
 

@@ -50,7 +50,7 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError("no such file", where=str(path))
+        raise InputError("no such file", where=str(path), remedy="Check the path")
     reader = readers().get(path.suffix.lower())
     if reader is None:
         raise InputError(
@@ -60,7 +60,7 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
         )
     data = path.read_bytes()
     if not data.strip():
-        raise InputError("the file is empty", where=str(path))
+        raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
     if rate is not None and not 0.0 < rate < float("inf"):
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"

@@ -46,7 +46,9 @@ def read(path: Path) -> Table:
 def write(log: Log, path: str | Path) -> None:
     """Write a log as CSV in the users' units, whole or not at all."""
     columns, names = [np.asarray(log.t)], ["t [s]"]
+    digits = ["%.17g"]
     for name, channel in log.channels.items():
+        digits.append("%.10g")
         unit = parse_unit(channel.unit)
         columns.append((channel.values - unit.offset) / unit.factor)
         names.append(f"{name} [{channel.unit}]")
@@ -54,7 +56,7 @@ def write(log: Log, path: str | Path) -> None:
         np.savetxt(
             temporary,
             np.column_stack(columns),
-            fmt="%.10g",
+            fmt=digits,
             delimiter=",",
             header=",".join(names),
             comments="",
@@ -66,6 +68,8 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _is_number(cell: str) -> bool:
+    if "_" in cell:  # read by Python, not by numpy
+        return False
     try:
         float(cell)
     except ValueError:
@@ -109,7 +113,16 @@ def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[l
         line = lines[index].lstrip("# ")
         if not line.strip():
             continue
+        if not separator:
+            line = re.sub(r"\s+\[", "[", line)
         cells = _cells(line, separator)
+        if len(cells) == width and any(_is_number(c) for c in cells):
+            bad = next(k for k, c in enumerate(cells) if not _is_number(c))
+            raise InputError(
+                f"'{cells[bad]}' is not a number" if cells[bad] else "an empty cell",
+                where=f"{path}: line {index + 1}, column {bad + 1}",
+                remedy="Mend or remove that line",
+            )
         if len(cells) == width:
             return _names(path, index, cells)
         break
@@ -138,7 +151,9 @@ def _numbers(
 ) -> NDArray[np.float64]:
     rows = lines[first:]
     try:
-        return np.loadtxt(rows, delimiter=separator or None, ndmin=2, dtype=np.float64)
+        return np.loadtxt(
+            [r for r in rows if r.strip()], delimiter=separator or None, ndmin=2, dtype=np.float64
+        )
     except ValueError:
         _explain(path, rows, first, separator, names)
         raise

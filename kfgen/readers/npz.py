@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import re
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -48,11 +49,29 @@ def read(path: Path) -> Table:
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise InputError(f"it is no archive of plain arrays ({error})", where=str(path)) from None
-    units = _own_units(arrays)
-    if units is not None:
-        return Table(str(path), {k: Column(np.asarray(arrays[k], float), u) for k, u in units.items()})
+    except (
+        ValueError,
+        TypeError,
+        OSError,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        zlib.error,
+        zipfile.BadZipFile,
+    ) as error:
+        raise InputError(
+            f"it is no archive of plain arrays ({str(error).splitlines()[0] if str(error) else 'cut off'})",
+            where=str(path),
+            remedy="Write it with numpy.savez",
+        ) from None
+    try:
+        units = _own_units(arrays)
+        if units is not None:
+            return Table(str(path), {k: Column(np.asarray(arrays[k], float), u) for k, u in units.items()})
+    except (ValueError, TypeError, AttributeError):
+        raise InputError(
+            "its units or arrays are garbled", where=str(path), remedy="Write the log again"
+        ) from None
     return _foreign(path, arrays)
 
 
@@ -64,8 +83,10 @@ def write(log: Log, path: str | Path) -> None:
     }
     arrays["t"] = np.asarray(log.t)
     arrays["kfgen_units"] = np.array(json.dumps(units))
-    with write_whole(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+    with write_whole(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
 
 
 def from_si_array(values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
@@ -86,7 +107,11 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> Table:
     text = str(meta.get("columns", ""))
     lengths = [a.shape[0] for a in arrays.values() if a.ndim and a.dtype.kind in "fiub"]
     if not lengths:
-        raise InputError("there is no array of samples in it", where=str(path))
+        raise InputError(
+            "there is no array of samples in it",
+            where=str(path),
+            remedy="Give arrays like gyr and acc, and fs",
+        )
     n = max(lengths)
     columns: dict[str, Column] = {}
     for name, array in arrays.items():
@@ -96,7 +121,11 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> Table:
     if any(name not in _USUAL for name in arrays) and any(c.unit is not None for c in columns.values()):
         columns = {k: c for k, c in columns.items() if c.unit is not None or k == "t"}
     fs = arrays.get("fs")
-    return Table(str(path), columns, float(fs) if fs is not None and fs.ndim == 0 else None)
+    if fs is None or fs.ndim:
+        return Table(str(path), columns)
+    if fs.dtype.kind not in "fiu" or not 0.0 < float(fs) < np.inf:
+        raise InputError(f"its rate fs is {fs}", where=str(path), remedy="Give a positive number of hertz")
+    return Table(str(path), columns, float(fs))
 
 
 def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
@@ -125,7 +154,7 @@ def _hamilton(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.floa
     from scipy.spatial.transform import Rotation  # heavy: only for logs with an ENU reference
 
     out = np.full_like(q, np.nan)
-    good = np.isfinite(q).all(axis=1)
+    good = np.isfinite(q).all(axis=1) & (np.abs(q).max(axis=1) > 0.0)
     turned = Rotation.from_quat(p, scalar_first=True) * Rotation.from_quat(q[good], scalar_first=True)
     out[good] = turned.as_quat(scalar_first=True)
     return out

@@ -62,7 +62,10 @@ class ColumnMap:
             if any(channel == known for known, _, _ in entries):
                 raise InputError(f"channel '{channel}' is named twice", where="--columns")
             if unit is not None:
-                parse_unit(unit)
+                try:
+                    parse_unit(unit)
+                except InputError as error:
+                    raise InputError(error.what, where="--columns", remedy=error.remedy) from None
             entries.append((channel, column, unit))
         return ColumnMap(tuple(entries))
 
@@ -135,7 +138,9 @@ def _unit(table: Table, name: str, column: Column) -> str:
 
 def _time(table: Table, time: Column | None) -> NDArray[np.float64]:
     assert time is not None
-    unit = parse_unit(time.unit or "s")
+    unit = parse_unit(_unit(table, "t", Column(time.values, time.unit or "s")))
     if not unit.same_dimension(parse_unit("s")):
-        raise InputError(f"the column t is in '{time.unit}', which is no time", where=table.source)
+        raise InputError(
+            f"the column t is in '{time.unit}', which is no time", where=table.source, remedy="Write t [s]"
+        )
     return np.asarray(time.values * unit.factor, dtype=np.float64)

@@ -44,9 +44,9 @@ def verify(emitted: Emitted, names: Sequence[str]) -> list[Verdict]:
         The emulator is not installed.
     """
     program = emitted.program
+    makers = [(name, _maker(name)) for name in names]
     if emitted.target == "filterpy":
         return [compare_module(program, emitted.folder)]
-    makers = [(name, _maker(name)) for name in names]
     calls = scenario(program)
     verdicts = []
     for name, make in makers:

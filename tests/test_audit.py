@@ -1,0 +1,251 @@
+"""Proves what an audit says: the known answers of the literature, exactly, with names, units and words.
+
+Row numbers are those of ``observability.md``. Counts are compared with numpy's rank of observability
+matrices that are built here from textbook F and H, at random numbers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.linalg import block_diag
+
+from kfgen.audit.audit import audit
+from kfgen.audit.null import null_directions, observability_rows
+from kfgen.effects import Effect, make
+from kfgen.model.filter import FilterModel
+from kfgen.model.library import build
+from kfgen.model.motion import Rest, Strapdown
+from kfgen.model.sensors import AtRest, GnssPosition, GnssVelocity, MagneticField, Sensor
+
+G = 9.80665
+
+
+def skew(a: np.ndarray) -> np.ndarray:
+    return np.cross(np.eye(3), a) * -1.0
+
+
+def one_axis(*effects: Effect) -> FilterModel:
+    return FilterModel("one", "one axis", Rest(), (AtRest(),), {"gyro_x": effects})
+
+
+def names(model: FilterModel, vectors: tuple[sp.Matrix, ...]) -> list[dict[str, float]]:
+    values = {c.symbol: c.value for c in model.constants}
+    return [
+        {s.name: float(e.subs(values)) for s, e in zip(model.states, v, strict=True) if e != 0}
+        for v in vectors
+    ]
+
+
+def test_row_4_ins_at_rest_hides_four_directions() -> None:
+    answer = audit(build("ins15"))
+    assert (answer.states, answer.rank, answer.nullity) == (15, 11, 4)
+    found = sorted((d.vector for d in answer.directions), key=str)
+    wanted = [
+        {"bg_D": 1.0},
+        {"phi_D": 1.0},
+        {"phi_E": 1.0, "ba_N": pytest.approx(-G, rel=1e-12)},
+        {"phi_N": 1.0, "ba_E": pytest.approx(G, rel=1e-12)},
+    ]
+    assert found == wanted
+    assert all(d.units.keys() == d.vector.keys() for d in answer.directions)
+
+
+def test_row_4_in_words() -> None:
+    sentences = {d.sentence for d in audit(build("ins15")).directions}
+    assert sentences == {
+        "Heading changes no measurement",
+        "Down gyro bias changes no measurement",
+        "1 mrad of east tilt is hidden by -9.807 mm/s^2 of north accelerometer bias",
+        "1 mrad of north tilt is hidden by 9.807 mm/s^2 of east accelerometer bias",
+    }
+
+
+class Heading(Sensor):
+    """Tangent of the heading of the forward axis, as from two antennas."""
+
+    title = "dual-antenna heading"
+    unit = ""
+    channels = ("heading",)
+    sd = 0.01
+    needs = ("phi",)
+
+    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
+        return sp.Matrix([x["phi"][1, 0] / x["phi"][0, 0]])
+
+
+TILTS = [
+    {"phi_N": 1.0, "ba_x": 0.0, "ba_y": pytest.approx(G)},
+    {"phi_E": 1.0, "ba_x": pytest.approx(-G), "ba_y": 0.0},
+]
+
+
+def test_row_11_heading_of_two_antennas_leaves_the_tilts() -> None:
+    model = FilterModel(
+        "ins+heading", "", Strapdown(), (GnssPosition(), GnssVelocity(), Heading()), build("ins15").noise
+    )
+    found = names(model, null_directions(model))
+    assert found == [{k: v for k, v in t.items() if v != 0.0} for t in TILTS]
+
+
+def test_known_field_leaves_the_rotation_about_the_field() -> None:
+    model = FilterModel(
+        "ins+mag", "", Strapdown(), (GnssPosition(), GnssVelocity(), MagneticField()), build("ins15").noise
+    )
+    field = {c.name: c.value for c in model.constants}
+    (found,) = names(model, null_directions(model))
+    assert found == {
+        "phi_N": 1.0,
+        "phi_D": pytest.approx(field["mag_D"] / field["mag_N"], rel=1e-12),
+        "ba_y": pytest.approx(G, rel=1e-12),
+    }
+
+
+@pytest.mark.parametrize(
+    ("used", "hidden"),
+    [
+        (("accel",), [{"phi_D": 1.0}, {"bg_z": 1.0}]),
+        (("accel", "mag"), []),
+        (("mag",), [{"phi_N": 1.0, "phi_D": 2.2}, {"bg_x": 1.0, "bg_z": 2.2}]),
+    ],
+    ids=["accel", "accel and mag", "mag"],
+)
+def test_row_14_attitude_at_rest(used: tuple[str, ...], hidden: list[dict[str, float]]) -> None:
+    """The field is (20, 0, 44) uT: turning about it, by 1 and 2.2, is not seen."""
+    model = build("ahrs6")
+    found = names(model, null_directions(model, used))
+    assert [v.keys() for v in found] == [v.keys() for v in hidden]
+    for v, w in zip(found, hidden, strict=True):
+        assert v == pytest.approx(w, rel=1e-12)
+
+
+def test_row_22_two_equal_time_constants_hide_a_difference() -> None:
+    twin = make("gauss_markov", sigma=1e-3, tau=20.0), make("gauss_markov", sigma=3e-3, tau=20.0)
+    (found,) = names(one_axis(*twin), null_directions(one_axis(*twin)))
+    assert found == {"gyro_x_gm": 1.0, "gyro_x_gm2": -1.0}
+
+
+@pytest.mark.parametrize("ratio", [1.0 + 1e-9, 2.0])
+def test_row_22_unequal_time_constants_are_visible(ratio: float) -> None:
+    model = one_axis(
+        make("gauss_markov", sigma=1e-3, tau=20.0), make("gauss_markov", sigma=3e-3, tau=20.0 * ratio)
+    )
+    assert null_directions(model) == ()
+
+
+def test_row_22_gauss_markov_beside_a_walk_is_visible() -> None:
+    tau = 40.0
+    model = one_axis(make("gauss_markov", sigma=1e-3, tau=tau), make("rate_random_walk", K=1e-5))
+    answer = audit(model)
+    assert (answer.rank, answer.nullity) == (2, 0)
+    O = observability_rows(model.F, model.H(model.sensors[0]), [])
+    assert float(O.det()) == pytest.approx(1 / tau, rel=1e-12)
+
+
+def test_temperature_must_change_to_be_told_from_a_bias() -> None:
+    """With a temperature whose derivatives are free the coefficient shows; without, it is the bias."""
+    model = one_axis(make("rate_random_walk", K=1e-5), make("temperature", coefficient=1e-5))
+    assert null_directions(model) == ()
+    frozen = observability_rows(model.F, model.H(model.sensors[0]), [])
+    assert frozen.rank() == 1
+
+
+def test_hidden_state_keeps_the_name_of_its_channel() -> None:
+    """Nothing on the down gyro of an INS at rest shows; what is hidden is named as in the log."""
+    model = build("ins15").augment("gyro_z", make("gauss_markov", sigma=1e-4, tau=9.0))
+    sentences = [d.sentence for d in audit(model).directions if "gyro_z_gm" in d.vector]
+    assert len(sentences) == 1
+    assert "gyro_z first-order Gauss-Markov bias" in sentences[0]
+
+
+def textbook_ins(model: FilterModel) -> tuple[np.ndarray, np.ndarray]:
+    """p' = v, v' = f x phi + C ba (sign of true = estimate + error), phi' = -C bg; f = -g, C = 1."""
+    f = np.array([0.0, 0.0, -dict(constants(model))["g"]])
+    O, one = np.zeros((3, 3)), np.eye(3)
+    F = np.block(
+        [[O, one, O, O, O], [O, O, -skew(f), -one, O], [O, O, O, O, -one], [O, O, O, O, O], [O, O, O, O, O]]
+    )
+    return F, np.hstack([np.eye(6), np.zeros((6, 9))])
+
+
+def textbook_ahrs(model: FilterModel) -> tuple[np.ndarray, np.ndarray]:
+    """phi' = -C bg, h = C'(1 - [phi x]) m for gravity and for the field."""
+    known = {"mag_N": 0.0, "mag_D": 0.0} | dict(constants(model))
+    F = np.block([[np.zeros((3, 3)), -np.eye(3)], [np.zeros((3, 6))]])
+    seen = [np.array([0.0, 0.0, -known["g"]]), np.array([known["mag_N"], 0.0, known["mag_D"]])]
+    return F, np.vstack([np.hstack([skew(m), np.zeros((3, 3))]) for m in seen[: len(model.sensors)]])
+
+
+def constants(model: FilterModel) -> list[tuple[str, float]]:
+    return [(c.name, c.value) for c in model.constants]
+
+
+def with_markov(
+    F: np.ndarray, H: np.ndarray, places: list[int], taus: list[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Markov states that add to states (biases) of an input, wherever those act."""
+    tail = block_diag(*(np.array([[-1.0 / t]]) for t in taus))
+    top = np.hstack([F, F[:, places]])
+    bottom = np.hstack([np.zeros((len(taus), F.shape[0])), tail])
+    return np.vstack([top, bottom]), np.hstack([H, H[:, places]])
+
+
+def numpy_rank(F: np.ndarray, H: np.ndarray) -> int:
+    rows = [H]
+    for _ in range(F.shape[0] - 1):
+        rows.append(rows[-1] @ F)
+    O = np.vstack(rows)
+    O = O / np.maximum(np.linalg.norm(O, axis=1, keepdims=True), 1e-300)
+    return int(np.linalg.matrix_rank(O, tol=1e-9))
+
+
+TEXTBOOK: dict[str, tuple[Callable[..., Any], int]] = {
+    "ins15": (textbook_ins, 12),
+    "ahrs6": (textbook_ahrs, 3),
+}
+
+
+@pytest.mark.parametrize("sensors", [1, 2])
+@pytest.mark.parametrize("name", TEXTBOOK)
+@pytest.mark.parametrize("axes", ["", "x", "xz", "zz"])
+@pytest.mark.parametrize("seed", range(2))
+def test_rank_is_numpys_rank_of_the_textbook_matrices(name: str, sensors: int, axes: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    base = build(name)
+    model = FilterModel(name, "", base.motion, base.sensors[:sensors], base.noise)
+    taus = [round(t, 3) for t in rng.uniform(0.8, 2.0, len(axes))]
+    for axis, tau in zip(axes, taus, strict=True):
+        model = model.augment(f"gyro_{axis}", make("gauss_markov", sigma=1e-3, tau=tau))
+    build_matrices, gyro = TEXTBOOK[name]
+    F, H = build_matrices(model)
+    H = H[: 3 * sensors]
+    if axes:
+        F, H = with_markov(F, H, [gyro + "xyz".index(a) for a in axes], taus)
+    assert F.shape[0] == len(model.states)
+    assert len(model.states) - len(null_directions(model)) == numpy_rank(F, H)
+
+
+def test_json_is_as_promised(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+    done = kfgen("audit", "ins15", "--json", tmp_path / "a.json")
+    assert done.exit_code == 0
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert data["format"] == "kfgen-audit-1"
+    assert data["model"] == "ins15"
+    static = data["manoeuvres"]["static"]
+    assert {k: static[k] for k in ("states", "rank", "nullity")} == {"states": 15, "rank": 11, "nullity": 4}
+    assert "raw" in static["condition"]
+    for direction in static["directions"]:
+        assert direction.keys() >= {"vector", "units", "sentence", "freed_by"}
+        assert direction["units"].keys() == direction["vector"].keys()
+        assert direction["sentence"] in done.stdout
+    assert {"phi_E": "rad", "ba_N": "m/s^2"} in [d["units"] for d in static["directions"]]
+
+
+def test_unknown_manoeuvre_is_bad_usage(kfgen: Callable[..., Any]) -> None:
+    assert kfgen("audit", "ins15", "--manoeuvre", "loop").exit_code == 2

@@ -1,0 +1,534 @@
+"""Proves the emitted code: its arithmetic is the Kalman filter's, and its text is what firmware needs.
+
+The interpreted routines are compared with dense numpy formulas, the filterpy module with the routines,
+and the C header is compiled strictly, run by its own self-test, and altered to see that test fail.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.spatial.transform import Rotation
+
+import kfgen
+from kfgen.discretise import DT, DiscreteModel
+from kfgen.effects import make
+from kfgen.emit.c import files
+from kfgen.emit.filterpy import class_name
+from kfgen.emit.folder import write_folder
+from kfgen.emit.reference import Machine
+from kfgen.emit.routines import Program
+from kfgen.emit.scenario import scenario, split
+from kfgen.errors import InputError
+from kfgen.model.library import build
+from kfgen.run import load
+from kfgen.verify.host import Host
+
+NAMES = ["gyro-static", "ahrs6", "ins15"]
+STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wfloat-equal"]
+STRICT += ["-Werror"]
+CASES = [(n, order) for n in NAMES for order in (1, 3)] + [("ahrs6 loaded", 1), ("ins15 loaded", 2)]
+
+
+@cache
+def program(name: str, order: int = 1) -> Program:
+    model = build(name.removesuffix(" loaded"))
+    for channel in ("gyro_x", "accel_y", "mag_z", "gnss_v_N") if "loaded" in name else ():
+        if channel in model.channel_units:
+            for e in (
+                make("gauss_markov", sigma=3e-3, tau=2.0),
+                make("rate_random_walk", K=2e-4),
+                make("rate_ramp", R=1e-5),
+                make("temperature", coefficient=1e-4, reference=290.0),
+            ):
+                model = model.augment(channel, e)
+    return Program(DiscreteModel(model, order=order))
+
+
+@cache
+def compiled(name: str, order: int, what: str) -> tuple[list[str], Any]:
+    """Phi and Qd, or h, H and R of a sensor, as a function of numbers."""
+    d = program(name, order).discrete
+    if what == "step":
+        matrices: list[Any] = [d.Phi, d.Qd, sp.Matrix(d.step)]
+    else:
+        matrices = [d.model.expected(d.model.sensor(what)), d.model.H(d.model.sensor(what))]
+    symbols = sorted(set().union(*(M.free_symbols for M in matrices)), key=str)
+    return [s.name for s in symbols], sp.lambdify(symbols, matrices)
+
+
+class Filter:
+    """A Machine at a random state with a random covariance, and the same in matrices."""
+
+    def __init__(self, name: str, order: int, seed: int, real: type = np.float64) -> None:
+        self.key = (name, order)
+        self.program = program(name, order)
+        self.n = self.program.n
+        self.names = self.program.discrete.nominal_names
+        self.rng = np.random.default_rng(seed)
+        self.machine = Machine(self.program, real)
+        self.machine.call("init")
+        prior = np.array([s.prior for s in self.program.discrete.model.states])
+        prior = 0.03 * np.where(prior > 0, prior, 1e-3)
+        self.P = random_spd(self.n, self.rng) * np.outer(prior, prior)
+        self.x = self.rng.normal(size=len(self.names)) * 0.3
+        self.dt = 0.04
+        if "q_w" in self.names:
+            at = self.names.index("q_w")
+            self.x[at : at + 4] /= np.linalg.norm(self.x[at : at + 4])
+        self.machine.arrays["x"][:] = self.x
+        self.machine.arrays["P"][:] = self.P[np.triu_indices(self.n)]
+        d = self.program.discrete
+        self.given = {c: self.rng.normal() for i in d.model.motion.inputs for c in i.channels}
+        self.given |= {"temperature": 301.0}
+
+    def evaluate(self, what: str) -> list[np.ndarray]:
+        values = dict(zip(self.names, self.x, strict=True)) | self.given | {str(DT): self.dt}
+        values |= {c.name: c.value for c in self.program.constants}
+        if "q_w" in self.names:
+            R = self.rotation().as_matrix()
+            values |= {f"R_nb_{i}{j}": R[i, j] for i in range(3) for j in range(3)}
+        symbols, function = compiled(*self.key, what)
+        return [np.array(M, float) for M in function(*(values[s] for s in symbols))]
+
+    def rotation(self) -> Rotation:
+        at = self.names.index("q_w")
+        return Rotation.from_quat(self.x[at : at + 4], scalar_first=True)
+
+    def arguments(self, routine: str, z: np.ndarray | None = None) -> list[Any]:
+        """The values of a routine's arguments."""
+        out: list[Any] = []
+        for a in self.machine.routines[routine].arguments:
+            if a.name == "z":
+                out.append(z)
+            elif a.size:
+                out.append([self.given[f"{a.name}_{k}"] for k in "xyz"])
+            else:
+                out.append(self.dt if a.name == "dt" else self.given[a.name])
+        return out
+
+    def covariance(self) -> np.ndarray:
+        return unpacked(self.machine.arrays["P"], self.n)
+
+
+def random_spd(n: int, rng: np.random.Generator) -> np.ndarray:
+    A = rng.normal(size=(n, 2 * n))
+    return np.asarray(A @ A.T / (2 * n))
+
+
+def unpacked(packed: Sequence[float] | np.ndarray, n: int) -> np.ndarray:
+    P = np.zeros((n, n))
+    P[np.triu_indices(n)] = packed
+    return P + np.triu(P, 1).T
+
+
+def assert_near(got: np.ndarray, wanted: np.ndarray, near: float = 1e-9) -> None:
+    """Each element to `near` of the product of the two deviations."""
+    sd = np.sqrt(np.diag(wanted))
+    assert np.abs((got - wanted) / np.outer(sd, sd)).max() < near
+
+
+def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
+    """The stored states, the quaternion as a rotation."""
+    got = np.array(f.machine.arrays["x"])
+    if "q_w" in f.names:
+        at = f.names.index("q_w")
+        q = slice(at, at + 4)
+        assert np.linalg.norm(got[q]) == pytest.approx(1.0, abs=1e-15)
+        assert abs(abs(got[q] @ wanted[q]) / np.linalg.norm(wanted[q]) - 1.0) < 1e-15
+        assert np.linalg.norm(got[q] - wanted[q] * np.sign(got[q] @ wanted[q])) < 1e-9
+        got, wanted = np.delete(got, range(at, at + 4)), np.delete(wanted, range(at, at + 4))
+    np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize(("name", "order"), CASES)
+@pytest.mark.parametrize("seed", range(2))
+def test_prediction_is_the_dense_formula(name: str, order: int, seed: int) -> None:
+    f = Filter(name, order, seed)
+    Phi, Qd, step = f.evaluate("step")
+    assert f.machine.call("predict", f.arguments("predict")) == "OK"
+    assert_near(f.covariance(), Phi @ f.P @ Phi.T + Qd)
+    wanted = step.ravel()
+    if "q_w" in f.names:
+        at = f.names.index("q_w")
+        wanted[at : at + 4] /= np.linalg.norm(wanted[at : at + 4])
+    assert_same_state(f, wanted)
+
+
+@pytest.mark.parametrize(("name", "order"), CASES)
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("which", [0, 1])
+def test_update_is_the_batch_kalman_update(name: str, order: int, seed: int, which: int) -> None:
+    f = Filter(name, order, seed)
+    model = f.program.discrete.model
+    sensor = model.sensors[which % len(model.sensors)]
+    h, H = f.evaluate(sensor.name)
+    R = np.diag([f.program.discrete.measurement_variance(sensor, c) for c in sensor.channels])
+    S = H @ f.P @ H.T + R
+    y = np.linalg.cholesky(S) @ f.rng.normal(size=len(S))
+    z = h.ravel() + y
+    assert f.machine.call(f"update_{sensor.name}", f.arguments(f"update_{sensor.name}", z)) == "OK"
+    K = np.linalg.solve(S, H @ f.P).T
+    wanted = f.P - K @ S @ K.T
+    assert_near(f.covariance(), wanted)
+    dx, x = K @ y, f.x.copy()
+    places = {s.name: i for i, s in enumerate(model.states)}
+    for i, n in enumerate(f.names):
+        if n in places:
+            x[i] += dx[places[n]]
+    if "q_w" in f.names:
+        at = f.names.index("q_w")
+        phi = dx[[places[f"phi_{a}"] for a in "NED"]]
+        assert 0.0 < np.linalg.norm(phi) < 0.05
+        x[at : at + 4] = (Rotation.from_rotvec(phi) * f.rotation()).as_quat(scalar_first=True)
+    assert_same_state(f, x)
+    assert f.machine.arrays["innovation"][0] == pytest.approx(y[0], rel=1e-9)
+    assert f.machine.arrays["variance"][0] == pytest.approx(S[0, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "ahrs6 loaded", "ins15 loaded"])
+def test_filterpy_module_is_the_routines(name: str) -> None:
+    p = program(name)
+    kf, machine = getattr(load(p), class_name(p))(), Machine(p, np.float64)
+    machine.call("init")
+    routines = {r.name: r for r in p.routines}
+    for call in scenario(p)[:80]:
+        routine = routines[call.routine]
+        values = split(routine, call.inputs)
+        assert machine.call(call.routine, values) == "OK"
+        named = {a.name: np.array(v) if a.size else v for a, v in zip(routine.arguments, values, strict=True)}
+        getattr(kf, call.routine)(**named)
+    P = unpacked(machine.arrays["P"], p.n)
+    sd = np.sqrt(np.diag(P))
+    good = sd > 0
+    off = np.abs(kf.P - P)[np.ix_(good, good)] / np.outer(sd[good], sd[good])
+    assert off.max() < 1e-9
+    np.testing.assert_allclose(kf.nominal, machine.arrays["x"], rtol=1e-8, atol=1e-8 * sd[good].min())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_in_the_proofs_scenario_is_refused(name: str) -> None:
+    """A scenario whose predictions are refused or gated would prove nothing."""
+    p = program(name)
+    machine = Machine(p)
+    machine.call("init")
+    routines = {r.name: r for r in p.routines}
+    calls = scenario(p)
+    assert {c.routine for c in calls} == routines.keys() - {"init"}
+    assert {machine.call(c.routine, split(routines[c.routine], c.inputs)) for c in calls} == {"OK"}
+
+
+def test_a_rate_whose_period_is_longer_than_the_longest_step_is_refused() -> None:
+    """Else every prediction at that rate is a bad step, and the proof compares filters that stand still."""
+    with pytest.raises(InputError):
+        _ = Program(DiscreteModel(build("ahrs6"), rate=5.0, max_step=0.1)).routines
+
+
+BAD_STEPS = [0.0, -0.0, -0.01, math.nan, math.inf, -math.inf, 0.11]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dt", BAD_STEPS)
+def test_bad_step_is_said_and_changes_nothing(name: str, dt: float) -> None:
+    f = Filter(name, 1, 0, np.float32)
+    before = f.machine.words().tobytes()
+    f.dt = dt
+    assert f.machine.call("predict", f.arguments("predict")) == "BAD_STEP"
+    assert f.machine.words().tobytes() == before
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("z", [1e6, math.inf, math.nan])
+@pytest.mark.parametrize("seed", range(3))
+def test_gated_sample_is_said_and_changes_nothing(name: str, z: float, seed: int) -> None:
+    f = Filter(name, 1, seed, np.float32)
+    before = f.machine.words().tobytes()
+    routine = f.program.routines[2].name
+    rows = f.machine.routines[routine].arguments[0].size
+    assert f.machine.call(routine, f.arguments(routine, np.full(rows, z))) == "GATED"
+    assert f.machine.words().tobytes() == before
+
+
+def test_one_gated_row_leaves_the_others() -> None:
+    f, g = Filter("ins15", 1, 0), Filter("ins15", 1, 0)
+    z = f.x[:3] + 0.01
+    assert g.machine.call("update_gnss_position", [z]) == "OK"
+    far = z + np.array([0.0, 1e4, 0.0])
+    assert f.machine.call("update_gnss_position", [far]) == "GATED"
+    keep = np.delete(np.eye(15)[:3], 1, axis=0)
+    S = keep @ f.P @ keep.T + 1.5**2 * np.eye(2)
+    assert_near(f.covariance(), f.P - f.P @ keep.T @ np.linalg.solve(S, keep @ f.P))
+    assert np.abs(f.covariance() - g.covariance()).max() > 0
+
+
+@pytest.mark.parametrize(("factor", "status"), [(0.99, "OK"), (1.01, "GATED")])
+def test_gate_is_at_its_constant(factor: float, status: str) -> None:
+    """The first row's squared innovation over its variance against the gate, here 9."""
+    f = Filter("gyro-static", 1, 1)
+    f.machine.arrays["k"][-1] = 9.0
+    h, H = f.evaluate("rest")
+    d = f.program.discrete
+    S = float((H @ f.P @ H.T).item()) + d.measurement_variance(d.model.sensors[0], "gyro_x")
+    z = h.ravel() + factor * 3.0 * math.sqrt(S)
+    assert f.machine.call("update_rest", [z]) == status
+
+
+def test_covariance_that_is_not_positive_is_said_and_changes_nothing() -> None:
+    f = Filter("ins15", 1, 0, np.float32)
+    f.machine.arrays["P"][:] = -100.0 * np.eye(15)[np.triu_indices(15)]
+    before = f.machine.words().tobytes()
+    assert f.machine.call("update_gnss_position", [np.zeros(3)]) == "NOT_POSITIVE"
+    assert f.machine.words().tobytes() == before
+
+
+def test_status_is_the_first_word_of_what_was_not_done() -> None:
+    """As the header promises: the first row's refusal, not the last row's."""
+    f = Filter("ins15", 1, 0)
+    f.machine.arrays["P"][0] = -100.0
+    z = f.x[:3] + np.array([0.0, 0.0, 1e6])
+    assert f.machine.call("update_gnss_position", [z]) == "NOT_POSITIVE"
+
+
+def compiler(name: str) -> str:
+    found = shutil.which(name)
+    if found is None:
+        pytest.skip(f"there is no {name} on this machine")
+    return found
+
+
+def written(folder: Path, name: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in files(program(name)).items():
+        (folder / file).write_text(text, encoding="utf-8")
+    return folder
+
+
+def use_all(names: Sequence[str]) -> str:
+    """A source that includes headers and calls every routine of each."""
+    lines = [f'#include "{program(n).name}.h"' for n in names] + ["int main(void)", "{", "    int bad = 0;"]
+    for n in names:
+        p = program(n)
+        lines.append(f"    static {p.name}_t {p.name}_kf;")
+        for r in p.routines:
+            values = [f"{p.name}_in" if a.size else "0.01f" for a in r.arguments]
+            call = ", ".join([f"&{p.name}_kf", *values])
+            lines.append(f"    bad += ({p.name}_{r.name}({call}) > KF_GATED) ? 1 : 0;")
+        lines.insert(len(names), f"static const float {p.name}_in[3] = {{0.1f, 0.2f, -0.3f}};")
+        lines.append(f"    bad += ({p.name}_get_covariance(&{p.name}_kf, 1, 0) > 0.0f) ? 0 : 0;")
+    return "\n".join([*lines, "    return bad;", "}", ""])
+
+
+LANGUAGES = [("gcc", "-std=c99", "c"), ("gcc", "-std=c11", "c"), ("g++", "-std=c++11", "cpp")]
+
+
+@pytest.mark.parametrize("names", [*([n] for n in NAMES), ["ahrs6", "ins15"]], ids="+".join)
+@pytest.mark.parametrize(("tool", "standard", "suffix"), LANGUAGES)
+def test_header_compiles_without_a_warning(
+    names: list[str], tool: str, standard: str, suffix: str, tmp_path: Path
+) -> None:
+    for n in names:
+        written(tmp_path, n)
+    source = tmp_path / f"use.{suffix}"
+    source.write_text(use_all(names))
+    extra = ["-Wold-style-cast"] if suffix == "cpp" else []
+    words = [
+        compiler(tool),
+        standard,
+        "-O1",
+        *STRICT,
+        *extra,
+        str(source),
+        "-lm",
+        "-o",
+        str(tmp_path / "use"),
+    ]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[:2000]
+    assert subprocess.run([tmp_path / "use"], check=False).returncode == 0
+
+
+def self_test(folder: Path) -> subprocess.CompletedProcess[str]:
+    out = str(folder / "selftest")
+    words = [compiler("gcc"), "-std=c99", "-O2", "-ffp-contract=off", *STRICT]
+    subprocess.run([*words, str(folder / "selftest.c"), "-lm", "-o", out], check=True)
+    return subprocess.run([out], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_self_test_passes(name: str, tmp_path: Path) -> None:
+    done = self_test(written(tmp_path, name))
+    assert done.returncode == 0
+    assert re.fullmatch(r"\d+ words, 0 differing\n", done.stdout)
+
+
+LITERAL = re.compile(r"(?<![\w.])(\d+\.\d*(?:e-?\d+)?|\d+e-?\d+)f\b")
+ROUTINES = [
+    ("gyro-static", "predict"),
+    ("gyro-static", "update_rest"),
+    ("ahrs6", "init"),
+    ("ahrs6", "predict"),
+    ("ahrs6", "update_accel"),
+    ("ahrs6", "update_mag"),
+    ("ins15", "predict"),
+    ("ins15", "update_gnss_velocity"),
+]
+
+
+@pytest.mark.parametrize(("name", "routine"), ROUTINES)
+def test_self_test_fails_when_a_constant_is_altered(name: str, routine: str, tmp_path: Path) -> None:
+    """The first constant of the routine's arithmetic, by one part in a thousand."""
+    p = program(name)
+    path = written(tmp_path, name) / f"{p.name}.h"
+    text = path.read_text()
+    start = text.index(f"{p.name}_{routine}({p.name}_t *kf")
+    body = text[start : text.index("return status;", start)]
+    found = [
+        m
+        for m in LITERAL.finditer(body)
+        if float(m[1]) != 0.0
+        and not re.search(r"(if \(|\{|k\[\d+\] = )$", body[max(0, m.start() - 9) : m.start()])
+    ]
+    found = [m for m in found if " dt <=" not in body[body.rfind("\n", 0, m.start()) : m.start()]]
+    at = found[0]
+    value = f"{np.float32(float(at[1]) * 1.001):.9g}"
+    mutant = (
+        body[: at.start()]
+        + (value if "." in value or "e" in value else f"{value}.0")
+        + "f"
+        + body[at.end() :]
+    )
+    path.write_text(text.replace(body, mutant))
+    done = self_test(tmp_path)
+    assert done.returncode == 1, at[0]
+    assert not done.stdout.endswith(" 0 differing\n")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_header_needs_nothing(name: str) -> None:
+    text = files(program(name))[f"{program(name).name}.h"]
+    assert re.findall(r"#include (.*)", text) == ["<math.h>"]
+    fallback = text[text.index("#ifndef KF_SQRT") : text.index("#ifndef KF_STATUS")]
+    assert "#include <math.h>" in fallback.split("#else")[1]
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    assert not re.search(r"\b(malloc|calloc|free|printf|puts|double|memcpy|goto)\b", code)
+    assert 'extern "C" {' in code
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_banner_says_what_it_is(name: str) -> None:
+    p = program(name)
+    model = p.discrete.model
+    text = files(p)[f"{p.name}.h"]
+    banner = text[: text.index("*/")]
+    assert f"kfgen {kfgen.__version__}" in banner
+    assert model.hash[:16] in banner
+    assert f'{p.name.upper()}_MODEL_HASH "{model.hash[:16]}"' in text
+    for i, s in enumerate(model.states):
+        assert re.search(rf"^ \*   {i}  {s.name} \[{re.escape(s.unit)}\]", banner, re.MULTILINE)
+    for i, c in enumerate(model.constants):
+        assert re.search(rf"k\[{i}\]  {c.name} \[{re.escape(c.unit)}\]", banner)
+
+
+def banner_of(**options: float) -> str:
+    """The banner up to the operation counts."""
+    d = DiscreteModel(build("ahrs6"), **options)  # type: ignore[arg-type]
+    text = files(Program(d))["ahrs6.h"]
+    return text[: text.index("Operations (")]
+
+
+@pytest.mark.parametrize("options", [{"rate": 50.0}, {"max_step": 0.05}, {"order": 2}], ids=str)
+def test_banner_tells_headers_of_other_options_apart(options: dict[str, float]) -> None:
+    """Headers of one model at another rate, longest step or order are other filters: each must say so."""
+    assert banner_of(**options) != banner_of()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_operation_counts_are_those_of_the_text(name: str) -> None:
+    p = program(name)
+    text = files(p)[f"{p.name}.h"]
+    said = dict(re.findall(rf"^ \*   {p.name}_(\w+): (\d+)$", text, re.MULTILINE))
+    for r in p.routines[1:]:
+        start = text.index(f"{p.name}_{r.name}({p.name}_t *kf")
+        body = text[start : text.index("return status;", start)]
+        code = re.sub(r"/\*.*?\*/", "", body[body.index("{") :])
+        counted = len(re.findall(r" [-+*/] ", code)) + code.count("KF_SQRT(")
+        assert int(said[r.name]) == counted > 0
+
+
+@pytest.mark.parametrize(("name", "target"), [("ins15", "c"), ("ahrs6", "filterpy")])
+def test_emission_is_the_same_byte_for_byte(name: str, target: str, tmp_path: Path) -> None:
+    noise = tmp_path / "noise.toml"
+    noise.write_text(
+        'format = "kfgen-noise-1"\n[gyro_x]\nunit = "deg/s"\neffects = [\n'
+        ' { effect = "white_noise", N = "0.0035 deg/s/sqrt(Hz)" },\n'
+        ' { effect = "gauss_markov", sigma = "0.002 deg/s", tau = "100 s" },\n'
+        ' { effect = "temperature", coefficient = "1e-3 deg/s/K" } ]\n'
+    )
+    folders = []
+    for seed in ("1", "4242"):
+        folder = tmp_path / seed
+        words = [sys.executable, "-m", "kfgen", "emit", name, "--target", target, "-o", str(folder)]
+        env = {**os.environ, "PYTHONHASHSEED": seed}
+        subprocess.run(
+            [*words, "--noise", str(noise), "--order", "2"], check=True, env=env, capture_output=True
+        )
+        folders.append({f.name: f.read_bytes() for f in sorted(folder.iterdir())})
+    assert len(folders[0]) >= 3
+    assert folders[0] == folders[1]
+
+
+class OnHost:
+    """A compiled filter whose state can be set and whose status can be read."""
+
+    def __init__(self, name: str, tmp_path: Path) -> None:
+        if shutil.which(os.environ.get("CC") or "cc") is None:
+            pytest.skip("there is no C compiler on this machine")
+        p = program(name)
+        (tmp_path / "scratch").mkdir()
+        write_folder(p, "c", None, tmp_path / "c")
+        self.core = Host(p, tmp_path / "c", tmp_path / "scratch")
+        self.status = ctypes.c_uint.in_dll(self.core._library, "status")
+        self.core.call("init", ())
+        self.p = p
+
+    def call(self, routine: str, *inputs: float) -> int:
+        self.core.call(routine, inputs)
+        return self.status.value
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> None:
+    host = OnHost(name, tmp_path)
+    inputs = [0.1] * (sum(a.size or 1 for a in host.p.routines[1].arguments) - 1)
+    rows = host.p.routines[2].arguments[0].size
+    update = host.p.routines[2].name
+    for _ in range(5):
+        assert host.call("predict", *inputs, 0.01) == 0
+    before = host.core.words()
+    for dt in BAD_STEPS:
+        assert host.call("predict", *inputs, dt) == 3, dt
+        assert (host.core.words() == before).all()
+    for z in (1e9, math.inf, math.nan):
+        assert host.call(update, *[z] * rows) == 1, z
+        assert (host.core.words() == before).all()
+    assert host.call("predict", *inputs, 0.1) == 0
+    assert (host.core.words() != before).any()
+
+
+def test_c_has_the_status_numbers_of_the_reference() -> None:
+    text = files(program("ahrs6"))["ahrs6.h"]
+    numbers = {k: int(v) for k, v in re.findall(r"KF_(\w+) = (\d)", text)}
+    assert numbers == {"OK": 0, "GATED": 1, "NOT_POSITIVE": 2, "BAD_STEP": 3}
