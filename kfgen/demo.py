@@ -146,7 +146,7 @@ def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
             table(VERDICT_HEAD, verdict_rows(verdicts)),
         ),
     )
-    return verify_answer(program.discrete.model.hash, verdicts), page
+    return verify_answer(program.discrete.hash, verdicts), page
 
 
 def _emulator() -> bool:

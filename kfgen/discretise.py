@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -94,7 +95,7 @@ class DiscreteModel:
                 f"a rate of {self.rate:g} Hz is no sampling rate",
                 remedy="Give --rate a positive number of hertz",
             )
-        if not self.max_step > 0.0:
+        if not 0.0 < self.max_step < math.inf:
             raise InputError(
                 f"a step of {self.max_step:g} s is none",
                 remedy="Give --max-step a positive number of seconds",
@@ -105,10 +106,15 @@ class DiscreteModel:
     @cached_property
     def _matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
         model = self.model
-        Phi, Qd = series(model.F, model.G * model.W * model.G.T, self.order)
+        density = model.G * model.W * model.G.T
+        Phi, Qd = series(model.F, density, self.order)
+        if self.order == 2:
+            # The series cut at dt^2 is not positive: the trapezoid of the integral is, to the same order.
+            E = sp.eye(model.F.rows) + model.F * DT
+            Qd = (density + E * density * E.T) * DT / 2
         A, W = model.effect_dynamics
         if A.rows:
-            fastest = max((abs(float(a)) for a in A), default=0.0)
+            fastest = max(abs(float(A[i, i])) for i in range(A.rows))
             Phi_e, Qd_e = series(A, W, series_order(fastest, self.max_step) + 1)
             first = Phi.rows - A.rows
             Phi[first:, first:] = Phi_e.applyfunc(_nested)
@@ -124,6 +130,12 @@ class DiscreteModel:
     def Qd(self) -> sp.Matrix:
         """Process noise covariance of a step, shape (n, n)."""
         return self._matrices[1]
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 over the model and the options of its step (hexadecimal)."""
+        options = f"{self.order} {self.max_step!r} {self.rate!r}"
+        return hashlib.sha256(f"{self.model.hash} {options}".encode()).hexdigest()
 
     @cached_property
     def step(self) -> tuple[sp.Expr, ...]:

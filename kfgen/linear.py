@@ -42,17 +42,18 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     n = A.shape[0]
     if n == 0:
         return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
-    norm = float(np.abs(A).sum(axis=1).max()) * float(dt.max(initial=0.0))
-    doublings = max(0, int(np.ceil(np.log2(norm))) + 2) if norm > 0.0 else 0
+    norm = np.maximum(float(np.abs(A).sum(axis=1).max()) * dt, 0.25)
+    doublings = np.ceil(np.log2(norm)).astype(int) + 2
     h = dt / 2.0**doublings
     M = np.zeros((2 * n, 2 * n))
     M[:n, :n], M[:n, n:], M[n:, n:] = -A, W, A.T
     E = np.asarray(expm(M * h[..., None, None]))
     Phi = np.swapaxes(E[..., n:, n:], -1, -2)
     Qd = Phi @ E[..., :n, n:]
-    for _ in range(doublings):
-        Qd = Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2)
-        Phi = Phi @ Phi
+    for k in range(int(doublings.max(initial=0))):
+        more = (doublings > k)[..., None, None]
+        Qd = np.where(more, Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Qd)
+        Phi = np.where(more, Phi @ Phi, Phi)
     return Phi, 0.5 * (Qd + np.swapaxes(Qd, -1, -2))
 
 

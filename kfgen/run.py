@@ -190,6 +190,8 @@ def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     good = np.isfinite(reference).all(axis=1)
     if "movement" in log.channels:
         good &= log.channel("movement").values > 0.5
+    if not good.any():
+        return None
     estimated = Rotation.from_quat(result.estimate[good, at : at + 4], scalar_first=True)
     error = (estimated * Rotation.from_quat(reference[good], scalar_first=True).inv()).as_quat(
         scalar_first=True

@@ -208,7 +208,8 @@ def test_filterpy_module_is_the_routines(name: str) -> None:
     for call in scenario(p)[:80]:
         routine = routines[call.routine]
         values = split(routine, call.inputs)
-        assert machine.call(call.routine, values) == "OK"
+        if machine.call(call.routine, values) != "OK":
+            continue  # the module has no gate and no guard of its step
         named = {a.name: np.array(v) if a.size else v for a, v in zip(routine.arguments, values, strict=True)}
         getattr(kf, call.routine)(**named)
     P = unpacked(machine.arrays["P"], p.n)
@@ -220,15 +221,17 @@ def test_filterpy_module_is_the_routines(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_nothing_in_the_proofs_scenario_is_refused(name: str) -> None:
-    """A scenario whose predictions are refused or gated would prove nothing."""
+def test_the_proofs_scenario_meets_every_branch_that_inputs_can_reach(name: str) -> None:
+    """Mostly accepted calls, else it would prove nothing; some refused and gated, else branches stay unproven."""
     p = program(name)
     machine = Machine(p)
     machine.call("init")
     routines = {r.name: r for r in p.routines}
     calls = scenario(p)
     assert {c.routine for c in calls} == routines.keys() - {"init"}
-    assert {machine.call(c.routine, split(routines[c.routine], c.inputs)) for c in calls} == {"OK"}
+    found = [machine.call(c.routine, split(routines[c.routine], c.inputs)) for c in calls]
+    assert set(found) == {"OK", "GATED", "BAD_STEP"}
+    assert found.count("OK") > 0.98 * len(found)
 
 
 def test_a_rate_whose_period_is_longer_than_the_longest_step_is_refused() -> None:
@@ -294,8 +297,8 @@ def test_covariance_that_is_not_positive_is_said_and_changes_nothing() -> None:
     assert f.machine.words().tobytes() == before
 
 
-def test_status_is_the_first_word_of_what_was_not_done() -> None:
-    """As the header promises: the first row's refusal, not the last row's."""
+def test_status_is_the_gravest_of_what_was_not_done() -> None:
+    """As the header promises: the first row's covariance, not the last row's gate."""
     f = Filter("ins15", 1, 0)
     f.machine.arrays["P"][0] = -100.0
     z = f.x[:3] + np.array([0.0, 0.0, 1e6])
@@ -387,6 +390,11 @@ ROUTINES = [
 ]
 
 
+def idle(body: str, m: re.Match[str]) -> bool:
+    """Constants that the scenario does not feel: guards, and a quaternion that is normalised anyway."""
+    return bool(re.search(r"(dt <=? |kf->[xk]\[\d+\] = )$", body[: m.start()]))
+
+
 @pytest.mark.parametrize(("name", "routine"), ROUTINES)
 def test_self_test_fails_when_a_constant_is_altered(name: str, routine: str, tmp_path: Path) -> None:
     """The first constant of the routine's arithmetic, by one part in a thousand."""
@@ -395,13 +403,7 @@ def test_self_test_fails_when_a_constant_is_altered(name: str, routine: str, tmp
     text = path.read_text()
     start = text.index(f"{p.name}_{routine}({p.name}_t *kf")
     body = text[start : text.index("return status;", start)]
-    found = [
-        m
-        for m in LITERAL.finditer(body)
-        if float(m[1]) != 0.0
-        and not re.search(r"(if \(|\{|k\[\d+\] = )$", body[max(0, m.start() - 9) : m.start()])
-    ]
-    found = [m for m in found if " dt <=" not in body[body.rfind("\n", 0, m.start()) : m.start()]]
+    found = [m for m in LITERAL.finditer(body) if float(m[1]) != 0.0 and not idle(body, m)]
     at = found[0]
     value = f"{np.float32(float(at[1]) * 1.001):.9g}"
     mutant = (
@@ -434,8 +436,8 @@ def test_banner_says_what_it_is(name: str) -> None:
     text = files(p)[f"{p.name}.h"]
     banner = text[: text.index("*/")]
     assert f"kfgen {kfgen.__version__}" in banner
-    assert model.hash[:16] in banner
-    assert f'{p.name.upper()}_MODEL_HASH "{model.hash[:16]}"' in text
+    assert p.discrete.hash[:16] in banner
+    assert f'{p.name.upper()}_MODEL_HASH "{p.discrete.hash[:16]}"' in text
     for i, s in enumerate(model.states):
         assert re.search(rf"^ \*   {i}  {s.name} \[{re.escape(s.unit)}\]", banner, re.MULTILINE)
     for i, c in enumerate(model.constants):

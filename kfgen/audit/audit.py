@@ -114,6 +114,8 @@ def _sentence(parts: list[tuple[str, StateInfo, float]]) -> str:
     size = NATURAL.get(state.unit, (1.0, state.unit))[0]
     head = f"{amount(value * size, state.unit)} of {words(name, state)}"
     if not others:
-        return f"{words(name, state)} changes no measurement".capitalize()
+        noun = words(name, state)
+        known = noun == state.title
+        return f"{noun if known else noun[0].upper() + noun[1:]} changes no measurement"
     tail = " with ".join(f"{amount(v * size, s.unit)} of {words(n, s)}" for n, s, v in others)
     return f"{head} is hidden by {tail}"

@@ -37,8 +37,8 @@ def operating_point(model: FilterModel) -> dict[sp.Symbol, sp.Expr]:
 
 
 def rational(expression: sp.Expr) -> sp.Expr:
-    """Floats as the decimal fractions that they are written as."""
-    return sp.nsimplify(expression, rational=True) if expression.has(sp.Float) else expression
+    """Floats as the decimal fractions that they are written as: exactly, without a guess."""
+    return expression.xreplace({f: sp.Rational(repr(float(f))) for f in expression.atoms(sp.Float)})
 
 
 def observability_rows(F: sp.Matrix, H: sp.Matrix, drivers: Sequence[sp.Symbol]) -> sp.Matrix:

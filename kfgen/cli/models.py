@@ -145,4 +145,4 @@ def verify(
 
     emitted = read_folder(folder)
     verdicts = verified(emitted, core or ["host"])
-    deliver(verify_answer(emitted.program.discrete.model.hash, verdicts), json, report)
+    deliver(verify_answer(emitted.program.discrete.hash, verdicts), json, report)

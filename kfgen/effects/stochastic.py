@@ -68,6 +68,7 @@ class GaussMarkov(Effect):
 
     name: ClassVar[str] = "gauss_markov"
     title: ClassVar[str] = "first-order Gauss-Markov bias"
+    repeatable: ClassVar[bool] = True
     saying: ClassVar[str] = (
         "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
     )

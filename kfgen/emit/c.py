@@ -52,7 +52,7 @@ class CPrinter(Printer):
 
     def flag(self, status: str) -> str:
         """The status is set."""
-        return f"status = KF_{status};"
+        return f"status = (status > KF_{status}) ? status : KF_{status};"
 
     def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
         """``if`` with braces always."""
@@ -98,8 +98,9 @@ def header(program: Program) -> str:
         guard=f"{program.name.upper()}_H",
         model=model,
         version=kfgen.__version__,
-        hash=model.hash[:16],
+        hash=discrete.hash[:16],
         program=program,
+        discrete=discrete,
         status=STATUS,
         nominal=list(enumerate(discrete.nominal_names)),
         states=list(enumerate(model.states)),

@@ -1,9 +1,9 @@
 """Covariance arithmetic on packed symmetric storage, by structure.
 
-Prediction, ``P <- Phi P Phi' + Qd``, in place: Phi is the product of elementary matrices
-``I + e_i n'``, one a row, when its rows can be ordered so that each needs only rows that are not
-yet new. One such congruence costs the row's non-zeros times the states; neither Phi nor P is ever
-a dense matrix. Update: scalar by scalar, ``K = P H' / S``, ``P <- P - K (P H')'``.
+Prediction, ``P <- Phi P Phi' + Qd``, in place: the rows of Phi are ordered so that each needs only
+rows that are not yet new, and Phi is the product of one elementary matrix a row; rows that drive
+one another in a circle go together. A row costs its non-zeros times the states; neither Phi nor P
+is ever a dense matrix. Update: scalar by scalar, ``K = P H' / S``, ``P <- P - K (P H')'``.
 
 References
 ----------
@@ -16,9 +16,10 @@ from __future__ import annotations
 from functools import reduce
 from typing import Any
 
+from sympy.utilities.iterables import strongly_connected_components
+
 from kfgen.emit.ir import Bin, Compare, Expr, Flag, Let, Note, Num, Ref, Stmt, Store, When, add, mul, sub
 from kfgen.emit.lower import Lowering
-from kfgen.errors import InputError
 
 Row = dict[int, Expr]
 """The non-zeros of a row by column, as atoms."""
@@ -35,26 +36,10 @@ def packed_size(n: int) -> int:
     return n * (n + 1) // 2
 
 
-def row_order(rows: dict[int, Row], names: list[str]) -> list[int]:
-    """An order in which every row comes before the rows that it needs.
-
-    Raises
-    ------
-    InputError
-        Rows need one another in a circle.
-    """
-    left, order = dict(rows), []
-    while left:
-        free = [i for i in left if not any(i in left[k] for k in left if k != i)]
-        if not free:
-            raise InputError(
-                "the states "
-                + ", ".join(names[i] for i in left)
-                + " drive one another in a circle, which this form cannot order"
-            )
-        order.append(free[0])
-        del left[free[0]]
-    return order
+def groups(rows: dict[int, Row]) -> list[list[int]]:
+    """The rows in groups that drive one another, each group before the rows that it needs."""
+    edges = [(i, j) for i, row in rows.items() for j in row if j in rows and j != i]
+    return [sorted(g) for g in reversed(strongly_connected_components((list(rows), edges)))]
 
 
 def predict_covariance(
@@ -74,33 +59,45 @@ def predict_covariance(
         Of the states, for comments.
     """
     body: list[Stmt] = []
-    for i in row_order(Phi, names):
-        body.append(Note(f"row of {names[i]}"))
-        body += _congruence(n, i, Phi[i])
+    for group in groups(Phi):
+        body.append(Note("rows of " + ", ".join(names[i] for i in group)))
+        body += _congruence(n, group, Phi)
     body.append(Note("process noise"))
     body += [Store(packed(n, i, j), add(packed(n, i, j), q)) for (i, j), q in Qd.items()]
     return body
 
 
-def _congruence(n: int, i: int, row: Row) -> list[Stmt]:
-    """``P <- (I + e_i (row - e_i)') P (...)'``; the diagonal from its old and new neighbours."""
-    diagonal = row.get(i, Num(1.0))
-    others = [(j, c) for j, c in row.items() if j != i]
-    half = f"h_{i}"
-    body: list[Stmt] = [
-        Let(half, _sum([mul(diagonal, packed(n, i, i)), *(mul(c, packed(n, i, j)) for j, c in others)]))
-    ]
-    for k in range(n):
-        if k != i:
-            new = _sum([mul(diagonal, packed(n, i, k)), *(mul(c, packed(n, j, k)) for j, c in others)])
-            if new != packed(n, i, k):
-                body.append(Store(packed(n, i, k), new))
-    body.append(
-        Store(
-            packed(n, i, i), _sum([mul(diagonal, Ref(half)), *(mul(c, packed(n, i, j)) for j, c in others)])
-        )
-    )
+def _congruence(n: int, group: list[int], Phi: dict[int, Row]) -> list[Stmt]:
+    """The rows and columns of a group become new; all the rows that they need are still old.
+
+    With ``U = Phi_G P``, taken before anything is stored, the group's own block is
+    ``U_GG Phi_GG' + P'_Go Phi_Go'``: its second part takes the new off-group elements.
+    """
+    body: list[Stmt] = []
+    inner = {(i, m): Ref(f"u_{i}_{m}") for i in group for m in group}
+    body += [Let(u.name, _row_times(n, i, Phi[i], m)) for (i, m), u in inner.items()]
+    for k in (k for k in range(n) if k not in group):
+        new = [(i, _row_times(n, i, Phi[i], k)) for i in group]
+        if len(group) > 1:
+            body += [Let(f"v_{i}_{k}", value) for i, value in new]
+            new = [(i, Ref(f"v_{i}_{k}")) for i, _ in new]
+        body += [Store(packed(n, i, k), value) for i, value in new if value != packed(n, i, k)]
+    for a, i in enumerate(group):
+        for l in group[a:]:
+            terms = [
+                mul(c, inner[i, m] if m in group else packed(n, i, m)) for m, c in _diagonal_first(l, Phi[l])
+            ]
+            body.append(Store(packed(n, i, l), _sum(terms)))
     return body
+
+
+def _row_times(n: int, i: int, row: Row, k: int) -> Expr:
+    """Row i of Phi times column k of P."""
+    return _sum([mul(c, packed(n, j, k)) for j, c in _diagonal_first(i, row)])
+
+
+def _diagonal_first(i: int, row: Row) -> list[tuple[int, Expr]]:
+    return sorted(row.items(), key=lambda item: item[0] != i)
 
 
 def _sum(terms: list[Expr]) -> Expr:
@@ -142,6 +139,7 @@ def update_scalar(lower: Lowering, n: int, tag: str, *, H: Row, residual: Expr, 
         gain = Ref(f"K_{tag}_{k}")
         apply += [Let(gain.name, mul(b[k], s)), Store(Ref("dx", k), add(Ref("dx", k), mul(gain, y)))]
         apply += [Store(packed(n, k, l), sub(packed(n, k, l), mul(gain, b[l]))) for l in range(k, n)]
+    apply.append(Store(Ref("fused", 0), Num(1.0)))
     gated = When(Compare("<=", mul(y, y), mul(lower.places["gate"], S)), tuple(apply), (Flag("GATED"),))
     return [*body, When(Compare(">", S, Num(0.0)), (gated,), (Flag("NOT_POSITIVE"),))]
 

@@ -98,7 +98,7 @@ def files(program: Program) -> dict[str, str]:
         name=program.name,
         model=discrete.model,
         version=kfgen.__version__,
-        hash=discrete.model.hash[:16],
+        hash=discrete.hash[:16],
         n=program.n,
         klass=class_name(program),
         nominal=discrete.nominal_names,

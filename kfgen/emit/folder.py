@@ -54,7 +54,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "kfgen": kfgen.__version__,
         "model": discrete.model.name,
         "target": target,
-        "model_hash": discrete.model.hash,
+        "model_hash": discrete.hash,
         "order": discrete.order,
         "max_step": discrete.max_step,
         "rate": discrete.rate,
@@ -140,7 +140,7 @@ def read_folder(folder: str | Path) -> Emitted:
         )
     except (KeyError, ValueError) as error:
         raise InputError(f"it lacks or garbles {error}", where=str(folder / MANIFEST)) from None
-    if discrete.model.hash != manifest.get("model_hash"):
+    if discrete.hash != manifest.get("model_hash"):
         raise InputError(
             "its model has another hash than this kfgen derives",
             where=str(folder / MANIFEST),

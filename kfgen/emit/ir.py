@@ -82,7 +82,7 @@ class When:
 
 @dataclass(frozen=True)
 class Flag:
-    """The routine's status becomes one of `STATUS`."""
+    """The routine's status becomes one of `STATUS`, unless a graver one was met before."""
 
     status: str
 
@@ -97,7 +97,7 @@ class Note:
 Stmt = Let | Store | When | Flag | Note
 
 STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP")
-"""What a routine returns, in order of number."""
+"""What a routine returns, in order of number and of gravity."""
 
 
 @dataclass(frozen=True)

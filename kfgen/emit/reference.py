@@ -72,7 +72,7 @@ class Machine:
             elif isinstance(s, When):
                 self._run(s.body if self._holds(s.condition, env) else s.orelse, env)
             elif isinstance(s, Flag):
-                env["status"] = s.status
+                env["status"] = max(env["status"], s.status, key=STATUS.index)
 
     def _holds(self, c: Compare, env: Mapping[str, Any]) -> bool:
         a, b = self._value(c.a, env), self._value(c.b, env)

@@ -34,6 +34,7 @@ from kfgen.emit.ir import (
     sub,
 )
 from kfgen.emit.lower import Lowering
+from kfgen.errors import InputError
 from kfgen.model.blocks import Attitude
 from kfgen.model.motion import Constant
 from kfgen.model.rotation import hamilton, matrix_of, small_quaternion
@@ -52,6 +53,14 @@ class Program:
     """
 
     discrete: DiscreteModel
+
+    def __post_init__(self) -> None:
+        d = self.discrete
+        if d.rate * d.max_step < 1.0:
+            raise InputError(
+                f"the period of {d.rate:g} Hz is longer than the longest step of {d.max_step:g} s",
+                remedy="Give a longer --max-step, or a higher --rate",
+            )
 
     @property
     def name(self) -> str:
@@ -187,7 +196,7 @@ class Program:
             variance = Num(self.discrete.measurement_variance(sensor, channel))
             body.append(Note(channel))
             body += update_scalar(lower, self.n, f"{i}", H=rows[i], residual=residuals[i], variance=variance)
-        body += self._inject()
+        body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(self._inject())))
         arguments = (
             Argument(
                 "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
@@ -199,7 +208,7 @@ class Program:
             f"Fuse one sample: {sensor.title}.",
             arguments,
             tuple(body),
-            (Scratch("dx", self.n),),
+            (Scratch("dx", self.n), Scratch("fused", 1)),
         )
 
     def _inject(self) -> list[Stmt]:

@@ -18,8 +18,12 @@ from kfgen.simulate import simulate
 
 STEPS = 500
 """Predictions."""
+STEP_FACTORS = (1.0, 0.5, 0.75)
+"""Steps in turn, in periods of the rate."""
 EVERY = 4
 """One update of each sensor per so many predictions."""
+REFUSED = (27, 28, 59)
+"""Predictions at which a step is impossible, or a sample so far off that the gate refuses it."""
 SEED = 20261121
 
 
@@ -44,6 +48,8 @@ def scenario(program: Program) -> tuple[Call, ...]:
         due = program.routines[1:] if k % EVERY == EVERY - 1 else program.routines[1:2]
         for routine in due:
             inputs = _inputs(discrete, routine, log, k)
+            if k in REFUSED:
+                inputs = _refused(routine, inputs)
             machine.call(routine.name, split(routine, inputs))
             calls.append(Call(routine.name, inputs, machine.words()))
     return tuple(calls)
@@ -63,6 +69,13 @@ def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tupl
         )
         row += [float(np.float32(v)) for v in values]
     return tuple(row)
+
+
+def _refused(routine: Routine, inputs: tuple[float, ...]) -> tuple[float, ...]:
+    """Inputs that the routine must refuse: no step, or a sample beyond any gate."""
+    if routine.name == "predict":
+        return (*inputs[:-1], 0.0)
+    return tuple(float(np.float32(v + 1e6)) for v in inputs)
 
 
 def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...] | float]:

@@ -12,7 +12,7 @@ from kfgen.errors import InputError
 from kfgen.gap.battery import Test, battery
 from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
 from kfgen.gap.proof import Gap, held_out_gap, split
-from kfgen.identify.fit import Key, Prior, Record, is_linear, maximise
+from kfgen.identify.fit import Key, Prior, Problem, Record, is_linear, maximise
 from kfgen.identify.interval import interval95
 from kfgen.identify.likelihood import BLOCKS, MINIMUM
 from kfgen.identify.whittle import density_of_differences
@@ -129,7 +129,12 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
             findings.append(_finding(best, ranked, tests[0]))
             base = best
         tests = battery(fitted, base.fit.effects, base.fit.likelihood.coefficients)
-    gap = held_out_gap(tail, start.fit, base.fit)
+    first = start.fit
+    if retuned:
+        # Trust has moved the numbers already: what the user believes is what he wrote.
+        first = maximise(Problem(fitted, noise.effects, fixed=frozenset(start.fit.free)))
+        before = battery(fitted, first.effects, first.likelihood.coefficients)
+    gap = held_out_gap(tail, first, base.fit)
     findings, mended = _refitted(record, noise, base, findings, retuned)
     verdict = _verdict(findings, retuned, tests)
     return ChannelGap(

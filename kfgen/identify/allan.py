@@ -118,7 +118,7 @@ def degrees_of_freedom(n: int, m: Array, slope: Array) -> Array:
     m = np.asarray(m, dtype=np.float64)
     white = (3.0 * (n - 1) / (2 * m) - 2.0 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
     flicker = np.where(m == 1, 2.0 * (n - 2) / (2.3 * n - 4.9), 5.0 * n**2 / (4 * m * (n + 3 * m)))
-    flicker = np.where(m == 1, flicker * n / 2.0, flicker)
+    flicker = np.where(m == 1, flicker * (n - 2), flicker)
     walk = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / max(n - 3, 1) ** 2
     edf = np.where(slope < -0.5, white, np.where(slope < 0.5, flicker, walk))
     return np.asarray(np.maximum(edf, 1.0))

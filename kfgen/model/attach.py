@@ -99,7 +99,9 @@ class Attachment:
                 )
             else:
                 old = self.states[known]
-                self.states[known] = replace(old, prior=max(old.prior, prior))
+                self.states[known] = replace(
+                    old, prior=max(old.prior, prior), start=old.start + float(form.x0[k])
+                )
             place = len(self.states) - 1 if known is None else known
             if state.shared:
                 self._bias[channel] = place

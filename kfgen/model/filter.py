@@ -246,7 +246,7 @@ class FilterModel:
             *(repr(c) for c in self.constants),
         ]
         parts += [
-            f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[self.white(c) for c in s.channels]}"
+            f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[sp.srepr(sp.Tuple(*self.white(c))) for c in s.channels]}"
             for s in self.sensors
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()

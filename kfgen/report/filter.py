@@ -25,7 +25,7 @@ def emit_answer(program: Program, target: str, folder: str, names: list[str]) ->
     model = program.discrete.model
     lines = [
         f"{model.name} as {target} in {folder}: {', '.join(names)}",
-        f"  {program.n} states, hash {model.hash[:16]}",
+        f"  {program.n} states, hash {program.discrete.hash[:16]}",
         columns(operation_rows(program)),
     ]
     data = {
@@ -33,7 +33,7 @@ def emit_answer(program: Program, target: str, folder: str, names: list[str]) ->
         "kfgen": kfgen.__version__,
         "model": model.name,
         "target": target,
-        "model_hash": model.hash,
+        "model_hash": program.discrete.hash,
         "files": names,
         "operations": {r.name: r.operations for r in program.routines},
     }
