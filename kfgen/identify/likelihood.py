@@ -2,7 +2,7 @@
 
 Each rung adds one effect. It stays when twice the gain of log-likelihood passes a threshold of
 the null distribution at 5 %: 2.7 for one more size (a half chi-square: sizes are not negative)
-and 7.3 for a Gauss-Markov term, whose correlation time is searched.
+and 9.0 for a Gauss-Markov term, whose correlation time is searched.
 
 A slow term that dominates only a few of the lowest ordinates is a drift, but its kind cannot be
 told: over so few half-periods a random walk, a Gauss-Markov process and a ramp look alike. Such
@@ -31,7 +31,7 @@ MINIMUM = 64
 BLOCKS = 1_000_000
 """A longer record is averaged to about this many blocks first."""
 LADDER = ("rate_random_walk", "gauss_markov")
-THRESHOLD = {1: 2.7, 2: 7.3}
+THRESHOLD = {1: 2.7, 2: 9.0}
 """Of twice the log-likelihood gain, by the number of parameters added."""
 
 
@@ -94,9 +94,8 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
         raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
     record = replace(record, block=max(1, n // BLOCKS))
     best, problem = _exactly(record, wanted) if wanted else _climb(record)
-    intervals: dict[Key, tuple[float, float]] = {key: interval95(problem, best, key) for key in best.free}
-    if wanted:
-        intervals |= _open_intervals(problem, best)
+    intervals = _open_intervals(problem, best) if wanted else {}
+    intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
     intervals |= _linear_intervals(best)
     bounds = relative_bound(best.effects, record.dt, n)
     unresolved = frozenset() if wanted else _unresolved(problem, best)
