@@ -52,12 +52,15 @@ class Record:
         Recorded drivers, ``temperature`` [K] for example.
     block : int
         Samples averaged to one before the transform.
+    skip : tuple of (lo, hi)
+        Bands [Hz] that the likelihood leaves out: lines, what lies beyond a low-pass.
     """
 
     t: Array
     y: Array
     drive: Mapping[str, Array] = field(default_factory=dict)
     block: int = 1
+    skip: tuple[tuple[float, float], ...] = ()
 
     @cached_property
     def dt(self) -> float:
@@ -76,7 +79,7 @@ class Record:
             for e in effects
             if is_linear(e)
         ]
-        return ordinates(self.y, self.dt, self.block, unit)
+        return ordinates(self.y, self.dt, self.block, unit, skip=self.skip)
 
     @cached_property
     def curve(self) -> AllanCurve:

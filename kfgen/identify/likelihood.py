@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound, seconds_for
+from kfgen.identify.clean import roll_off, without_outliers
 from kfgen.identify.fit import Fit, Key, Problem, Record, is_linear, maximise
 from kfgen.identify.interval import interval95, upper95
+from kfgen.identify.lines import PeriodicLine, find_lines
 
 Array = NDArray[np.float64]
 
@@ -68,6 +70,7 @@ class Identified:
     limits: tuple[Limit, ...]
     record: Record
     warnings: tuple[str, ...] = ()
+    lines: tuple[PeriodicLine, ...] = ()
 
 
 def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
@@ -92,8 +95,15 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
         raise InputError("the channel never changes", remedy="Check the sensor and the column")
     if not np.isfinite(n * float(np.abs(record.y).max()) * float(np.abs(record.y).max())):
         raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
-    record = replace(record, block=max(1, n // BLOCKS))
+    record, share = without_outliers(replace(record, block=max(1, n // BLOCKS)))
+    cut = roll_off(record)
+    if cut is not None:
+        record = replace(record, skip=((cut, float("inf")),))
     best, problem = _exactly(record, wanted) if wanted else _climb(record)
+    lines = find_lines(record, best.effects) if cut is None else []
+    if lines:
+        record = replace(record, skip=record.skip + tuple(line.band for line in lines))
+        best, problem = _exactly(record, wanted) if wanted else _climb(record)
     intervals = _open_intervals(problem, best) if wanted else {}
     intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
     intervals |= _linear_intervals(best)
@@ -101,8 +111,12 @@ def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
     unresolved = frozenset() if wanted else _unresolved(problem, best)
     shown = {e.name for i, e in enumerate(best.effects) if i not in unresolved}
     limits = () if wanted else tuple(_limit(problem, best, name) for name in LADDER if name not in shown)
-    warnings = (_drift_warning(best, unresolved, record),) if unresolved else ()
-    return Identified(best, unresolved, intervals, bounds, limits, record, warnings)
+    warnings = [_drift_warning(best, unresolved, record)] if unresolved else []
+    warnings += [f"{100 * share:.2g} % of the samples are outliers, left out"] if share else []
+    warnings += (
+        [f"an internal low-pass takes power away above {cut:.3g} Hz, left out of the fit"] if cut else []
+    )
+    return Identified(best, unresolved, intervals, bounds, limits, record, tuple(warnings), tuple(lines))
 
 
 def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:

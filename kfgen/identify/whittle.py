@@ -75,7 +75,21 @@ def block_means(y: Array, block: int) -> Array:
     return np.asarray(y[: n * block].reshape(n, block, *y.shape[1:]).mean(axis=1))
 
 
-def ordinates(y: Array, dt: float, block: int = 1, regressors: Sequence[Array] = ()) -> Ordinates:
+def transform(columns: Array, block: int) -> Array:
+    """Sine coefficients of the differences of block means, shape (n - 1, k), of columns (n, k)."""
+    from scipy.fft import dst
+
+    return np.asarray(dst(np.diff(block_means(columns, block), axis=0), type=1, axis=0, norm="ortho"))
+
+
+def ordinates(
+    y: Array,
+    dt: float,
+    block: int = 1,
+    regressors: Sequence[Array] = (),
+    *,
+    skip: Sequence[tuple[float, float]] = (),
+) -> Ordinates:
     """Sine-transform a record and its regressors.
 
     Parameters
@@ -88,19 +102,24 @@ def ordinates(y: Array, dt: float, block: int = 1, regressors: Sequence[Array] =
         Samples averaged to one first.
     regressors : sequence of ndarray, shape (n,)
         Outputs of deterministic effects for a coefficient of one.
+    skip : sequence of (lo, hi)
+        Bands [Hz] to leave out.
     """
-    from scipy.fft import dst
-
-    data = block_means(np.column_stack([y, *regressors]), block)
-    X = np.asarray(dst(np.diff(data, axis=0), type=1, axis=0, norm="ortho"))
+    X = transform(np.column_stack([y, *regressors]), block)
     n = X.shape[0]
-    edges = _edges(n)
-    products = X[:, :, None] * X[:, None, :]
-    gram = np.add.reduceat(products, edges[:-1], axis=0)
-    count = np.diff(edges).astype(float)
     j = np.arange(1, n + 1, dtype=float)
-    omega = np.add.reduceat(j, edges[:-1]) / count * (np.pi / (n + 1))
-    return Ordinates(omega, count, gram, dt, block)
+    omega = j * (np.pi / (n + 1))
+    f = omega / (2.0 * np.pi * dt * block)
+    keep = np.ones(n)
+    for lo, hi in skip:
+        keep[(f >= lo) & (f <= hi)] = 0.0
+    edges = _edges(n)
+    products = X[:, :, None] * X[:, None, :] * keep[:, None, None]
+    gram = np.add.reduceat(products, edges[:-1], axis=0)
+    count = np.add.reduceat(keep, edges[:-1])
+    centre = np.add.reduceat(omega, edges[:-1]) / np.diff(edges)
+    some = count > 0.0
+    return Ordinates(centre[some], count[some], gram[some], dt, block)
 
 
 def _edges(n: int) -> NDArray[np.int64]:

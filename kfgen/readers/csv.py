@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.errors import InputError
 from kfgen.log import Log
-from kfgen.readers.table import Column, Table
+from kfgen.readers.table import Column, Table, stated_rate
 from kfgen.units import parse_unit
 from kfgen.whole import write_whole
 
@@ -37,10 +37,11 @@ def read(path: Path) -> Table:
     separator, first = _first_row(path, lines)
     names, units = _header(path, lines, first, separator)
     values = _numbers(path, lines, first, separator, names)
-    return Table(
-        str(path),
-        {name: Column(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))},
-    )
+    rate, warnings = stated_rate(lines[:first], values.shape[0])
+    columns = {
+        name: Column(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
+    }
+    return Table(str(path), columns, rate, warnings)
 
 
 def write(log: Log, path: str | Path) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kfgen.errors import InputError
 from kfgen.log import Log
-from kfgen.readers.table import Column, Table
+from kfgen.readers.table import Column, Table, stated_rate
 from kfgen.units import parse_unit
 from kfgen.whole import write_whole
 
@@ -125,7 +125,9 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> Table:
         return Table(str(path), columns)
     if fs.dtype.kind not in "fiu" or not 0.0 < float(fs) < np.inf:
         raise InputError(f"its rate fs is {fs}", where=str(path), remedy="Give a positive number of hertz")
-    return Table(str(path), columns, float(fs))
+    header = meta.get("header")
+    _, warnings = stated_rate([f"Fs,{float(fs)}", *map(str, header if isinstance(header, list) else ())], n)
+    return Table(str(path), columns, float(fs), warnings)
 
 
 def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:

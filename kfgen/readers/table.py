@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,9 @@ from kfgen.errors import InputError
 from kfgen.log import Channel, Log
 from kfgen.units import parse_unit
 
+_SETTING = re.compile(r"\s*#?\s*(Fs|Logging time)\s*[,;=:]\s*([0-9.]+)", re.I)
+CONTRADICTION = 0.02
+"""Relative difference of two statements of a rate that is no rounding."""
 _ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s*$")
 
 
@@ -68,6 +71,28 @@ class ColumnMap:
                     raise InputError(error.what, where="--columns", remedy=error.remedy) from None
             entries.append((channel, column, unit))
         return ColumnMap(tuple(entries))
+
+
+def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, tuple[str, ...]]:
+    """The rate [Hz] of header lines like ``Fs,50`` and a warning where ``Logging time,3600`` contradicts it.
+
+    Parameters
+    ----------
+    lines : sequence of str
+    n : int
+        Samples in the file.
+    """
+    found = {m.group(1).lower(): float(m.group(2)) for line in lines if (m := _SETTING.match(line))}
+    rate, duration = found.get("fs"), found.get("logging time", 0.0)
+    if rate is None or not 0.0 < rate < float("inf"):
+        return None, ()
+    if duration > 0.0 and abs(n / rate / duration - 1.0) > CONTRADICTION:
+        words = (
+            f"the header says {rate:g} Hz, but {n} samples in {duration:g} s are {n / duration:.4g} Hz; "
+            "give --rate to say which holds"
+        )
+        return rate, (words,)
+    return rate, ()
 
 
 def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256: str) -> Log:

@@ -112,7 +112,12 @@ def _rows(result: Identified, unit: str) -> list[list[str]]:
 
 
 def _missing(result: Identified, unit: str) -> list[str]:
-    return [_limit(limit, result, unit) for limit in result.limits]
+    """Lines that were found, then what the record cannot show."""
+    lines = [
+        f"line at {line.frequency:.4g} Hz, amplitude {quantity(line.amplitude, unit)}, taken out of the fit"
+        for line in result.lines
+    ]
+    return lines + [_limit(limit, result, unit) for limit in result.limits]
 
 
 def _limit(limit: Limit, result: Identified, unit: str) -> str:
@@ -173,6 +178,9 @@ def _channel(result: Identified, si: str) -> dict[str, Any]:
             "hi95": curve.hi.tolist(),
             "model": model_deviation(result.fit.effects, curve.tau).tolist(),
         },
+        "lines": [
+            {"frequency_hz": line.frequency, "amplitude": line.amplitude, "unit": si} for line in result.lines
+        ],
         "warnings": list(result.warnings),
     }
 

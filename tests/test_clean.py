@@ -1,0 +1,95 @@
+"""Dirty records: lines, outliers, an internal low-pass, a header that contradicts itself.
+
+Records are made by plain numpy and scipy. Chance enters at the rates of the modules (1e-3 for a line,
+4e-11 a sample for an outlier); seeds are fixed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from kfgen.identify.clean import roll_off, without_outliers
+from kfgen.identify.fit import Record
+from kfgen.identify.likelihood import Identified, identify
+
+RATE, SECONDS = 100.0, 300.0
+T = np.arange(int(RATE * SECONDS)) / RATE
+
+
+def white(seed: int) -> np.ndarray:
+    """Samples of deviation one: N = 0.1."""
+    return np.random.default_rng(seed).standard_normal(T.size)
+
+
+def found(y: np.ndarray) -> Identified:
+    return identify(Record(T, y))
+
+
+def N_of(result: Identified) -> float:
+    return float(result.fit.effects[0].N)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("frequency", [3.217, 12.0, 41.9])
+def test_a_line_is_found_and_taken_out(frequency: float) -> None:
+    result = found(white(1) + 0.4 * np.sin(2 * np.pi * frequency * T + 0.3))
+    assert len(result.lines) == 1
+    assert result.lines[0].frequency == pytest.approx(frequency, abs=2.0 / SECONDS)
+    assert result.lines[0].amplitude == pytest.approx(0.4, rel=0.15)
+    assert N_of(result) == pytest.approx(0.1, rel=0.02)
+
+
+def test_without_a_line_none_is_found() -> None:
+    assert [len(found(white(seed)).lines) for seed in range(10)] == [0] * 10
+
+
+def test_outliers_are_left_out_and_said() -> None:
+    rng = np.random.default_rng(2)
+    y = white(2)
+    at = rng.choice(T.size, 60, replace=False)
+    y[at] += 40.0 * rng.choice([-1.0, 1.0], 60)
+    result = found(y)
+    assert N_of(result) == pytest.approx(0.1, rel=0.02)
+    assert any("0.2 % of the samples are outliers" in w for w in result.warnings)
+
+
+def test_a_step_and_a_lattice_are_no_outliers() -> None:
+    stepped = white(3) + 30.0 * (T > 100.0)
+    coarse = np.round(0.4 * white(4))
+    assert without_outliers(Record(T, stepped))[1] == 0.0
+    assert without_outliers(Record(T, coarse))[1] == 0.0
+
+
+@pytest.mark.parametrize("corner", [10.0, 20.0, 35.0])
+def test_a_low_pass_is_left_out_of_the_fit(corner: float) -> None:
+    b, a = butter(2, corner / (RATE / 2))
+    result = found(lfilter(b, a, white(5)))
+    assert N_of(result) == pytest.approx(0.1, rel=0.05)
+    assert any("low-pass" in w for w in result.warnings)
+
+
+def test_white_noise_has_no_low_pass() -> None:
+    assert [roll_off(Record(T, white(seed))) for seed in range(20)] == [None] * 20
+
+
+def test_line_of_a_real_gyro(recording: Callable[[str], Path], kfgen: Callable[..., Any]) -> None:
+    """The manifest of the recording: gyro y has a line at 38.0 Hz. The rate stands in the file's header."""
+    path = recording("native/mpu6050_static.csv")
+    answer = kfgen("identify", path, "--columns", "gyro_y=gy [deg/s/131]")
+    assert answer.exit_code == 0
+    assert "line at 38 Hz" in answer.output.replace("37.99", "38").replace("38.00", "38")
+
+
+def test_a_rate_that_contradicts_the_duration_is_said(
+    recording: Callable[[str], Path], kfgen: Callable[..., Any]
+) -> None:
+    """200 244 samples in 3600 s are 55.6 Hz, whatever the header says."""
+    path = recording("static/tof_vl53l0x_1h.npz")
+    answer = kfgen("identify", path, "--columns", "dist=dist_mm [mm]")
+    assert answer.exit_code == 0
+    assert "55.62 Hz" in answer.output
