@@ -20,8 +20,8 @@ from scipy.signal import lfilter
 
 from kfgen.effects import make
 from kfgen.identify.bounds import relative_bound
+from kfgen.identify.channel import identify
 from kfgen.identify.fit import Record
-from kfgen.identify.likelihood import identify
 
 FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 

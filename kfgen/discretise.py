@@ -1,8 +1,7 @@
 """From a continuous filter model to one step of length `dt`.
 
-``Phi = sum_k F^k dt^k / k!`` and, from ``dQ/dt = F Q + Q F' + W``, ``Qd = sum_k Q_k dt^(k+1) / (k+1)!``
-with ``Q_0 = G W G'``, ``Q_(k+1) = F Q_k + Q_k F'`` [1]_: the exact series of the exponential and of Van
-Loan's integral, free of the cancellation of their closed forms. The blocks of the effects
+The exact series of the exponential and of Van Loan's integral (`kfgen.linear.taylor`, [1]_) is free of
+the cancellation of their closed forms. The blocks of the effects
 (Gauss-Markov, random walks, ramps) are carried until nothing is left of them in single
 precision at the longest step; the coupling of the motion, whose F changes from step to step
 anyway, to the order that is asked for.
@@ -22,6 +21,7 @@ from functools import cached_property
 import sympy as sp
 
 from kfgen.errors import InputError
+from kfgen.linear import taylor
 from kfgen.model.blocks import Attitude
 from kfgen.model.filter import FilterModel
 from kfgen.model.rotation import hamilton, small_quaternion
@@ -36,18 +36,7 @@ LONGEST_SERIES = 24
 
 def series(F: sp.Matrix, Q: sp.Matrix, order: int) -> tuple[sp.Matrix, sp.Matrix]:
     """``Phi`` and ``Qd`` to `order` in `DT`, shape (n, n), for dynamics F and noise density Q."""
-    n = F.rows
-    Phi, Qd = sp.eye(n), sp.zeros(n, n)
-    power, density = sp.eye(n), Q
-    for k in range(1, order + 1):
-        power = power * F
-        scale = DT**k / sp.factorial(k)
-        Phi += power * scale
-        Qd += density * scale
-        if k < order:
-            product = F * density
-            density = product + product.T
-    return Phi, Qd
+    return taylor(sp.eye(F.rows), F, Q, DT, order)
 
 
 def series_order(fastest: float, max_step: float) -> int:

@@ -3,8 +3,8 @@
 For ``dx = A x dt + dw`` with ``E[dw dw'] = W dt`` the sampled system is
 ``x[k+1] = Phi x[k] + w[k]`` with ``Phi = exp(A dt)`` and
 ``Qd = int_0^dt exp(A s) W exp(A s)' ds`` [1]_. Van Loan's one exponential of a matrix with
-``-A`` in it overflows when ``dt`` is long against the time constants; here it is taken
-over a short step only, which is then doubled: ``Q <- Q + Phi Q Phi'``, ``Phi <- Phi Phi``.
+``-A`` in it overflows when ``dt`` is long against the time constants; here a series is taken over a
+short step, which is then doubled: ``Q <- Q + Phi Q Phi'``, ``Phi <- Phi Phi``.
 
 References
 ----------
@@ -14,10 +14,43 @@ References
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+
+SHORT = 0.25
+"""Norm of ``A h`` at which the series is taken; the rest is doubling."""
+TERMS = 14
+"""Terms of the series there: the next is below ``0.5^15 / 15! = 2e-17``."""
+
+
+def taylor(one: Any, A: Any, W: Any, h: Any, order: int) -> tuple[Any, Any]:
+    """The series of ``Phi`` and ``Qd`` to `order` in `h`, for numbers or for symbols.
+
+    ``Phi = sum_k A^k h^k / k!``; from ``dQ/dt = A Q + Q A' + W``, ``Qd = sum_k Q_k h^(k+1) / (k+1)!`` with
+    ``Q_0 = W`` and ``Q_(k+1) = A Q_k + Q_k A'`` (differentiate eq. (1.4) of [1]_ at zero): no
+    difference of large terms, so nothing cancels.
+
+    Parameters
+    ----------
+    one, A, W : matrix, shape (n, n)
+        Identity, dynamics and driving density.
+    h : scalar, or ndarray of shape (..., 1, 1)
+        Step [s].
+    order : int
+        The highest power of `h`.
+    """
+    Phi, Qd, power, density, scale = one, 0 * W, one, W, 1
+    for k in range(1, order + 1):
+        power, scale = power @ A, scale * h / k
+        Phi, Qd = Phi + power * scale, Qd + density * scale
+        product = A @ density
+        density = product + product.T
+    return Phi, Qd
 
 
 def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
@@ -36,20 +69,13 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     -------
     Phi, Qd : ndarray, shape (..., n, n)
     """
-    from scipy.linalg import expm  # late: half of this package never discretises
-
     dt = np.asarray(dt, dtype=np.float64)
     n = A.shape[0]
     if n == 0:
         return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
-    norm = np.maximum(float(np.abs(A).sum(axis=1).max()) * dt, 0.25)
-    doublings = np.ceil(np.log2(norm)).astype(int) + 2
-    h = dt / 2.0**doublings
-    M = np.zeros((2 * n, 2 * n))
-    M[:n, :n], M[:n, n:], M[n:, n:] = -A, W, A.T
-    E = np.asarray(expm(M * h[..., None, None]))
-    Phi = np.swapaxes(E[..., n:, n:], -1, -2)
-    Qd = Phi @ E[..., :n, n:]
+    norm = np.maximum(float(np.abs(A).sum(axis=1).max()) * dt, SHORT)
+    doublings = np.ceil(np.log2(norm / SHORT)).astype(int)
+    Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], TERMS)
     for k in range(int(doublings.max(initial=0))):
         more = (doublings > k)[..., None, None]
         Qd = np.where(more, Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Qd)

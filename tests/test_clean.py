@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from kfgen.identify.channel import Identified, identify
 from kfgen.identify.clean import roll_off, without_outliers
 from kfgen.identify.fit import Record
-from kfgen.identify.likelihood import Identified, identify
 
 RATE, SECONDS = 100.0, 300.0
 T = np.arange(int(RATE * SECONDS)) / RATE

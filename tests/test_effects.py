@@ -29,8 +29,8 @@ from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.gap.evidence import additions, believed, candidates
 from kfgen.gap.workflow import find_gap
+from kfgen.identify.channel import identify
 from kfgen.identify.fit import Record
-from kfgen.identify.likelihood import identify
 from kfgen.model.library import build
 from kfgen.noise import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
 from kfgen.units import derived_unit, parse_unit, to_si

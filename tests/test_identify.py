@@ -25,8 +25,8 @@ from scipy.stats import binom
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound, seconds_for
+from kfgen.identify.channel import Identified, identify
 from kfgen.identify.fit import Record
-from kfgen.identify.likelihood import Identified, identify
 from kfgen.identify.whittle import density_of_differences, ordinates
 
 Array = NDArray[np.float64]

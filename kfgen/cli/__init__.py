@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
+
+LIBRARIES = ("OPENBLAS", "OMP", "MKL", "VECLIB_MAXIMUM")
 
 
 def main() -> None:
     """Run the command line; the exit status is 0, 1 for a failed check, 2 for bad input."""
+    # Every matrix here is small: threads inside the linear algebra only wait for one another.
+    for library in LIBRARIES:
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from kfgen.cli.app import app
     from kfgen.errors import KfgenError
 

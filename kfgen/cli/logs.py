@@ -55,7 +55,9 @@ def identify(
         str | None,
         typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out."),
     ] = None,
-    method: Annotated[str, typer.Option(help="How: ml (maximum likelihood).")] = "ml",
+    method: Annotated[
+        str, typer.Option(help="ml (maximum likelihood) or allan (weighted fit of the Allan curve).")
+    ] = "ml",
     columns: Columns = None,
     output: Output = None,
     json: Json = None,
@@ -63,12 +65,10 @@ def identify(
 ) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
     from kfgen.errors import InputError
-    from kfgen.identify.likelihood import identify as identified
+    from kfgen.identify.channel import identify as identified
     from kfgen.noise import write_noise
     from kfgen.report.identify import identify_answer, noise_model
 
-    if method != "ml":
-        raise InputError(f"there is no method '{method}'", where="--method", remedy="Known is ml")
     not_over(output, log)
     data = read(log, rate, columns)
     names = _names(channels) or [c for c in data.channels if not c.startswith(NOT_NOISY)]
@@ -81,14 +81,14 @@ def identify(
     found = {}
     for name in names:
         try:
-            found[name] = identified(_record(data, name), _names(effects))
+            found[name] = identified(_record(data, name), _names(effects), method)
         except InputError as error:
             raise InputError(
                 error.what, where=error.where or f"{data.source}: channel {name}", remedy=error.remedy
             ) from None
     answer = identify_answer(data, found)
     if output:
-        write_noise(noise_model(data, found), output)
+        write_noise(noise_model(data, found, method), output)
     deliver(answer, json, report)
 
 

@@ -12,9 +12,9 @@ from kfgen.errors import InputError
 from kfgen.gap.battery import Test, battery
 from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
 from kfgen.gap.proof import Gap, held_out_gap, split
+from kfgen.identify.channel import BLOCKS, MINIMUM
 from kfgen.identify.fit import Key, Prior, Problem, Record, is_linear, maximise
 from kfgen.identify.interval import interval95
-from kfgen.identify.likelihood import BLOCKS, MINIMUM
 from kfgen.identify.whittle import density_of_differences
 from kfgen.noise import ChannelNoise, Term
 

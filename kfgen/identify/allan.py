@@ -58,6 +58,11 @@ def log_factors(n: int, per_decade: int = 12) -> NDArray[np.int64]:
     return np.unique(m // stride * stride)
 
 
+def octave_factors(n: int) -> NDArray[np.int64]:
+    """Averaging factors at octaves up to a sixth of the record: beyond, a point says too little."""
+    return 2 ** np.arange(max(1, int(np.log2(max(n, 12) / 6)) + 1), dtype=np.int64)
+
+
 def _stride(m: int) -> int:
     """The power of two that leaves between half of `DECIMATE` and `DECIMATE` steps in m."""
     return 1 << max(0, m.bit_length() - DECIMATE.bit_length() + 1) if m >= DECIMATE else 1

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, Look
-from kfgen.identify.allan import AllanCurve, allan_curve
+from kfgen.identify.allan import AllanCurve, allan_curve, octave_factors
 from kfgen.identify.whittle import (
     Fitted,
     Ordinates,
@@ -85,6 +85,11 @@ class Record:
     def curve(self) -> AllanCurve:
         """Its overlapping Allan deviation."""
         return allan_curve(self.y, self.dt)
+
+    @cached_property
+    def octaves(self) -> AllanCurve:
+        """Its overlapping Allan deviation at octaves: nearly independent points."""
+        return allan_curve(self.y, self.dt, octave_factors(self.y.size))
 
     @cached_property
     def look(self) -> Look:

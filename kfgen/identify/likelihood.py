@@ -12,7 +12,7 @@ not found or not resolved is reported with its upper limit and with the record t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,18 +20,14 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
-from kfgen.identify.bounds import relative_bound, seconds_for
-from kfgen.identify.clean import roll_off, without_outliers
+from kfgen.identify.bounds import seconds_for
+from kfgen.identify.curve import CurveFit, fit_curve
 from kfgen.identify.fit import Fit, Key, Problem, Record, is_linear, maximise
 from kfgen.identify.interval import interval95, upper95
-from kfgen.identify.lines import PeriodicLine, find_lines
+from kfgen.identify.whittle import log_likelihood
 
 Array = NDArray[np.float64]
 
-MINIMUM = 64
-"""Samples that a fit needs."""
-BLOCKS = 1_000_000
-"""A longer record is averaged to about this many blocks first."""
 LADDER = ("rate_random_walk", "gauss_markov")
 THRESHOLD = {1: 2.7, 2: 9.0}
 """Of twice the log-likelihood gain, by the number of parameters added."""
@@ -43,7 +39,10 @@ RESOLVED = 12
 
 @dataclass(frozen=True)
 class Limit:
-    """What the record cannot show: a parameter below `upper95` [SI], and how long to log."""
+    """What the record cannot show: a parameter below `upper95` [SI].
+
+    `hours` of log would give it to 20 % if it were half of that, the middle of what is left open.
+    """
 
     effect: Effect
     parameter: str
@@ -52,8 +51,8 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Identified:
-    """The answer for one channel.
+class Estimate:
+    """What a method says of a record.
 
     Parameters
     ----------
@@ -61,62 +60,74 @@ class Identified:
         All terms that the record needs.
     unresolved : frozenset of int
         Indices of the terms of the fit whose kind the record cannot tell.
+    intervals : dict
+        95 % intervals [SI] by parameter.
+    limits : tuple of Limit
+        What the record cannot show.
     """
 
     fit: Fit
     unresolved: frozenset[int]
     intervals: dict[Key, tuple[float, float]]
-    bounds: dict[Key, float]
     limits: tuple[Limit, ...]
-    record: Record
-    warnings: tuple[str, ...] = ()
-    lines: tuple[PeriodicLine, ...] = ()
 
 
-def identify(record: Record, wanted: Sequence[str] | None = None) -> Identified:
-    """Identify one channel.
+def by_likelihood(record: Record, wanted: Sequence[str] | None) -> Estimate:
+    """Maximum likelihood with profile intervals, along the ladder or for exactly the wanted effects."""
+    if wanted:
+        best, problem = _exactly(record, wanted)
+        intervals = _open_intervals(problem, best)
+        intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
+        return Estimate(best, frozenset(), intervals | _linear_intervals(best), ())
+    best, problem = _climb(record)
+    intervals = {key: interval95(problem, best, key) for key in best.free} | _linear_intervals(best)
+    return estimate(problem, best, intervals)
 
-    Parameters
-    ----------
-    record : Record
-        The samples; ``block`` is chosen here.
-    wanted : sequence of str, optional
-        Exactly these effects instead of a choice along the ladder.
 
-    Raises
-    ------
-    InputError
-        Too few samples, or a channel that never changes.
-    """
-    n = record.y.size
-    if n < MINIMUM:
-        raise InputError(f"{n} samples are too few for a fit", remedy=f"Log at least {MINIMUM}")
-    if not np.ptp(record.y) > 0.0:
-        raise InputError("the channel never changes", remedy="Check the sensor and the column")
-    if not np.isfinite(n * float(np.abs(record.y).max()) * float(np.abs(record.y).max())):
-        raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
-    record, share = without_outliers(replace(record, block=max(1, n // BLOCKS)))
-    cut = roll_off(record)
-    if cut is not None:
-        record = replace(record, skip=((cut, float("inf")),))
-    best, problem = _exactly(record, wanted) if wanted else _climb(record)
-    lines = find_lines(record, best.effects) if cut is None else []
-    if lines:
-        record = replace(record, skip=record.skip + tuple(line.band for line in lines))
-        best, problem = _exactly(record, wanted) if wanted else _climb(record)
-    intervals = _open_intervals(problem, best) if wanted else {}
-    intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
-    intervals |= _linear_intervals(best)
-    bounds = relative_bound(best.effects, record.dt, n)
-    unresolved = frozenset() if wanted else _unresolved(problem, best)
+def by_curve(record: Record, wanted: Sequence[str] | None) -> Estimate:
+    """The Allan curve fitted by weighted least squares, with intervals from its curvature."""
+    names = list(wanted) if wanted else ["white_noise"]
+    best, problem = _best_curve(record, names)
+    left = [] if wanted else list(LADDER)
+    while left:
+        trials = [(name, *_best_curve(record, [*names, name])) for name in left]
+        gains = [
+            (best.misfit - fit.misfit) / THRESHOLD[fit.point.size - best.point.size] for _, fit, _ in trials
+        ]
+        k = int(np.argmax(gains))
+        if gains[k] < 1.0:
+            break
+        name, best, problem = trials[k]
+        names.append(name)
+        left.remove(name)
+    fit = Fit(best.effects, 0.0, log_likelihood(problem.data, best.effects), problem.free, best.point)
+    spread = 1.959963984540054 * np.sqrt(np.diag(best.covariance))
+    ends = zip(np.exp(best.point - spread).tolist(), np.exp(best.point + spread).tolist())
+    intervals = dict(zip(problem.free, ends)) | _linear_intervals(fit)
+    return Estimate(fit, frozenset(), intervals, ()) if wanted else estimate(problem, fit, intervals)
+
+
+METHODS: dict[str, Callable[[Record, Sequence[str] | None], Estimate]] = {
+    "ml": by_likelihood,
+    "allan": by_curve,
+}
+"""The methods by name."""
+
+
+def estimate(problem: Problem, best: Fit, intervals: dict[Key, tuple[float, float]]) -> Estimate:
+    """A fit with what the record cannot resolve, and the limits of what it does not show."""
+    unresolved = _unresolved(problem, best)
     shown = {e.name for i, e in enumerate(best.effects) if i not in unresolved}
-    limits = () if wanted else tuple(_limit(problem, best, name) for name in LADDER if name not in shown)
-    warnings = [_drift_warning(best, unresolved, record)] if unresolved else []
-    warnings += [f"{100 * share:.2g} % of the samples are outliers, left out"] if share else []
-    warnings += (
-        [f"an internal low-pass takes power away above {cut:.3g} Hz, left out of the fit"] if cut else []
-    )
-    return Identified(best, unresolved, intervals, bounds, limits, record, tuple(warnings), tuple(lines))
+    limits = tuple(_limit(problem, best, name) for name in LADDER if name not in shown)
+    return Estimate(best, unresolved, intervals, limits)
+
+
+def _best_curve(record: Record, names: Sequence[str]) -> tuple[CurveFit, Problem]:
+    choices = _combinations(record, names)
+    first = Problem(record, choices[0])
+    fits = [fit_curve(first.starting(c)) for c in choices]
+    best = min(fits, key=lambda f: f.misfit)
+    return best, first.starting(best.effects)
 
 
 def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
@@ -151,14 +162,6 @@ def _unresolved(problem: Problem, best: Fit) -> frozenset[int]:
     )
 
 
-def _drift_warning(best: Fit, unresolved: frozenset[int], record: Record) -> str:
-    names = " and ".join(best.effects[i].title for i in sorted(unresolved))
-    return (
-        f"there is a slow drift, fitted as {names}; {record.duration:.0f} s are too short to tell "
-        "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature"
-    )
-
-
 def starts(name: str, record: Record) -> list[Effect]:
     """Where fits of an effect to a record should start.
 
@@ -176,9 +179,9 @@ def starts(name: str, record: Record) -> list[Effect]:
 
 
 def best_of(record: Record, choices: Sequence[tuple[Effect, ...]]) -> tuple[Fit, Problem]:
-    """The best fit among several starts of the same set of effects."""
+    """The best fit among several starts of the same set of effects, the fitted Allan curve's among them."""
     first = Problem(record, choices[0])
-    problems = [first] + [first.starting(c) for c in choices[1:]]
+    problems = [first.starting(c) for c in (*choices, fit_curve(first).effects)]
     fits = [maximise(p) for p in problems]
     best = int(np.argmax([f.value for f in fits]))
     return fits[best], problems[best]
@@ -188,9 +191,7 @@ def _exactly(record: Record, wanted: Sequence[str]) -> tuple[Fit, Problem]:
     twice = [name for name in wanted if wanted.count(name) > 1 and not effect_named(name).repeatable]
     if twice:
         raise InputError(f"{twice[0]} is wanted twice", where="--effects", remedy="Name it once")
-    choices: list[tuple[Effect, ...]] = [()]
-    for name in wanted:
-        choices = [(*c, e) for c in choices for e in starts(name, record)]
+    choices = _combinations(record, wanted)
     if all(
         e.form({e.driver: record.drive[e.driver]} if e.driver else None).deterministic for e in choices[0]
     ):
@@ -198,6 +199,14 @@ def _exactly(record: Record, wanted: Sequence[str]) -> tuple[Fit, Problem]:
             f"{', '.join(wanted)} alone is no noise", where="--effects", remedy="Add white_noise"
         )
     return best_of(record, choices)
+
+
+def _combinations(record: Record, names: Sequence[str]) -> list[tuple[Effect, ...]]:
+    """Start values of several effects together, every one with every other."""
+    choices: list[tuple[Effect, ...]] = [()]
+    for name in names:
+        choices = [(*c, e) for c in choices for e in starts(name, record)]
+    return choices
 
 
 def _climb(record: Record) -> tuple[Fit, Problem]:
@@ -251,5 +260,6 @@ def _limit(problem: Problem, best: Fit, name: str) -> Limit:
         if worst is None or top > worst.upper95:
             worst = Limit(replace(fit.effects[index], **{size: top}), size, top, 0.0)
     assert worst is not None
-    hours = seconds_for((*others, worst.effect), record.dt, (index, size)) / 3600.0
+    half = replace(worst.effect, **{size: 0.5 * worst.upper95})
+    hours = seconds_for((*others, half), record.dt, (index, size)) / 3600.0
     return replace(worst, hours=hours)

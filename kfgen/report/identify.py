@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 import kfgen
 from kfgen.effects import Effect
+from kfgen.identify.channel import Identified
 from kfgen.identify.fit import is_linear
-from kfgen.identify.likelihood import Identified, Limit
+from kfgen.identify.likelihood import Limit
 from kfgen.log import Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
@@ -21,7 +22,7 @@ from kfgen.units import derived_unit, display_unit, from_si, parse_unit
 Array = NDArray[np.float64]
 
 
-def noise_model(log: Log, found: Mapping[str, Identified]) -> NoiseModel:
+def noise_model(log: Log, found: Mapping[str, Identified], method: str = "ml") -> NoiseModel:
     """The noise file of what was identified; unresolved drifts are not in it."""
     channels = {}
     for name, result in found.items():
@@ -36,7 +37,7 @@ def noise_model(log: Log, found: Mapping[str, Identified]) -> NoiseModel:
         {
             "log": log.source.rsplit("/", 1)[-1],
             "sha256": log.sha256,
-            "method": "ml",
+            "method": method,
             "kfgen": kfgen.__version__,
         },
     )
@@ -130,7 +131,7 @@ def _limit(limit: Limit, result: Identified, unit: str) -> str:
     hours = f"{limit.hours:.2g} h" if np.isfinite(limit.hours) else "more than any log"
     return (
         f"not identifiable in {result.record.duration:.0f} s: {limit.effect.name} {limit.parameter} below "
-        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show it to 20 %"
+        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show half of that to 20 %"
     )
 
 
