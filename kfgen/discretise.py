@@ -18,6 +18,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import sympy as sp
 
 from kfgen.errors import InputError
@@ -103,7 +104,12 @@ class DiscreteModel:
             Qd = (density + E * density * E.T) * DT / 2
         A, W = model.effect_dynamics
         if A.rows:
-            fastest = max(abs(float(A[i, i])) for i in range(A.rows))
+            fastest = float(np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))).max())
+            if self.order > 1 and fastest * self.max_step > 0.5:
+                raise InputError(
+                    f"order {self.order} needs steps under half of the shortest time constant, {1 / fastest:.3g} s",
+                    remedy="Give --order 1, or a shorter --max-step",
+                )
             Phi_e, Qd_e = series(A, W, series_order(fastest, self.max_step) + 1)
             first = Phi.rows - A.rows
             Phi[first:, first:] = Phi_e.applyfunc(_nested)

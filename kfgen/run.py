@@ -149,11 +149,11 @@ def _level(log: Log, kf: Any, constants: tuple[Constant, ...]) -> list[float]:
     from scipy.spatial.transform import Rotation
 
     first = log.t - log.t[0] <= ALIGNMENT
-    f_b = np.array([log.channel(f"accel_{a}").values[first].mean() for a in "xyz"])
+    f_b = _first_mean(log, "accel", first)
     down = -f_b / np.linalg.norm(f_b)
     ahead = np.array([1.0, 0.0, 0.0])
     if all(f"mag_{a}" in log.channels for a in "xyz"):
-        m_b = np.array([np.nanmean(log.channel(f"mag_{a}").values[first]) for a in "xyz"])
+        m_b = _first_mean(log, "mag", first)
         ahead = m_b
         field = {"mag_D": float(m_b @ down), "mag_N": float(np.linalg.norm(m_b - (m_b @ down) * down))}
         for i, c in enumerate(constants):
@@ -164,6 +164,19 @@ def _level(log: Log, kf: Any, constants: tuple[Constant, ...]) -> list[float]:
     north /= np.linalg.norm(north)
     R_nb = np.vstack([north, np.cross(down, north), down])
     return [float(v) for v in Rotation.from_matrix(R_nb).as_quat(scalar_first=True)]
+
+
+def _first_mean(log: Log, triad: str, first: NDArray[np.bool_]) -> Array:
+    """The mean of a triad over the alignment; raises `InputError` where it says nothing."""
+    values = np.column_stack([log.channel(f"{triad}_{a}").values[first] for a in "xyz"])
+    good = values[np.isfinite(values).all(axis=1)]
+    if not good.size or not np.linalg.norm(good.mean(axis=0)) > 0.0:
+        raise InputError(
+            f"{triad} has no usable sample in the first {ALIGNMENT:g} s, so there is no first attitude",
+            where=log.source,
+            remedy="Cut the log to where the sensor works and is at rest",
+        )
+    return np.asarray(good.mean(axis=0))
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ _NAMES: dict[str, tuple[float, dict[str, int], bool]] = {
     "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}, True),
     "T": (1.0, {"kg": 1, "s": -2, "A": -1}, True),
     "G": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
+    "gauss": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
     "count": (1.0, {"count": 1}, False),
     "LSB": (1.0, {"count": 1}, False),
     "%": (1e-2, {}, False),

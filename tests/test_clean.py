@@ -58,6 +58,15 @@ def test_outliers_are_left_out_and_said() -> None:
     assert any("0.2 % of the samples are outliers" in w for w in result.warnings)
 
 
+@pytest.mark.parametrize("at", [0, 1, T.size // 2, T.size - 1])
+def test_one_spike_anywhere_is_left_out(at: int) -> None:
+    y = white(6)
+    y[at] += 200.0
+    result = found(y)
+    assert N_of(result) == pytest.approx(0.1, rel=0.02)
+    assert not any("low-pass" in w for w in result.warnings)
+
+
 def test_a_step_and_a_lattice_are_no_outliers() -> None:
     stepped = white(3) + 30.0 * (T > 100.0)
     coarse = np.round(0.4 * white(4))

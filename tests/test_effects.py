@@ -332,7 +332,7 @@ def test_a_written_entry_is_read_back(name: str, unit: str, tmp_path: Path) -> N
 @pytest.mark.parametrize("name", NAMES)
 def test_entries_that_are_wrong_are_refused(name: str) -> None:
     cls = catalogue()[name]
-    good = {p.name: KINDS[p.kind] for p in cls.parameters()}
+    good = {p.name: KINDS[p.kind] * (k + 1) for k, p in enumerate(cls.parameters())}
     assert cls.read({"effect": name, **good}, "rad/s", "file")
     with pytest.raises(InputError, match="no parameter 'zzz'"):
         cls.read({**good, "zzz": 1.0}, "rad/s", "file")

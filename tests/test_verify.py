@@ -170,3 +170,20 @@ def test_folder_of_another_model_is_refused(kfgen: Callable[..., Any], tmp_path:
     manifest = json.loads((folder / "kfgen.json").read_text())
     (folder / "kfgen.json").write_text(json.dumps(manifest | {"model_hash": "0" * 64}))
     assert kfgen("verify", folder).exit_code == 2
+
+
+def test_emitting_into_the_folder_that_one_stands_in_keeps_it(
+    kfgen: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "here"
+    assert kfgen("emit", "gyro-static", "--target", "c", "-o", folder).exit_code == 0
+    monkeypatch.chdir(folder)
+    assert kfgen("emit", "gyro-static", "--target", "c", "-o", ".").exit_code == 0
+    assert (folder / "gyro_static.h").is_file()
+    assert [p.name for p in tmp_path.iterdir()] == ["here"]
+
+
+def test_a_python_module_runs_on_no_emulated_core(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+    folder = tmp_path / "py"
+    assert kfgen("emit", "gyro-static", "--target", "filterpy", "-o", folder).exit_code == 0
+    assert kfgen("verify", folder, "--core", "m4f").exit_code == 2

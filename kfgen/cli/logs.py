@@ -127,13 +127,16 @@ def run(
     report: Report = None,
 ) -> None:
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
+    import numpy as np
+
     from kfgen.emit.routines import Program
     from kfgen.report.filter import run_answer
     from kfgen.run import attitude_error
     from kfgen.run import run as ran
 
     data = read(log, rate, columns)
-    result = ran(Program(discrete_of(model, noise, rate=1.0 / data.dt)), data)
+    longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
+    result = ran(Program(discrete_of(model, noise, max_step=longest, rate=1.0 / data.dt)), data)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 
 

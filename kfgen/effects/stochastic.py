@@ -17,6 +17,7 @@ import numpy as np
 
 from kfgen.effects.base import Effect, Look, parameter
 from kfgen.effects.form import Form, State
+from kfgen.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,8 @@ class BiasInstability(Effect):
     """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
 
     Time constants are spaced evenly in the logarithm with ratio ``r`` from `shortest` to
-    `longest`, each of variance ``B^2 ln(r) / pi``: inside the band the sum has the flicker's
-    slope with a ripple under 1 % at one state per factor 4.
+    `longest`, each of variance ``B^2 ln(r) / pi``. The sum has the flicker's density within 1 % three
+    decades inside the band, 3 % below it one decade inside, and a third below it at the ends.
     """
 
     B: Any = parameter("U")
@@ -106,6 +107,13 @@ class BiasInstability(Effect):
     name: ClassVar[str] = "bias_instability"
     title: ClassVar[str] = "bias instability (flicker)"
     saying: ClassVar[str] = "has a bias instability (flicker) of B = {B} between {shortest} and {longest}"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest < self.longest:
+            raise InputError(
+                f"the band of bias_instability from {self.shortest:g} s to {self.longest:g} s is empty",
+                remedy="Give longest a larger time than shortest",
+            )
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:

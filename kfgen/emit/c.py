@@ -14,6 +14,7 @@ from kfgen.emit.printer import Printer
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import Call, scenario
 from kfgen.emit.templates import render
+from kfgen.errors import InputError
 
 TARGET = "c"
 TITLE = "C99 header in single precision, with a self-test"
@@ -26,7 +27,14 @@ class CPrinter(Printer):
 
     def number(self, value: float) -> str:
         """A literal that reads back to the same float."""
-        text = f"{np.float32(value):.9g}"
+        with np.errstate(over="ignore", under="ignore"):
+            rounded = np.float32(value)
+        if not np.isfinite(rounded) or (value != 0.0 and abs(rounded) < np.finfo(np.float32).tiny):
+            raise InputError(
+                f"the number {value:.3g} is beyond single precision",
+                remedy="Check the sizes and units of the noise file",
+            )
+        text = f"{rounded:.9g}"
         return (text if "." in text or "e" in text else f"{text}.0") + "f"
 
     def ref(self, ref: Ref) -> str:

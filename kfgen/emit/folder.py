@@ -43,7 +43,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         raise InputError(
             f"there is no target '{target}'", where="--target", remedy=f"Known are {', '.join(targets())}"
         )
-    folder = Path(folder)
+    folder = Path(folder).resolve()
     _check_free(folder)
     files = dict(targets()[target].files(program))
     if noise is not None:
@@ -68,9 +68,11 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         for name, text in files.items():
             (fresh / name).write_text(text, encoding="utf-8")
         fresh.chmod(0o755)
+        old = fresh.with_name(f"{fresh.name}.old")
         if folder.exists():
-            shutil.rmtree(folder)
+            folder.rename(old)
         fresh.rename(folder)
+        shutil.rmtree(old, ignore_errors=True)
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
@@ -130,6 +132,9 @@ def read_folder(folder: str | Path) -> Emitted:
     if not folder.is_dir():
         raise InputError("no such folder", where=str(folder))
     manifest = _manifest(folder)
+    missing = [name for name in manifest["files"] if not (folder / name).is_file()]
+    if missing:
+        raise InputError(f"the file {missing[0]} is missing", where=str(folder), remedy="Emit it again")
     noise = read_noise(folder / NOISE) if manifest.get("noise") else None
     try:
         discrete = DiscreteModel(

@@ -64,7 +64,10 @@ def held_out_gap(tail: Record, before: Fit, after: Fit) -> Gap:
     rng = np.random.default_rng(0)
     chance = rng.chisquare(m, (DRAWS, m.size)) / m
     lost0, lost1 = float(_lost(r0, m)), float(_lost(r1, m))
-    draws0, draws1 = _lost(r0 * chance, m) - 0.5, np.maximum(_lost(r1 * chance, m) - 0.5, 0.0)
+    draws0, draws1 = (
+        _lost(r0 * chance, m) - 0.5 * m.size,
+        np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0),
+    )
     closed = 1.0 - max(lost1, 0.0) / lost0 if lost0 > 0.0 else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(draws0 > 0.0, 1.0 - draws1 / draws0, 0.0)

@@ -13,7 +13,7 @@ from kfgen.gap.battery import Test, battery
 from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
 from kfgen.gap.proof import Gap, held_out_gap, split
 from kfgen.identify.channel import BLOCKS, MINIMUM
-from kfgen.identify.fit import Key, Prior, Problem, Record, is_linear, maximise
+from kfgen.identify.fit import Fit, Key, Prior, Problem, Record, is_linear, maximise
 from kfgen.identify.interval import interval95
 from kfgen.identify.whittle import density_of_differences
 from kfgen.noise import ChannelNoise, Term
@@ -21,6 +21,8 @@ from kfgen.noise import ChannelNoise, Term
 TRUST = 0.1
 """Relative deviation of a believed number that states no interval."""
 LEAST_TRUST = 0.02
+FAR_FROM = 2.0
+"""Deviations from a believed number beyond which it does not hold."""
 SET = 0.05
 """Probability above which an alternative belongs to what cannot be told apart."""
 DETECTABLE = 8.0
@@ -112,12 +114,16 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
         The record is too short, or the model has no effect.
     """
     _check(channel, record, noise)
-    record = replace(record, block=max(1, record.y.size // BLOCKS))
+    whole = replace(record, block=max(1, record.y.size // BLOCKS))
+    record, trusted, noise = _taken_out(whole, noise)
     fitted, tail = split(record)
-    base = start = believed(fitted, noise.effects, priors_of(noise))
-    before = battery(fitted, start.fit.effects, start.fit.likelihood.coefficients)
+    priors = priors_of(noise)
+    base = start = believed(fitted, noise.effects, priors)
+    written = maximise(Problem(fitted, noise.effects, fixed=frozenset(start.fit.free)))
+    before = battery(fitted, written.effects, written.likelihood.coefficients)
     findings: list[Finding] = []
-    tests, retuned = before, False
+    tests = battery(fitted, start.fit.effects, start.fit.likelihood.coefficients)
+    retuned = False
     while True:
         ranked = candidates(base)
         best = ranked[0]
@@ -129,13 +135,11 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
             findings.append(_finding(best, ranked, tests[0]))
             base = best
         tests = battery(fitted, base.fit.effects, base.fit.likelihood.coefficients)
-    first = start.fit
-    if retuned:
-        # Trust has moved the numbers already: what the user believes is what he wrote.
-        first = maximise(Problem(fitted, noise.effects, fixed=frozenset(start.fit.free)))
-        before = battery(fitted, first.effects, first.likelihood.coefficients)
-    gap = held_out_gap(tail, first, base.fit)
+    if not findings and not retuned and any(t.significant for t in before):
+        retuned = _moved(start.fit, priors)
+    gap = held_out_gap(tail, written, base.fit)
     findings, mended = _refitted(record, noise, base, findings, retuned)
+    mended = replace(mended, terms=_merged(trusted, mended.terms))
     verdict = _verdict(findings, retuned, tests)
     return ChannelGap(
         channel,
@@ -145,11 +149,53 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
         tuple(before),
         tuple(tests),
         gap,
-        noise.effects,
+        (*noise.effects, *(t.effect for t in trusted)),
         mended,
-        tuple(_limits(base)),
-        record,
+        tuple(m for m in _limits(base) if m[0].name not in {t.effect.name for t in trusted}),
+        whole,
         retuned,
+    )
+
+
+def _taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
+    """The record less what the believed deterministic terms say, those terms, and the random ones.
+
+    So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
+    """
+    trusted = tuple(t for t in noise.terms if is_linear(t.effect))
+    for term in trusted:
+        driver = term.effect.driver
+        if driver and driver not in record.drive:
+            raise InputError(
+                f"the model has the effect {term.effect.name}, but the log has no channel '{driver}'",
+                remedy="Give a log with it, or take the effect out of the model",
+            )
+    y = record.y - sum((t.effect.mean(record.t, record.drive) for t in trusted), np.zeros(record.y.size))
+    random = tuple(t for t in noise.terms if not is_linear(t.effect))
+    return replace(record, y=y), trusted, replace(noise, terms=random)
+
+
+def _merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ...]:
+    """Believed deterministic terms with what was found to be missing of them added."""
+    out = list(terms)
+    for old in trusted:
+        name = old.effect.estimated()[0].name
+        rest = next((t for t in out if t.effect.name == old.effect.name), None)
+        if rest is None:
+            out.append(old)
+            continue
+        base = float(getattr(old.effect, name))
+        total = replace(rest.effect, **{name: base + float(getattr(rest.effect, name))})
+        out[out.index(rest)] = Term(total, {k: (lo + base, hi + base) for k, (lo, hi) in rest.ci95.items()})
+    return tuple(out)
+
+
+def _moved(fit: Fit, priors: Mapping[Key, Prior]) -> bool:
+    """Whether a number had to leave what is believed of it."""
+    return any(
+        abs(x - priors[key].mean) > FAR_FROM * priors[key].deviation
+        for key, x in zip(fit.free, fit.point.tolist())
+        if key in priors
     )
 
 

@@ -1,7 +1,7 @@
 """The Cramér-Rao bound of the parameters of a noise model, and the record that reaches one.
 
 Whittle's Fisher information of the differenced samples over a record of n of them,
-``J_ab = 1/2 sum_j (d ln S_j / d a) (d ln S_j / d b)`` at ``omega_j = pi j / n``, in logarithms of
+``J_ab = 1/2 sum_j (d ln S_j / d a) (d ln S_j / d b)`` at ``omega_j = pi j / (n + 1)``, in logarithms of
 the parameters, so that a bound is a relative error.
 
 References
@@ -22,6 +22,9 @@ from kfgen.identify.fit import Key, is_linear
 from kfgen.identify.whittle import density_of_differences
 
 Array = NDArray[np.float64]
+
+SINGULAR = 1e-13
+"""Share of information below which a direction has none."""
 
 
 def fisher(effects: Sequence[Effect], dt: float, n: int) -> tuple[tuple[Key, ...], Array]:
@@ -64,9 +67,20 @@ def _grid(n: int) -> tuple[Array, Array]:
 def relative_bound(effects: Sequence[Effect], dt: float, n: int) -> dict[Key, float]:
     """The smallest relative deviation that an unbiased estimate of each parameter can have."""
     keys, J = fisher(effects, dt, n)
+    scale = np.sqrt(np.diag(J))
+    if not (scale > 0.0).all():
+        return {key: float("inf") if not s > 0.0 else _alone(s) for key, s in zip(keys, scale.tolist())}
+    values, vectors = np.linalg.eigh(J / np.outer(scale, scale))
+    # A direction without information: no parameter in it can be known.
+    inverse = np.where(values > SINGULAR, 1.0 / np.maximum(values, SINGULAR), np.inf)
     with np.errstate(invalid="ignore"):
-        deviations = np.sqrt(np.maximum(np.diag(np.linalg.pinv(J, hermitian=True)), 0.0))
-    return dict(zip(keys, deviations.tolist()))
+        variance = np.nansum(np.where(vectors**2 > SINGULAR, vectors**2 * inverse, 0.0), axis=1)
+    return dict(zip(keys, (np.sqrt(variance) / scale).tolist()))
+
+
+def _alone(scale: float) -> float:
+    """The bound of a parameter that nothing else can be mixed up with."""
+    return 1.0 / scale
 
 
 def seconds_for(effects: Sequence[Effect], dt: float, key: Key, wanted: float = 0.2) -> float:

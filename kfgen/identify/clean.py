@@ -34,7 +34,7 @@ def without_outliers(record: Record) -> tuple[Record, float]:
     """
     from scipy.ndimage import median_filter
 
-    distance = record.y - median_filter(record.y, size=7, mode="nearest")
+    distance = record.y - median_filter(record.y, size=7, mode="mirror")
     scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
     lattice = _smallest_step(record.y)
     bad = np.abs(distance) > FAR * max(scale, lattice, np.finfo(float).tiny)

@@ -29,8 +29,11 @@ from kfgen.identify.whittle import log_likelihood
 Array = NDArray[np.float64]
 
 LADDER = ("rate_random_walk", "gauss_markov")
-THRESHOLD = {1: 2.7, 2: 9.0}
-"""Of twice the log-likelihood gain, by the number of parameters added."""
+
+
+def threshold(added: int) -> float:
+    """Of twice the log-likelihood gain, by the number of parameters added."""
+    return 2.7 if added < 2 else 9.0 + 2.0 * (added - 2)
 
 
 RESOLVED = 12
@@ -92,7 +95,7 @@ def by_curve(record: Record, wanted: Sequence[str] | None) -> Estimate:
     while left:
         trials = [(name, *_best_curve(record, [*names, name])) for name in left]
         gains = [
-            (best.misfit - fit.misfit) / THRESHOLD[fit.point.size - best.point.size] for _, fit, _ in trials
+            (best.misfit - fit.misfit) / threshold(fit.point.size - best.point.size) for _, fit, _ in trials
         ]
         k = int(np.argmax(gains))
         if gains[k] < 1.0:
@@ -143,7 +146,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
         if not times or is_linear(effect) or not others:
             continue
         without = maximise(Problem(problem.record, others))
-        if 2.0 * (best.value - without.value) < THRESHOLD[len(effect.estimated())]:
+        if 2.0 * (best.value - without.value) < threshold(len(effect.estimated())):
             limit = _limit(problem, best, effect.name)
             found[i, limit.parameter] = (0.0, limit.upper95)
             found |= {(i, name): (0.0, float("inf")) for name in times}
@@ -218,7 +221,7 @@ def _climb(record: Record) -> tuple[Fit, Problem]:
             (name, *best_of(record, [(*best.effects, e) for e in starts(name, record)])) for name in left
         ]
         gains = [
-            2.0 * (fit.value - best.value) / THRESHOLD[len(fit.free) - len(best.free)] for _, fit, _ in trials
+            2.0 * (fit.value - best.value) / threshold(len(fit.free) - len(best.free)) for _, fit, _ in trials
         ]
         k = int(np.argmax(gains))
         if gains[k] < 1.0:

@@ -13,8 +13,10 @@ from kfgen.model.sensors import AtRest, GnssPosition, GnssVelocity, GravityDirec
 from kfgen.noise import NoiseModel, canonical
 from kfgen.units import parse_unit
 
-TURN_ON = 10.0
-"""A channel at rest may be off by this many times the largest deviation of its effects."""
+TURN_ON = {"rad/s": 0.2, "m/s^2": 20.0, "T": 1e-4}
+"""How far off a channel at rest may be [SI], by its unit: a gyro's turn-on bias, gravity, the field."""
+BEYOND = 1e3
+"""The same for other units, in sizes of the channel's noise."""
 
 
 @dataclass(frozen=True)
@@ -73,16 +75,16 @@ def _one_axis(name: str, title: str, noise: NoiseModel | None) -> FilterModel:
         effects = noise.channels[channel].effects
         unit = noise.channels[channel].unit
     si = parse_unit(unit).si
-    bias = make("bias", sd=_turn_on(effects))
+    bias = make("bias", sd=_turn_on(si, effects))
     return FilterModel(
         name, title, Rest(), (AtRest(channel, si),), {channel: (*effects, bias)}, {channel: unit}
     )
 
 
-def _turn_on(effects: tuple[Effect, ...]) -> float:
-    """A deviation of the unknown constant that no effect of the channel reaches."""
+def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
+    """Deviation of the unknown constant of a channel before the first sample [SI]."""
     sizes = [abs(float(getattr(e, p.name))) for e in effects for p in e.estimated() if p.kind == "size"]
-    return TURN_ON * max(sizes, default=1.0)
+    return TURN_ON.get(unit, BEYOND * max(sizes, default=1.0))
 
 
 LIBRARY: dict[str, Entry] = {

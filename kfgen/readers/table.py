@@ -113,7 +113,7 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
             remedy="Name its columns 'gyro_x [deg/s]', or map them with --columns",
         )
     n = next(iter(channels.values())).values.size
-    warnings = table.warnings
+    warnings = table.warnings if rate is None else ()
     if rate is not None and time is not None:
         warnings += (f"the time column is replaced by --rate {rate:g} Hz",)
     rate = rate or (table.rate if time is None else None)

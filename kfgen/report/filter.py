@@ -149,7 +149,11 @@ def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answ
         heading("At the end"),
         table(("state", "value"), final),
     ]
-    parts += [figure(_innovations(result, name), f"Innovations of {name}.") for name in result.sensors]
+    parts += [
+        figure(_innovations(result, name), f"Innovations of {name}.")
+        for name, s in result.sensors.items()
+        if s.t.size
+    ]
     return Answer(
         "\n".join(lines), data, Page(f"{result.model} over {log.source.rsplit('/', 1)[-1]}", tuple(parts))
     )

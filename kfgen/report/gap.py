@@ -74,7 +74,7 @@ def verdict_sentence(g: ChannelGap) -> str:
     """The verdict of a channel in words."""
     if g.verdict == "no_gap":
         return f"{g.channel}: {VERDICTS[g.verdict]} as far as {g.record.duration:.0f} s can tell"
-    if g.retuned and not g.findings:
+    if g.retuned and not g.findings and g.verdict == "effects_found":
         return f"{g.channel}: the structure of the model holds, its numbers do not; they are fitted anew"
     return f"{g.channel}: {VERDICTS[g.verdict]}"
 

@@ -16,7 +16,7 @@ from kfgen.identify.likelihood import Limit
 from kfgen.log import Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import AFTER, Line, allan_picture
+from kfgen.report.plots import AFTER, BEFORE, Line, allan_picture
 from kfgen.units import derived_unit, display_unit, from_si, parse_unit
 
 Array = NDArray[np.float64]
@@ -72,8 +72,7 @@ def identify_answer(log: Log, found: Mapping[str, Identified]) -> Answer:
             ),
             figure(
                 _picture(result, unit, name),
-                f"Allan deviation of {name} over {duration:.0f} s; "
-                "the curve is the maximum-likelihood model, not a fit to the points.",
+                f"Allan deviation of {name} over {duration:.0f} s; the curve is the identified model.",
             ),
             table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
             *(text(m) for m in missing),
@@ -135,10 +134,18 @@ def _limit(limit: Limit, result: Identified, unit: str) -> str:
     )
 
 
+def resolved(result: Identified) -> tuple[Effect, ...]:
+    """The effects that are written to a noise file."""
+    return tuple(e for i, e in enumerate(result.fit.effects) if i not in result.unresolved)
+
+
 def _picture(result: Identified, unit: str, name: str) -> str:
     curve = result.record.curve
-    line = Line("model", curve.tau, model_deviation(result.fit.effects, curve.tau), AFTER)
-    return allan_picture(curve, [line], unit, parse_unit(unit).factor, f"allan-{name}")
+    lines = [Line("model, as written", curve.tau, model_deviation(resolved(result), curve.tau), AFTER)]
+    if result.unresolved:
+        drift = model_deviation(result.fit.effects, curve.tau)
+        lines.append(Line("with the drift that is not resolved", curve.tau, drift, BEFORE, dashed=True))
+    return allan_picture(curve, lines, unit, parse_unit(unit).factor, f"allan-{name}")
 
 
 def _channel(result: Identified, si: str) -> dict[str, Any]:
@@ -177,7 +184,7 @@ def _channel(result: Identified, si: str) -> dict[str, Any]:
             "adev": curve.deviation.tolist(),
             "lo95": curve.lo.tolist(),
             "hi95": curve.hi.tolist(),
-            "model": model_deviation(result.fit.effects, curve.tau).tolist(),
+            "model": model_deviation(resolved(result), curve.tau).tolist(),
         },
         "lines": [
             {"frequency_hz": line.frequency, "amplitude": line.amplitude, "unit": si} for line in result.lines

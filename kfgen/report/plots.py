@@ -49,6 +49,7 @@ def _figure(width: float, height: float, count: int = 1) -> tuple[Any, list[Any]
 def _svg(fig: Any, key: str) -> str:
     import matplotlib as mpl
 
+    key = re.sub(r"\W", "-", key)  # a channel's name may be anything
     buffer = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": key}):
         fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

@@ -46,6 +46,10 @@ def verify(emitted: Emitted, names: Sequence[str]) -> list[Verdict]:
     program = emitted.program
     makers = [(name, _maker(name)) for name in names]
     if emitted.target == "filterpy":
+        if set(names) - {"host"}:
+            raise InputError(
+                "a Python module runs on the host only", where="--core", remedy="Leave --core out"
+            )
         return [compare_module(program, emitted.folder)]
     calls = scenario(program)
     verdicts = []

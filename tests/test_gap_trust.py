@@ -1,0 +1,65 @@
+"""What is believed is compared as it is written: numbers, coefficients, a constant.
+
+Records are plain numpy. A null is falsely found at the battery's family-wise rate of 1 %; seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kfgen.effects import make
+from kfgen.gap.workflow import ChannelGap, find_gap
+from kfgen.identify.fit import Record
+from kfgen.noise import ChannelNoise, Term
+from kfgen.report.page import Page, figure, page_html
+from kfgen.report.plots import bars_picture
+
+RATE = 20.0
+T = np.arange(24_000) / RATE
+N = 1e-4
+HEAT = 300.0 + 5.0 * np.sin(2 * np.pi * T / 150.0)
+
+
+def answer(y: np.ndarray, *effects: object) -> ChannelGap:
+    noise = ChannelNoise("deg/s", tuple(Term(e) for e in effects))  # type: ignore[arg-type]
+    return find_gap("gyro_x", Record(T, y, {"temperature": HEAT}), noise)
+
+
+def noise(seed: int, scale: float = 1.0) -> np.ndarray:
+    return scale * N * np.sqrt(RATE) * np.random.default_rng(seed).standard_normal(T.size)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
+    g = answer(noise(1, factor), make("white_noise", N=N))
+    assert (g.verdict, g.retuned, g.findings) == ("effects_found", True, ())
+    assert pytest.approx(factor * N, rel=0.03) == g.mended.effects[0].N  # type: ignore[attr-defined]
+    assert g.gap.before > 0.02
+    assert g.gap.closed > 0.95
+
+
+@pytest.mark.parametrize("believed", [0.0, 2e-3, -2e-3])
+def test_a_coefficient_that_is_wrong_is_mended(believed: float) -> None:
+    y = noise(2) + 2e-4 * (HEAT - 300.0)
+    g = answer(y, make("white_noise", N=N), make("temperature", coefficient=believed, reference=300.0))
+    assert [f.effect.name for f in g.findings] == ["temperature"]
+    (mended,) = (e for e in g.mended.effects if e.name == "temperature")
+    assert mended.coefficient == pytest.approx(2e-4, rel=0.05)  # type: ignore[attr-defined]
+
+
+def test_a_coefficient_that_is_right_is_no_gap() -> None:
+    y = noise(3) + 2e-4 * (HEAT - 300.0)
+    g = answer(y, make("white_noise", N=N), make("temperature", coefficient=2e-4, reference=300.0))
+    assert (g.verdict, g.findings) == ("no_gap", ())
+
+
+def test_a_believed_constant_is_no_gap() -> None:
+    g = answer(noise(4) + 0.01, make("white_noise", N=N), make("bias", value=0.02))
+    assert (g.verdict, g.findings) == ("no_gap", ())
+
+
+def test_a_channel_of_any_name_puts_no_script_on_a_page() -> None:
+    key = 'x"><script>alert(1)</script>\\d'
+    page = page_html(Page(key, (figure(bars_picture(["a"], [1.0], "p", key), key),)))
+    assert "<script>" not in page
