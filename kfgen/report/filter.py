@@ -69,13 +69,20 @@ def _known(value: int | None) -> str:
 def verify_sentence(verdicts: list[Verdict]) -> str:
     """The proof in words."""
     wrong = [v for v in verdicts if v.differing]
-    if not wrong:
-        words = sum(v.words for v in verdicts)
-        where = " and ".join(v.core for v in verdicts)
-        return f"The emitted filter gives the words of its reference on {where}: 0 of {words} differ"
-    return "; ".join(
-        f"{v.differing} of {v.words} words differ on {v.core} (by up to {v.max_ulp} ulp)" for v in wrong
-    )
+    if wrong:
+        return "; ".join(
+            f"{v.differing} of {v.words} words differ on {v.core} (by up to {v.max_ulp} ulp)" for v in wrong
+        )
+    exact = [v for v in verdicts if not v.tolerance]
+    said = [
+        f"{v.core} agrees with the reference within {v.tolerance:g} of a deviation"
+        for v in verdicts
+        if v.tolerance
+    ]
+    if exact:
+        where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
+        said.insert(0, f"The emitted filter gives the words of its reference on {where}: 0 of {words} differ")
+    return "; ".join(said)
 
 
 def verify_answer(model_hash: str, verdicts: list[Verdict]) -> Answer:
@@ -90,6 +97,7 @@ def verify_answer(model_hash: str, verdicts: list[Verdict]) -> Answer:
                 "words": v.words,
                 "differing": v.differing,
                 "max_ulp": v.max_ulp,
+                "tolerance": v.tolerance,
                 "calls": v.calls,
                 "instructions": v.cost.instructions,
                 "stack_bytes": v.cost.stack_bytes,

@@ -46,6 +46,8 @@ class Verdict:
         The largest difference in units of the last place.
     calls : int
     cost : Cost
+    tolerance : float
+        Zero where every bit counts; else the share of a deviation that may differ.
     """
 
     core: str
@@ -54,6 +56,7 @@ class Verdict:
     max_ulp: int
     calls: int
     cost: Cost
+    tolerance: float = 0.0
 
 
 class Core(Protocol):

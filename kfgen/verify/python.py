@@ -65,7 +65,7 @@ def compare_module(program: Program, folder: Path) -> Verdict:
         differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum())
         words += off_P.size + off_x.size
         calls += 1
-    return Verdict("filterpy", words, differing, 0, calls, Cost())
+    return Verdict("filterpy", words, differing, 0, calls, Cost(), TOLERANCE)
 
 
 def _deviations(program: Program, sd: Array) -> Array:
