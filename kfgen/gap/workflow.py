@@ -14,7 +14,7 @@ from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates
 from kfgen.gap.proof import Gap, held_out_gap, split
 from kfgen.identify.channel import BLOCKS, MINIMUM
 from kfgen.identify.fit import Fit, Key, Prior, Problem, Record, is_linear, maximise
-from kfgen.identify.interval import interval95
+from kfgen.identify.interval import intervals95
 from kfgen.identify.whittle import density_of_differences
 from kfgen.noise import ChannelNoise, Term
 
@@ -232,25 +232,11 @@ def _refitted(
     """After the proof: parameters and intervals from the whole record."""
     problem = replace(base.problem, record=record, effects=base.fit.effects)
     fit = maximise(problem)
-    spread = (
-        1.96 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0))
-        if fit.likelihood.coefficients.size
-        else np.zeros(0)
-    )
-    linear = iter(spread.tolist())
-    terms = []
-    for i, effect in enumerate(fit.effects):
-        if is_linear(effect):
-            name = effect.estimated()[0].name
-            value, s = float(getattr(effect, name)), next(linear)
-            ci95 = {name: (value - s, value + s)}
-        else:
-            ci95 = {
-                p.name: interval95(problem, fit, (i, p.name))
-                for p in effect.estimated()
-                if (i, p.name) in fit.free
-            }
-        terms.append(Term(effect, {k: v for k, v in ci95.items() if np.isfinite(v[1])}))
+    closed = {key: ci for key, ci in intervals95(problem, fit).items() if np.isfinite(ci[1])}
+    terms = [
+        Term(effect, {name: ci for (k, name), ci in closed.items() if k == i})
+        for i, effect in enumerate(fit.effects)
+    ]
     kept = len(noise.terms)
     if not retuned:
         terms[:kept] = noise.terms

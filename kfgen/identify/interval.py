@@ -15,9 +15,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from kfgen.identify.fit import Fit, Key, Problem, profile
+from kfgen.identify.fit import Fit, Key, Problem, is_linear, profile
 
 QUANTILE = 3.841458820694124
+NORMAL = QUANTILE**0.5
+"""The same quantile of a normal deviate."""
 _STEPS = 40
 
 
@@ -59,3 +61,16 @@ def upper95(problem: Problem, best: Fit, key: Key) -> float:
     """The one-sided 95 % limit of a size that may be zero [SI]."""
     hi = edge(problem, best, key, direction=+1)
     return float("inf") if hi is None else hi
+
+
+def linear_intervals(fit: Fit) -> dict[Key, tuple[float, float]]:
+    """The 95 % intervals [SI] of the coefficients of regressors, from their covariance."""
+    keys = [(i, e.estimated()[0].name) for i, e in enumerate(fit.effects) if is_linear(e)]
+    theta, variance = fit.likelihood.coefficients, np.diag(fit.likelihood.covariance) if keys else np.zeros(0)
+    spread = NORMAL * np.sqrt(np.maximum(variance, 0.0))
+    return dict(zip(keys, zip((theta - spread).tolist(), (theta + spread).tolist())))
+
+
+def intervals95(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
+    """The 95 % intervals [SI] of every fitted parameter."""
+    return {key: interval95(problem, best, key) for key in best.free} | linear_intervals(best)

@@ -23,7 +23,7 @@ from kfgen.errors import InputError
 from kfgen.identify.bounds import seconds_for
 from kfgen.identify.curve import CurveFit, fit_curve
 from kfgen.identify.fit import Fit, Key, Problem, Record, is_linear, maximise
-from kfgen.identify.interval import interval95, upper95
+from kfgen.identify.interval import NORMAL, interval95, intervals95, linear_intervals, upper95
 from kfgen.identify.whittle import log_likelihood
 
 Array = NDArray[np.float64]
@@ -81,10 +81,9 @@ def by_likelihood(record: Record, wanted: Sequence[str] | None) -> Estimate:
         best, problem = _exactly(record, wanted)
         intervals = _open_intervals(problem, best)
         intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
-        return Estimate(best, frozenset(), intervals | _linear_intervals(best), ())
+        return Estimate(best, frozenset(), intervals | linear_intervals(best), ())
     best, problem = _climb(record)
-    intervals = {key: interval95(problem, best, key) for key in best.free} | _linear_intervals(best)
-    return estimate(problem, best, intervals)
+    return estimate(problem, best, intervals95(problem, best))
 
 
 def by_curve(record: Record, wanted: Sequence[str] | None) -> Estimate:
@@ -104,9 +103,9 @@ def by_curve(record: Record, wanted: Sequence[str] | None) -> Estimate:
         names.append(name)
         left.remove(name)
     fit = Fit(best.effects, 0.0, log_likelihood(problem.data, best.effects), problem.free, best.point)
-    spread = 1.959963984540054 * np.sqrt(np.diag(best.covariance))
+    spread = NORMAL * np.sqrt(np.diag(best.covariance))
     ends = zip(np.exp(best.point - spread).tolist(), np.exp(best.point + spread).tolist())
-    intervals = dict(zip(problem.free, ends)) | _linear_intervals(fit)
+    intervals = dict(zip(problem.free, ends)) | linear_intervals(fit)
     return Estimate(fit, frozenset(), intervals, ()) if wanted else estimate(problem, fit, intervals)
 
 
@@ -229,16 +228,6 @@ def _climb(record: Record) -> tuple[Fit, Problem]:
         name, best, problem = trials[k]
         left.remove(name)
     return best, problem
-
-
-def _linear_intervals(fit: Fit) -> dict[Key, tuple[float, float]]:
-    spread = (
-        1.959963984540054 * np.sqrt(np.maximum(np.diag(fit.likelihood.covariance), 0.0))
-        if fit.likelihood.coefficients.size
-        else np.zeros(0)
-    )
-    keys = [(i, e.estimated()[0].name) for i, e in enumerate(fit.effects) if is_linear(e)]
-    return {key: (float(c - s), float(c + s)) for key, c, s in zip(keys, fit.likelihood.coefficients, spread)}
 
 
 def _limit(problem: Problem, best: Fit, name: str) -> Limit:

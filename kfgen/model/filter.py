@@ -126,7 +126,7 @@ class FilterModel:
             for c, k, new in zip(a.form.C, a.states, a.brought):
                 if a.channel == channel and new:
                     info = self.states[k]
-                    total += sp.sympify(c) * (info.symbol + (info.error if perturbed else 0))
+                    total += sp.sympify(c, strict=True) * (info.symbol + (info.error if perturbed else 0))
         return total
 
     def _view(self, perturbed: bool) -> dict[str, sp.Matrix]:
@@ -179,16 +179,16 @@ class FilterModel:
         for a in self.attached:
             for i, k in enumerate(a.states):
                 for j, l in enumerate(a.states):
-                    W[k - n0, l - n0] += sp.sympify(a.form.W[i][j])
-                    A[k - n0, l - n0] += sp.sympify(a.form.A[i][j])
+                    W[k - n0, l - n0] += sp.sympify(a.form.W[i][j], strict=True)
+                    A[k - n0, l - n0] += sp.sympify(a.form.A[i][j], strict=True)
         return A, W
 
     def white(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
         """White noise of a channel: density [U^2/Hz], and variance of the steps of its integral."""
         forms = [a.form for a in self.attached if a.channel == channel]
         return (
-            sum((sp.sympify(f.V) for f in forms), sp.Integer(0)),
-            sum((sp.sympify(f.Z) for f in forms), sp.Integer(0)),
+            sum((sp.sympify(f.V, strict=True) for f in forms), sp.Integer(0)),
+            sum((sp.sympify(f.Z, strict=True) for f in forms), sp.Integer(0)),
         )
 
     @cached_property
