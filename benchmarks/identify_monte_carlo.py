@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 from kfgen.effects import make
 from kfgen.identify.bounds import relative_bound
 from kfgen.identify.channel import identify
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 
 FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 from kfgen.identify.channel import identify
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 from kfgen.noise import noise_text
 from kfgen.readers import ColumnMap, read_log
 from kfgen.report.identify import identify_answer, noise_model

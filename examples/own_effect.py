@@ -12,7 +12,7 @@ import numpy as np
 from kfgen.effects import Effect, Form, Look, State, make
 from kfgen.effects.base import parameter
 from kfgen.gap.workflow import find_gap
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 from kfgen.model.library import build
 from kfgen.noise import ChannelNoise, Term
 from kfgen.report.gap import finding_sentence

@@ -19,7 +19,7 @@ from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
 from kfgen.gap.workflow import find_gap
 from kfgen.identify.channel import identify
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 from kfgen.log import Channel, Log
 from kfgen.model.library import build
 from kfgen.noise import NoiseModel, write_noise

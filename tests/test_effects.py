@@ -30,7 +30,7 @@ from kfgen.errors import InputError
 from kfgen.gap.evidence import additions, believed, candidates
 from kfgen.gap.workflow import find_gap
 from kfgen.identify.channel import identify
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 from kfgen.model.library import build
 from kfgen.noise import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
 from kfgen.units import derived_unit, parse_unit, to_si

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.gap.workflow import ChannelGap, find_gap
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise, Term, read_noise
 
 Array = NDArray[np.float64]

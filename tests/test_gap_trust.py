@@ -10,7 +10,7 @@ import pytest
 
 from kfgen.effects import make
 from kfgen.gap.workflow import ChannelGap, find_gap
-from kfgen.identify.fit import Record
+from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise, Term
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plots import bars_picture

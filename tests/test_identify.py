@@ -26,8 +26,8 @@ from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound, seconds_for
 from kfgen.identify.channel import Identified, identify
-from kfgen.identify.fit import Record
-from kfgen.identify.whittle import density_of_differences, ordinates
+from kfgen.identify.record import Record
+from kfgen.identify.whittle import block_means, density_of_differences, ordinates, transform
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def test_sine_transform_is_exact_for_white_and_walk(K: float, block: int) -> Non
 def test_ordinates_are_that_transform() -> None:
     n, dt, block = 6000, 0.01, 3
     y, r = white(0, n, dt, 1.0), walk(0, n, dt, 1.0)
-    data = ordinates(y, dt, block, [r])
+    data = ordinates([transform(block_means(v, block)) for v in (y, r)], dt, block)
     means = [v.reshape(-1, block).mean(axis=1) for v in (y, r)]
     X = np.array([dst(np.diff(m), type=1, norm="ortho") for m in means])
     assert data.n == n // block - 1

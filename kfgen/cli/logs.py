@@ -26,7 +26,7 @@ from kfgen.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from kfgen.identify.fit import Record
+    from kfgen.identify.record import Record
     from kfgen.log import Log
     from kfgen.noise import NoiseModel
 
@@ -39,7 +39,7 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def _record(log: Log, name: str) -> Record:
-    from kfgen.identify.fit import Record
+    from kfgen.identify.record import Record
 
     log.uniform_dt()
     drive = {"temperature": log.values("temperature")} if "temperature" in log.channels else {}

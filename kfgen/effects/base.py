@@ -7,7 +7,7 @@ simulation, likelihood, filter states, report row and sentence follow from that.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -102,6 +102,21 @@ class Effect:
     def estimated(cls) -> tuple[Parameter, ...]:
         """The parameters that a fit may change."""
         return tuple(p for p in cls.parameters() if p.kind != "setting")
+
+    @classmethod
+    def coefficients(cls) -> tuple[str, ...]:
+        """The parameters of either sign, in which the output is linear: the effect is a regressor."""
+        return tuple(p.name for p in cls.parameters() if p.kind == "signed")
+
+    @classmethod
+    def searched(cls) -> tuple[Parameter, ...]:
+        """The estimated parameters that are no coefficients: they are fitted in their logarithm."""
+        return tuple(p for p in cls.estimated() if p.kind != "signed")
+
+    def regressors(self, t: Array, drive: Mapping[str, Array] | None = None) -> list[Array]:
+        """The output [U] for one of each coefficient, the others zero, each of shape (n,)."""
+        names = self.coefficients()
+        return [replace(self, **{n: float(n == one) for n in names}).mean(t, drive) for one in names]
 
     @classmethod
     def read(cls, entry: Mapping[str, Any], unit: str, where: str) -> Self:

@@ -1,4 +1,4 @@
-"""Drifts in time: a constant, a ramp.
+"""Drifts in time: a constant, a ramp, a warm-up.
 
 References
 ----------
@@ -61,3 +61,24 @@ class RateRamp(Effect):
             x0=(0, self.R),
             states=(State("bias", shared=True), State("ramp", "U/s")),
         )
+
+
+@dataclass(frozen=True)
+class WarmUp(Effect):
+    """An exponential settling after switch-on: ``size exp(-t / tau)`` from the first sample on."""
+
+    size: Any = parameter("U", "signed")
+    tau: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "warm_up"
+    title: ClassVar[str] = "warm-up after switch-on"
+    saying: ClassVar[str] = "settles after switch-on from {size} with a time constant of {tau}"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """Time constants over the record; the size is solved for."""
+        return [cls(0.0, share * look.duration) for share in (0.03, 0.1, 0.3)]
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``dx = -x / tau dt``, from `size`."""
+        return Form(A=((-1 / self.tau,),), W=((0,),), C=(1,), x0=(self.size,), states=(State("warm_up"),))

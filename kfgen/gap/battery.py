@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kfgen.effects import Effect, catalogue
-from kfgen.identify.fit import Record, is_linear
-from kfgen.identify.whittle import Ordinates, log_likelihood, residual_ratio
+from kfgen.identify.record import Record
+from kfgen.identify.whittle import Ordinates, residual_ratio
 
 RATE = 0.01
 """Family-wise false alarm rate of the battery."""
@@ -54,7 +54,7 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: np.ndarray)
     tests = [_band(data, ratio, lo, hi) for lo, hi in bands(data)]
     for name, cls in catalogue().items():
         shown = cls.starts(record.look)
-        if shown and is_linear(cls) and not any(e.name == name for e in effects):
+        if shown and cls.coefficients() and not any(e.name == name for e in effects):
             tests.append(_driven(record, effects, coefficients, shown[0]))
     return _holm(tests)
 
@@ -83,8 +83,8 @@ def _driven(record: Record, effects: Sequence[Effect], coefficients: np.ndarray,
 
     data = record.ordinates([*effects, effect])
     held = np.append(coefficients, 0.0)
-    base = log_likelihood(data, effects, held).value
-    best = log_likelihood(data, effects).value
+    base = data.log_likelihood(effects, held).value
+    best = data.log_likelihood(effects).value
     z = np.sqrt(max(2.0 * (best - base), 0.0))
     f = data.frequency
     return Test(effect.title, float(2.0 * norm.sf(z)), (0.0, float(f[min(5, f.size - 1)])), 1.0 + z**2)

@@ -20,7 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kfgen.effects import Effect, catalogue
-from kfgen.identify.fit import Fit, Key, Prior, Problem, Record, curvature, is_linear, maximise
+from kfgen.identify.fit import Fit, Key, Prior, Problem, curvature, maximise
+from kfgen.identify.record import Record
 
 ABOVE = 3.0
 """Nats of evidence above which an effect is named."""
@@ -126,7 +127,7 @@ def _added(starts: Sequence[Effect], base: Candidate, reference: float) -> Candi
     problems = [
         first.starting((*known, _scaled(start, scale)))
         for start in starts
-        for scale in ((1.0,) if is_linear(start) else (1.0, 0.1))
+        for scale in ((1.0,) if start.coefficients() else (1.0, 0.1))
     ]
     fits = [maximise(p) for p in problems]
     best = int(np.argmax([f.value for f in fits]))

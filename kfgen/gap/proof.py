@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.battery import bands
-from kfgen.identify.fit import Fit, Record
+from kfgen.identify.fit import Fit
+from kfgen.identify.record import Record
 from kfgen.identify.whittle import residual_ratio
 
 Array = NDArray[np.float64]

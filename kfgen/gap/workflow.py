@@ -13,9 +13,9 @@ from kfgen.gap.battery import Test, battery
 from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
 from kfgen.gap.proof import Gap, held_out_gap, split
 from kfgen.identify.channel import BLOCKS, MINIMUM
-from kfgen.identify.fit import Fit, Key, Prior, Problem, Record, is_linear, maximise
+from kfgen.identify.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.interval import intervals95
-from kfgen.identify.whittle import density_of_differences
+from kfgen.identify.record import Evidence, Record
 from kfgen.noise import ChannelNoise, Term
 
 TRUST = 0.1
@@ -93,7 +93,7 @@ def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
     """Trust in the believed numbers: from their intervals, else `TRUST`."""
     priors: dict[Key, Prior] = {}
     for i, term in enumerate(noise.terms):
-        if is_linear(term.effect):
+        if term.effect.coefficients():
             continue
         for p in term.effect.estimated():
             value = float(getattr(term.effect, p.name))
@@ -162,7 +162,7 @@ def _taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term,
 
     So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
     """
-    trusted = tuple(t for t in noise.terms if is_linear(t.effect))
+    trusted = tuple(t for t in noise.terms if t.effect.coefficients())
     for term in trusted:
         driver = term.effect.driver
         if driver and driver not in record.drive:
@@ -171,7 +171,7 @@ def _taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term,
                 remedy="Give a log with it, or take the effect out of the model",
             )
     y = record.y - sum((t.effect.mean(record.t, record.drive) for t in trusted), np.zeros(record.y.size))
-    random = tuple(t for t in noise.terms if not is_linear(t.effect))
+    random = tuple(t for t in noise.terms if not t.effect.coefficients())
     return replace(record, y=y), trusted, replace(noise, terms=random)
 
 
@@ -179,7 +179,7 @@ def _merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, .
     """Believed deterministic terms with what was found to be missing of them added."""
     out = list(terms)
     for old in trusted:
-        name = old.effect.estimated()[0].name
+        name = old.effect.coefficients()[0]
         rest = next((t for t in out if t.effect.name == old.effect.name), None)
         if rest is None:
             out.append(old)
@@ -252,23 +252,24 @@ def _limits(base: Candidate) -> list[tuple[Effect, str, float]]:
         effect = starts[-1]
         size = effect.estimated()[0].name
         if effect.name not in present:
-            value = _linear_limit(record, base, effect) if is_linear(effect) else _size_limit(base, effect)
+            value = (
+                _linear_limit(record, base, effect) if effect.coefficients() else _size_limit(base, effect)
+            )
             out.append((replace(effect, **{size: value}), size, value))
     return out
 
 
-def _linear_limit(record: Record, base: Candidate, effect: Effect) -> float:
+def _linear_limit(record: Evidence, base: Candidate, effect: Effect) -> float:
     data = record.ordinates([effect])
-    S = density_of_differences(base.fit.effects, data.omega, data.dt, data.block)
+    S = data.density(base.fit.effects)
     return float(np.sqrt(2.0 * DETECTABLE / (data.gram[:, 1, 1] / S).sum()))
 
 
 def _size_limit(base: Candidate, effect: Effect) -> float:
     from scipy.optimize import brentq
 
-    data, size = base.problem.data, effect.estimated()[0].name
-    S = density_of_differences(base.fit.effects, data.omega, data.dt, data.block)
-    part = density_of_differences([replace(effect, **{size: 1.0})], data.omega, data.dt, data.block)
+    data, size = base.problem.record.ordinates(()), effect.estimated()[0].name
+    S, part = data.density(base.fit.effects), data.part(replace(effect, **{size: 1.0}))
 
     def worth(log_size: float) -> float:
         x = np.exp(2.0 * log_size) * part / S

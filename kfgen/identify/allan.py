@@ -8,6 +8,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,3 +158,20 @@ def allan_curve(y: Array, dt: float, factors: NDArray[np.int64] | None = None) -
     edf = degrees_of_freedom(y.size, m.astype(float), slope)
     ends = [np.asarray(np.sqrt(avar * edf / chi2.ppf(p, edf)), dtype=np.float64) for p in (0.975, 0.025)]
     return AllanCurve(np.asarray(tau, dtype=np.float64), np.sqrt(avar), ends[0], ends[1], edf)
+
+
+def pooled(curves: Sequence[AllanCurve]) -> AllanCurve:
+    """One curve from several of one sensor, each a beginning of the longest one's averaging times.
+
+    Variances are weighted by their equivalent degrees of freedom, which add up.
+    """
+    from scipy.stats import chi2
+
+    tau = max((c.tau for c in curves), key=len)
+    edf, total = np.zeros(tau.size), np.zeros(tau.size)
+    for c in curves:
+        edf[: c.tau.size] += c.edf
+        total[: c.tau.size] += c.edf * c.deviation**2
+    avar = total / edf
+    lo, hi = (np.asarray(np.sqrt(avar * edf / chi2.ppf(p, edf))) for p in (0.975, 0.025))
+    return AllanCurve(tau, np.sqrt(avar), lo, hi, edf)

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.identify.fit import Key, is_linear
-from kfgen.identify.whittle import density_of_differences
+from kfgen.identify.whittle import Key, density_of_differences
 
 Array = NDArray[np.float64]
 
@@ -27,7 +26,7 @@ SINGULAR = 1e-13
 """Share of information below which a direction has none."""
 
 
-def fisher(effects: Sequence[Effect], dt: float, n: int) -> tuple[tuple[Key, ...], Array]:
+def fisher(effects: Sequence[Effect], dt: float, *lengths: int) -> tuple[tuple[Key, ...], Array]:
     """Fisher information of the logarithms of the parameters of the random effects.
 
     Parameters
@@ -35,16 +34,16 @@ def fisher(effects: Sequence[Effect], dt: float, n: int) -> tuple[tuple[Key, ...
     effects : sequence of Effect
     dt : float
         Sampling period [s].
-    n : int
-        Samples.
+    lengths : int
+        Samples of each record of the sensor.
 
     Returns
     -------
     keys : tuple of Key
     J : ndarray, shape (k, k)
     """
-    omega, weight = _grid(n)
-    keys = tuple((i, p.name) for i, e in enumerate(effects) if not is_linear(e) for p in e.estimated())
+    omega, weight = nominal(lengths)
+    keys = tuple((i, p.name) for i, e in enumerate(effects) if not e.coefficients() for p in e.estimated())
 
     def log_density(key: Key, shift: float) -> Array:
         moved = list(effects)
@@ -57,16 +56,21 @@ def fisher(effects: Sequence[Effect], dt: float, n: int) -> tuple[tuple[Key, ...
     return keys, 0.5 * (slopes * weight) @ slopes.T
 
 
+def nominal(lengths: Sequence[int]) -> tuple[Array, Array]:
+    """Ordinates of records of so many samples, by bins: angular frequencies and how many each stands for."""
+    parts = [_grid(n) for n in lengths]
+    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+
 def _grid(n: int) -> tuple[Array, Array]:
-    """Ordinates of a long record by bins: angular frequencies and how many each stands for."""
     edges = np.unique(np.concatenate([np.arange(min(n, 65)), np.geomspace(64, n, 400)]).round())
     edges = edges[edges <= n]
     return (0.5 * (edges[1:] + edges[:-1] + 1.0)) * (np.pi / (n + 1)), np.diff(edges)
 
 
-def relative_bound(effects: Sequence[Effect], dt: float, n: int) -> dict[Key, float]:
+def relative_bound(effects: Sequence[Effect], dt: float, *lengths: int) -> dict[Key, float]:
     """The smallest relative deviation that an unbiased estimate of each parameter can have."""
-    keys, J = fisher(effects, dt, n)
+    keys, J = fisher(effects, dt, *lengths)
     scale = np.sqrt(np.diag(J))
     if not (scale > 0.0).all():
         return {key: float("inf") if not s > 0.0 else _alone(s) for key, s in zip(keys, scale.tolist())}

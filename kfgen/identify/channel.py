@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
+from numpy.typing import NDArray
 
+from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound
-from kfgen.identify.clean import roll_off, without_outliers
-from kfgen.identify.fit import Fit, Key, Record
-from kfgen.identify.likelihood import METHODS, Limit
-from kfgen.identify.lines import PeriodicLine, find_lines
+from kfgen.identify.clean import is_outlier, mended, roll_off
+from kfgen.identify.fit import Fit, Key, Problem, maximise
+from kfgen.identify.interval import intervals95
+from kfgen.identify.kalman import Exact
+from kfgen.identify.likelihood import METHODS, Estimate, covariance
+from kfgen.identify.limits import Limit
+from kfgen.identify.lines import PeriodicLine, find_lines, without_line
+from kfgen.identify.record import Evidence, Joint, Published, Record
+
+Array = NDArray[np.float64]
 
 MINIMUM = 64
 """Samples that a fit needs."""
@@ -26,11 +35,11 @@ class Identified:
 
     Parameters
     ----------
-    fit, unresolved, intervals, limits
+    fit, unresolved, intervals, limits, covariance
         The method's estimate, see `kfgen.identify.likelihood.Estimate`.
     bounds : dict
         Cramér-Rao bound of each parameter, as a relative deviation.
-    record : Record
+    record : Evidence
         What was fitted: without outliers, with the bands that were left out.
     warnings : tuple of str
     lines : tuple of PeriodicLine
@@ -41,18 +50,20 @@ class Identified:
     intervals: dict[Key, tuple[float, float]]
     limits: tuple[Limit, ...]
     bounds: dict[Key, float]
-    record: Record
+    record: Evidence
+    covariance: Array
     warnings: tuple[str, ...] = ()
     lines: tuple[PeriodicLine, ...] = ()
 
 
-def identify(record: Record, wanted: Sequence[str] | None = None, method: str = "ml") -> Identified:
+def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str = "ml") -> Identified:
     """Identify one channel.
 
     Parameters
     ----------
-    record : Record
-        The samples; ``block`` and ``skip`` are chosen here.
+    record : Evidence
+        The samples (``block`` and ``skip`` are chosen here), several records of one sensor, samples with
+        gaps (`kfgen.identify.sampling.evidence`), or a published curve.
     wanted : sequence of str, optional
         Exactly these effects instead of a choice along the ladder.
     method : str
@@ -67,47 +78,156 @@ def identify(record: Record, wanted: Sequence[str] | None = None, method: str = 
         raise InputError(
             f"there is no method '{method}'", where="--method", remedy=f"Known are {', '.join(METHODS)}"
         )
-    _check(record)
-    record, share = without_outliers(replace(record, block=max(1, record.y.size // BLOCKS)))
-    cut = roll_off(record)
-    if cut is not None:
-        record = replace(record, skip=((cut, float("inf")),))
-    found = METHODS[method](record, wanted)
-    lines = find_lines(record, found.fit.effects) if cut is None else []
+    clean, warnings = prepared(exactly(record) if method == "kalman" else record)
+    found = _estimated(clean, wanted, method)
+    lines = lines_in(clean, found.fit.effects)
     if lines:
-        record = replace(record, skip=record.skip + tuple(line.band for line in lines))
-        found = METHODS[method](record, wanted)
-    bounds = relative_bound(found.fit.effects, record.dt, record.y.size)
-    warnings = [_drift_warning(found.fit, found.unresolved, record)] if found.unresolved else []
-    warnings += [f"{100 * share:.2g} % of the samples are outliers, left out"] if share else []
-    warnings += (
-        [f"an internal low-pass takes power away above {cut:.3g} Hz, left out of the fit"] if cut else []
-    )
+        clean = without_lines(clean, lines)
+        found = _estimated(clean, wanted, method)
+    bounds = relative_bound(found.fit.effects, clean.dt, *clean.lengths)
+    drift = [_drift_warning(found.fit, found.unresolved, clean)] if found.unresolved else []
     return Identified(
         found.fit,
         found.unresolved,
         found.intervals,
         found.limits,
         bounds,
-        record,
-        tuple(warnings),
+        clean,
+        found.covariance,
+        (*drift, *warnings, *found.warnings),
         tuple(lines),
     )
 
 
-def _check(record: Record) -> None:
-    n, largest = record.y.size, float(np.abs(record.y).max(initial=0.0))
+def _estimated(clean: Evidence, wanted: Sequence[str] | None, method: str) -> Estimate:
+    """The method's estimate; with gaps the terms are chosen on the pieces, and fitted to all of it."""
+    if not isinstance(clean, Exact) or method not in ("ml", "kalman"):
+        return METHODS[method](clean, wanted)
+    found = METHODS[method](clean.view, wanted)
+    problem = Problem(clean, found.fit.effects)
+    fit = maximise(problem)
+    open_ended = {k: v for k, v in found.intervals.items() if wanted and not np.isfinite(v[1])}
+    return replace(
+        found, fit=fit, intervals=intervals95(problem, fit) | open_ended, covariance=covariance(problem, fit)
+    )
+
+
+def exactly(record: Evidence) -> Evidence:
+    """A record with the exact likelihood in place of Whittle's."""
+    return (
+        Exact(record.t, record.y, record.drive, record.dt, record) if isinstance(record, Record) else record
+    )
+
+
+@singledispatch
+def prepared(record: Evidence) -> tuple[Evidence, list[str]]:
+    """The evidence checked and cleaned, and what was found."""
+    raise InputError(f"a {type(record).__name__} cannot be identified")
+
+
+@prepared.register
+def _(record: Record) -> tuple[Evidence, list[str]]:
+    _check(record.y)
+    bad = is_outlier(record.y)
+    record = replace(record, y=mended(record.y, bad), block=max(1, record.y.size // BLOCKS))
+    warnings = _outliers(bad)
+    cut = roll_off(record)
+    if cut is None:
+        return record, warnings
+    return record.leaving_out((cut, float("inf"))), [*warnings, _low_pass(cut)]
+
+
+@prepared.register
+def _(record: Joint) -> tuple[Evidence, list[str]]:
+    parts = [prepared(r) for r in record.records]
+    block = max(r.block for r, _ in parts if isinstance(r, Record))
+    records = tuple(replace(r, block=block) for r, _ in parts if isinstance(r, Record))
+    return Joint(records), list(dict.fromkeys(w for _, said in parts for w in said))
+
+
+@prepared.register
+def _(record: Exact) -> tuple[Evidence, list[str]]:
+    _check(record.y)
+    good = ~is_outlier(record.y)
+    view, _ = prepared(record.view)
+    cuts = [lo for r in _records(view) for lo, hi in r.skip if hi == float("inf")]
+    shortest = 1.0 / min(cuts) if cuts else 0.0
+    drive = {k: v[good] for k, v in record.drive.items()}
+    clean = replace(record, t=record.t[good], y=record.y[good], drive=drive, view=view, shortest=shortest)
+    return clean, _outliers(~good) + ([_low_pass(min(cuts))] if cuts else [])
+
+
+@prepared.register
+def _(record: Published) -> tuple[Evidence, list[str]]:
+    said = ["a curve without its samples: the intervals are weaker, and what is not there cannot be limited"]
+    clean, cut = record.falling()
+    if cut:
+        said.append(f"the curve does not fall like noise below {cut:.3g} s, left out of the fit")
+    return clean, said
+
+
+def _records(view: Evidence) -> tuple[Record, ...]:
+    if isinstance(view, Record):
+        return (view,)
+    return view.records if isinstance(view, Joint) else ()
+
+
+def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
+    """The periodic lines of evidence, each once."""
+    parts = _records(record.view if isinstance(record, Exact) else record)
+    found: list[PeriodicLine] = []
+    for part in parts:
+        if not any(hi == float("inf") for _, hi in part.skip):
+            new = find_lines(part, effects)
+            found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
+    return found
+
+
+@singledispatch
+def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
+    """The evidence with the lines taken out."""
+    return record
+
+
+@without_lines.register
+def _(record: Record, lines: Sequence[PeriodicLine]) -> Evidence:
+    return record.leaving_out(*(line.band for line in lines))
+
+
+@without_lines.register
+def _(record: Joint, lines: Sequence[PeriodicLine]) -> Evidence:
+    return Joint(tuple(r.leaving_out(*(line.band for line in lines)) for r in record.records))
+
+
+@without_lines.register
+def _(record: Exact, lines: Sequence[PeriodicLine]) -> Evidence:
+    y = record.y
+    for line in lines:
+        y = without_line(record.t, y, line)
+    return replace(record, y=y, view=without_lines(record.view, lines))
+
+
+def _check(y: Array) -> None:
+    n, largest = y.size, float(np.abs(y).max(initial=0.0))
     if n < MINIMUM:
         raise InputError(f"{n} samples are too few for a fit", remedy=f"Log at least {MINIMUM}")
-    if not np.ptp(record.y) > 0.0:
+    if not np.ptp(y) > 0.0:
         raise InputError("the channel never changes", remedy="Check the sensor and the column")
     if not np.isfinite(n * largest * largest):
         raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
 
 
-def _drift_warning(best: Fit, unresolved: frozenset[int], record: Record) -> str:
+def _outliers(bad: NDArray[np.bool_]) -> list[str]:
+    return [f"{100 * bad.mean():.2g} % of the samples are outliers, left out"] if bad.any() else []
+
+
+def _low_pass(cut: float) -> str:
+    return f"an internal low-pass takes power away above {cut:.3g} Hz, left out of the fit"
+
+
+def _drift_warning(best: Fit, unresolved: frozenset[int], record: Evidence) -> str:
     names = " and ".join(best.effects[i].title for i in sorted(unresolved))
     return (
-        f"there is a slow drift, fitted as {names}; {record.duration:.0f} s are too short to tell "
+        f"there is a slow drift, fitted as {names}; {record.longest:.0f} s are too short to tell "
         "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature"
     )

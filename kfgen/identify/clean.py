@@ -5,14 +5,13 @@ Both are found with medians, which what they look for cannot move.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.identify.fit import Record
-from kfgen.identify.whittle import transform
+from kfgen.identify.record import Record
+from kfgen.identify.whittle import frequencies
 
 Array = NDArray[np.float64]
 
@@ -26,23 +25,27 @@ STAY_BELOW = 0.35
 """Of the frequency where that begins: there a second-order low-pass has taken 1 %."""
 
 
-def without_outliers(record: Record) -> tuple[Record, float]:
-    """The record with outliers interpolated, and their share.
+def is_outlier(y: Array) -> NDArray[np.bool_]:
+    """Which samples are outliers, shape (n,).
 
     A sample is an outlier when it is far from the median of itself and its neighbours, by the scale of
-    such distances in the record; a step or a drift is none.
+    such distances in the record; a step or a drift is none. More than `MOST` of them are the noise.
     """
     from scipy.ndimage import median_filter
 
-    distance = record.y - median_filter(record.y, size=7, mode="mirror")
+    distance = y - median_filter(y, size=7, mode="mirror")
     scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
-    lattice = _smallest_step(record.y)
+    lattice = _smallest_step(y)
     bad = np.abs(distance) > FAR * max(scale, lattice, np.finfo(float).tiny)
-    share = float(bad.mean())
-    if not 0.0 < share <= MOST:
-        return record, 0.0
-    at = np.arange(record.y.size, dtype=float)
-    return replace(record, y=np.interp(at, at[~bad], record.y[~bad])), share
+    return bad if bad.mean() <= MOST else np.zeros_like(bad)
+
+
+def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
+    """The samples with the bad ones interpolated."""
+    if not bad.any():
+        return y
+    at = np.arange(y.size, dtype=float)
+    return np.asarray(np.interp(at, at[~bad], y[~bad]))
 
 
 def _smallest_step(y: Array) -> float:
@@ -53,9 +56,9 @@ def _smallest_step(y: Array) -> float:
 
 def roll_off(record: Record) -> float | None:
     """The frequency [Hz] from which on an internal low-pass takes power away, None without one."""
-    X = transform(record.y[:, None], record.block)[:, 0]
+    X = record.sines
     n = X.size
-    omega = np.arange(1, n + 1) * (np.pi / (n + 1))
+    omega = frequencies(n)
     power = X**2 / (4.0 * np.sin(0.5 * omega) ** 2)
     edges = np.unique(np.linspace(n // 50, n, 50).astype(int))
     if edges.size < 20 or np.diff(edges).min() < 20:

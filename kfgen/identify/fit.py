@@ -3,107 +3,40 @@
 Sizes and times are fitted in their logarithm, inside a box that the record can speak about;
 coefficients of deterministic effects are linear and solved for inside the likelihood. Priors
 (mean and deviation of a logarithm) may hold trusted numbers.
+
+The maximum is found by Fisher's scoring: Newton's step with the expected information in place of the
+second derivatives, damped as Levenberg and Marquardt do.
+
+References
+----------
+.. [1] R. I. Jennrich and P. F. Sampson, Newton-Raphson and related algorithms for maximum likelihood
+   variance component estimation, Technometrics 18(1), 1976.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect, Look
-from kfgen.identify.allan import AllanCurve, allan_curve, octave_factors
-from kfgen.identify.whittle import (
-    Fitted,
-    Ordinates,
-    density_of_differences,
-    log_likelihood,
-    ordinates,
-    sensitivity,
-)
+from kfgen.effects import Effect
+from kfgen.identify.record import Evidence, Likelihood
+from kfgen.identify.whittle import Fitted, Key
 
 Array = NDArray[np.float64]
 
-NUDGE = 1e-5
-"""Step in a logarithm over which a density is differentiated."""
+__all__ = ["Fit", "Key", "Prior", "Problem", "curvature", "maximise", "profile"]
 
-Key = tuple[int, str]
-"""A parameter: index of its effect, name."""
-
-
-def is_linear(effect: type[Effect] | Effect) -> bool:
-    """Whether the effect is deterministic with one signed coefficient: a regressor."""
-    estimated = effect.estimated()
-    return len(estimated) == 1 and estimated[0].kind == "signed"
-
-
-@dataclass(frozen=True)
-class Record:
-    """One evenly sampled channel with its drivers.
-
-    Parameters
-    ----------
-    t, y : ndarray, shape (n,)
-        Time [s] and samples [SI].
-    drive : mapping of str to ndarray, shape (n,)
-        Recorded drivers, ``temperature`` [K] for example.
-    block : int
-        Samples averaged to one before the transform.
-    skip : tuple of (lo, hi)
-        Bands [Hz] that the likelihood leaves out: lines, what lies beyond a low-pass.
-    """
-
-    t: Array
-    y: Array
-    drive: Mapping[str, Array] = field(default_factory=dict)
-    block: int = 1
-    skip: tuple[tuple[float, float], ...] = ()
-
-    @cached_property
-    def dt(self) -> float:
-        """Sampling period [s]."""
-        return float(self.t[-1] - self.t[0]) / (self.t.size - 1)
-
-    @property
-    def duration(self) -> float:
-        """Length [s]."""
-        return self.dt * self.t.size
-
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
-        """The binned transform, with a regressor for each deterministic effect in order."""
-        unit = [
-            replace(e, **{e.estimated()[0].name: 1.0}).mean(self.t, self.drive)
-            for e in effects
-            if is_linear(e)
-        ]
-        return ordinates(self.y, self.dt, self.block, unit, skip=self.skip)
-
-    @cached_property
-    def curve(self) -> AllanCurve:
-        """Its overlapping Allan deviation."""
-        return allan_curve(self.y, self.dt)
-
-    @cached_property
-    def octaves(self) -> AllanCurve:
-        """Its overlapping Allan deviation at octaves: nearly independent points."""
-        return allan_curve(self.y, self.dt, octave_factors(self.y.size))
-
-    @cached_property
-    def look(self) -> Look:
-        """What effects guess their start values from; only drivers that change are shown."""
-        means = {k: float(np.mean(v)) for k, v in self.drive.items() if np.ptp(v) > 0.0}
-        return Look(self.curve.tau, self.curve.deviation, self.dt, self.duration, means)
-
-    def box(self, kind: str) -> tuple[float, float]:
-        """Bounds of the logarithm of a parameter of that kind."""
-        if kind == "time":
-            step = self.dt * self.block
-            return float(np.log(5.0 * step)), float(np.log(max(0.5 * self.duration, 10.0 * step)))
-        scale = float(np.std(self.y)) or 1.0
-        return float(np.log(1e-9 * scale)), float(np.log(1e4 * scale * max(1.0, self.duration)))
+ROUNDS = 80
+CLOSE = 1e-7
+"""Gain of log-likelihood [nats] below which the maximum is reached."""
+LONGEST = 1.5
+"""Longest step in a logarithm."""
+APART = 1e-4
+"""Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
 
 @dataclass(frozen=True)
@@ -145,17 +78,16 @@ class Fit:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: a record, effects with start values, priors, and fixed parameters."""
+    """What is fitted: evidence, effects with start values, priors, and fixed parameters."""
 
-    record: Record
+    record: Evidence
     effects: tuple[Effect, ...]
     priors: Mapping[Key, Prior] = field(default_factory=dict)
     fixed: frozenset[Key] = frozenset()
 
-    @cached_property
-    def data(self) -> Ordinates:
-        """The transform of the record for these effects."""
-        return self.record.ordinates(self.effects)
+    def data(self, effects: tuple[Effect, ...]) -> Likelihood:
+        """The likelihood with the regressors of these effects."""
+        return self.record.likelihood(effects)
 
     @cached_property
     def free(self) -> tuple[Key, ...]:
@@ -163,8 +95,7 @@ class Problem:
         return tuple(
             (i, p.name)
             for i, e in enumerate(self.effects)
-            if not is_linear(e)
-            for p in e.estimated()
+            for p in e.searched()
             if (i, p.name) not in self.fixed
         )
 
@@ -188,76 +119,106 @@ class Problem:
 
     def objective(self, point: Array) -> float:
         """Minus log-likelihood minus log prior."""
-        value = log_likelihood(self.data, self.at(point)).value
-        value += sum(
-            prior.log_density(float(point[self.free.index(key)]))
-            for key, prior in self.priors.items()
-            if key in self.free
-        )
+        effects = self.at(point)
+        value = self.data(effects).log_likelihood(effects).value
+        for key, prior in self.priors.items():
+            if key in self.free:
+                value += prior.log_density(float(point[self.free.index(key)]))
         return -value
 
     def gradient(self, point: Array) -> Array:
         """Derivative of `objective`; the coefficients of regressors stand at their best."""
         effects = self.at(point)
-        slope = sensitivity(self.data, effects, log_likelihood(self.data, effects).coefficients)
-        g = np.array([-float(slope @ self._density_slope(effects[i], name)) for i, name in self.free])
+        g = -self.data(effects).slope(effects, self.free)
+        for k, (i, _) in enumerate(self.free):
+            if effects[i].coefficients():  # the shape of a regressor
+                up, down = (point + h * np.eye(point.size)[k] for h in (APART, -APART))
+                g[k] = (self.objective(up) - self.objective(down)) / (2.0 * APART)
         for k, key in enumerate(self.free):
             if key in self.priors:
                 prior = self.priors[key]
                 g[k] += (float(point[k]) - prior.mean) / prior.deviation**2
-        return g
+        return np.asarray(g)
 
-    def _density_slope(self, effect: Effect, name: str) -> Array:
-        """Derivative of an effect's density with respect to the logarithm of a parameter, shape (m,)."""
-        data, value = self.data, float(getattr(effect, name))
-        up, down = (
-            density_of_differences(
-                [replace(effect, **{name: value * float(np.exp(h))})], data.omega, data.dt, data.block
-            )
-            for h in (NUDGE, -NUDGE)
-        )
-        return np.asarray((up - down) / (2.0 * NUDGE))
+    def information(self, point: Array) -> Array:
+        """Expected second derivative of `objective`, shape (k, k)."""
+        effects = self.at(point)
+        J = self.data(effects).information(effects, self.free)
+        for k, key in enumerate(self.free):
+            if effects[key[0]].coefficients():
+                J[k, k] = self._sharpness(point, k)
+            if key in self.priors:
+                J[k, k] += 1.0 / self.priors[key].deviation ** 2
+        return J
+
+    def _sharpness(self, point: Array, k: int) -> float:
+        """Second derivative in the shape of a regressor; at least a weak one, so that steps stay short."""
+        h = 10.0 * APART * np.eye(point.size)[k]
+        centre = self.objective(point)
+        second = self.objective(point + h) - 2.0 * centre + self.objective(point - h)
+        return max(abs(second) / (10.0 * APART) ** 2, 1.0)
 
     def pin(self, key: Key, value: float) -> Problem:
         """The same with one parameter held at `value` [SI]."""
         effects = list(self.effects)
         effects[key[0]] = replace(effects[key[0]], **{key[1]: value})
-        pinned = replace(self, effects=tuple(effects), fixed=self.fixed | {key})
-        pinned.__dict__["data"] = self.data
-        return pinned
+        return replace(self, effects=tuple(effects), fixed=self.fixed | {key})
 
     def starting(self, effects: tuple[Effect, ...]) -> Problem:
         """The same from other start values."""
-        moved = replace(self, effects=effects)
-        moved.__dict__["data"] = self.data
-        return moved
+        return replace(self, effects=effects)
 
 
 def maximise(problem: Problem) -> Fit:
     """The maximum from the problem's start values."""
-    from scipy.optimize import minimize
-
     point = problem.start()
     if point.size:
-        options = {"maxiter": 200, "ftol": 1e-15, "gtol": 1e-4}
-        result = minimize(
-            problem.objective,
-            point,
-            jac=problem.gradient,
-            method="L-BFGS-B",
-            bounds=problem.bounds,
-            options=options,
-        )
-        point = np.asarray(result.x)
+        point = _scored(problem, point)
     effects = problem.at(point)
-    likelihood = log_likelihood(problem.data, effects)
+    likelihood = problem.data(effects).log_likelihood(effects)
     effects = _with_coefficients(effects, likelihood.coefficients)
     return Fit(effects, -problem.objective(point), likelihood, problem.free, point)
 
 
+def _scored(problem: Problem, point: Array) -> Array:
+    """Damped scoring inside the box."""
+    lo, hi = np.array(problem.bounds).T
+    value, damping = problem.objective(point), 1e-3
+    g, J = problem.gradient(point), problem.information(point)
+    for _ in range(ROUNDS):
+        held = ((point <= lo) & (g > 0.0)) | ((point >= hi) & (g < 0.0))
+        step = _step(g, J, ~held, damping)
+        trial = np.clip(point + step, lo, hi)
+        found = problem.objective(trial)
+        expected = -float(g @ (trial - point))
+        if found < value:
+            gain, point, value, damping = value - found, trial, found, max(damping / 8.0, 1e-9)
+            if gain < CLOSE and expected < 10.0 * CLOSE:
+                break
+            g, J = problem.gradient(point), problem.information(point)
+        else:
+            if expected < CLOSE:
+                break
+            damping = max(8.0 * damping, 1e-3)
+            if damping > 1e12:
+                break
+    return point
+
+
+def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
+    step = np.zeros(g.size)
+    if free.any():
+        K = J[np.ix_(free, free)]
+        scale = np.sqrt(np.maximum(np.diag(K), 1e-8))
+        K = K / np.outer(scale, scale) + damping * np.eye(scale.size)
+        step[free] = -np.linalg.lstsq(K, g[free] / scale, rcond=1e-14)[0] / scale
+        step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
+    return step
+
+
 def _with_coefficients(effects: tuple[Effect, ...], coefficients: Array) -> tuple[Effect, ...]:
     values = iter(coefficients.tolist())
-    return tuple(replace(e, **{e.estimated()[0].name: next(values)}) if is_linear(e) else e for e in effects)
+    return tuple(replace(e, **{name: next(values) for name in e.coefficients()}) for e in effects)
 
 
 def curvature(problem: Problem, point: Array, step: float = 1e-3) -> Array:

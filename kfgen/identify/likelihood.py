@@ -1,8 +1,4 @@
-"""Which effects a record shows: a ladder of models, climbed by calibrated likelihood ratios.
-
-Each rung adds one effect. It stays when twice the gain of log-likelihood passes a threshold of
-the null distribution at 5 %: 2.7 for one more size (a half chi-square: sizes are not negative)
-and 9.0 for a Gauss-Markov term, whose correlation time is searched.
+"""The methods of identification behind one interface: evidence in, an `Estimate` out.
 
 A slow term that dominates only a few of the lowest ordinates is a drift, but its kind cannot be
 told: over so few half-periods a random walk, a Gauss-Markov process and a ramp look alike. Such
@@ -13,44 +9,26 @@ not found or not resolved is reported with its upper limit and with the record t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
-from kfgen.identify.bounds import seconds_for
-from kfgen.identify.curve import CurveFit, fit_curve
-from kfgen.identify.fit import Fit, Key, Problem, Record, is_linear, maximise
-from kfgen.identify.interval import NORMAL, interval95, intervals95, linear_intervals, upper95
-from kfgen.identify.whittle import log_likelihood
+from kfgen.identify.bounds import nominal
+from kfgen.identify.choice import SHAPED, Trial, choose, combined, fast_effects, slow_effects
+from kfgen.identify.curve import Weighting, by_degrees_of_freedom, by_wavelet_covariance, fit_curve
+from kfgen.identify.fit import Fit, Key, Problem, maximise
+from kfgen.identify.interval import NORMAL, interval95, intervals95, linear_intervals
+from kfgen.identify.limits import Limit, limit
+from kfgen.identify.record import Evidence
+from kfgen.identify.whittle import Fitted
 
 Array = NDArray[np.float64]
 
-LADDER = ("rate_random_walk", "gauss_markov")
-
-
-def threshold(added: int) -> float:
-    """Of twice the log-likelihood gain, by the number of parameters added."""
-    return 2.7 if added < 2 else 9.0 + 2.0 * (added - 2)
-
-
 RESOLVED = 12
 """Ordinates that a slow term must dominate for its kind to be told."""
-
-
-@dataclass(frozen=True)
-class Limit:
-    """What the record cannot show: a parameter below `upper95` [SI].
-
-    `hours` of log would give it to 20 % if it were half of that, the middle of what is left open.
-    """
-
-    effect: Effect
-    parameter: str
-    upper95: float
-    hours: float
 
 
 @dataclass(frozen=True)
@@ -67,191 +45,160 @@ class Estimate:
         95 % intervals [SI] by parameter.
     limits : tuple of Limit
         What the record cannot show.
+    covariance : ndarray, shape (k, k)
+        Of the logarithms of the fitted parameters ``fit.free``.
+    warnings : tuple of str
     """
 
     fit: Fit
     unresolved: frozenset[int]
     intervals: dict[Key, tuple[float, float]]
     limits: tuple[Limit, ...]
+    covariance: Array
+    warnings: tuple[str, ...] = ()
 
 
-def by_likelihood(record: Record, wanted: Sequence[str] | None) -> Estimate:
-    """Maximum likelihood with profile intervals, along the ladder or for exactly the wanted effects."""
+def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
+    """Maximum likelihood with profile intervals, for the best set of effects or exactly the wanted ones."""
     if wanted:
         best, problem = _exactly(record, wanted)
         intervals = _open_intervals(problem, best)
         intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
-        return Estimate(best, frozenset(), intervals | linear_intervals(best), ())
-    best, problem = _climb(record)
-    return estimate(problem, best, intervals95(problem, best))
+        return Estimate(best, frozenset(), intervals | linear_intervals(best), (), covariance(problem, best))
+    found = choose(record, best_of)
+    best, problem = found.fit, found.problem
+    return _estimate(problem, best, intervals95(problem, best), covariance(problem, best))
 
 
-def by_curve(record: Record, wanted: Sequence[str] | None) -> Estimate:
+def by_curve(
+    record: Evidence, wanted: Sequence[str] | None, weighting: Weighting = by_degrees_of_freedom
+) -> Estimate:
     """The Allan curve fitted by weighted least squares, with intervals from its curvature."""
-    names = list(wanted) if wanted else ["white_noise"]
-    best, problem = _best_curve(record, names)
-    left = [] if wanted else list(LADDER)
-    while left:
-        trials = [(name, *_best_curve(record, [*names, name])) for name in left]
-        gains = [
-            (best.misfit - fit.misfit) / threshold(fit.point.size - best.point.size) for _, fit, _ in trials
-        ]
-        k = int(np.argmax(gains))
-        if gains[k] < 1.0:
-            break
-        name, best, problem = trials[k]
-        names.append(name)
-        left.remove(name)
-    fit = Fit(best.effects, 0.0, log_likelihood(problem.data, best.effects), problem.free, best.point)
-    spread = NORMAL * np.sqrt(np.diag(best.covariance))
-    ends = zip(np.exp(best.point - spread).tolist(), np.exp(best.point + spread).tolist())
-    intervals = dict(zip(problem.free, ends)) | linear_intervals(fit)
-    return Estimate(fit, frozenset(), intervals, ()) if wanted else estimate(problem, fit, intervals)
+
+    def fitted(evidence: Evidence, choices: Sequence[tuple[Effect, ...]]) -> Trial:
+        problem = Problem(evidence, choices[0])
+        curves = [fit_curve(problem.starting(c), weighting) for c in choices]
+        best = min(curves, key=lambda c: c.misfit)
+        none = Fitted(-0.5 * best.misfit, np.zeros(0), np.zeros((0, 0)))
+        fit = Fit(best.effects, none.value, none, problem.free, best.point)
+        covariances[fit.effects] = best.covariance
+        worst[fit.effects] = best.chance
+        return Trial(fit, problem.starting(best.effects), -best.misfit)
+
+    covariances: dict[tuple[Effect, ...], Array] = {}
+    worst: dict[tuple[Effect, ...], float] = {}
+    if wanted:
+        _check_wanted(record, wanted)
+        found = fitted(record, combined(record, wanted))
+    else:
+        found = choose(record, fitted, drifting=False)
+    fit, C = found.fit, covariances[found.fit.effects]
+    spread = NORMAL * np.sqrt(np.maximum(np.diag(C), 0.0))
+    ends = zip(np.exp(fit.point - spread).tolist(), np.exp(np.minimum(fit.point + spread, 700.0)).tolist())
+    intervals = dict(zip(fit.free, ends))
+    warnings = _misfit(worst[fit.effects])
+    unresolved = frozenset[int]() if wanted else _unresolved(record, fit)
+    return Estimate(fit, unresolved, intervals, (), C, warnings)
 
 
-METHODS: dict[str, Callable[[Record, Sequence[str] | None], Estimate]] = {
+def by_wavelets(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
+    """Generalised method of wavelet moments: Haar variances with their covariance under the model."""
+    return by_curve(record, wanted, by_wavelet_covariance)
+
+
+METHODS: dict[str, Callable[[Evidence, Sequence[str] | None], Estimate]] = {
     "ml": by_likelihood,
+    "kalman": by_likelihood,
     "allan": by_curve,
+    "gmwm": by_wavelets,
 }
 """The methods by name."""
 
 
-def estimate(problem: Problem, best: Fit, intervals: dict[Key, tuple[float, float]]) -> Estimate:
+def _misfit(chance: float) -> tuple[str, ...]:
+    if chance > 1e-3:
+        return ()
+    return (
+        "the terms do not explain the curve (chance below 0.001): something else acts, or it was smoothed",
+    )
+
+
+def covariance(problem: Problem, best: Fit) -> Array:
+    """Asymptotic covariance of the logarithms of the fitted parameters, shape (k, k)."""
+    J = problem.information(best.point)
+    if not J.size:
+        return J
+    scale = np.sqrt(np.maximum(np.diag(J), 1e-12))
+    inverse = np.linalg.pinv(J / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    return np.asarray(inverse / np.outer(scale, scale))
+
+
+def _estimate(problem: Problem, best: Fit, intervals: dict[Key, tuple[float, float]], C: Array) -> Estimate:
     """A fit with what the record cannot resolve, and the limits of what it does not show."""
-    unresolved = _unresolved(problem, best)
+    record = problem.record
+    unresolved = _unresolved(record, best)
     shown = {e.name for i, e in enumerate(best.effects) if i not in unresolved}
-    limits = tuple(_limit(problem, best, name) for name in LADDER if name not in shown)
-    return Estimate(best, unresolved, intervals, limits)
+    asked = [n for n in (*slow_effects(record), *fast_effects(record)) if n not in shown and _limited(n)]
+    return Estimate(best, unresolved, intervals, tuple(limit(problem, best, n) for n in asked), C)
 
 
-def _best_curve(record: Record, names: Sequence[str]) -> tuple[CurveFit, Problem]:
-    choices = _combinations(record, names)
-    first = Problem(record, choices[0])
-    fits = [fit_curve(first.starting(c)) for c in choices]
-    best = min(fits, key=lambda f: f.misfit)
-    return best, first.starting(best.effects)
+def _limited(name: str) -> bool:
+    """Effects with a band of their own are left out: a Gauss-Markov term's limit says as much."""
+    return not any(p.kind == "setting" for p in effect_named(name).parameters())
 
 
 def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
     """One-sided intervals of a wanted term with a searched time that the record does not support.
 
     The search over its time lets the likelihood close on chance (its null gain passes 3.84 far more
-    often than once in twenty), so that below the ladder's threshold only a limit holds.
+    often than once in twenty), so that below its threshold only a limit holds.
     """
     found: dict[Key, tuple[float, float]] = {}
     for i, effect in enumerate(best.effects):
-        times = [p.name for p in effect.estimated() if p.kind == "time"]
+        times = [p.name for p in effect.searched() if p.kind == "time"]
         others = tuple(e for k, e in enumerate(best.effects) if k != i)
-        if not times or is_linear(effect) or not others:
+        if not times or effect.coefficients() or not others:
             continue
         without = maximise(Problem(problem.record, others))
-        if 2.0 * (best.value - without.value) < threshold(len(effect.estimated())):
-            limit = _limit(problem, best, effect.name)
-            found[i, limit.parameter] = (0.0, limit.upper95)
+        if 2.0 * (best.value - without.value) < SHAPED:
+            most = limit(problem, best, effect.name)
+            found[i, most.parameter] = (0.0, most.upper95)
             found |= {(i, name): (0.0, float("inf")) for name in times}
     return found
 
 
-def _unresolved(problem: Problem, best: Fit) -> frozenset[int]:
+def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
     """The slow terms that dominate too few ordinates to be told from one another."""
-    data = problem.data
-    parts = [e.sampled_density(data.omega, data.dt, data.block) for e in best.effects]
+    omega, count = nominal(record.lengths)
+    parts = [e.sampled_density(omega, record.dt, 1) for e in best.effects]
     total = np.sum(parts, axis=0)
     return frozenset(
         i
         for i, e in enumerate(best.effects)
-        if e.name in LADDER and float(data.count[parts[i] > 0.5 * total].sum()) < RESOLVED
+        if not e.coefficients() and e.form().order and float(count[parts[i] > 0.5 * total].sum()) < RESOLVED
     )
 
 
-def starts(name: str, record: Record) -> list[Effect]:
-    """Where fits of an effect to a record should start.
-
-    Raises
-    ------
-    InputError
-        A record at rest cannot show the effect, or the log lacks its driver.
-    """
-    cls = effect_named(name)
-    found = cls.starts(record.look)
-    if not found:
-        missing = f"needs the channel '{cls.driver}'" if cls.driver else "cannot be seen on a record at rest"
-        raise InputError(f"{name} {missing}", remedy="Leave it out, or give a log that has it")
-    return list(found)
-
-
-def best_of(record: Record, choices: Sequence[tuple[Effect, ...]]) -> tuple[Fit, Problem]:
-    """The best fit among several starts of the same set of effects, the fitted Allan curve's among them."""
+def best_of(record: Evidence, choices: Sequence[tuple[Effect, ...]]) -> Trial:
+    """The best fit among several starts of the same set of effects."""
     first = Problem(record, choices[0])
-    problems = [first.starting(c) for c in (*choices, fit_curve(first).effects)]
+    problems = [first.starting(c) for c in choices]
     fits = [maximise(p) for p in problems]
     best = int(np.argmax([f.value for f in fits]))
-    return fits[best], problems[best]
+    return Trial(fits[best], problems[best], 2.0 * fits[best].value)
 
 
-def _exactly(record: Record, wanted: Sequence[str]) -> tuple[Fit, Problem]:
+def _exactly(record: Evidence, wanted: Sequence[str]) -> tuple[Fit, Problem]:
+    _check_wanted(record, wanted)
+    found = best_of(record, combined(record, wanted))
+    return found.fit, found.problem
+
+
+def _check_wanted(record: Evidence, wanted: Sequence[str]) -> None:
     twice = [name for name in wanted if wanted.count(name) > 1 and not effect_named(name).repeatable]
     if twice:
         raise InputError(f"{twice[0]} is wanted twice", where="--effects", remedy="Name it once")
-    choices = _combinations(record, wanted)
-    if all(
-        e.form({e.driver: record.drive[e.driver]} if e.driver else None).deterministic for e in choices[0]
-    ):
+    if all(e.coefficients() for e in combined(record, wanted)[0]):
         raise InputError(
             f"{', '.join(wanted)} alone is no noise", where="--effects", remedy="Add white_noise"
         )
-    return best_of(record, choices)
-
-
-def _combinations(record: Record, names: Sequence[str]) -> list[tuple[Effect, ...]]:
-    """Start values of several effects together, every one with every other."""
-    choices: list[tuple[Effect, ...]] = [()]
-    for name in names:
-        choices = [(*c, e) for c in choices for e in starts(name, record)]
-    return choices
-
-
-def _climb(record: Record) -> tuple[Fit, Problem]:
-    """White noise first; then whichever rung gains most over its threshold, until none does."""
-    best, problem = _exactly(record, ["white_noise"])
-    left = list(LADDER)
-    while left:
-        trials = [
-            (name, *best_of(record, [(*best.effects, e) for e in starts(name, record)])) for name in left
-        ]
-        gains = [
-            2.0 * (fit.value - best.value) / threshold(len(fit.free) - len(best.free)) for _, fit, _ in trials
-        ]
-        k = int(np.argmax(gains))
-        if gains[k] < 1.0:
-            break
-        name, best, problem = trials[k]
-        left.remove(name)
-    return best, problem
-
-
-def _limit(problem: Problem, best: Fit, name: str) -> Limit:
-    """The upper limit of an effect beside the others, at its worst correlation time.
-
-    The others are fitted anew for every size that is tried, so that an unresolved drift may turn out
-    to be all of the effect asked for.
-    """
-    others = tuple(e for e in best.effects if e.name != name)
-    record, index = problem.record, len(others)
-    shown = starts(name, record)
-    size = shown[0].estimated()[0].name
-    worst: Limit | None = None
-    for start in shown[1:] or shown:
-        fixed = frozenset((index, p.name) for p in start.estimated()[1:])
-        trial = Problem(record, (*others, start), fixed=fixed)
-        trial.__dict__["data"] = problem.data
-        small = replace(start, **{size: 1e-3 * float(getattr(start, size))})
-        fits = [maximise(t) for t in (trial, trial.starting((*others, small)))]
-        fit = max(fits, key=lambda f: f.value)
-        top = upper95(trial, fit, (index, size))
-        if worst is None or top > worst.upper95:
-            worst = Limit(replace(fit.effects[index], **{size: top}), size, top, 0.0)
-    assert worst is not None
-    half = replace(worst.effect, **{size: 0.5 * worst.upper95})
-    hours = seconds_for((*others, half), record.dt, (index, size)) / 3600.0
-    return replace(worst, hours=hours)

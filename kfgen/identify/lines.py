@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.identify.fit import Record
-from kfgen.identify.whittle import density_of_differences, transform
+from kfgen.identify.record import Record
+from kfgen.identify.whittle import density_of_differences, frequencies
 
 Array = NDArray[np.float64]
 
@@ -48,9 +48,9 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
     """The lines of a record above the noise that `effects` expect."""
     from scipy.stats import chi2
 
-    X = transform(record.y[:, None], record.block)[:, 0]
+    X = record.sines
     n = X.size
-    omega = np.arange(1, n + 1) * (np.pi / (n + 1))
+    omega = frequencies(n)
     grid = np.geomspace(omega[0], omega[-1], 512)
     S = np.exp(
         np.interp(
@@ -79,3 +79,11 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
             )
         )
     return lines
+
+
+def without_line(t: Array, y: Array, line: PeriodicLine) -> Array:
+    """Samples less the sinusoid at a line's frequency, by least squares at any times [s], shape (n,)."""
+    phase = 2.0 * np.pi * line.frequency * t
+    X = np.column_stack([np.cos(phase), np.sin(phase), np.ones(t.size)])
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    return np.asarray(y - X[:, :2] @ theta[:2])

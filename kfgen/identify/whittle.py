@@ -21,7 +21,8 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +32,28 @@ from kfgen.effects import Effect
 Array = NDArray[np.float64]
 
 SINGLE = 96
+"""Ordinates at the bottom that stand alone."""
 PER_DECADE = 48
+"""Bins above them."""
+NUDGE = 1e-5
+"""Step in a logarithm over which a density is differentiated."""
+
+Key = tuple[int, str]
+"""A parameter: index of its effect, name."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A log-likelihood with the regressors' coefficients and their covariance."""
+
+    value: float
+    coefficients: Array
+    covariance: Array
 
 
 @dataclass(frozen=True)
 class Ordinates:
-    """The binned statistics of one evenly sampled stretch.
+    """The binned statistics of one or more evenly sampled stretches.
 
     Parameters
     ----------
@@ -68,56 +85,153 @@ class Ordinates:
         """Frequency of the bins [Hz]."""
         return self.omega / (2.0 * np.pi * self.dt * self.block)
 
+    @cached_property
+    def _shapes(self) -> dict[Effect, Array]:
+        return {}
+
+    def part(self, effect: Effect) -> Array:
+        """Density [U^2] of the differences of one effect, shape (m,).
+
+        A density grows with the square of its one size, so that only the shape is computed, once.
+        """
+        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+        if len(sizes) != 1:
+            return density_of_differences([effect], self.omega, self.dt, self.block)
+        shape = replace(effect, **{sizes[0]: 1.0})
+        known = self._shapes
+        if shape not in known:
+            if len(known) > 512:
+                known.clear()
+            known[shape] = density_of_differences([shape], self.omega, self.dt, self.block)
+        return np.asarray(float(getattr(effect, sizes[0])) ** 2 * known[shape])
+
+    def density(self, effects: Sequence[Effect]) -> Array:
+        """``S`` [U^2] of the differences under the random effects, shape (m,)."""
+        total = sum((self.part(e) for e in effects if not e.coefficients()), np.zeros(self.omega.size))
+        return np.maximum(total, np.finfo(float).tiny)
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
+        """``ln L`` of the record under the random `effects`.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Deterministic ones contribute nothing here: they are the regressors.
+        coefficients : ndarray, shape (r,), optional
+            Of the regressors; solved for when left out.
+        """
+        S = self.density(effects)
+        weighted = np.tensordot(1.0 / S, self.gram, 1)
+        theta, covariance, quadratic = least_squares(weighted, coefficients)
+        return Fitted(-0.5 * float(self.count @ np.log(S) + quadratic), theta, covariance)
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of ``ln L`` in the logarithms of the keys' parameters, the coefficients at their best."""
+        S = self.density(effects)
+        theta = least_squares(np.tensordot(1.0 / S, self.gram, 1))[0]
+        sensitivity = 0.5 * (residual_power(self, theta) / S - self.count) / S
+        return self._steepness(effects, keys) @ sensitivity
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of the same logarithms, shape (k, k)."""
+        relative = self._steepness(effects, keys) / self.density(effects)
+        return np.asarray(0.5 * (relative * self.count) @ relative.T)
+
+    def _steepness(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of the density in the logarithms, shape (k, m)."""
+        return np.array([self._steep(effects[i], name) for i, name in keys]).reshape(len(keys), -1)
+
+    def _steep(self, effect: Effect, name: str) -> Array:
+        if effect.coefficients():
+            return np.zeros(self.omega.size)
+        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+        if sizes == [name]:
+            return 2.0 * self.part(effect)
+        value = float(getattr(effect, name))
+        up, down = (self.part(replace(effect, **{name: value * float(np.exp(h))})) for h in (NUDGE, -NUDGE))
+        return np.asarray((up - down) / (2.0 * NUDGE))
+
+
+def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:
+    """Generalised least squares from weighted products ``[x b]' [x b]``: coefficients, covariance, misfit."""
+    xx, xb, bb = weighted[0, 0], weighted[0, 1:], weighted[1:, 1:]
+    if not bb.size:
+        return xb, bb, float(xx)
+    covariance = np.asarray(np.linalg.pinv(bb, hermitian=True), dtype=np.float64)
+    theta = covariance @ xb if coefficients is None else coefficients
+    return theta, covariance, float(xx - 2.0 * theta @ xb + theta @ bb @ theta)
+
 
 def block_means(y: Array, block: int) -> Array:
     """Means of successive blocks along the first axis; an incomplete last block is left out."""
     n = y.shape[0] // block
-    return np.asarray(y[: n * block].reshape(n, block, *y.shape[1:]).mean(axis=1))
+    return np.asarray(y[: n * block].reshape(n, block, *y.shape[1:]).mean(axis=1)) if block > 1 else y
 
 
-def transform(columns: Array, block: int) -> Array:
-    """Sine coefficients of the differences of block means, shape (n - 1, k), of columns (n, k)."""
+def transform(means: Array) -> Array:
+    """Sine coefficients of the differences, shape (n - 1, ...), of values (n, ...)."""
     from scipy.fft import dst
 
-    return np.asarray(dst(np.diff(block_means(columns, block), axis=0), type=1, axis=0, norm="ortho"))
+    return np.asarray(dst(np.diff(means, axis=0), type=1, axis=0, norm="ortho", overwrite_x=True))
 
 
-def ordinates(
-    y: Array,
-    dt: float,
-    block: int = 1,
-    regressors: Sequence[Array] = (),
-    *,
-    skip: Sequence[tuple[float, float]] = (),
-) -> Ordinates:
-    """Sine-transform a record and its regressors.
+def coarse_transform(edges: Array, size: int) -> Array:
+    """The low sine coefficients of a smooth function from its values at the edges of equal cells.
+
+    A sum of differences over a cell is the difference at its edges, and a slow sine is what it is in
+    the cell's middle: a sine transform of the second type, exact to second order in cells a period.
 
     Parameters
     ----------
-    y : ndarray, shape (n,)
-        Samples.
+    edges : ndarray, shape (c + 1,)
+    size : int
+        Coefficients of the whole record; at most the lower quarter of the cells is given.
+    """
+    from scipy.fft import dst
+
+    low = min(size, max((edges.size - 1) // 4, 1))
+    return np.asarray(dst(np.diff(edges), type=2)[:low] * np.sqrt(0.5 / (size + 1)))
+
+
+def frequencies(n: int) -> Array:
+    """Angular frequencies of n sine coefficients [rad per block], shape (n,)."""
+    return np.arange(1, n + 1, dtype=float) * (np.pi / (n + 1))
+
+
+def ordinates(
+    columns: Sequence[Array], dt: float, block: int = 1, *, skip: Sequence[tuple[float, float]] = ()
+) -> Ordinates:
+    """Bin the sine coefficients of a record and its regressors.
+
+    Parameters
+    ----------
+    columns : sequence of ndarray
+        Coefficients, see `transform`, of the record first, shape (n,); then of regressors, of which only the
+        low ones need to be there.
     dt : float
         Sampling period [s].
     block : int
-        Samples averaged to one first.
-    regressors : sequence of ndarray, shape (n,)
-        Outputs of deterministic effects for a coefficient of one.
+        Samples that were averaged to one.
     skip : sequence of (lo, hi)
         Bands [Hz] to leave out.
     """
-    X = transform(np.column_stack([y, *regressors]), block)
-    n = X.shape[0]
-    j = np.arange(1, n + 1, dtype=float)
-    omega = j * (np.pi / (n + 1))
-    f = omega / (2.0 * np.pi * dt * block)
+    n = columns[0].size
+    edges = _edges(n)
+    to_omega = 2.0 * np.pi * dt * block
     keep = np.ones(n)
     for lo, hi in skip:
-        keep[(f >= lo) & (f <= hi)] = 0.0
-    edges = _edges(n)
-    products = X[:, :, None] * X[:, None, :] * keep[:, None, None]
-    gram = np.add.reduceat(products, edges[:-1], axis=0)
+        first, last = (hz * to_omega * (n + 1) / np.pi - 1.0 for hz in (lo, hi))
+        keep[max(int(np.ceil(first)), 0) : int(min(np.floor(last) + 1.0, n))] = 0.0
+    gram = np.zeros((edges.size - 1, len(columns), len(columns)))
+    for a, x in enumerate(columns):
+        for b, z in enumerate(columns[: a + 1]):
+            low = min(x.size, z.size)
+            at = edges[:-1][edges[:-1] < low]
+            gram[: at.size, a, b] = gram[: at.size, b, a] = np.add.reduceat(
+                x[:low] * z[:low] * keep[:low], at
+            )
     count = np.add.reduceat(keep, edges[:-1])
-    centre = np.add.reduceat(omega, edges[:-1]) / np.diff(edges)
+    centre = np.asarray(0.5 * (edges[:-1] + edges[1:] + 1.0) * (np.pi / (n + 1)), dtype=np.float64)
     some = count > 0.0
     return Ordinates(centre[some], count[some], gram[some], dt, block)
 
@@ -135,36 +249,6 @@ def density_of_differences(effects: Sequence[Effect], omega: Array, dt: float, b
     return np.asarray(4.0 * np.sin(0.5 * omega) ** 2 * total)
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """A log-likelihood with the regressors' coefficients and their covariance."""
-
-    value: float
-    coefficients: Array
-    covariance: Array
-
-
-def log_likelihood(data: Ordinates, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
-    """``ln L`` of the record under the random `effects`.
-
-    Parameters
-    ----------
-    data : Ordinates
-    effects : sequence of Effect
-        Deterministic ones contribute nothing here: they are the regressors.
-    coefficients : ndarray, shape (r,), optional
-        Of the regressors; solved for when left out.
-    """
-    S = density_of_differences(effects, data.omega, data.dt, data.block)
-    S = np.maximum(S, np.finfo(float).tiny)
-    weighted = np.einsum("m,mij->ij", 1.0 / S, data.gram)
-    xx, xb, bb = weighted[0, 0], weighted[0, 1:], weighted[1:, 1:]
-    covariance = np.linalg.pinv(bb, hermitian=True) if bb.size else bb
-    theta = covariance @ xb if coefficients is None else coefficients
-    quadratic = xx - 2.0 * theta @ xb + theta @ bb @ theta
-    return Fitted(-0.5 * float(data.count @ np.log(S) + quadratic), theta, covariance)
-
-
 def residual_power(data: Ordinates, coefficients: Array) -> Array:
     """Power of the record less its regressors, summed in each bin [U^2], shape (m,)."""
     c = np.concatenate([[1.0], -coefficients])
@@ -173,11 +257,4 @@ def residual_power(data: Ordinates, coefficients: Array) -> Array:
 
 def residual_ratio(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:
     """Power of the residual over its expectation, per bin, shape (m,): one where the model holds."""
-    S = density_of_differences(effects, data.omega, data.dt, data.block)
-    return residual_power(data, coefficients) / (data.count * S)
-
-
-def sensitivity(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:
-    """Derivative of ``ln L`` with respect to the density in each bin [1/U^2], shape (m,)."""
-    S = np.maximum(density_of_differences(effects, data.omega, data.dt, data.block), np.finfo(float).tiny)
-    return np.asarray(0.5 * (residual_power(data, coefficients) / S - data.count) / S)
+    return residual_power(data, coefficients) / (data.count * data.density(effects))

@@ -15,7 +15,7 @@ from kfgen.gap.battery import bands
 from kfgen.gap.proof import METRIC
 from kfgen.gap.workflow import ChannelGap, Finding
 from kfgen.identify.allan import overlapping_variance
-from kfgen.identify.fit import Record, is_linear
+from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means, residual_ratio
 from kfgen.log import Log
 from kfgen.noise import NoiseModel, noise_text
@@ -173,7 +173,7 @@ def _parts(g: ChannelGap) -> list[Part]:
     parts += [
         figure(_driven(g, f), f"The record in blocks, and the part that {f.effect.title} explains.")
         for f in g.findings
-        if is_linear(f.effect)
+        if f.effect.coefficients()
     ]
     for f in g.findings:
         names = [f.effect.name, *(n for n, _ in f.alternatives[:5])]
@@ -203,7 +203,7 @@ def _parts(g: ChannelGap) -> list[Part]:
 
 def _without(record: Record, effects: Sequence[Effect]) -> Array:
     return record.y - sum(
-        (e.mean(record.t, record.drive) for e in effects if is_linear(e)), np.zeros(record.y.size)
+        (e.mean(record.t, record.drive) for e in effects if e.coefficients()), np.zeros(record.y.size)
     )
 
 
@@ -217,7 +217,7 @@ def _allan(g: ChannelGap) -> str:
 def _model_line(label: str, effects: Sequence[Effect], g: ChannelGap, color: str) -> Line:
     """A model's Allan deviation on this record: of its noise, and of what it says of time and drivers."""
     tau, record = g.record.curve.tau, g.record
-    total = sum((e.allan_variance(tau) for e in effects if not is_linear(e)), np.zeros(tau.size))
+    total = sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size))
     explained = record.y - _without(record, effects)
     if np.ptp(explained) > 0.0:
         total = total + overlapping_variance(explained, np.round(tau / record.dt).astype(np.int64))
@@ -228,7 +228,7 @@ def _spectrum(g: ChannelGap) -> str:
     ratios = []
     for effects in (g.believed, g.mended.effects):
         data = g.record.ordinates(effects)
-        theta = np.array([float(getattr(e, e.estimated()[0].name)) for e in effects if is_linear(e)])
+        theta = np.array([float(getattr(e, name)) for e in effects for name in e.coefficients()])
         ratio = residual_ratio(data, effects, theta)
         groups = bands(data)
         f = np.array([np.sqrt(data.frequency[lo] * data.frequency[hi - 1]) for lo, hi in groups])
@@ -242,7 +242,7 @@ def _driven(g: ChannelGap, f: Finding) -> str:
     block, factor = max(1, g.record.y.size // 400), parse_unit(g.unit).factor
     t = block_means(g.record.t, block)
     part = f.effect.mean(g.record.t, g.record.drive)
-    others = tuple(e for e in g.mended.effects if is_linear(e) and e != f.effect)
+    others = tuple(e for e in g.mended.effects if e.coefficients() and e != f.effect)
     y = block_means(_without(g.record, others), block) / factor
     explained = block_means(part, block) / factor
     keep = thin(t)

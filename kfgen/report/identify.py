@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 import kfgen
 from kfgen.effects import Effect
 from kfgen.identify.channel import Identified
-from kfgen.identify.fit import is_linear
-from kfgen.identify.likelihood import Limit
+from kfgen.identify.limits import Limit
 from kfgen.log import Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
@@ -200,7 +199,7 @@ def _parameter(result: Identified, i: int, effect: Effect, name: str, unit: str)
         "unit": unit,
         "ci95": [finite(lo), finite(hi)],
     }
-    if not is_linear(effect):
+    if not effect.coefficients():
         entry["crlb_rel"] = finite(result.bounds[i, name])
     return entry
 

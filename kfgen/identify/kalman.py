@@ -1,0 +1,338 @@
+"""The exact Gaussian likelihood of a record with gaps or uneven time, in the information form.
+
+Successive samples are averaged to blocks that never reach over a gap. Over a block and the gap after
+it the effects' states step exactly, ``x' = A x + w``, and the block's mean is ``y = c x + v`` with ``w`` and
+``v`` correlated (`kfgen.linear.accumulate` of the sampled system): a chain of Gaussian factors in
+``(x, x')``. Their sum is a banded precision matrix, whose Cholesky factor gives the same likelihood as
+a Kalman filter [1]_, with a library's banded routines instead of a loop over samples.
+
+Inside a block of ``2^k`` samples the Haar coefficients at each scale, whose variance is the Allan variance
+there, are taken as independent: so they are for white noise, which rules at such short times.
+
+The constant of the record has a flat prior; coefficients of deterministic effects are solved for by
+generalised least squares.
+
+References
+----------
+.. [1] H. Rue and L. Held, Gaussian Markov Random Fields, 2005, sec. 2.4 (banded Cholesky; state space).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen import linear
+from kfgen.effects import Effect, Form
+from kfgen.identify.allan import AllanCurve
+from kfgen.identify.bounds import fisher
+from kfgen.identify.record import Evidence, Likelihood, means_of
+from kfgen.identify.whittle import Fitted, Key, Ordinates, least_squares
+
+Array = NDArray[np.float64]
+
+CHAIN = 4096
+"""Blocks to which a longer record is averaged."""
+ROUNDED = 64
+"""Gaps are rounded to this part of a period, so that a jittered record has few different ones."""
+LEAST = 1e-10
+"""Of the variance of a sample: white noise that every model is given, so that factors exist."""
+NUDGE = 1e-4
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Block means of one record in one piece or several.
+
+    Parameters
+    ----------
+    y : ndarray, shape (m, 2 + r)
+        Means of the samples, of one, and of the regressors.
+    count : ndarray of int, shape (m,)
+        Samples in each block.
+    gap : ndarray, shape (m,)
+        Time [s] that is missing between the end of a block and the next; zero where nothing is.
+    dt : float
+        Sampling period [s].
+    n : int
+        Samples.
+    haar : ndarray, shape (k, 2)
+        How many differences of adjoining means of ``2^i`` samples the blocks have inside, and half their
+        mean square: the Allan variance there.
+    """
+
+    y: Array
+    count: NDArray[np.int64]
+    gap: Array
+    dt: float
+    n: int
+    haar: Array
+
+    @cached_property
+    def kinds(self) -> tuple[Array, NDArray[np.int64]]:
+        """The different pairs of count and gap, shape (u, 2), and which block has which."""
+        pairs, index = np.unique(np.column_stack([self.count, self.gap]), axis=0, return_inverse=True)
+        return pairs, index.ravel()
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
+        """``ln L`` with the coefficients of the regressors, solved for when left out."""
+        logdet, G = self._products([e.form() for e in effects if not e.coefficients()])
+        # The constant, of flat prior, is integrated out: it takes its share of every product.
+        flat = 0.5 * float(np.log(G[1, 1]))
+        G = G - np.outer(G[:, 1], G[1]) / G[1, 1]
+        keep = np.array([0, *range(2, G.shape[0])])
+        theta, covariance, quadratic = least_squares(G[np.ix_(keep, keep)], coefficients)
+        return Fitted(-0.5 * (logdet + quadratic) - flat + self._inside(effects), theta, covariance)
+
+    def _inside(self, effects: Sequence[Effect]) -> float:
+        """The share of the differences inside blocks."""
+        if not self.haar.size:
+            return 0.0
+        tau = np.asarray(self.dt * 2.0 ** np.arange(len(self.haar)), dtype=np.float64)
+        expected = sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size))
+        expected = np.maximum(expected, np.finfo(float).tiny)
+        return float(-0.5 * self.haar[:, 0] @ (np.log(expected) + self.haar[:, 1] / expected))
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of ``ln L`` in the logarithms of parameters, by central differences."""
+        return np.array([self._slope(effects, key) for key in keys])
+
+    def _slope(self, effects: Sequence[Effect], key: Key) -> float:
+        values = []
+        for h in (NUDGE, -NUDGE):
+            moved = list(effects)
+            old = moved[key[0]]
+            moved[key[0]] = replace(old, **{key[1]: float(getattr(old, key[1])) * float(np.exp(h))})
+            values.append(self.log_likelihood(moved).value)
+        return (values[0] - values[1]) / (2.0 * NUDGE)
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of a whole record of as many samples."""
+        known, J = fisher(effects, self.dt, self.n)
+        at = [known.index(key) if key in known else -1 for key in keys]
+        out = np.zeros((len(keys), len(keys)))
+        for a, i in enumerate(at):
+            for b, j in enumerate(at):
+                out[a, b] = J[i, j] if i >= 0 and j >= 0 else 0.0
+        return out
+
+    def _products(self, forms: Sequence[Form]) -> tuple[float, Array]:
+        """Log determinant of the covariance of the means, and ``Y' C^-1 Y``, shape (2 + r, 2 + r)."""
+        from scipy.linalg import cho_solve_banded, cholesky_banded
+
+        pairs, kind = self.kinds
+        system = _joined(forms, self.dt)
+        white = sum(float(f.V) for f in forms) / self.dt + LEAST * float(np.var(self.y[:, 0]))
+        steps = [system.step(int(c), float(g), white, self.dt) for c, g in pairs]
+        k, m = system.order, self.count.size
+        M = np.array([np.linalg.inv(q) for _, q in steps])[kind]
+        L = np.array([step for step, _ in steps])[kind]
+        logdet = float(np.array([np.linalg.slogdet(q)[1] for _, q in steps])[kind].sum())
+        ML = M @ L
+        H = np.swapaxes(L, 1, 2) @ ML
+        b = -ML[:, k, :, None] * self.y[:, None, :]
+        c = np.einsum("m,mi,mj->ij", M[:, k, k], self.y, self.y)
+        if not k:
+            return logdet, c
+        P0 = np.linalg.inv(system.start)
+        band = np.zeros((2 * k, (m + 1) * k))
+        for i in range(2 * k):
+            for j in range(i + 1):
+                band[i - j, j : j + m * k : k] += H[:, i, j]
+        for i in range(k):
+            for j in range(i + 1):
+                band[i - j, j] += P0[i, j]
+        rhs = np.zeros(((m + 1) * k, self.y.shape[1]))
+        rhs[: m * k] += b[:, :k].reshape(m * k, -1)
+        rhs[k:] += b[:, k:].reshape(m * k, -1)
+        factor = cholesky_banded(band, lower=True, check_finite=False)
+        solved = cho_solve_banded((factor, True), rhs, check_finite=False)
+        logdet += 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(system.start)[1])
+        return logdet, c - rhs.T @ solved
+
+
+@dataclass(frozen=True)
+class _System:
+    """The random effects of a channel as one sampled system, with the quantisation's last error as a state."""
+
+    A: Array
+    Q: Array
+    C: Array
+    continuous: tuple[Array, Array]
+    start: Array
+    quantised: float
+
+    @property
+    def order(self) -> int:
+        return int(self.C.size)
+
+    def step(self, count: int, gap: float, white: float, dt: float) -> tuple[Array, Array]:
+        """Over a block and the gap after it: ``L`` with residual ``L [x, x'] + (0, y)``, and its covariance."""
+        k = self.order
+        A, Q = linear.accumulate(self.A, self.Q, self.C / count, count)
+        Q[k, k] += white / count
+        if self.quantised:  # the mean of a block has the error at its end less that at its beginning
+            scale = 1.0 / (count * dt)
+            A[:, k - 1] = 0.0
+            A[k, k - 1] = -scale
+            Q[k - 1], Q[:, k - 1] = 0.0, 0.0
+            Q[k - 1, k - 1] = self.quantised
+            Q[k, k - 1] = Q[k - 1, k] = scale * self.quantised
+            Q[k, k] += scale**2 * self.quantised
+        if gap > 0.0:
+            Phi, Qd = linear.van_loan(*self.continuous, gap)
+            T = np.eye(k + 1)
+            n = Phi.shape[0]
+            T[:n, :n] = Phi
+            A, Q = T @ A, T @ Q @ T.T
+            Q[:n, :n] += Qd
+        L = np.zeros((k + 1, 2 * k))
+        L[:, :k] = -A[:, :k]
+        L[:k, k:] = np.eye(k)
+        return L, Q
+
+
+def _joined(forms: Sequence[Form], dt: float) -> _System:
+    """All random effects side by side."""
+    from scipy.linalg import block_diag
+
+    random = [f for f in forms if f.order]
+    A = block_diag(*(np.array(f.A, float) for f in random)) if random else np.zeros((0, 0))
+    W = block_diag(*(np.array(f.W, float) for f in random)) if random else np.zeros((0, 0))
+    C = np.concatenate([np.array(f.C, float) for f in random]) if random else np.zeros(0)
+    Phi, Qd = linear.van_loan(A, W, dt)
+    # A state that keeps no variance starts from what one period gives it: its level is the constant's.
+    starts = [linear.stationary_covariance(np.array(f.A, float), np.array(f.W, float)) for f in random]
+    start = block_diag(*starts) if random else np.zeros((0, 0))
+    lost = ~start.any(axis=1) if random else np.zeros(0, bool)
+    start[np.ix_(lost, lost)] = Qd[np.ix_(lost, lost)]
+    Z = sum(float(f.Z) for f in forms)
+    if Z:
+        Phi, Qd, start = block_diag(Phi, 0.0), block_diag(Qd, Z), block_diag(start, Z)
+        C = np.append(C, 0.0)
+    return _System(Phi, Qd, C, (A, W), start, Z)
+
+
+@dataclass(frozen=True)
+class Exact(Evidence):
+    """A record whose likelihood is exact: with the samples and the times as they are.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Times [s] and samples [SI] that were recorded.
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers.
+    period : float
+        Sampling period [s]: the time that one sample stands for.
+    view : Evidence
+        Even pieces of the record: for its Allan curve and for start values.
+    shortest : float
+        Time [s] below which nothing is looked at: what an internal low-pass changes.
+    """
+
+    t: Array
+    y: Array
+    drive: Mapping[str, Array]
+    period: float
+    view: Evidence
+    shortest: float = 0.0
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return self.period
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples, as if in one piece: what is slow is seen across a gap."""
+        return (int(self.y.size),)
+
+    @property
+    def curve(self) -> AllanCurve:
+        """Of the even pieces."""
+        return self.view.curve
+
+    @property
+    def octaves(self) -> AllanCurve:
+        """Of the even pieces."""
+        return self.view.octaves
+
+    @property
+    def step(self) -> float:
+        """A period, or what a low-pass leaves [s]."""
+        return max(self.period, self.shortest)
+
+    @property
+    def scale(self) -> float:
+        """Standard deviation of its samples [SI]."""
+        return float(np.std(self.y))
+
+    @property
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+        return means_of(self.drive)
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """Of the even pieces."""
+        return self.view.ordinates(effects)
+
+    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+        """The chain with the regressors of these effects, from an even grid."""
+        grid = np.arange(self.t[0], self.t[-1] + self.period, self.period)
+        drive = {k: np.interp(grid, self.t, v) for k, v in self.drive.items()}
+        columns = [np.interp(self.t, grid, x) for e in shapes for x in e.regressors(grid, drive)]
+        return chain(self.t, self.y - self.y.mean(), self.dt, columns, self.shortest)
+
+
+def chain(t: Array, y: Array, dt: float, regressors: Sequence[Array] = (), shortest: float = 0.0) -> Chain:
+    """Block means of a record.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Increasing times [s], samples.
+    dt : float
+        Sampling period [s]: the time that one sample stands for.
+    regressors : sequence of ndarray, shape (n,)
+    shortest : float
+        Time [s] below which differences are not looked at.
+    """
+    columns = np.column_stack([y, np.ones(y.size), *regressors])
+    missing = np.round((np.diff(t) / dt - 1.0) * ROUNDED) / ROUNDED * dt
+    blind = max(0, int(np.ceil(np.log2(max(shortest / dt, 1.0)))))
+    levels = max(blind, int(np.ceil(np.log2(y.size / CHAIN))))
+    edges = _edges(missing, y.size, 2**levels, dt)
+    count = np.diff(edges)
+    means = np.add.reduceat(columns, edges[:-1], axis=0) / count[:, None]
+    gap = np.append(np.maximum(missing[edges[1:-1] - 1], 0.0), 0.0)
+    full = edges[:-1][count == 2**levels]
+    haar = _haar(y, full, levels)
+    haar[:blind, 0] = 0.0
+    return Chain(means, count, gap, dt, y.size, haar)
+
+
+def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
+    """Beginnings of blocks, none of which reaches over a gap, and the end."""
+    if block == 1:
+        return np.arange(n + 1)
+    pieces = np.concatenate([[0], np.flatnonzero(missing > 0.5 * dt) + 1, [n]])
+    starts = [np.arange(a, b, block) for a, b in pairwise(pieces.tolist())]
+    return np.append(np.concatenate(starts), n).astype(np.int64)
+
+
+def _haar(y: Array, full: NDArray[np.int64], levels: int) -> Array:
+    """Number and half the mean square of the differences inside full blocks, by scale."""
+    means = y[full[:, None] + np.arange(2**levels)]
+    rows = []
+    for _ in range(levels):
+        halves = means.reshape(means.shape[0], -1, 2)
+        d = halves[:, :, 1] - halves[:, :, 0]
+        rows.append((d.size, 0.5 * float(np.mean(d**2)) if d.size else 0.0))
+        means = halves.mean(axis=2)
+    return np.array(rows).reshape(-1, 2)

@@ -1,0 +1,350 @@
+"""What is identified: evenly sampled records of one channel, alone or several of one sensor.
+
+`Evidence` is what a fit needs to know; a `Record` has it from its samples, a `Joint` from several
+records, of which each was switched on anew, and a `Published` curve from averaging times alone.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, Look
+from kfgen.errors import InputError
+from kfgen.identify.allan import AllanCurve, allan_curve, log_factors, octave_factors, pooled
+from kfgen.identify.whittle import Fitted, Key, Ordinates, block_means, coarse_transform, ordinates, transform
+
+Array = NDArray[np.float64]
+
+CELLS = 1 << 14
+"""Stretches of a record between which a smooth regressor of searched shape is differenced."""
+KEPT = 8
+"""Likelihoods that are kept, one for each set of regressors."""
+
+
+class Likelihood(Protocol):
+    """A likelihood of effects, whose regressors stand."""
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
+        """``ln L``, and the coefficients of the regressors."""
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Its derivative in the logarithms of parameters."""
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of these logarithms."""
+
+
+class Evidence(ABC):
+    """What a fit needs to know of what was measured."""
+
+    @property
+    @abstractmethod
+    def dt(self) -> float:
+        """Sampling period [s]."""
+
+    @property
+    @abstractmethod
+    def lengths(self) -> tuple[int, ...]:
+        """Samples of each stretch in one piece."""
+
+    @property
+    def n(self) -> int:
+        """Samples of all."""
+        return sum(self.lengths)
+
+    @property
+    def longest(self) -> float:
+        """The longest stretch in one piece [s]: slower than that, nothing can be seen."""
+        return max(self.lengths) * self.dt
+
+    @property
+    @abstractmethod
+    def curve(self) -> AllanCurve:
+        """Its overlapping Allan deviation."""
+
+    @property
+    @abstractmethod
+    def octaves(self) -> AllanCurve:
+        """Its overlapping Allan deviation at octaves: nearly independent points."""
+
+    @property
+    @abstractmethod
+    def step(self) -> float:
+        """The shortest time [s] of which it can tell: a period, or a block."""
+
+    @property
+    @abstractmethod
+    def scale(self) -> float:
+        """Standard deviation of its samples [SI]."""
+
+    @property
+    @abstractmethod
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+
+    @abstractmethod
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """The binned transform, with a regressor for each coefficient of the effects in order."""
+
+    @cached_property
+    def _known(self) -> dict[tuple[Effect, ...], Likelihood]:
+        return {}
+
+    def likelihood(self, effects: Sequence[Effect]) -> Likelihood:
+        """The likelihood with the regressors of these effects; kept while their shapes do not change."""
+        shapes = tuple(
+            replace(e, **dict.fromkeys(e.coefficients(), 0.0)) for e in effects if e.coefficients()
+        )
+        known = self._known
+        if shapes not in known:
+            if len(known) > KEPT:
+                known.clear()
+            known[shapes] = self.measure(shapes)
+        return known[shapes]
+
+    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+        """A new likelihood with the regressors of these effects."""
+        return self.ordinates(shapes)
+
+    @property
+    def duration(self) -> float:
+        """Length of all of it [s]."""
+        return self.dt * self.n
+
+    @cached_property
+    def look(self) -> Look:
+        """What effects guess their start values from."""
+        return Look(self.curve.tau, self.curve.deviation, self.dt, self.longest, self.driven)
+
+    def box(self, kind: str) -> tuple[float, float]:
+        """Bounds of the logarithm of a parameter of that kind."""
+        if kind == "time":
+            return float(np.log(5.0 * self.step)), float(np.log(max(0.5 * self.longest, 10.0 * self.step)))
+        scale = self.scale or 1.0
+        return float(np.log(1e-9 * scale)), float(np.log(1e4 * scale * max(1.0, self.longest)))
+
+
+def means_of(drive: Mapping[str, Array]) -> dict[str, float]:
+    """Mean of each driver that changes."""
+    return {k: float(np.mean(v)) for k, v in drive.items() if np.ptp(v) > 0.0}
+
+
+@dataclass(frozen=True)
+class Record(Evidence):
+    """One channel, evenly sampled, with its drivers.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Time [s] and samples [SI].
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers, ``temperature`` [K] for example.
+    block : int
+        Samples averaged to one before the transform.
+    skip : tuple of (lo, hi)
+        Bands [Hz] that the likelihood leaves out: lines, what lies beyond a low-pass.
+    """
+
+    t: Array
+    y: Array
+    drive: Mapping[str, Array] = field(default_factory=dict)
+    block: int = 1
+    skip: tuple[tuple[float, float], ...] = ()
+
+    @cached_property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return float(self.t[-1] - self.t[0]) / (self.t.size - 1)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Its samples."""
+        return (int(self.y.size),)
+
+    @property
+    def step(self) -> float:
+        """A block [s]."""
+        return self.dt * self.block
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard deviation of its samples [SI]."""
+        return float(np.std(self.y))
+
+    @cached_property
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+        return means_of(self.drive)
+
+    @cached_property
+    def curve(self) -> AllanCurve:
+        """Its overlapping Allan deviation."""
+        return allan_curve(self.y, self.dt)
+
+    @cached_property
+    def octaves(self) -> AllanCurve:
+        """Its overlapping Allan deviation at octaves."""
+        return allan_curve(self.y, self.dt, octave_factors(self.y.size))
+
+    @cached_property
+    def sines(self) -> Array:
+        """The sine transform of the differences of its block means, shape (n // block - 1,)."""
+        return transform(block_means(self.y, self.block))
+
+    def leaving_out(self, *bands: tuple[float, float]) -> Record:
+        """The same with more bands [Hz] left out of the likelihood."""
+        other = replace(self, skip=self.skip + bands)
+        for name in ("sines", "curve", "octaves", "scale"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        return other
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """The binned transform, with a regressor for each coefficient of the effects in order."""
+        columns = [x for e in effects for x in self._regressors(e)]
+        return ordinates([self.sines, *columns], self.dt, self.block, skip=self.skip)
+
+    def _regressors(self, effect: Effect) -> list[Array]:
+        """The sine transforms of an effect's regressors; of a searched shape only the low ones."""
+        if not effect.searched():
+            return [transform(block_means(x, self.block)) for x in effect.regressors(self.t, self.drive)]
+        cells = min(CELLS, self.sines.size + 1)
+        edges = self.t[0] + np.arange(cells + 1) * (self.duration / cells)
+        drive = {k: np.interp(edges, self.t, v) for k, v in self.drive.items()}
+        return [coarse_transform(x, self.sines.size) for x in effect.regressors(edges, drive)]
+
+
+@dataclass(frozen=True)
+class Joint(Evidence):
+    """Several records of one sensor: one noise, and a constant of its own in each.
+
+    Raises
+    ------
+    InputError
+        Their sampling periods differ by more than one percent.
+    """
+
+    records: tuple[Record, ...]
+
+    def __post_init__(self) -> None:
+        periods = [r.dt for r in self.records]
+        if max(periods) > 1.01 * min(periods):
+            raise InputError(
+                f"the logs are sampled at {1 / max(periods):.6g} to {1 / min(periods):.6g} Hz",
+                remedy="Fit logs of one rate together, the others apart",
+            )
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return float(np.mean([r.dt for r in self.records]))
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples of each."""
+        return tuple(r.n for r in self.records)
+
+    @property
+    def step(self) -> float:
+        """The longest block [s]."""
+        return max(r.step for r in self.records)
+
+    @property
+    def scale(self) -> float:
+        """Largest standard deviation of a record [SI]."""
+        return max(r.scale for r in self.records)
+
+    @property
+    def driven(self) -> Mapping[str, float]:
+        """The drivers that every record has."""
+        shared = set.intersection(*(set(r.driven) for r in self.records))
+        return {k: float(np.mean([r.driven[k] for r in self.records])) for k in sorted(shared)}
+
+    @cached_property
+    def curve(self) -> AllanCurve:
+        """The Allan deviation of all: variances weighted by their degrees of freedom."""
+        m = log_factors(max(r.n for r in self.records))
+        return pooled([allan_curve(r.y, r.dt, m[m <= r.n // 3]) for r in self.records])
+
+    @cached_property
+    def octaves(self) -> AllanCurve:
+        """The same at octaves."""
+        return pooled([r.octaves for r in self.records])
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """The ordinates of all records together: they are independent."""
+        parts = [r.ordinates(effects) for r in self.records]
+        first = parts[0]
+        return replace(
+            first,
+            omega=np.concatenate([p.omega for p in parts]),
+            count=np.concatenate([p.count for p in parts]),
+            gram=np.concatenate([p.gram for p in parts]),
+        )
+
+
+@dataclass(frozen=True)
+class Published(Evidence):
+    """An Allan curve without its samples.
+
+    Parameters
+    ----------
+    given : AllanCurve
+    """
+
+    given: AllanCurve
+
+    @property
+    def dt(self) -> float:
+        """The shortest averaging time [s]."""
+        return float(self.given.tau[0])
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples that the longest averaging time needs at least: two of it."""
+        return (int(np.ceil(2.0 * self.given.tau[-1] / self.dt)),)
+
+    @property
+    def step(self) -> float:
+        """The shortest averaging time [s]."""
+        return self.dt
+
+    @property
+    def scale(self) -> float:
+        """The largest deviation [SI]."""
+        return float(self.given.deviation.max())
+
+    @property
+    def driven(self) -> Mapping[str, float]:
+        """None."""
+        return {}
+
+    @property
+    def curve(self) -> AllanCurve:
+        """As it was given."""
+        return self.given
+
+    @property
+    def octaves(self) -> AllanCurve:
+        """As it was given: its points are as many as they are."""
+        return self.given
+
+    def falling(self) -> tuple[Published, float]:
+        """From where on it falls as white noise and its integrals do, and the time [s] of that point.
+
+        Vibration, an internal low-pass or overlapped averages lift or bend the shortest times.
+        """
+        return self, 0.0
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """Raises `InputError`: a curve has no samples."""
+        raise InputError(
+            "an Allan curve has no samples", remedy="Fit it with --method allan, or give the log"
+        )

@@ -1,0 +1,152 @@
+"""From times and samples as they were logged to evidence: even, with gaps, or of uneven time.
+
+Nothing is mended in silence. Missing samples, gaps and jitter are said; a sampling rate that changes is
+refused, for the noise of a sample changes with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.errors import InputError
+from kfgen.identify.kalman import Exact
+from kfgen.identify.record import Evidence, Joint, Record
+
+Array = NDArray[np.float64]
+
+GAP = 1.5
+"""Periods beyond which a step of time is a gap."""
+JITTER = 0.05
+"""Of a period: root mean square of the steps' error that is said."""
+UNEVEN = 0.2
+"""Of a period: beyond, times are taken as they are."""
+STRETCHES = 20
+CHANGED = 1.1
+"""Ratio of the sampling periods of two stretches that is no chance."""
+MOST_LOST = 0.9
+"""Share of samples that may be missing."""
+PIECE = 512
+"""Samples of a piece that has a spectrum of its own."""
+
+
+def evidence(
+    t: Array, y: Array, drive: Mapping[str, Array] | None = None
+) -> tuple[Evidence, tuple[str, ...]]:
+    """A channel as evidence, with what was found out about its sampling.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Increasing times [s] and samples [SI], not a number where one is missing.
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers.
+
+    Raises
+    ------
+    InputError
+        Too few samples, most of them missing, or a rate that changes.
+    """
+    there = np.isfinite(y)
+    said = _missing(t, there)
+    t, y = t[there], y[there]
+    drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
+    if t.size < 3:
+        raise InputError(f"{t.size} samples are too few for a fit", remedy="Log more")
+    steps = np.diff(t)
+    dt = float(np.median(steps))
+    near = steps[steps < GAP * dt]
+    _check_rate(t, steps, dt)
+    error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
+    if error > JITTER:
+        said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
+    gaps = np.flatnonzero(steps >= GAP * dt)
+    if gaps.size and not said[:1]:
+        said.append(_gaps(t, steps, gaps, dt))
+    if not gaps.size and error <= UNEVEN:
+        return Record(t, y, drive), tuple(said)
+    pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN else []
+    view: Evidence = Joint(tuple(pieces)) if pieces else _regular(t, y, drive, dt)
+    return Exact(t, y, drive, float(near.mean()) if error <= UNEVEN else dt, view), tuple(said)
+
+
+def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
+    """A sentence on samples that are not numbers."""
+    lost = np.flatnonzero(~there)
+    if not lost.size:
+        return []
+    if lost.size > MOST_LOST * there.size:
+        raise InputError(
+            f"{lost.size} of {there.size} samples are not a number", remedy="Check the sensor and the column"
+        )
+    runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
+    longest = max(runs, key=len)
+    return [
+        f"{lost.size} samples are not a number, in {len(runs)} runs, the longest of {longest.size} at "
+        f"t = {t[longest[0]]:.6g} s; the fit takes them as missing"
+    ]
+
+
+def _filled(v: Array) -> Array:
+    good = np.isfinite(v)
+    at = np.arange(v.size, dtype=float)
+    return v if good.all() else np.interp(at, at[good], v[good]) if good.any() else np.zeros(v.size)
+
+
+def _gaps(t: Array, steps: Array, gaps: NDArray[np.int64], dt: float) -> str:
+    longest = int(gaps[np.argmax(steps[gaps])])
+    lost = float(np.sum(steps[gaps] / dt - 1.0))
+    return (
+        f"{gaps.size} gaps, {lost:.0f} samples missing in all, the longest gap {steps[longest]:.4g} s at "
+        f"t = {t[longest]:.6g} s; the fit takes them as missing"
+    )
+
+
+def _check_rate(t: Array, steps: Array, dt: float) -> None:
+    """A rate that changes for good is refused."""
+    if steps.size < 10 * STRETCHES:
+        return
+    parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES)]
+    if max(parts) < CHANGED * min(parts):
+        return
+    # Random steps differ as well; a change of rate has stretches that agree with their neighbours.
+    calm = [
+        float(np.std(part[part < GAP * m]) / m) for part, m in zip(np.array_split(steps, STRETCHES), parts)
+    ]
+    if np.median(calm) > UNEVEN:
+        return
+    first = next(i for i, m in enumerate(parts) if abs(m / parts[0] - 1.0) > 0.5 * (CHANGED - 1.0))
+    near = int(first * steps.size / STRETCHES)
+    at = next(
+        (
+            k
+            for k in range(max(near - steps.size // STRETCHES, 0), steps.size)
+            if abs(steps[k] / parts[first] - 1.0) < 0.02
+        ),
+        near,
+    )
+    raise InputError(
+        f"the sampling rate changes from {1 / parts[0]:.4g} Hz to {1 / parts[first]:.4g} Hz at about t = {t[at]:.6g} s",
+        remedy="Cut the log there and identify the parts one by one",
+    )
+
+
+def _pieces(
+    t: Array, y: Array, drive: Mapping[str, Array], gaps: NDArray[np.int64], dt: float
+) -> list[Record]:
+    """The stretches between gaps that are long enough, if they are most of the record."""
+    edges = [0, *(gaps + 1).tolist(), t.size]
+    long = [(a, b) for a, b in pairwise(edges) if b - a >= PIECE]
+    if sum(b - a for a, b in long) < 0.7 * t.size:
+        return []
+    pieces = [Record(t[a:b], y[a:b], {k: v[a:b] for k, v in drive.items()}) for a, b in long]
+    return [p for p in pieces if abs(p.dt / dt - 1.0) < 0.005] if len(long) > 1 else pieces
+
+
+def _regular(t: Array, y: Array, drive: Mapping[str, Array], dt: float) -> Record:
+    """The record drawn onto an even grid by straight lines."""
+    grid = t[0] + dt * np.arange(max(int((t[-1] - t[0]) / dt) + 1, 3))
+    return Record(grid, np.interp(grid, t, y), {k: np.interp(grid, t, v) for k, v in drive.items()})
