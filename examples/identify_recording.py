@@ -22,5 +22,5 @@ if not recording.is_file():
 columns = ",".join(f"gyro_{a}=g{a} [deg/s/131], accel_{a}=a{a} [g/16384]" for a in "xyz")
 log = read_log(recording, rate=100.0, columns=ColumnMap.parse(columns))
 found = {name: identify(Record(log.t, log.values(name))) for name in log.channels}
-print(identify_answer(log, found).text)
-print(noise_text(noise_model(log, found)))
+print(identify_answer([log], found).text)
+print(noise_text(noise_model([log], found)))

@@ -76,7 +76,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
         write_log(log, out / log.source)
     say("1 identify the bench log")
     found = {CHANNEL: identify(Record(bench.t, bench.values(CHANNEL)))}
-    believed = noise_model(bench, found)
+    believed = noise_model([bench], found)
     write_noise(believed, out / "noise.toml")
     say("2 compare the field log with it")
     record = Record(field.t, field.values(CHANNEL), {"temperature": field.values("temperature")})
@@ -86,7 +86,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     write_noise(mended, out / "improved.toml")
     say("3 emit the mended filter and prove it")
     proof, filter_page = _filter(out, mended)
-    identified = identify_answer(bench, found)
+    identified = identify_answer([bench], found)
     page = (
         Page(
             "A gyro whose model did not know the temperature",

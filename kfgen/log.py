@@ -65,6 +65,8 @@ class Log:
         Where it came from, said in messages.
     sha256 : str
         Hash of the file, empty for simulated logs.
+    axis : str
+        ``t``, or ``tau`` for a published Allan deviation over averaging times.
 
     Raises
     ------
@@ -77,6 +79,7 @@ class Log:
     source: str = "log"
     sha256: str = ""
     warnings: tuple[str, ...] = field(default=())
+    axis: str = "t"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))

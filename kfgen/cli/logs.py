@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,16 +28,48 @@ from kfgen.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from kfgen.identify.record import Record
+    from kfgen.identify.record import Evidence, Record
     from kfgen.log import Log
     from kfgen.noise import NoiseModel
 
 Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
+BAND = ("_lo", "_hi")
 NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
 
 
 def _names(text: str | None) -> list[str] | None:
     return [part.strip() for part in text.split(",") if part.strip()] if text else None
+
+
+def _evidence(logs: Sequence[Log], name: str) -> tuple[Evidence, list[str]]:
+    """A channel of one log or of several, or a published curve, and what is to be said of its sampling."""
+    from kfgen.errors import InputError
+    from kfgen.identify.record import Joint, Published, Record
+    from kfgen.identify.sampling import evidence
+
+    parts, said = [], []
+    for log in logs:
+        values = log.channel(name).values
+        if log.axis == "tau":
+            band = [
+                log.channels[f"{name}_{end}"].values
+                for end in ("lo", "hi")
+                if f"{name}_{end}" in log.channels
+            ]
+            return Published.of(log.t, values, *band), []
+        drive = {"temperature": log.channels["temperature"].values} if "temperature" in log.channels else {}
+        part, words = evidence(log.t, values, drive)
+        said += [f"{log.source}: {w}" if len(logs) > 1 else w for w in words]
+        parts.append(part)
+    if len(parts) == 1:
+        return parts[0], said
+    even = tuple(p for p in parts if isinstance(p, Record))
+    if len(even) < len(parts):
+        raise InputError(
+            "a log with gaps or uneven time cannot be fitted together with others",
+            remedy="Identify it alone, or cut it at its gaps",
+        )
+    return Joint(even), said
 
 
 def _record(log: Log, name: str) -> Record:
@@ -48,7 +82,13 @@ def _record(log: Log, name: str) -> Record:
 
 @app.command()
 def identify(
-    log: LogPath,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Logs of one sensor at rest, fitted together; or an Allan curve with a column tau.",
+        ),
+    ],
     rate: Rate = None,
     channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
     effects: Annotated[
@@ -56,8 +96,12 @@ def identify(
         typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out."),
     ] = None,
     method: Annotated[
-        str, typer.Option(help="ml (maximum likelihood) or allan (weighted fit of the Allan curve).")
-    ] = "ml",
+        str | None,
+        typer.Option(
+            help="ml (maximum likelihood; the default), kalman (the same, exact at any times), "
+            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments)."
+        ),
+    ] = None,
     columns: Columns = None,
     output: Output = None,
     json: Json = None,
@@ -69,23 +113,34 @@ def identify(
     from kfgen.noise import write_noise
     from kfgen.report.identify import identify_answer, noise_model
 
-    not_over(output, log)
-    data = read(log, rate, columns)
-    names = _names(channels) or [c for c in data.channels if not c.startswith(NOT_NOISY)]
+    for log in logs:
+        not_over(output, log)
+    data = [read(log, rate, columns, curves=True) for log in logs]
+    first = data[0]
+    if len(data) > 1 and any(d.axis == "tau" for d in data):
+        raise InputError("an Allan curve is identified alone", where=first.source)
+    method = method or ("allan" if first.axis == "tau" else "ml")
+    names = _names(channels) or [
+        c
+        for c in first.channels
+        if not c.startswith(NOT_NOISY) and not (first.axis == "tau" and c.endswith(BAND))
+    ]
     if not names:
         raise InputError(
-            f"there is nothing to identify among {', '.join(data.channels)}",
-            where=data.source,
+            f"there is nothing to identify among {', '.join(first.channels)}",
+            where=first.source,
             remedy="Name channels with --channels",
         )
     found = {}
     for name in names:
         try:
-            found[name] = identified(_record(data, name), _names(effects), method)
+            evidence, said = _evidence(data, name)
+            result = identified(evidence, _names(effects), method)
         except InputError as error:
             raise InputError(
-                error.what, where=error.where or f"{data.source}: channel {name}", remedy=error.remedy
+                error.what, where=error.where or f"{first.source}: channel {name}", remedy=error.remedy
             ) from None
+        found[name] = replace(result, warnings=(*said, *result.warnings))
     answer = identify_answer(data, found)
     if output:
         write_noise(noise_model(data, found, method), output)

@@ -84,7 +84,8 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
     if lines:
         clean = without_lines(clean, lines)
         found = _estimated(clean, wanted, method)
-    bounds = relative_bound(found.fit.effects, clean.dt, *clean.lengths)
+    known = () if isinstance(clean, Published) else clean.lengths  # who knows how a curve was made
+    bounds = relative_bound(found.fit.effects, clean.dt, *known) if known else {}
     drift = [_drift_warning(found.fit, found.unresolved, clean)] if found.unresolved else []
     return Identified(
         found.fit,
@@ -159,11 +160,10 @@ def _(record: Exact) -> tuple[Evidence, list[str]]:
 
 @prepared.register
 def _(record: Published) -> tuple[Evidence, list[str]]:
-    said = ["a curve without its samples: the intervals are weaker, and what is not there cannot be limited"]
     clean, cut = record.falling()
-    if cut:
-        said.append(f"the curve does not fall like noise below {cut:.3g} s, left out of the fit")
-    return clean, said
+    return clean, [
+        f"the curve does not fall as noise does below {cut:.3g} s, left out of the fit"
+    ] if cut else []
 
 
 def _records(view: Evidence) -> tuple[Record, ...]:

@@ -104,7 +104,8 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
         A mapped column is missing, a unit is unknown or missing, or there is no time.
     """
     chosen = _chosen(table, columns)
-    time = chosen.pop("t", None)
+    tau = chosen.pop("tau", None) if "t" not in chosen else None
+    time = tau or chosen.pop("t", None)
     channels = {name: Channel.of(c.values, _unit(table, name, c)) for name, c in chosen.items()}
     if not channels:
         raise InputError(
@@ -123,6 +124,8 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
             where=table.source,
             remedy="Give --rate, or map the time: --columns 't=... [s], ...'",
         )
+    if tau is not None:
+        return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
     return Log(t, channels, table.source, sha256, warnings)
 

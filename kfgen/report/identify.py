@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import kfgen
 from kfgen.effects import Effect
 from kfgen.identify.channel import Identified
 from kfgen.identify.limits import Limit
+from kfgen.identify.record import Published
 from kfgen.log import Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
@@ -21,9 +22,9 @@ from kfgen.units import derived_unit, display_unit, from_si, parse_unit
 Array = NDArray[np.float64]
 
 
-def noise_model(log: Log, found: Mapping[str, Identified], method: str = "ml") -> NoiseModel:
+def noise_model(logs: Sequence[Log], found: Mapping[str, Identified], method: str = "ml") -> NoiseModel:
     """The noise file of what was identified; unresolved drifts are not in it."""
-    channels = {}
+    channels, log = {}, logs[0]
     for name, result in found.items():
         terms = []
         for i, effect in enumerate(result.fit.effects):
@@ -34,8 +35,8 @@ def noise_model(log: Log, found: Mapping[str, Identified], method: str = "ml") -
     return NoiseModel(
         channels,
         {
-            "log": log.source.rsplit("/", 1)[-1],
-            "sha256": log.sha256,
+            "log": ", ".join(d.source.rsplit("/", 1)[-1] for d in logs),
+            "sha256": ", ".join(d.sha256 for d in logs),
             "method": method,
             "kfgen": kfgen.__version__,
         },
@@ -52,14 +53,14 @@ def quantity(value: float, unit: str) -> str:
     return f"{from_si(value, unit):.3g} {unit}" if np.isfinite(value) else "unbounded"
 
 
-def identify_answer(log: Log, found: Mapping[str, Identified]) -> Answer:
-    """Text, JSON and page of the channels of a log."""
-    lines, parts, channels, warnings = [], [], {}, list(log.warnings)
+def identify_answer(logs: Sequence[Log], found: Mapping[str, Identified]) -> Answer:
+    """Text, JSON and page of the channels of a log, or of several of one sensor."""
+    lines, parts, channels, log = [], [], {}, logs[0]
+    warnings = [w for d in logs for w in d.warnings]
     for name, result in found.items():
         unit = display_unit(log.channel(name).unit)
         rows, missing = _rows(result, unit), _missing(result, unit)
-        duration = result.record.duration
-        lines += ["", f"{name}: {duration:.6g} s at {1 / result.record.dt:.6g} Hz", columns(rows)]
+        lines += ["", f"{name}: {result.record.words}", columns(rows)]
         lines += [f"  {line}" for line in missing]
         warnings += [f"{name}: {w}" for w in result.warnings]
         parts += [
@@ -71,7 +72,7 @@ def identify_answer(log: Log, found: Mapping[str, Identified]) -> Answer:
             ),
             figure(
                 _picture(result, unit, name),
-                f"Allan deviation of {name} over {duration:.0f} s; the curve is the identified model.",
+                f"Allan deviation of {name}, {result.record.words}; the curve is the identified model.",
             ),
             table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
             *(text(m) for m in missing),
@@ -83,6 +84,7 @@ def identify_answer(log: Log, found: Mapping[str, Identified]) -> Answer:
         "kfgen": kfgen.__version__,
         "log": log.source,
         "sha256": log.sha256,
+        "logs": [{"log": d.source, "sha256": d.sha256} for d in logs],
         "channels": channels,
     }
     page = Page(f"Sensor noise in {log.source.rsplit('/', 1)[-1]}", tuple(parts))
@@ -128,7 +130,7 @@ def _limit(limit: Limit, result: Identified, unit: str) -> str:
     ]
     hours = f"{limit.hours:.2g} h" if np.isfinite(limit.hours) else "more than any log"
     return (
-        f"not identifiable in {result.record.duration:.0f} s: {limit.effect.name} {limit.parameter} below "
+        f"not identifiable in {result.record.longest:.0f} s: {limit.effect.name} {limit.parameter} below "
         f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show half of that to 20 %"
     )
 
@@ -174,7 +176,7 @@ def _channel(result: Identified, si: str) -> dict[str, Any]:
     ]
     return {
         "unit": si,
-        "duration_s": result.record.duration,
+        "duration_s": None if isinstance(result.record, Published) else result.record.duration,
         "rate_hz": 1.0 / result.record.dt,
         "effects": effects,
         "not_identifiable": missing,
@@ -199,7 +201,7 @@ def _parameter(result: Identified, i: int, effect: Effect, name: str, unit: str)
         "unit": unit,
         "ci95": [finite(lo), finite(hi)],
     }
-    if not effect.coefficients():
+    if (i, name) in result.bounds:
         entry["crlb_rel"] = finite(result.bounds[i, name])
     return entry
 
