@@ -19,6 +19,9 @@ from kfgen.readers.table import ColumnMap, assemble
 
 __all__ = ["ColumnMap", "read_log", "readers", "write_log"]
 
+BLOCK = 1 << 20
+"""Bytes of a file that are looked at in one piece."""
+
 
 @cache
 def readers() -> dict[str, ModuleType]:
@@ -58,15 +61,17 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
             where=str(path),
             remedy=f"Known are {', '.join(sorted(readers()))}",
         )
-    data = path.read_bytes()
-    if not data.strip():
-        raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
+    with path.open("rb") as file:
+        if not any(block.strip() for block in iter(lambda: file.read(BLOCK), b"")):
+            raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
+        file.seek(0)
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     if rate is not None and not 0.0 < rate < float("inf"):
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
     table = reader.read(path)
-    return assemble(table, columns, rate, hashlib.sha256(data).hexdigest())
+    return assemble(table, columns, rate, sha256)
 
 
 def write_log(log: Log, path: str | Path) -> None:
