@@ -12,7 +12,7 @@ from kfgen.errors import InputError
 from kfgen.gap.battery import Test, battery
 from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
 from kfgen.gap.proof import Gap, held_out_gap, split
-from kfgen.identify.channel import BLOCKS, MINIMUM
+from kfgen.identify.channel import LONG, MINIMUM
 from kfgen.identify.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.interval import intervals95
 from kfgen.identify.record import Evidence, Record
@@ -114,7 +114,7 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
         The record is too short, or the model has no effect.
     """
     _check(channel, record, noise)
-    whole = replace(record, block=max(1, record.y.size // BLOCKS))
+    whole = replace(record, block=max(1, record.y.size // LONG))
     record, trusted, noise = _taken_out(whole, noise)
     fitted, tail = split(record)
     priors = priors_of(noise)

@@ -19,14 +19,15 @@ from kfgen.identify.kalman import Exact
 from kfgen.identify.likelihood import METHODS, Estimate, covariance
 from kfgen.identify.limits import Limit
 from kfgen.identify.lines import PeriodicLine, find_lines, without_line
+from kfgen.identify.long import Long, Stream, condense
 from kfgen.identify.record import Evidence, Joint, Published, Record
 
 Array = NDArray[np.float64]
 
 MINIMUM = 64
 """Samples that a fit needs."""
-BLOCKS = 1_000_000
-"""A longer record is averaged to about this many blocks first."""
+LONG = 2_000_000
+"""A longer record is condensed first."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,11 @@ def prepared(record: Evidence) -> tuple[Evidence, list[str]]:
 @prepared.register
 def _(record: Record) -> tuple[Evidence, list[str]]:
     _check(record.y)
+    if record.n > LONG:
+        return prepared(condense(Stream.of(record.y, record.dt)))
     bad = is_outlier(record.y)
-    record = replace(record, y=mended(record.y, bad), block=max(1, record.y.size // BLOCKS))
-    warnings = _outliers(bad)
+    record = replace(record, y=mended(record.y, bad))
+    warnings = _outliers(int(bad.sum()), bad.size)
     cut = roll_off(record)
     if cut is None:
         return record, warnings
@@ -140,10 +143,21 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
 
 @prepared.register
 def _(record: Joint) -> tuple[Evidence, list[str]]:
-    parts = [prepared(r) for r in record.records]
-    block = max(r.block for r, _ in parts if isinstance(r, Record))
-    records = tuple(replace(r, block=block) for r, _ in parts if isinstance(r, Record))
+    block = max(1, *(r.n // LONG for r in record.records))
+    blocks = [replace(r, block=block) for r in record.records]
+    parts = [prepared(r) for r in blocks]
+    records = tuple(r for r, _ in parts if isinstance(r, Record))
     return Joint(records), list(dict.fromkeys(w for _, said in parts for w in said))
+
+
+@prepared.register
+def _(record: Long) -> tuple[Evidence, list[str]]:
+    _check(record.head.y)
+    warnings = _outliers(record.lost, record.samples)
+    cut = roll_off(record.head)
+    if cut is None:
+        return record, warnings
+    return record.leaving_out((cut, float("inf"))), [*warnings, _low_pass(cut)]
 
 
 @prepared.register
@@ -155,7 +169,7 @@ def _(record: Exact) -> tuple[Evidence, list[str]]:
     shortest = 1.0 / min(cuts) if cuts else 0.0
     drive = {k: v[good] for k, v in record.drive.items()}
     clean = replace(record, t=record.t[good], y=record.y[good], drive=drive, view=view, shortest=shortest)
-    return clean, _outliers(~good) + ([_low_pass(min(cuts))] if cuts else [])
+    return clean, _outliers(int((~good).sum()), good.size) + ([_low_pass(min(cuts))] if cuts else [])
 
 
 @prepared.register
@@ -169,6 +183,8 @@ def _(record: Published) -> tuple[Evidence, list[str]]:
 def _records(view: Evidence) -> tuple[Record, ...]:
     if isinstance(view, Record):
         return (view,)
+    if isinstance(view, Long):
+        return (view.head, view.slow)
     return view.records if isinstance(view, Joint) else ()
 
 
@@ -189,8 +205,9 @@ def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
     return record
 
 
-@without_lines.register
-def _(record: Record, lines: Sequence[PeriodicLine]) -> Evidence:
+@without_lines.register(Record)
+@without_lines.register(Long)
+def _(record: Record | Long, lines: Sequence[PeriodicLine]) -> Evidence:
     return record.leaving_out(*(line.band for line in lines))
 
 
@@ -217,8 +234,8 @@ def _check(y: Array) -> None:
         raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
 
 
-def _outliers(bad: NDArray[np.bool_]) -> list[str]:
-    return [f"{100 * bad.mean():.2g} % of the samples are outliers, left out"] if bad.any() else []
+def _outliers(bad: int, n: int) -> list[str]:
+    return [f"{100 * bad / n:.2g} % of the samples are outliers, left out"] if bad else []
 
 
 def _low_pass(cut: float) -> str:

@@ -5,6 +5,7 @@ Both are found with medians, which what they look for cannot move.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,13 @@ Array = NDArray[np.float64]
 
 FAR = 7.0
 """Robust deviations beyond which a sample is an outlier: a Gaussian one is in 4e11."""
+JUMP = 5.0
+"""The same deviations between neighbours, beyond which a sample is looked at."""
+WINDOW = 7
+"""Samples of which the median is taken."""
+STRETCHES = 20
+LOOK = 10_000
+"""Samples of each stretch of a record from which the deviation is taken."""
 MOST = 0.05
 """Share of outliers beyond which they are the noise."""
 ROLLED_OFF = 0.7
@@ -25,19 +33,45 @@ STAY_BELOW = 0.35
 """Of the frequency where that begins: there a second-order low-pass has taken 1 %."""
 
 
+@dataclass(frozen=True)
+class Spread:
+    """How far samples are from the median of themselves and their neighbours, robustly [SI]."""
+
+    scale: float
+
+    @staticmethod
+    def of(y: Array) -> Spread:
+        """From stretches spread over a record, shape (n,)."""
+        from scipy.ndimage import median_filter
+
+        size = max(y.size // STRETCHES, WINDOW)
+        parts = [y[a : a + min(size, LOOK)] for a in range(0, max(y.size - WINDOW, 1), size)]
+        distance = np.concatenate([p - median_filter(p, size=WINDOW, mode="mirror") for p in parts])
+        scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
+        return Spread(max(scale, _smallest_step(y), float(np.finfo(float).tiny)))
+
+    def is_outlier(self, y: Array) -> NDArray[np.bool_]:
+        """Which samples are outliers or no numbers, shape (n,).
+
+        A sample is an outlier when it is far from the median of itself and its neighbours; a step or a drift
+        is none. More than `MOST` of them are the noise. An outlier makes a jump, so that only the
+        neighbourhood of jumps is looked at.
+        """
+        bad = ~np.isfinite(y)
+        jump = np.flatnonzero(np.abs(np.diff(y)) > JUMP * self.scale)
+        if jump.size:
+            near = np.unique((jump[:, None] + np.arange(-2, 4)).clip(0, y.size - 1))
+            around = np.abs(near[:, None] + np.arange(-(WINDOW // 2), WINDOW // 2 + 1))
+            around = np.minimum(around, 2 * (y.size - 1) - around)  # mirrored at both ends
+            far = np.abs(y[near] - np.median(y[around], axis=1)) > FAR * self.scale
+            if far.sum() <= MOST * y.size:
+                bad[near[far]] = True
+        return bad
+
+
 def is_outlier(y: Array) -> NDArray[np.bool_]:
-    """Which samples are outliers, shape (n,).
-
-    A sample is an outlier when it is far from the median of itself and its neighbours, by the scale of
-    such distances in the record; a step or a drift is none. More than `MOST` of them are the noise.
-    """
-    from scipy.ndimage import median_filter
-
-    distance = y - median_filter(y, size=7, mode="mirror")
-    scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
-    lattice = _smallest_step(y)
-    bad = np.abs(distance) > FAR * max(scale, lattice, np.finfo(float).tiny)
-    return bad if bad.mean() <= MOST else np.zeros_like(bad)
+    """Which samples of a record are outliers, shape (n,)."""
+    return Spread.of(y).is_outlier(y)
 
 
 def mended(y: Array, bad: NDArray[np.bool_]) -> Array:

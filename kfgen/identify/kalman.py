@@ -6,8 +6,7 @@ it the effects' states step exactly, ``x' = A x + w``, and the block's mean is `
 ``(x, x')``. Their sum is a banded precision matrix, whose Cholesky factor gives the same likelihood as
 a Kalman filter [1]_, with a library's banded routines instead of a loop over samples.
 
-Inside a block of ``2^k`` samples the Haar coefficients at each scale, whose variance is the Allan variance
-there, are taken as independent: so they are for white noise, which rules at such short times.
+What blocks average away enters by the variances of differences inside them (`kfgen.identify.parts.Haar`).
 
 The constant of the record has a flat prior; coefficients of deterministic effects are solved for by
 generalised least squares.
@@ -31,6 +30,7 @@ from kfgen import linear
 from kfgen.effects import Effect, Form
 from kfgen.identify.allan import AllanCurve
 from kfgen.identify.bounds import fisher
+from kfgen.identify.parts import Haar
 from kfgen.identify.record import Evidence, Likelihood, means_of
 from kfgen.identify.whittle import Fitted, Key, Ordinates, least_squares
 
@@ -61,9 +61,8 @@ class Chain:
         Sampling period [s].
     n : int
         Samples.
-    haar : ndarray, shape (k, 2)
-        How many differences of adjoining means of ``2^i`` samples the blocks have inside, and half their
-        mean square: the Allan variance there.
+    haar : Haar
+        What the blocks average away.
     """
 
     y: Array
@@ -71,7 +70,7 @@ class Chain:
     gap: Array
     dt: float
     n: int
-    haar: Array
+    haar: Haar
 
     @cached_property
     def kinds(self) -> tuple[Array, NDArray[np.int64]]:
@@ -87,16 +86,9 @@ class Chain:
         G = G - np.outer(G[:, 1], G[1]) / G[1, 1]
         keep = np.array([0, *range(2, G.shape[0])])
         theta, covariance, quadratic = least_squares(G[np.ix_(keep, keep)], coefficients)
-        return Fitted(-0.5 * (logdet + quadratic) - flat + self._inside(effects), theta, covariance)
-
-    def _inside(self, effects: Sequence[Effect]) -> float:
-        """The share of the differences inside blocks."""
-        if not self.haar.size:
-            return 0.0
-        tau = np.asarray(self.dt * 2.0 ** np.arange(len(self.haar)), dtype=np.float64)
-        expected = sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size))
-        expected = np.maximum(expected, np.finfo(float).tiny)
-        return float(-0.5 * self.haar[:, 0] @ (np.log(expected) + self.haar[:, 1] / expected))
+        return Fitted(
+            -0.5 * (logdet + quadratic) - flat + self.haar.log_likelihood(effects).value, theta, covariance
+        )
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of ``ln L`` in the logarithms of parameters, by central differences."""
@@ -312,9 +304,7 @@ def chain(t: Array, y: Array, dt: float, regressors: Sequence[Array] = (), short
     means = np.add.reduceat(columns, edges[:-1], axis=0) / count[:, None]
     gap = np.append(np.maximum(missing[edges[1:-1] - 1], 0.0), 0.0)
     full = edges[:-1][count == 2**levels]
-    haar = _haar(y, full, levels)
-    haar[:blind, 0] = 0.0
-    return Chain(means, count, gap, dt, y.size, haar)
+    return Chain(means, count, gap, dt, y.size, _haar(y, full, levels, blind, dt))
 
 
 def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
@@ -326,13 +316,14 @@ def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
     return np.append(np.concatenate(starts), n).astype(np.int64)
 
 
-def _haar(y: Array, full: NDArray[np.int64], levels: int) -> Array:
-    """Number and half the mean square of the differences inside full blocks, by scale."""
+def _haar(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float) -> Haar:
+    """The differences inside full blocks; the shortest ones are left out."""
     means = y[full[:, None] + np.arange(2**levels)]
-    rows = []
-    for _ in range(levels):
+    count, variance = np.zeros(levels), np.ones(levels)
+    for i in range(levels):
         halves = means.reshape(means.shape[0], -1, 2)
         d = halves[:, :, 1] - halves[:, :, 0]
-        rows.append((d.size, 0.5 * float(np.mean(d**2)) if d.size else 0.0))
+        if i >= blind and d.size:
+            count[i], variance[i] = d.size, 0.5 * float(np.mean(d**2))
         means = halves.mean(axis=2)
-    return np.array(rows).reshape(-1, 2)
+    return Haar(np.asarray(dt * 2.0 ** np.arange(levels), dtype=np.float64), count, variance)

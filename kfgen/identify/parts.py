@@ -1,0 +1,99 @@
+"""Likelihoods put together from independent parts, and the part that stands for what blocks average away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.identify.record import Likelihood
+from kfgen.identify.whittle import NUDGE, Fitted, Key
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Haar:
+    """Differences of adjoining means of ``2^i`` samples inside blocks, as if independent.
+
+    Half their mean square is the Allan variance there. So they are for white noise, which rules at such
+    short times; there they hold exactly the information that block means lack.
+
+    Parameters
+    ----------
+    tau : ndarray, shape (k,)
+        Averaging times [s].
+    count : ndarray, shape (k,)
+        Differences.
+    variance : ndarray, shape (k,)
+        Half their mean square [U^2].
+    """
+
+    tau: Array
+    count: Array
+    variance: Array
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
+        """``ln L``; deterministic effects are too slow to be seen inside a block."""
+        a = self._expected(effects)
+        value = float(-0.5 * self.count @ (np.log(a) + self.variance / a))
+        return Fitted(value, np.zeros(0), np.zeros((0, 0)))
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative in the logarithms of the keys' parameters."""
+        a = self._expected(effects)
+        return self._relative(effects, keys, a) @ (0.5 * self.count * (self.variance / a - 1.0))
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of the same, shape (k, k)."""
+        relative = self._relative(effects, keys, self._expected(effects))
+        return np.asarray(0.5 * (relative * self.count) @ relative.T)
+
+    def _expected(self, effects: Sequence[Effect]) -> Array:
+        total = sum(
+            (e.allan_variance(self.tau) for e in effects if not e.coefficients()), np.zeros(self.tau.size)
+        )
+        return np.maximum(total, np.finfo(float).tiny)
+
+    def _relative(self, effects: Sequence[Effect], keys: Sequence[Key], a: Array) -> Array:
+        rows = [self._moved(effects[i], name) / a for i, name in keys]
+        return np.array(rows).reshape(len(keys), -1)
+
+    def _moved(self, effect: Effect, name: str) -> Array:
+        if effect.coefficients():
+            return np.zeros(self.tau.size)
+        value = float(getattr(effect, name))
+        up, down = (
+            replace(effect, **{name: value * float(np.exp(h))}).allan_variance(self.tau)
+            for h in (NUDGE, -NUDGE)
+        )
+        return np.asarray((up - down) / (2.0 * NUDGE))
+
+
+@dataclass(frozen=True)
+class Together:
+    """Independent parts; the first has the regressors.
+
+    Parameters
+    ----------
+    parts : tuple of Likelihood
+    """
+
+    parts: tuple[Likelihood, ...]
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
+        """The sum."""
+        first = self.parts[0].log_likelihood(effects, coefficients)
+        rest = sum(p.log_likelihood(effects).value for p in self.parts[1:])
+        return replace(first, value=first.value + rest)
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """The sum of derivatives."""
+        return np.asarray(np.sum([p.slope(effects, keys) for p in self.parts], axis=0))
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """The sum of information."""
+        return np.asarray(np.sum([p.information(effects, keys) for p in self.parts], axis=0))
