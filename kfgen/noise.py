@@ -1,7 +1,8 @@
 """`NoiseModel`: the effects of each channel, and the file that carries them.
 
 The file is TOML, ``format = "kfgen-noise-1"``: a table per channel with its unit and a
-list of effects whose values are texts with units.
+list of effects whose values are texts with units. A parameter may be given by another explicit
+name that its effect declares (``q`` or ``B_ieee`` for ``sigma``); it is always written by its own.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ from kfgen.cli.options import (
 
 @app.command("list")
 def list_(json: Json = None, report: Report = None) -> None:
-    """Library models, sensors, effects, manoeuvres, targets and cores."""
+    """Library models, sensors, effects, manoeuvres, targets, cores and consumers of noise parameters."""
+    from kfgen.consumers import consumers
     from kfgen.effects import catalogue
     from kfgen.emit import targets
     from kfgen.model.library import LIBRARY
@@ -41,6 +42,7 @@ def list_(json: Json = None, report: Report = None) -> None:
             "manoeuvres": [(n, m.title) for n, m in MANOEUVRES.items()],
             "targets": [(n, t.TITLE) for n, t in targets().items()],
             "cores": list(cores().items()),
+            "consumers": [(n, c.TITLE) for n, c in consumers().items()],
         }
     )
     deliver(answer, json, report)
@@ -87,26 +89,6 @@ def audit(
                 f"the audit knows no manoeuvre '{name}'", where="--manoeuvre", remedy="Known is static"
             )
     deliver(audit_answer([audited(build(model, noise_of(noise)))]), json, report)
-
-
-@app.command()
-def plan(
-    noise: Annotated[Path, typer.Argument(metavar="NOISE.toml", help="As 'identify -o' writes it.")],
-    rate: SampleRate = 100.0,
-    wanted: Annotated[float, typer.Option(help="Wanted relative deviation.")] = 0.2,
-    json: Json = None,
-    report: Report = None,
-) -> None:
-    """How long to log for a wanted accuracy: the Cramér-Rao bound against the length of the record."""
-    from kfgen.errors import InputError
-    from kfgen.noise import read_noise
-    from kfgen.report.plan import plan_answer
-
-    if not 0.0 < wanted < 10.0 or not 0.0 < rate < float("inf"):
-        raise InputError(
-            "an accuracy and a rate are positive numbers", remedy="Give --wanted 0.2 --rate 100, say"
-        )
-    deliver(plan_answer(read_noise(noise), rate, wanted), json, report)
 
 
 @app.command()

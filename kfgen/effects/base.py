@@ -6,7 +6,8 @@ simulation, likelihood, filter states, report row and sentence follow from that.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
@@ -39,6 +40,35 @@ class Parameter:
     name: str
     unit: str
     kind: str
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """Another name, with another definition, under which a file may give a parameter.
+
+    Parameters
+    ----------
+    name : str
+        The explicit name.
+    unit : str
+        Unit template of the number under that name.
+    parameter : str
+        The parameter that it determines.
+    title, users : str
+        Its definition in words, and who writes it so.
+    to : callable
+        The parameter from the number and the parameters known so far [SI].
+    back : callable
+        The number from an effect [SI].
+    """
+
+    name: str
+    unit: str
+    parameter: str
+    title: str
+    users: str
+    to: Callable[[float, Mapping[str, float]], float]
+    back: Callable[[Any], float]
 
 
 @dataclass(frozen=True)
@@ -77,6 +107,7 @@ class Effect:
     saying: ClassVar[str] = ""
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
+    meanings: ClassVar[tuple[Meaning, ...]] = ()
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """The linear stochastic system of the effect.
@@ -120,34 +151,66 @@ class Effect:
 
     @classmethod
     def read(cls, entry: Mapping[str, Any], unit: str, where: str) -> Self:
-        """From a file's entry, for a channel in `unit`.
+        """From a file's entry, for a channel in `unit`; a parameter may be given by one of its `meanings`.
 
         Raises
         ------
         InputError
-            A parameter is missing, unknown or of another unit, or not positive where it must be.
+            A parameter is missing, unknown, given twice or of another unit, or not positive where it must be.
         """
         known = {p.name: p for p in cls.parameters()}
+        others = {m.name: m for m in cls.meanings if m.name not in known}
         values: dict[str, float] = {}
+        aliases: dict[str, float] = {}
+        said: dict[str, str] = {}
         for key, value in entry.items():
             if key in ("effect",) or key.endswith("_ci95"):
                 continue
-            if key not in known:
+            if key not in known and key not in others:
+                names = ", ".join([*known, *others])
                 raise InputError(
-                    f"{cls.name} has no parameter '{key}'", where=where, remedy=f"It has {', '.join(known)}"
+                    f"{cls.name} has no parameter '{key}'", where=where, remedy=f"It has {names}"
                 )
-            template = known[key].unit
-            values[key] = parse_quantity(
+            target = key if key in known else others[key].parameter
+            if target in said:
+                raise InputError(
+                    f"{said[target]} and {key} both given",
+                    where=where,
+                    remedy=f"Either gives {target}; keep one",
+                )
+            said[target] = key
+            template = known[key].unit if key in known else others[key].unit
+            number = parse_quantity(
                 value, derived_unit(template, unit), where=f"{where}.{key}", offset="U" not in template
             )
-            if known[key].kind in ("size", "time") and (
-                values[key] < 0 or (values[key] == 0 and known[key].kind == "time")
-            ):
+            zero_is_wrong = key in others or known[key].kind == "time"
+            if known[target].kind in ("size", "time") and (number < 0 or (number == 0 and zero_is_wrong)):
                 raise InputError(f"{key} = {value!r} is not positive", where=where)
-        missing = [f.name for f in fields(cls) if f.name not in values and f.default is f.default_factory]
+            (values if key in known else aliases)[key] = number
+        missing = [f.name for f in fields(cls) if f.name not in said and f.default is f.default_factory]
         if missing:
-            raise InputError(f"{cls.name} lacks its parameter '{missing[0]}'", where=where)
-        return cls(**values)
+            ways = [missing[0], *(m.name for m in others.values() if m.parameter == missing[0])]
+            raise InputError(
+                f"{cls.name} lacks its parameter '{missing[0]}'",
+                where=where,
+                remedy=f"Give one of {', '.join(ways)}" if len(ways) > 1 else "",
+            )
+        return cls(**cls._converted(values, aliases, where))
+
+    @classmethod
+    def _converted(
+        cls, values: dict[str, float], aliases: Mapping[str, float], where: str
+    ) -> dict[str, float]:
+        """The parameters, those of the aliases put in by the order in which the meanings are declared."""
+        for m in cls.meanings:
+            if m.name in aliases:
+                value = m.to(aliases[m.name], values)
+                if not (math.isfinite(value) and value > 0.0):
+                    raise InputError(
+                        f"{m.name} makes {m.parameter} = {value:g}, beyond any number", where=where
+                    )
+                values[m.parameter] = value
+        return values
 
     def draw(self, rng: np.random.Generator) -> Self:
         """One realisation of what differs from switch-on to switch-on; most effects have nothing."""
@@ -179,6 +242,20 @@ class Effect:
         for p in self.parameters():
             text = derived_unit(p.unit, unit)
             shown[p.name] = (from_si(float(getattr(self, p.name)), text), text)
+        return shown
+
+    def under(self, name: str) -> float:
+        """Its number [SI] under one of the names of `meanings`."""
+        return float({m.name: m for m in self.meanings}[name].back(self))
+
+    def called(self, unit: str) -> dict[str, tuple[float, str]]:
+        """Its sizes under every name that `meanings` declares, in the user's unit, as (value, unit)."""
+        sizes = {p.name for p in self.parameters() if p.kind == "size"}
+        shown = {}
+        for m in self.meanings:
+            if m.parameter in sizes:
+                text = derived_unit(m.unit, unit)
+                shown[m.name] = (from_si(self.under(m.name), text), text)
         return shown
 
     def sentence(self, channel: str, unit: str) -> str:

@@ -4,6 +4,8 @@ References
 ----------
 .. [1] IEEE Std 952-1997, annex C, eqs (C.1)-(C.21).
 .. [2] P. S. Maybeck, Stochastic Models, Estimation, and Control, vol. 1, 1979, sec. 4.11.
+.. [3] V. Saini, S. C. Rana, M. M. Kuber, Online estimation of state space error model for MEMS IMU,
+   J. Modelling and Simulation of Systems 1(4), 2010.
 """
 
 from __future__ import annotations
@@ -11,13 +13,31 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kfgen.effects.base import Effect, Look, parameter
+from kfgen.effects.base import Effect, Look, Meaning, parameter
 from kfgen.effects.form import Form, State
 from kfgen.errors import InputError
+
+FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+"""Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
+
+
+@cache
+def gauss_markov_peak() -> tuple[float, float]:
+    """Where the Allan deviation of a Gauss-Markov process peaks, in units of tau, and its height in sigma."""
+    from scipy.optimize import minimize_scalar
+
+    unit = GaussMarkov(sigma=1.0, tau=1.0)
+
+    def below(t: float) -> float:
+        return -float(unit.allan_variance(np.array([t]))[0])
+
+    found = minimize_scalar(below, bracket=(1.0, 2.0, 4.0), tol=1e-10)
+    return float(found.x), math.sqrt(-float(found.fun))
 
 
 @dataclass(frozen=True)
@@ -72,6 +92,62 @@ class GaussMarkov(Effect):
     repeatable: ClassVar[bool] = True
     saying: ClassVar[str] = (
         "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
+    )
+    meanings: ClassVar[tuple[Meaning, ...]] = (
+        Meaning(
+            "beta",
+            "1/s",
+            "tau",
+            "inverse correlation time",
+            "the literature on state-space models",
+            lambda beta, v: 1.0 / beta,
+            lambda e: 1.0 / e.tau,
+        ),
+        Meaning(
+            "sigma",
+            "U",
+            "sigma",
+            "stationary standard deviation",
+            "KF-GINS (gbstd, abstd), kfgen's own files",
+            lambda sigma, v: sigma,
+            lambda e: e.sigma,
+        ),
+        Meaning(
+            "q",
+            "U/sqrt(s)",
+            "sigma",
+            "root density of the driving noise, sigma sqrt(2/tau)",
+            "Gazebo, RotorS, PX4 SITL; a random walk's K over times short against tau",
+            lambda q, v: q * math.sqrt(v["tau"] / 2.0),
+            lambda e: e.sigma * math.sqrt(2.0 / e.tau),
+        ),
+        Meaning(
+            "B_ieee",
+            "U",
+            "sigma",
+            "flicker (bias instability) whose Allan floor is as high as this term's Allan peak",
+            "IEEE Std 952, data sheets that divide the floor by 0.664",
+            lambda B, v: B * FLICKER_FLOOR / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR,
+        ),
+        Meaning(
+            "adev_min",
+            "U",
+            "sigma",
+            "the floor of the Allan deviation as read off, taken for this term's peak",
+            "data sheets and Allan tools that do not divide by 0.664",
+            lambda floor, v: floor / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1],
+        ),
+        Meaning(
+            "B_saini",
+            "U/sqrt(Hz)",
+            "sigma",
+            "B of x' = -beta x + beta B w, so that the driver's root density is beta B",
+            "Saini, Rana, Kuber 2010; Hemerly 2017",
+            lambda B, v: B / math.sqrt(2.0 * v["tau"]),
+            lambda e: e.sigma * math.sqrt(2.0 * e.tau),
+        ),
     )
 
     @classmethod

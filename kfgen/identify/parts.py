@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.identify.record import Likelihood
-from kfgen.identify.whittle import NUDGE, Fitted, Key
+from kfgen.identify.whittle import Fitted, Key, Shapes
 
 Array = NDArray[np.float64]
 
@@ -36,41 +37,25 @@ class Haar:
     count: Array
     variance: Array
 
+    @cached_property
+    def _shapes(self) -> Shapes:
+        return Shapes(lambda e: e.allan_variance(self.tau))
+
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
         """``ln L``; deterministic effects are too slow to be seen inside a block."""
-        a = self._expected(effects)
+        a = self._shapes.total(effects)
         value = float(-0.5 * self.count @ (np.log(a) + self.variance / a))
         return Fitted(value, np.zeros(0), np.zeros((0, 0)))
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative in the logarithms of the keys' parameters."""
-        a = self._expected(effects)
-        return self._relative(effects, keys, a) @ (0.5 * self.count * (self.variance / a - 1.0))
+        a = self._shapes.total(effects)
+        return self._shapes.slopes(effects, keys) @ (0.5 * self.count * (self.variance / a - 1.0) / a)
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Fisher information of the same, shape (k, k)."""
-        relative = self._relative(effects, keys, self._expected(effects))
+        relative = self._shapes.slopes(effects, keys) / self._shapes.total(effects)
         return np.asarray(0.5 * (relative * self.count) @ relative.T)
-
-    def _expected(self, effects: Sequence[Effect]) -> Array:
-        total = sum(
-            (e.allan_variance(self.tau) for e in effects if not e.coefficients()), np.zeros(self.tau.size)
-        )
-        return np.maximum(total, np.finfo(float).tiny)
-
-    def _relative(self, effects: Sequence[Effect], keys: Sequence[Key], a: Array) -> Array:
-        rows = [self._moved(effects[i], name) / a for i, name in keys]
-        return np.array(rows).reshape(len(keys), -1)
-
-    def _moved(self, effect: Effect, name: str) -> Array:
-        if effect.coefficients():
-            return np.zeros(self.tau.size)
-        value = float(getattr(effect, name))
-        up, down = (
-            replace(effect, **{name: value * float(np.exp(h))}).allan_variance(self.tau)
-            for h in (NUDGE, -NUDGE)
-        )
-        return np.asarray((up - down) / (2.0 * NUDGE))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -38,8 +38,57 @@ PER_DECADE = 48
 NUDGE = 1e-5
 """Step in a logarithm over which a density is differentiated."""
 
+SHAPES = 512
+"""Of them that are kept."""
+
 Key = tuple[int, str]
 """A parameter: index of its effect, name."""
+
+
+class Shapes:
+    """Quadratic functions of an effect (a density, an Allan variance), each computed once.
+
+    They grow with the square of the one size of the effect, so that only the shape is computed.
+
+    Parameters
+    ----------
+    compute : callable
+        The function of an effect, shape (m,).
+    """
+
+    def __init__(self, compute: Callable[[Effect], Array]) -> None:
+        self._compute = compute
+        self._known: dict[Effect, Array] = {}
+
+    def of(self, effect: Effect) -> Array:
+        """The function, shape (m,)."""
+        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+        if len(sizes) != 1:
+            return self._compute(effect)
+        shape = replace(effect, **{sizes[0]: 1.0})
+        if shape not in self._known:
+            if len(self._known) > SHAPES:
+                self._known.clear()
+            self._known[shape] = self._compute(shape)
+        return np.asarray(float(getattr(effect, sizes[0])) ** 2 * self._known[shape])
+
+    def total(self, effects: Sequence[Effect]) -> Array:
+        """The sum over the random effects, positive."""
+        return np.maximum(sum(self.of(e) for e in effects if not e.coefficients()), np.finfo(float).tiny)
+
+    def slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m)."""
+        return np.array([self._slope(effects[i], name) for i, name in keys]).reshape(len(keys), -1)
+
+    def _slope(self, effect: Effect, name: str) -> Array:
+        if effect.coefficients():  # the shape of a regressor
+            return np.zeros_like(self.of(replace(effect, **dict.fromkeys(effect.coefficients(), 0.0))))
+        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+        if sizes == [name]:
+            return 2.0 * self.of(effect)
+        value = float(getattr(effect, name))
+        up, down = (self.of(replace(effect, **{name: value * float(np.exp(h))})) for h in (NUDGE, -NUDGE))
+        return np.asarray((up - down) / (2.0 * NUDGE))
 
 
 @dataclass(frozen=True)
@@ -86,29 +135,16 @@ class Ordinates:
         return self.omega / (2.0 * np.pi * self.dt * self.block)
 
     @cached_property
-    def _shapes(self) -> dict[Effect, Array]:
-        return {}
+    def _shapes(self) -> Shapes:
+        return Shapes(lambda e: density_of_differences([e], self.omega, self.dt, self.block))
 
     def part(self, effect: Effect) -> Array:
-        """Density [U^2] of the differences of one effect, shape (m,).
-
-        A density grows with the square of its one size, so that only the shape is computed, once.
-        """
-        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
-        if len(sizes) != 1:
-            return density_of_differences([effect], self.omega, self.dt, self.block)
-        shape = replace(effect, **{sizes[0]: 1.0})
-        known = self._shapes
-        if shape not in known:
-            if len(known) > 512:
-                known.clear()
-            known[shape] = density_of_differences([shape], self.omega, self.dt, self.block)
-        return np.asarray(float(getattr(effect, sizes[0])) ** 2 * known[shape])
+        """Density [U^2] of the differences of one effect, shape (m,)."""
+        return self._shapes.of(effect)
 
     def density(self, effects: Sequence[Effect]) -> Array:
         """``S`` [U^2] of the differences under the random effects, shape (m,)."""
-        total = sum((self.part(e) for e in effects if not e.coefficients()), np.zeros(self.omega.size))
-        return np.maximum(total, np.finfo(float).tiny)
+        return self._shapes.total(effects)
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
         """``ln L`` of the record under the random `effects`.
@@ -130,26 +166,12 @@ class Ordinates:
         S = self.density(effects)
         theta = least_squares(np.tensordot(1.0 / S, self.gram, 1))[0]
         sensitivity = 0.5 * (residual_power(self, theta) / S - self.count) / S
-        return self._steepness(effects, keys) @ sensitivity
+        return self._shapes.slopes(effects, keys) @ sensitivity
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Fisher information of the same logarithms, shape (k, k)."""
-        relative = self._steepness(effects, keys) / self.density(effects)
+        relative = self._shapes.slopes(effects, keys) / self.density(effects)
         return np.asarray(0.5 * (relative * self.count) @ relative.T)
-
-    def _steepness(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative of the density in the logarithms, shape (k, m)."""
-        return np.array([self._steep(effects[i], name) for i, name in keys]).reshape(len(keys), -1)
-
-    def _steep(self, effect: Effect, name: str) -> Array:
-        if effect.coefficients():
-            return np.zeros(self.omega.size)
-        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
-        if sizes == [name]:
-            return 2.0 * self.part(effect)
-        value = float(getattr(effect, name))
-        up, down = (self.part(replace(effect, **{name: value * float(np.exp(h))})) for h in (NUDGE, -NUDGE))
-        return np.asarray((up - down) / (2.0 * NUDGE))
 
 
 def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:

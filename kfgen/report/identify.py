@@ -15,6 +15,7 @@ from kfgen.identify.limits import Limit
 from kfgen.identify.record import Published
 from kfgen.log import Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, Line, allan_picture
 from kfgen.units import derived_unit, display_unit, from_si, parse_unit
@@ -75,6 +76,7 @@ def identify_answer(logs: Sequence[Log], found: Mapping[str, Identified]) -> Ans
                 f"Allan deviation of {name}, {result.record.words}; the curve is the identified model.",
             ),
             table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
+            *meaning_parts(name, resolved(result), unit),
             *(text(m) for m in missing),
             *(text(w) for w in result.warnings),
         ]

@@ -1,0 +1,87 @@
+"""Consumers: one module for each program that takes noise parameters, found by its ``NAME``.
+
+To add one, add a module here with
+
+- ``NAME`` and ``TITLE``,
+- ``SOURCE``: where its convention was read, and how far that is verified,
+- ``RATE``: which rate its numbers depend on, in words; empty when on none,
+- ``NEEDS``: the sensors (``gyro``, ``accel``) that its file cannot do without,
+- ``convert(imu) -> Converted``; see `kfgen.consumers.base`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from dataclasses import replace
+from functools import cache
+from types import ModuleType
+
+from kfgen.consumers.base import SENSORS, Converted, Imu, Value
+from kfgen.errors import InputError
+from kfgen.noise import NoiseModel
+
+__all__ = ["Converted", "Imu", "Value", "consumers", "convert"]
+
+
+@cache
+def consumers() -> dict[str, ModuleType]:
+    """The consumers by name, from every module of this package that declares one."""
+    found: dict[str, ModuleType] = {}
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        if hasattr(module, "NAME"):
+            found[module.NAME] = module
+    return found
+
+
+def convert(
+    noise: NoiseModel, to: str, *, rate: float | None = None, safety: float = 1.0, origin: str = ""
+) -> Converted:
+    """The parameters of a noise model in a consumer's own convention.
+
+    Parameters
+    ----------
+    to : str
+        The consumer's name.
+    rate : float, optional
+        The rate [Hz] that the consumer's numbers depend on.
+    safety : float
+        Multiplies every size (its square every covariance).
+    origin : str
+        The noise file, said in the text.
+
+    Raises
+    ------
+    InputError
+        An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel called
+        after a sensor whose unit is none of it.
+    """
+    known = consumers()
+    if to not in known:
+        raise InputError(
+            f"there is no consumer '{to}'", where="--to", remedy=f"Known are {', '.join(sorted(known))}"
+        )
+    module = known[to]
+    if rate is not None and not 0.0 < rate < float("inf"):
+        raise InputError(f"a rate of {rate:g} Hz is none", where="--rate", remedy="Give a positive number")
+    if not 0.0 < safety < float("inf"):
+        raise InputError(
+            f"a safety factor of {safety:g} is none", where="--safety", remedy="Give a positive number"
+        )
+    if module.RATE and rate is None:
+        raise InputError(
+            f"{to} needs a rate: {module.RATE}", where="--rate", remedy="Give it in hertz, say --rate 100"
+        )
+    imu = Imu(noise, rate, safety, origin)
+    for sensor in module.NEEDS:
+        if not imu.readings(sensor):
+            names = ", ".join(f"{sensor}_{axis}" for axis in "xyz")
+            raise InputError(
+                f"the noise file has no {SENSORS[sensor][0]} channel, and {module.TITLE} cannot do without",
+                where=origin,
+                remedy=f"Add {names} to the noise file, or take --to table",
+            )
+    made: Converted = module.convert(imu)
+    absent = [f"{name}: {v.words}" for name, v in made.values.items() if not v.numbers]
+    return replace(made, warnings=(*absent, *made.warnings))
