@@ -27,7 +27,8 @@ from kfgen.identify import differences
 from kfgen.identify.allan import curve_of_chunks, log_factors, overlapping_variance
 from kfgen.identify.channel import identify
 from kfgen.identify.record import Record
-from kfgen.readers.npy import chunks, read
+from kfgen.readers.npy import read
+from kfgen.readers.table import chunks
 
 Values = np.ndarray
 REPEATS = 5

@@ -5,7 +5,7 @@ A simulated and a measured log are the same type.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -189,3 +189,62 @@ class Log:
     def select(self, names: Iterable[str]) -> Log:
         """Only the named channels."""
         return replace(self, channels={name: self.channel(name) for name in names})
+
+
+@dataclass(frozen=True)
+class StoredChannel:
+    """A channel that stays in its file.
+
+    Parameters
+    ----------
+    pieces : callable
+        An iterable of pieces of the values as they are stored.
+    n : int
+        Values.
+    unit : str
+        The unit in which they are stored.
+    """
+
+    pieces: Callable[[], Iterable[Array]]
+    n: int
+    unit: str
+
+    @property
+    def si(self) -> str:
+        """The SI unit of what `chunks` gives."""
+        return parse_unit(self.unit).si
+
+    def chunks(self) -> Iterator[Array]:
+        """The values [SI], piece by piece."""
+        parsed = parse_unit(self.unit)
+        for piece in self.pieces():
+            yield np.asarray(piece, dtype=np.float64) * parsed.factor + parsed.offset
+
+
+@dataclass(frozen=True)
+class StoredLog:
+    """A log too long for memory: evenly sampled channels that stay in their file.
+
+    Parameters
+    ----------
+    dt : float
+        Sampling period [s].
+    channels : mapping of str to StoredChannel
+    source, sha256, warnings, axis
+        As in `Log`.
+    """
+
+    dt: float
+    channels: Mapping[str, StoredChannel]
+    source: str
+    sha256: str
+    warnings: tuple[str, ...] = ()
+    axis: str = "t"
+
+    def channel(self, name: str) -> StoredChannel:
+        """The channel of that name; raises `InputError` where there is none."""
+        if name not in self.channels:
+            raise InputError(
+                f"channel '{name}' is missing", where=self.source, remedy=f"It has {', '.join(self.channels)}"
+            )
+        return self.channels[name]

@@ -34,7 +34,7 @@ from kfgen.identify.allan import (
     overlapping_variance,
     variance_of_chunks,
 )
-from kfgen.readers.npy import chunks
+from kfgen.readers.table import chunks
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import pytest
 
 from kfgen.errors import InputError
 from kfgen.readers import ColumnMap, read_log
-from kfgen.readers.npy import chunks
 from kfgen.readers.npy import read as read_npy
+from kfgen.readers.table import chunks
 
 
 def npy(folder: Path, array: object, **how: bool) -> Path:

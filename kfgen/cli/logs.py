@@ -29,7 +29,7 @@ from kfgen.cli.options import (
 
 if TYPE_CHECKING:
     from kfgen.identify.record import Evidence, Record
-    from kfgen.log import Log
+    from kfgen.log import Log, StoredLog
     from kfgen.noise import NoiseModel
 
 Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
@@ -41,24 +41,24 @@ def _names(text: str | None) -> list[str] | None:
     return [part.strip() for part in text.split(",") if part.strip()] if text else None
 
 
-def _evidence(logs: Sequence[Log], name: str) -> tuple[Evidence, list[str]]:
+def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, list[str]]:
     """A channel of one log or of several, or a published curve, and what is to be said of its sampling."""
     from kfgen.errors import InputError
-    from kfgen.identify.record import Joint, Published, Record
+    from kfgen.identify.record import Joint, Record
     from kfgen.identify.sampling import evidence
+    from kfgen.log import Log
 
+    first = logs[0]
+    if len(logs) == 1 and not isinstance(first, Log):
+        return _condensed(first, name), []
+    if isinstance(first, Log) and first.axis == "tau":
+        return _published(first, name), []
     parts, said = [], []
     for log in logs:
-        values = log.channel(name).values
-        if log.axis == "tau":
-            band = [
-                log.channels[f"{name}_{end}"].values
-                for end in ("lo", "hi")
-                if f"{name}_{end}" in log.channels
-            ]
-            return Published.of(log.t, values, *band), []
+        if not isinstance(log, Log):
+            raise InputError("a log too long for memory is identified alone", where=log.source)
         drive = {"temperature": log.channels["temperature"].values} if "temperature" in log.channels else {}
-        part, words = evidence(log.t, values, drive)
+        part, words = evidence(log.t, log.channel(name).values, drive)
         said += [f"{log.source}: {w}" if len(logs) > 1 else w for w in words]
         parts.append(part)
     if len(parts) == 1:
@@ -70,6 +70,20 @@ def _evidence(logs: Sequence[Log], name: str) -> tuple[Evidence, list[str]]:
             remedy="Identify it alone, or cut it at its gaps",
         )
     return Joint(even), said
+
+
+def _condensed(log: StoredLog, name: str) -> Evidence:
+    from kfgen.identify.long import Stream, condense
+
+    channel = log.channel(name)
+    return condense(Stream(channel.chunks, channel.n, log.dt))
+
+
+def _published(log: Log, name: str) -> Evidence:
+    from kfgen.identify.record import Published
+
+    band = [log.channels[name + end].values for end in BAND if name + end in log.channels]
+    return Published.of(log.t, log.channel(name).values, *band)
 
 
 def _record(log: Log, name: str) -> Record:
@@ -111,11 +125,13 @@ def identify(
     from kfgen.errors import InputError
     from kfgen.identify.channel import identify as identified
     from kfgen.noise import write_noise
+    from kfgen.readers import ColumnMap, read_long
     from kfgen.report.identify import identify_answer, noise_model
 
     for log in logs:
         not_over(output, log)
-    data = [read(log, rate, columns, curves=True) for log in logs]
+    mapped = ColumnMap.parse(columns) if columns else None
+    data = [read_long(log, rate=rate, columns=mapped) for log in logs]
     first = data[0]
     if len(data) > 1 and any(d.axis == "tau" for d in data):
         raise InputError("an Allan curve is identified alone", where=first.source)

@@ -32,13 +32,13 @@ MaxStep = Annotated[float, typer.Option(help="Longest step [s].")]
 SampleRate = Annotated[float, typer.Option("--rate", help="Rate of the sensors [Hz].")]
 
 
-def read(path: Path, rate: float | None, columns: str | None, *, curves: bool = False) -> Log:
-    """A log with its columns mapped; an Allan curve only where the command can use one."""
+def read(path: Path, rate: float | None, columns: str | None) -> Log:
+    """A log with its columns mapped."""
     from kfgen.errors import InputError
     from kfgen.readers import ColumnMap, read_log
 
     log = read_log(path, rate=rate, columns=ColumnMap.parse(columns) if columns else None)
-    if log.axis != "t" and not curves:
+    if log.axis != "t":
         raise InputError("it is an Allan curve and no log", where=str(path), remedy="Give the log itself")
     return log
 

@@ -77,7 +77,7 @@ class WarmUp(Effect):
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
         """Time constants over the record; the size is solved for."""
-        return [cls(0.0, share * look.duration) for share in (0.03, 0.1, 0.3)]
+        return [cls(0.0, share * look.duration) for share in (0.01, 0.03, 0.1, 0.2, 0.4)]
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``dx = -x / tau dt``, from `size`."""

@@ -30,6 +30,8 @@ PLAIN = 2.7
 SHAPED = 9.0
 FAST = 10.8
 DECISIVE = 20.0
+PROMISING = 3.8
+"""What a drift must gain beside noise that was fitted without it, to be fitted with it."""
 SLOW_AT_ONCE = 2
 
 
@@ -103,12 +105,21 @@ def choose(record: Evidence, fit: Fitter, *, drifting: bool = True) -> Trial:
         return best
     fast = tuple(e.name for e in best.fit.effects[1:] if e.name in fast_effects(record))
     for name in drifts(record):
-        found = [
-            fit(record, combined(record, (*base, *fast, *s, name)))
-            for s in [(), *((n,) for n in slow_effects(record))]
-        ]
-        best = max([best, *found], key=lambda t: t.score)
+        gain, start = _promise(record, best.fit.effects, starts(name, record))
+        if gain > PROMISING:
+            alone = [(), *((n,) for n in slow_effects(record))]
+            sets = [[(*c, start) for c in combined(record, (*base, *fast, *s))] for s in alone]
+            best = max([best, *(fit(record, choices) for choices in sets)], key=lambda t: t.score)
     return best
+
+
+def _promise(record: Evidence, effects: tuple[Effect, ...], shapes: Sequence[Effect]) -> tuple[float, Effect]:
+    """What a drift gains at most beside effects that stay as they are, and at which of its shapes."""
+    held = tuple(e for e in effects if not e.coefficients())
+    known = record.likelihood(held).log_likelihood(held).value
+    gains = [2.0 * (record.likelihood((*held, s)).log_likelihood((*held, s)).value - known) for s in shapes]
+    best = max(range(len(shapes)), key=gains.__getitem__)
+    return gains[best], shapes[best]
 
 
 def _sets(names: Sequence[str]) -> list[tuple[str, ...]]:

@@ -13,12 +13,16 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 from kfgen.errors import InputError
-from kfgen.log import Log
-from kfgen.readers.table import ColumnMap, assemble
+from kfgen.log import Log, StoredLog
+from kfgen.readers.table import ColumnMap, Table, assemble, stored
 
-__all__ = ["ColumnMap", "read_log", "readers", "write_log"]
+__all__ = ["ColumnMap", "read_log", "read_long", "readers", "write_log"]
 
+STORED = 20_000_000
+"""Samples of a channel beyond which a mapped file is not read into memory."""
 BLOCK = 1 << 20
 """Bytes of a file that are looked at in one piece."""
 
@@ -51,7 +55,24 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
     InputError
         The file is missing, empty, of an unknown format or broken; the message names the place.
     """
-    path = Path(path)
+    table, sha256 = _table(Path(path), rate)
+    return assemble(table, columns, rate, sha256)
+
+
+def read_long(
+    path: str | Path, *, rate: float | None = None, columns: ColumnMap | None = None
+) -> Log | StoredLog:
+    """Read a log of any known format; one that is mapped and too long for memory stays in its file.
+
+    Parameters and errors are those of `read_log`.
+    """
+    table, sha256 = _table(Path(path), rate)
+    long = any(isinstance(c.values, np.memmap) and c.values.size > STORED for c in table.columns.values())
+    return (stored if long else assemble)(table, columns, rate, sha256)
+
+
+def _table(path: Path, rate: float | None) -> tuple[Table, str]:
+    """What the reader of a file found in it, and its SHA-256."""
     if not path.is_file():
         raise InputError("no such file", where=str(path), remedy="Check the path")
     reader = readers().get(path.suffix.lower())
@@ -70,8 +91,7 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
-    table = reader.read(path)
-    return assemble(table, columns, rate, sha256)
+    return reader.read(path), sha256
 
 
 def write_log(log: Log, path: str | Path) -> None:

@@ -7,21 +7,14 @@ Nothing that is pickled is ever loaded.
 
 from __future__ import annotations
 
-import mmap
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kfgen.errors import InputError
 from kfgen.readers.table import Column, Table
 
 SUFFIXES = (".npy",)
-
-CHUNK = 1 << 20
-"""Samples in a chunk."""
 
 
 def read(path: Path) -> Table:
@@ -59,25 +52,3 @@ def read(path: Path) -> Table:
         )
     columns = array[:, None] if array.ndim == 1 else array
     return Table(str(path), {f"#{k + 1}": Column(columns[:, k]) for k in range(columns.shape[1])})
-
-
-def chunks(values: NDArray[Any], size: int = CHUNK) -> Iterator[NDArray[Any]]:
-    """Slices of a row, one after the other; what was read of a mapped file is given back to the system.
-
-    Without that, the whole file would in the end count as memory of this process.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        An array, or a column of a mapped file.
-    size : int
-        Samples in a slice. Use a slice before the next one is taken.
-    """
-    mapped: Any = values
-    while isinstance(mapped, np.ndarray):
-        mapped = mapped.base
-    advice = getattr(mmap, "MADV_DONTNEED", None) if isinstance(mapped, mmap.mmap) else None
-    for start in range(0, values.shape[0], size):
-        yield values[start : start + size]
-        if advice is not None:
-            mapped.madvise(advice)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import mmap
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.errors import InputError
-from kfgen.log import Channel, Log
+from kfgen.log import Channel, Log, StoredChannel, StoredLog
 from kfgen.units import parse_unit
 
+CHUNK = 1 << 20
+"""Samples in a slice of a mapped file."""
 _SETTING = re.compile(r"\s*#?\s*(Fs|Logging time)\s*[,;=:]\s*([0-9.]+)", re.I)
 CONTRADICTION = 0.02
 """Relative difference of two statements of a rate that is no rounding."""
@@ -128,6 +133,51 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
         return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
     return Log(t, channels, table.source, sha256, warnings)
+
+
+def stored(table: Table, columns: ColumnMap | None, rate: float | None, sha256: str) -> StoredLog:
+    """A `StoredLog` from a `Table` whose columns are mapped files.
+
+    Raises
+    ------
+    InputError
+        As `assemble`, and when there is no rate.
+    """
+    chosen = _chosen(table, columns)
+    rate = rate or table.rate
+    if rate is None or "t" in chosen:
+        raise InputError(
+            "a log of this length is read with a sampling rate only",
+            where=table.source,
+            remedy="Give --rate, and map the channels without the time",
+        )
+    channels = {
+        name: StoredChannel(partial(chunks, c.values), c.values.size, _unit(table, name, c))
+        for name, c in chosen.items()
+    }
+    return StoredLog(1.0 / rate, channels, table.source, sha256, table.warnings)
+
+
+def chunks(values: NDArray[Any], size: int = CHUNK) -> Iterator[NDArray[Any]]:
+    """Slices of a row, one after the other; what was read of a mapped file is given back to the system.
+
+    Without that, the whole file would in the end count as memory of this process.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        An array, or a column of a mapped file.
+    size : int
+        Samples in a slice. Use a slice before the next one is taken.
+    """
+    mapped: Any = values
+    while isinstance(mapped, np.ndarray):
+        mapped = mapped.base
+    advice = getattr(mmap, "MADV_DONTNEED", None) if isinstance(mapped, mmap.mmap) else None
+    for start in range(0, values.shape[0], size):
+        yield values[start : start + size]
+        if advice is not None:
+            mapped.madvise(advice)
 
 
 def _chosen(table: Table, columns: ColumnMap | None) -> dict[str, Column]:

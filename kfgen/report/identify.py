@@ -13,7 +13,7 @@ from kfgen.effects import Effect
 from kfgen.identify.channel import Identified
 from kfgen.identify.limits import Limit
 from kfgen.identify.record import Published
-from kfgen.log import Log
+from kfgen.log import Log, StoredLog
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
@@ -23,7 +23,9 @@ from kfgen.units import derived_unit, display_unit, from_si, parse_unit
 Array = NDArray[np.float64]
 
 
-def noise_model(logs: Sequence[Log], found: Mapping[str, Identified], method: str = "ml") -> NoiseModel:
+def noise_model(
+    logs: Sequence[Log | StoredLog], found: Mapping[str, Identified], method: str = "ml"
+) -> NoiseModel:
     """The noise file of what was identified; unresolved drifts are not in it."""
     channels, log = {}, logs[0]
     for name, result in found.items():
@@ -54,7 +56,7 @@ def quantity(value: float, unit: str) -> str:
     return f"{from_si(value, unit):.3g} {unit}" if np.isfinite(value) else "unbounded"
 
 
-def identify_answer(logs: Sequence[Log], found: Mapping[str, Identified]) -> Answer:
+def identify_answer(logs: Sequence[Log | StoredLog], found: Mapping[str, Identified]) -> Answer:
     """Text, JSON and page of the channels of a log, or of several of one sensor."""
     lines, parts, channels, log = [], [], {}, logs[0]
     warnings = [w for d in logs for w in d.warnings]
