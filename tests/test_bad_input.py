@@ -81,18 +81,15 @@ LOGS = {
     "word in a cell": (changed(5, "0.03,oops"), ["'oops'", "line 5", "column 2", "gyro_x"]),
     "empty cell": (changed(5, "0.03,"), ["empty", "line 5", "column 2"]),
     "missing cell": (changed(5, "0.03"), ["line 5", "1 cells instead of 2"]),
-    "nan in a channel": (changed(5, "0.03,nan"), ["gyro_x", "sample 4"]),
-    "inf in a channel": (changed(5, "0.03,inf"), ["gyro_x", "sample 4"]),
     "nan in time": (changed(5, "nan,1"), ["time", "sample 4"]),
     "time running backwards": (changed(5, "0.005,1"), ["time", "sample 4"]),
     "time standing still": (changed(5, "0.02,1"), ["time", "sample 4"]),
-    "hole in time": ([*rows(), "9.0,1"], ["uneven", "t = 2.99 s"]),
     "header twice": (rows(header="t [s],t [s]"), ["'t' twice", "line 1", "column 2"]),
     "unknown unit": (rows(header="t [s],gyro_x [furlong]"), ["furlong", "gyro_x"]),
     "no unit": (rows(header="t [s],gyro_x"), ["no unit", "gyro_x"]),
     "no time": (["gyro_x [deg/s]", *(r.split(",")[1] for r in rows()[1:])], ["--rate"]),
     "too few samples": (rows(20), ["20 samples", "gyro_x"]),
-    "one sample": (rows(1), ["one sample"]),
+    "one sample": (rows(1), ["too few", "1 sample"]),
     "header only": (rows(0), ["numbers"]),
     "constant": ([rows()[0], *(f"{k / 100:.2f},5.0" for k in range(300))], ["never changes", "gyro_x"]),
     "values beyond squaring": (
@@ -101,6 +98,32 @@ LOGS = {
     ),
     "nothing to identify": (rows(header="t [s],temperature [degC]"), ["temperature"]),
 }
+
+
+HOLES = {
+    "nan in a channel": (changed(5, "0.03,nan"), ["gyro_x", "sample 4"]),
+    "inf in a channel": (changed(5, "0.03,inf"), ["gyro_x", "sample 4"]),
+    "hole in time": ([*rows(), "9.0,1"], ["uneven", "t = 2.99 s"]),
+}
+
+
+@pytest.mark.parametrize("case", HOLES)
+def test_the_gap_asks_for_a_whole_log(case: str, refused: Callable[..., str]) -> None:
+    lines, words = HOLES[case]
+    path = put(lines)
+    model = noise()
+    said = refused("gap", path, "--model", model, "-o", "better.toml", "--json", "answer.json")
+    for word in [path, *words]:
+        assert word in said
+
+
+@pytest.mark.parametrize("case", HOLES)
+def test_what_is_missing_is_said(case: str, kfgen: Cli) -> None:
+    """Identification takes it as missing, and says so: how many, where."""
+    done = kfgen("identify", put(HOLES[case][0]), "-o", "noise.toml")
+    assert done.exit_code == 0
+    assert "missing" in done.stderr
+    assert "t = 2.99 s" in done.stderr or "t = 0.03 s" in done.stderr
 
 
 @pytest.mark.parametrize("case", LOGS)
@@ -196,7 +219,7 @@ def test_a_wrong_option_is_refused(case: str, refused: Callable[..., str]) -> No
         ["identify", "log.csv", "--no-such-option"],
         ["identify", "log.csv", "--rate", "fast"],
         ["identify"],
-        ["identify", "log.csv", "another.csv"],
+        ["plan", "noise.toml", "another.toml"],
         ["frobnicate"],
         ["emit", "gyro-static", "-o", "out"],
         ["gap", "log.csv"],
@@ -431,7 +454,7 @@ PROCESS = {
     "missing file": ["identify", "gone.csv", "-o", "noise.toml"],
     "empty file": ["identify", "empty.csv", "-o", "noise.toml"],
     "word in a cell": ["identify", "word.csv", "-o", "noise.toml"],
-    "nan in a channel": ["identify", "nan.csv", "-o", "noise.toml"],
+    "nan in a channel": ["gap", "nan.csv", "--model", "walk.toml", "-o", "better.toml"],
     "rate zero": ["identify", "log.csv", "--rate", 0, "-o", "noise.toml"],
     "no such output folder": ["simulate", "gyro-static", "--duration", 1, "-o", "nowhere/sim.npz"],
     "output is a folder": ["simulate", "gyro-static", "--duration", 1, "-o", "taken.csv"],

@@ -80,7 +80,7 @@ def _condensed(log: StoredLog, name: str) -> Evidence:
 
 
 def _published(log: Log, name: str) -> Evidence:
-    from kfgen.identify.record import Published
+    from kfgen.identify.published import Published
 
     band = [log.channels[name + end].values for end in BAND if name + end in log.channels]
     return Published.of(log.t, log.channel(name).values, *band)

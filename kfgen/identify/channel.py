@@ -20,7 +20,8 @@ from kfgen.identify.likelihood import METHODS, Estimate, covariance
 from kfgen.identify.limits import Limit
 from kfgen.identify.lines import PeriodicLine, find_lines, without_line
 from kfgen.identify.long import Long, Stream, condense
-from kfgen.identify.record import Evidence, Joint, Published, Record
+from kfgen.identify.published import Published
+from kfgen.identify.record import Evidence, Joint, Record
 
 Array = NDArray[np.float64]
 

@@ -161,6 +161,7 @@ class _System:
 
     @property
     def order(self) -> int:
+        """States."""
         return int(self.C.size)
 
     def step(self, count: int, gap: float, white: float, dt: float) -> tuple[Array, Array]:

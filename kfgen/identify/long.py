@@ -210,10 +210,12 @@ class _Means:
         self._rest = np.zeros(0)
 
     def add(self, y: Array) -> None:
+        """Take the samples that follow."""
         y = np.concatenate([self._rest, y]) if self._rest.size else y
         full = y.size // self._block * self._block
         self._out.append(y[:full].reshape(-1, self._block).mean(axis=1))
         self._rest = y[full:].copy()
 
     def done(self) -> Array:
+        """All means."""
         return np.concatenate(self._out)

@@ -1,7 +1,7 @@
 """What is identified: evenly sampled records of one channel, alone or several of one sensor.
 
 `Evidence` is what a fit needs to know; a `Record` has it from its samples, a `Joint` from several
-records, of which each was switched on anew, and a `Published` curve from averaging times alone.
+records, of which each was switched on anew. (`kfgen.identify.published` has a curve without samples.)
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from kfgen.errors import InputError
 from kfgen.identify.allan import (
     AllanCurve,
     allan_curve,
-    degrees_of_freedom,
     log_factors,
     octave_factors,
     pooled,
@@ -31,10 +30,6 @@ Array = NDArray[np.float64]
 
 CELLS = 1 << 14
 """Stretches of a record between which a smooth regressor of searched shape is differenced."""
-FEWEST = 8
-"""Points that a published curve needs."""
-MOST_FREE = 1000.0
-"""Degrees of freedom that a point of a published curve is given at most: nobody says how it was made."""
 KEPT = 8
 """Likelihoods that are kept, one for each set of regressors."""
 
@@ -308,126 +303,4 @@ class Joint(Evidence):
             omega=np.concatenate([p.omega for p in parts]),
             count=np.concatenate([p.count for p in parts]),
             gram=np.concatenate([p.gram for p in parts]),
-        )
-
-
-@dataclass(frozen=True)
-class Published(Evidence):
-    """An Allan curve without its samples.
-
-    Parameters
-    ----------
-    given : AllanCurve
-    first : int
-        Index of the first point that is fitted.
-    """
-
-    given: AllanCurve
-    first: int = 0
-
-    @property
-    def dt(self) -> float:
-        """The shortest averaging time [s]."""
-        return float(self.given.tau[self.first])
-
-    @property
-    def lengths(self) -> tuple[int, ...]:
-        """Samples that the longest averaging time needs at least: two of it."""
-        return (int(np.ceil(2.0 * self.given.tau[-1] / self.dt)),)
-
-    @property
-    def step(self) -> float:
-        """The shortest averaging time [s]."""
-        return self.dt
-
-    @property
-    def scale(self) -> float:
-        """The largest deviation [SI]."""
-        return float(self.given.deviation.max())
-
-    @property
-    def driven(self) -> Mapping[str, float]:
-        """None."""
-        return {}
-
-    @property
-    def curve(self) -> AllanCurve:
-        """As it was given."""
-        return self.given
-
-    @property
-    def octaves(self) -> AllanCurve:
-        """Points about an octave apart."""
-        g, at = self.given, self._octave_indices()
-        return AllanCurve(g.tau[at], g.deviation[at], g.lo[at], g.hi[at], g.edf[at])
-
-    @property
-    def look(self) -> Look:
-        """From the points that are fitted."""
-        g = self.given
-        return Look(g.tau[self.first :], g.deviation[self.first :], self.dt, self.longest, {})
-
-    @property
-    def words(self) -> str:
-        """How much of what."""
-        tau = self.given.tau
-        return f"Allan deviation at {tau.size} averaging times, {tau[0]:.3g} to {tau[-1]:.4g} s, without its samples"
-
-    @staticmethod
-    def of(tau: Array, deviation: Array, lo: Array | None = None, hi: Array | None = None) -> Published:
-        """A curve from averaging times [s] and deviations [SI], with its 95 % band where one is given.
-
-        Raises
-        ------
-        InputError
-            Fewer than `FEWEST` points, or a deviation that is not positive.
-        """
-        if tau.size < FEWEST:
-            raise InputError(f"{tau.size} points are too few for a fit", remedy=f"Give at least {FEWEST}")
-        if not (deviation > 0.0).all():
-            raise InputError(
-                "a deviation is not positive", remedy="Give Allan deviations, not their logarithms"
-            )
-        if lo is not None and hi is not None:
-            # The band of ln AVAR is 2 ln (hi / lo) wide, 3.92 deviations of sqrt(2 / edf).
-            edf = 2.0 / np.maximum(2.0 * np.log(hi / lo) / 3.92, 1e-3) ** 2
-            return Published(AllanCurve(tau, deviation, lo, hi, edf))
-        m = tau / tau[0]
-        slope = np.gradient(2.0 * np.log(deviation), np.log(tau))
-        edf = np.minimum(degrees_of_freedom(int(np.ceil(2.0 * m[-1])), m, slope), MOST_FREE)
-        spread = 1.96 * np.sqrt(0.5 / edf)
-        return Published(
-            AllanCurve(tau, deviation, deviation * np.exp(-spread), deviation * np.exp(spread), edf)
-        )
-
-    def falling(self) -> tuple[Published, float]:
-        """From where on it falls as noise does, and the time [s] of that point, zero if it is the first.
-
-        Noise falls steepest at the shortest times and is less steep with every octave. Where a curve
-        begins flatter than it goes on, a low-pass or overlapped averages bend it; where its slope jumps,
-        it carries vibration.
-        """
-        at = self._octave_indices()
-        slope = np.diff(np.log(self.given.deviation[at])) / np.diff(np.log(self.given.tau[at]))
-        for i in range(max(slope.size - 2, 0)):
-            steepest = slope[i + 1 : i + 8].min()
-            if -1.1 < slope[i] <= steepest + 0.07 and slope[i + 1] <= -0.35:
-                return replace(self, first=int(at[i])), float(self.given.tau[at[i]]) if i else 0.0
-        raise InputError(
-            "the curve falls nowhere as white noise does",
-            remedy="Give its shorter averaging times, or the log",
-        )
-
-    def _octave_indices(self) -> NDArray[np.int64]:
-        """Points at least nearly an octave apart."""
-        chosen = [self.first]
-        for i, tau in enumerate(self.given.tau.tolist()):
-            if i > self.first and tau >= 1.9 * self.given.tau[chosen[-1]]:
-                chosen.append(i)
-        return np.array(chosen)
-
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
-        """Raises `InputError`: a curve has no samples."""
-        raise InputError(
-            "an Allan curve has no samples", remedy="Fit it with --method allan, or give the log"
         )

@@ -55,7 +55,7 @@ def evidence(
     t, y = t[there], y[there]
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
-        raise InputError(f"{t.size} samples are too few for a fit", remedy="Log more")
+        raise InputError(f"{counted(t.size, 'sample')}: too few for a fit", remedy="Log more")
     steps = np.diff(t)
     dt = float(np.median(steps))
     near = steps[steps < GAP * dt]
@@ -85,9 +85,14 @@ def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
     runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
     longest = max(runs, key=len)
     return [
-        f"{lost.size} samples are not a number, in {len(runs)} runs, the longest of {longest.size} at "
+        f"{counted(lost.size, 'sample')} not a number, in {counted(len(runs), 'run')}, the longest of {longest.size} at "
         f"t = {t[longest[0]]:.6g} s; the fit takes them as missing"
     ]
+
+
+def counted(n: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def _filled(v: Array) -> Array:
@@ -100,7 +105,7 @@ def _gaps(t: Array, steps: Array, gaps: NDArray[np.int64], dt: float) -> str:
     longest = int(gaps[np.argmax(steps[gaps])])
     lost = float(np.sum(steps[gaps] / dt - 1.0))
     return (
-        f"{gaps.size} gaps, {lost:.0f} samples missing in all, the longest gap {steps[longest]:.4g} s at "
+        f"{counted(gaps.size, 'gap')}, {counted(round(lost), 'sample')} missing in all, the longest gap {steps[longest]:.4g} s at "
         f"t = {t[longest]:.6g} s; the fit takes them as missing"
     )
 

@@ -12,7 +12,7 @@ import kfgen
 from kfgen.effects import Effect
 from kfgen.identify.channel import Identified
 from kfgen.identify.limits import Limit
-from kfgen.identify.record import Published
+from kfgen.identify.published import Published
 from kfgen.log import Log, StoredLog
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.convert import meaning_parts
