@@ -15,6 +15,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
 from kfgen.units import derived_unit, from_si, parse_quantity, parse_unit
@@ -32,11 +34,28 @@ class Term:
 
 
 @dataclass(frozen=True)
+class Joint:
+    """How well the sizes and times of a channel's effects are known together.
+
+    Parameters
+    ----------
+    parameters : tuple of (int, str)
+        Index of the effect, name of its parameter.
+    matrix : tuple of rows, (k, k)
+        Covariance of their logarithms: the diagonal holds squared relative deviations.
+    """
+
+    parameters: tuple[tuple[int, str], ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
 class ChannelNoise:
     """The effects of one channel; `unit` is the user's unit, in which the file is written."""
 
     unit: str
     terms: tuple[Term, ...]
+    covariance: Joint | None = None
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -140,7 +159,32 @@ def _channel(name: str, table: Mapping[str, Any], where: str) -> ChannelNoise:
     entries = table.get("effects", [])
     if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise InputError("effects is no list of tables", where=where)
-    return ChannelNoise(unit, tuple(_term(entry, unit, where) for entry in entries))
+    terms = tuple(_term(entry, unit, where) for entry in entries)
+    return ChannelNoise(unit, terms, _joint(table.get("covariance"), terms, where))
+
+
+def _joint(entry: Any, terms: tuple[Term, ...], where: str) -> Joint | None:
+    """The covariance of a channel's parameters, checked."""
+    if entry is None:
+        return None
+    wrong = InputError(
+        "its covariance is no symmetric matrix of the parameters that it names",
+        where=where,
+        remedy='Write covariance = { of = ["0.N"], log = [[1e-6]] }, or leave it out',
+    )
+    if not isinstance(entry, dict) or not isinstance(entry.get("of"), list):
+        raise wrong
+    known = {f"{i}.{p.name}": (i, p.name) for i, t in enumerate(terms) for p in t.effect.estimated()}
+    names, rows = entry["of"], entry.get("log")
+    if not all(isinstance(n, str) and n in known for n in names) or len(set(names)) < len(names):
+        raise wrong
+    try:
+        matrix = np.array(rows, dtype=np.float64).reshape(len(names), len(names))
+    except (TypeError, ValueError):
+        raise wrong from None
+    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T) or (np.diag(matrix) < 0.0).any():
+        raise wrong
+    return Joint(tuple(known[n] for n in names), tuple(map(tuple, matrix.tolist())))
 
 
 def _term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
@@ -169,6 +213,10 @@ def noise_text(noise: NoiseModel) -> str:
         _check_name(name, "noise")
         lines += ["", f"[{name}]", f"unit = {_quoted(channel.unit)}", "effects = ["]
         lines += [f"  {{ {_entry(term, channel.unit)} }}," for term in channel.terms] + ["]"]
+        if channel.covariance is not None:
+            names = ", ".join(f'"{i}.{p}"' for i, p in channel.covariance.parameters)
+            rows = ", ".join(f"[{', '.join(f'{v:.6g}' for v in row)}]" for row in channel.covariance.matrix)
+            lines.append(f"covariance = {{ of = [{names}], log = [{rows}] }}")
     return "\n".join(lines) + "\n"
 
 

@@ -14,7 +14,7 @@ from kfgen.identify.channel import Identified
 from kfgen.identify.limits import Limit
 from kfgen.identify.published import Published
 from kfgen.log import Log, StoredLog
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.noise import ChannelNoise, Joint, NoiseModel, Term
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, Line, allan_picture
@@ -34,7 +34,8 @@ def noise_model(
             if i not in result.unresolved:
                 ci95 = {p: ci for (k, p), ci in result.intervals.items() if k == i and np.isfinite(ci[1])}
                 terms.append(Term(effect, ci95))
-        channels[name] = ChannelNoise(display_unit(log.channel(name).unit), tuple(terms))
+        unit = display_unit(log.channel(name).unit)
+        channels[name] = ChannelNoise(unit, tuple(terms), _covariance(result))
     return NoiseModel(
         channels,
         {
@@ -44,6 +45,21 @@ def noise_model(
             "kfgen": kfgen.__version__,
         },
     )
+
+
+def _covariance(result: Identified) -> Joint | None:
+    """The covariance of the logarithms of what is written and known."""
+    written = [i for i in range(len(result.fit.effects)) if i not in result.unresolved]
+    at = [
+        k
+        for k, (i, name) in enumerate(result.fit.free)
+        if i in written and 0.0 < result.intervals[i, name][0] < result.intervals[i, name][1] < np.inf
+    ]
+    C = result.covariance[np.ix_(at, at)] if at else np.zeros((0, 0))
+    if not at or not np.isfinite(C).all():
+        return None
+    names = tuple((written.index(result.fit.free[k][0]), result.fit.free[k][1]) for k in at)
+    return Joint(names, tuple(map(tuple, (0.5 * (C + C.T)).tolist())))
 
 
 def model_deviation(effects: tuple[Effect, ...], tau: Array) -> Array:
@@ -194,8 +210,16 @@ def _channel(result: Identified, si: str) -> dict[str, Any]:
         "lines": [
             {"frequency_hz": line.frequency, "amplitude": line.amplitude, "unit": si} for line in result.lines
         ],
+        "covariance": _joint_data(result),
         "warnings": list(result.warnings),
     }
+
+
+def _joint_data(result: Identified) -> dict[str, Any] | None:
+    joint = _covariance(result)
+    if joint is None:
+        return None
+    return {"of": [f"{i}.{name}" for i, name in joint.parameters], "log": [list(row) for row in joint.matrix]}
 
 
 def _parameter(result: Identified, i: int, effect: Effect, name: str, unit: str) -> dict[str, Any]:
