@@ -21,6 +21,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement, product
 
+import numpy as np
+
 from kfgen.effects import Effect, catalogue
 from kfgen.identify.fit import Fit, Problem
 from kfgen.identify.limits import starts
@@ -32,6 +34,8 @@ FAST = 10.8
 DECISIVE = 20.0
 PROMISING = 3.8
 """What a drift must gain beside noise that was fitted without it, to be fitted with it."""
+UNLIKE = 1e-3
+"""Chance below which the bands of a driven effect disagree."""
 SLOW_AT_ONCE = 2
 
 
@@ -109,8 +113,30 @@ def choose(record: Evidence, fit: Fitter, *, drifting: bool = True) -> Trial:
         if gain > PROMISING:
             alone = [(), *((n,) for n in slow_effects(record))]
             sets = [[(*c, start) for c in combined(record, (*base, *fast, *s))] for s in alone]
-            best = max([best, *(fit(record, choices) for choices in sets)], key=lambda t: t.score)
+            trials = [fit(record, choices) for choices in sets]
+            best = max([best, *(t for t in trials if _holds(record, t.fit))], key=lambda t: t.score)
     return best
+
+
+def _holds(record: Evidence, fit: Fit) -> bool:
+    """Whether the last effect of a fit, where it is driven, has the same coefficient in every band.
+
+    A driver's own noise that leaks into a channel, by a compensation for instance, is no drift with it: slow
+    and fast then follow the driver by different amounts.
+    """
+    from scipy.stats import chi2
+
+    effect = fit.effects[-1]
+    if not effect.driver:
+        return True
+    data = record.ordinates((effect,))
+    weight = data.gram[:, :, 1] / data.density(fit.effects)[:, None]
+    band = np.floor(2.0 * np.log10(data.omega / data.omega[0])).astype(int)
+    xy, xx = (np.bincount(band, weight[:, k]) for k in (0, 1))
+    some = xx > 0.0
+    coefficient = xy.sum() / xx.sum()
+    spread = float(np.sum((xy[some] - coefficient * xx[some]) ** 2 / xx[some]))
+    return bool(chi2.sf(spread, max(int(some.sum()) - 1, 1)) > UNLIKE)
 
 
 def _promise(record: Evidence, effects: tuple[Effect, ...], shapes: Sequence[Effect]) -> tuple[float, Effect]:

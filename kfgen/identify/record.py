@@ -22,6 +22,7 @@ from kfgen.identify.allan import (
     allan_curve,
     log_factors,
     octave_factors,
+    overlapping_variance,
     pooled,
 )
 from kfgen.identify.whittle import Fitted, Key, Ordinates, block_means, coarse_transform, ordinates, transform
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 
 CELLS = 1 << 14
 """Stretches of a record between which a smooth regressor of searched shape is differenced."""
+FASTEST = 20.0
+"""Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
 KEPT = 8
 """Likelihoods that are kept, one for each set of regressors."""
 
@@ -119,6 +122,10 @@ class Evidence(ABC):
         """A new likelihood with the regressors of these effects."""
         return self.ordinates(shapes)
 
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """The Allan variance [U^2] that deterministic effects give the curve, shape of its ``tau``."""
+        return np.zeros(self.curve.tau.size)
+
     @property
     def duration(self) -> float:
         """Length of all of it [s]."""
@@ -137,7 +144,8 @@ class Evidence(ABC):
     def box(self, kind: str) -> tuple[float, float]:
         """Bounds of the logarithm of a parameter of that kind."""
         if kind == "time":
-            return float(np.log(5.0 * self.step)), float(np.log(max(0.5 * self.longest, 10.0 * self.step)))
+            fastest = FASTEST * self.step
+            return float(np.log(fastest)), float(np.log(max(0.5 * self.longest, 2.0 * fastest)))
         scale = self.scale or 1.0
         return float(np.log(1e-9 * scale)), float(np.log(1e4 * scale * max(1.0, self.longest)))
 
@@ -208,6 +216,12 @@ class Record(Evidence):
     def sines(self) -> Array:
         """The sine transform of the differences of its block means, shape (n // block - 1,)."""
         return transform(block_means(self.y, self.block))
+
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """The Allan variance [U^2] of what deterministic effects give this record."""
+        drift = sum((e.mean(self.t, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
+        m = np.round(self.curve.tau / self.dt).astype(np.int64)
+        return np.asarray(overlapping_variance(drift, m))
 
     def leaving_out(self, *bands: tuple[float, float]) -> Record:
         """The same with more bands [Hz] left out of the likelihood."""

@@ -17,7 +17,7 @@ from kfgen.log import Log, StoredLog
 from kfgen.noise import ChannelNoise, Joint, NoiseModel, Term
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import AFTER, BEFORE, Line, allan_picture
+from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture
 from kfgen.units import derived_unit, display_unit, from_si, parse_unit
 
 Array = NDArray[np.float64]
@@ -63,8 +63,8 @@ def _covariance(result: Identified) -> Joint | None:
 
 
 def model_deviation(effects: tuple[Effect, ...], tau: Array) -> Array:
-    """Allan deviation [SI] of a sum of effects that no driver drives, shape (m,)."""
-    return np.sqrt(sum((e.allan_variance(tau) for e in effects if not e.driver), np.zeros(tau.size)))
+    """Allan deviation [SI] of the random ones among effects, shape (m,)."""
+    return np.sqrt(sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size)))
 
 
 def quantity(value: float, unit: str) -> str:
@@ -132,6 +132,19 @@ def _rows(result: Identified, unit: str) -> list[list[str]]:
     return rows
 
 
+def one_line(result: Identified, unit: str) -> str:
+    """What was found of a channel, in one line."""
+    parts = []
+    for effect in resolved(result):
+        sizes = [
+            f"{p.name} {quantity(float(getattr(effect, p.name)), derived_unit(p.unit, unit))}"
+            for p in effect.estimated()
+        ]
+        parts.append(sizes[0] if len(sizes) == 1 else f"{effect.name} ({', '.join(sizes)})")
+    parts += [f"line {line.frequency:.3g} Hz" for line in result.lines]
+    return ", ".join(parts) + ("; a drift of unknown kind" if result.unresolved else "")
+
+
 def _missing(result: Identified, unit: str) -> list[str]:
     """Lines that were found, then what the record cannot show."""
     lines = [
@@ -161,12 +174,24 @@ def resolved(result: Identified) -> tuple[Effect, ...]:
 
 
 def _picture(result: Identified, unit: str, name: str) -> str:
-    curve = result.record.curve
-    lines = [Line("model, as written", curve.tau, model_deviation(resolved(result), curve.tau), AFTER)]
+    return panels_picture([panel(result, unit, "")], f"allan-{name}")
+
+
+def panel(result: Identified, unit: str, title: str) -> Panel:
+    """The Allan deviation of a channel with its model, as a panel of a picture."""
+    curve, record = result.record.curve, result.record
+    seen = curve.tau >= 0.999 * record.dt  # of a published curve the first points may be left out
+    tau, drift = curve.tau[seen], record.drift_variance(result.fit.effects)[seen]
+
+    def total(effects: tuple[Effect, ...]) -> Array:
+        return np.sqrt(model_deviation(effects, tau) ** 2 + drift)
+
+    lines = [Line("model, as written", tau, total(resolved(result)), AFTER)]
     if result.unresolved:
-        drift = model_deviation(result.fit.effects, curve.tau)
-        lines.append(Line("with the drift that is not resolved", curve.tau, drift, BEFORE, dashed=True))
-    return allan_picture(curve, lines, unit, parse_unit(unit).factor, f"allan-{name}")
+        lines.append(
+            Line("with the drift that is not resolved", tau, total(result.fit.effects), BEFORE, dashed=True)
+        )
+    return Panel(curve, lines, unit, parse_unit(unit).factor, title)
 
 
 def _channel(result: Identified, si: str) -> dict[str, Any]:

@@ -31,13 +31,13 @@ class Line:
     dashed: bool = False
 
 
-def _figure(width: float, height: float, count: int = 1) -> tuple[Any, list[Any]]:
+def _figure(width: float, height: float, count: int = 1, rows: int = 1) -> tuple[Any, list[Any]]:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     with mpl.rc_context({"font.size": 9.5}):
         fig = Figure(figsize=(width, height), layout="constrained")
-        axes = fig.subplots(1, count, squeeze=False)[0].tolist()
+        axes = fig.subplots(rows, count, squeeze=False).ravel().tolist()
     for ax in axes:
         ax.grid(True, which="major", color="#e6ebf0", linewidth=0.8)
         ax.set_axisbelow(True)
@@ -61,31 +61,49 @@ def _svg(fig: Any, key: str) -> str:
     return re.sub(r"url\(#", f"url(#{key}-", text)
 
 
+@dataclass(frozen=True)
+class Panel:
+    """An Allan deviation [SI] with model curves, to be shown in a unit of so much SI."""
+
+    curve: AllanCurve
+    models: Sequence[Line]
+    unit: str
+    factor: float
+    title: str = ""
+
+
 def allan_picture(curve: AllanCurve, models: Sequence[Line], unit: str, factor: float, key: str) -> str:
     """Allan deviation with its 95 % band and model curves, in the user's unit."""
-    fig, (ax,) = _figure(7.4, 4.2)
-    ax.fill_between(
-        curve.tau,
-        curve.lo / factor,
-        curve.hi / factor,
-        color=BAND,
-        alpha=0.55,
-        linewidth=0,
-        label="measured, 95 % band",
-    )
-    ax.plot(curve.tau, curve.deviation / factor, ".", color=MEASURED, markersize=5, label="measured")
-    for line in models:
-        ax.plot(
-            line.x,
-            line.y / factor,
-            color=line.color,
-            linewidth=1.8,
-            linestyle="--" if line.dashed else "-",
-            label=line.label,
-        )
-    ax.set(xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel=f"Allan deviation [{unit}]")
-    ax.legend(frameon=False, fontsize=8.5)
+    return panels_picture([Panel(curve, models, unit, factor)], key)
+
+
+def panels_picture(panels: Sequence[Panel], key: str) -> str:
+    """Allan deviations side by side, three to a row."""
+    alone = len(panels) == 1
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    size = (7.4, 4.2) if alone else (3.6 * columns, 2.9 * rows)
+    fig, axes = _figure(*size, columns, rows)
+    for ax, p in zip(axes, panels):
+        _allan_axes(ax, p)
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
+    axes[0].legend(frameon=False, fontsize=8.5 if alone else 7)
     return _svg(fig, key)
+
+
+def _allan_axes(ax: Any, p: Panel) -> None:
+    c = p.curve
+    band = {"color": BAND, "alpha": 0.55, "linewidth": 0, "label": "measured, 95 % band"}
+    ax.fill_between(c.tau, c.lo / p.factor, c.hi / p.factor, **band)
+    ax.plot(c.tau, c.deviation / p.factor, ".", color=MEASURED, markersize=4, label="measured")
+    for line in p.models:
+        style = "--" if line.dashed else "-"
+        ax.plot(line.x, line.y / p.factor, color=line.color, linewidth=1.8, linestyle=style, label=line.label)
+    ax.set(xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel=f"Allan deviation [{p.unit}]")
+    ax.set_title(p.title, fontsize=9.5)
+    lo, hi = c.deviation.min() / p.factor, c.deviation.max() / p.factor
+    ax.set_ylim(lo / 3.0, hi * 3.0)
 
 
 def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) -> str:
