@@ -24,14 +24,18 @@ import numpy as np
 from scipy.signal import lfilter
 
 from kfgen.identify import differences
-from kfgen.identify.allan import curve_of_chunks, log_factors, overlapping_variance
+from kfgen.identify.allan import log_factors, overlapping_variance
 from kfgen.identify.channel import identify
+from kfgen.identify.choice import combined
+from kfgen.identify.likelihood import best_of, by_likelihood
+from kfgen.identify.long import Stream, condense
 from kfgen.identify.record import Record
-from kfgen.readers.npy import read
+from kfgen.readers import ColumnMap, read_long
 from kfgen.readers.table import chunks
 
 Values = np.ndarray
 REPEATS = 5
+FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 COLD = """
 import time, sys
 import numpy as np
@@ -143,26 +147,36 @@ def full_fit() -> None:
     y += lfilter([1.0], [1.0, -e], rng.standard_normal(n) * 1.55e-2 * np.sqrt(1 - e * e))
     y += np.cumsum(rng.standard_normal(n)) * 9e-4 / np.sqrt(rate)
     record = Record(np.arange(n) / rate, y)
-    best = float("inf")
-    for _ in range(3):
-        start = time.perf_counter()
-        found = identify(record)
-        best = min(best, time.perf_counter() - start)
-    print(f"\nFit of {n:.0e} samples: {best:.2f} s; seed {seed}; {load()}")
-    print(f"  {', '.join(map(str, found.fit.effects))}")
+    stream = Stream.of(y, 1.0 / rate)
+    long = condense(stream)
+
+    def timed(work: Callable[[], object]) -> float:
+        return fastest(lambda: np.array([work() is None]), 3)[0]
+
+    print(f"\nIdentification of {n:.0e} samples; seed {seed}; {load()}")
+    rows = {
+        "one pass: Allan variance, block means, outliers": lambda: condense(stream),
+        "fit of N, sigma, tau, K to them": lambda: best_of(long, combined(long, FULL)),
+        "the same with profile intervals": lambda: by_likelihood(long, FULL),
+        "choice of terms, intervals, limits": lambda: by_likelihood(long, None),
+        "everything": lambda: identify(record),
+    }
+    for name, work in rows.items():
+        print(f"  {name:50} {timed(work):6.2f} s")
+    print(f"  {', '.join(map(str, identify(record).fit.effects))}")
 
 
 def memory(n: int) -> None:
-    """The Allan curve of a float32 file, read in chunks by a process of its own: a tenth of it, then all."""
+    """A float32 file, identified from its chunks by a process of its own: three tenths of it, then all."""
     seed = secrets.randbits(32)
     rng = np.random.default_rng(seed)
-    print(f"\nAllan curve of a float32 .npy in chunks; seed {seed}; {load()}")
+    print(f"\nIdentification of a float32 .npy in chunks; seed {seed}; {load()}")
     print(
         f"  {'samples':>10} {'file':>10} {'s':>8} {'ns a sample':>12} {'peak, MB':>10} {'before, MB':>11} {'factors':>8}"
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.npy"
-        for size in (n // 10, n):
+        for size in (3 * n // 10, n):
             array = np.lib.format.open_memmap(path, "w+", np.float32, (size,))
             for part in chunks(array):
                 part[:] = rng.standard_normal(part.size, dtype=np.float32)
@@ -180,15 +194,16 @@ def memory(n: int) -> None:
 
 
 def child(path: str) -> None:
-    """Seconds, peak memory [MB] after and before, number of factors."""
+    """Seconds, peak memory [MB] after and before, number of averaging factors."""
     from resource import RUSAGE_SELF, getrusage
 
     before = getrusage(RUSAGE_SELF).ru_maxrss / 1e3
     start = time.perf_counter()
-    values = read(Path(path)).columns["#1"].values
-    curve = curve_of_chunks(chunks(values), 0.01, values.size)
+    log = read_long(path, rate=100.0, columns=ColumnMap.parse("gyro_x=#1 [rad/s]"))
+    channel = log.channel("gyro_x")
+    found = identify(condense(Stream(channel.chunks, channel.n, log.dt)))
     seconds = time.perf_counter() - start
-    print(seconds, getrusage(RUSAGE_SELF).ru_maxrss / 1e3, before, curve.tau.size)
+    print(seconds, getrusage(RUSAGE_SELF).ru_maxrss / 1e3, before, found.record.curve.tau.size)
 
 
 def main() -> None:
