@@ -340,7 +340,7 @@ def cases() -> list[Any]:
             marks: list[Any] = []
             if (sensor, column) in OFF:
                 marks.append(pytest.mark.xfail(strict=True, reason=OFF[sensor, column]))
-            elif column in ("acc_y", "acc_z"):
+            elif not column.endswith("_x"):
                 marks.append(pytest.mark.long)
             found.append(pytest.param(name, column, marks=marks, id=f"{sensor}-{column}"))
     return found
