@@ -136,13 +136,6 @@ def test_the_constant_does_not_count(offset: float) -> None:
     assert chain(t, y + offset, DT).log_likelihood(MODELS["all"]).value == pytest.approx(plain, abs=1e-4)
 
 
-UNEVEN = pytest.mark.xfail(
-    strict=True,
-    reason="chain() lengthens every step shorter than the period to a period: uneven time runs too slowly",
-)
-
-
-@UNEVEN
 @pytest.mark.parametrize("name", ["walk", "two markov"])
 def test_steps_shorter_than_a_period_are_as_short_as_they_are(name: str) -> None:
     """Jittered and random times have steps below the period; their sum is the time that passed."""
@@ -308,7 +301,6 @@ def test_kalman_and_whittle_agree_on_an_even_record(seed: int) -> None:
     assert (np.abs(np.log(fitted(a) / fitted(b))) < 0.1 * width).all()
 
 
-@UNEVEN
 def test_the_maximum_at_random_times_is_that_of_the_dense_likelihood() -> None:
     """Sampled as a Poisson process: each logarithm within 0.05 (lengthened steps would make tau a fifth longer)."""
     rng = np.random.default_rng([1, 5])

@@ -122,7 +122,6 @@ def test_jitter_is_said_above_five_percent(deviation: float, is_said: bool) -> N
     assert abs(np.log(N_of(identify(got, ["white_noise"])) / 0.1)) < 4 / np.sqrt(2 * T.size)
 
 
-@pytest.mark.xfail(strict=True, reason="gaps are said only where no jitter (or NaN) was said before them")
 @pytest.mark.parametrize("other", ["jitter", "nan"])
 def test_gaps_are_said_beside_something_else(other: str) -> None:
     t, y = with_gap(noise(4))
@@ -139,15 +138,7 @@ def test_gaps_are_said_beside_something_else(other: str) -> None:
     "n",
     [
         600,
-        pytest.param(
-            3000,
-            marks=pytest.mark.xfail(
-                strict=True,
-                raises=ValueError,
-                reason="straight lines onto the even grid look like an internal low-pass; its blocks are all "
-                "short then, and _haar cannot reshape nothing",
-            ),
-        ),
+        3000,
     ],
 )
 def test_random_times_keep_the_deviation_of_a_sample(n: int) -> None:

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 MINIMUM = 64
 """Samples that a fit needs."""
+SMOOTH = 0.1
+"""Of the sampling rate: beyond that frequency a record drawn between uneven samples is smooth."""
 LONG = 2_000_000
 """A longer record is condensed first."""
 
@@ -165,6 +167,15 @@ def _(record: Long) -> tuple[Evidence, list[str]]:
 def _(record: Exact) -> tuple[Evidence, list[str]]:
     _check(record.y)
     good = ~is_outlier(record.y)
+    if record.drawn and isinstance(record.view, Record):
+        view: Evidence = record.view.leaving_out((SMOOTH / record.period, float("inf")))
+        return replace(
+            record,
+            t=record.t[good],
+            y=record.y[good],
+            view=view,
+            drive={k: v[good] for k, v in record.drive.items()},
+        ), _outliers(int((~good).sum()), good.size)
     view, _ = prepared(record.view)
     cuts = [lo for r in _records(view) for lo, hi in r.skip if hi == float("inf")]
     shortest = 1.0 / min(cuts) if cuts else 0.0

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 CHAIN = 4096
 """Blocks to which a longer record is averaged."""
 ROUNDED = 64
-"""Gaps are rounded to this part of a period, so that a jittered record has few different ones."""
+"""Times are rounded to this part of a period, so that a jittered record has few different steps."""
 LEAST = 1e-10
 """Of the variance of a sample: white noise that every model is given, so that factors exist."""
 NUDGE = 1e-4
@@ -55,8 +55,8 @@ class Chain:
         Means of the samples, of one, and of the regressors.
     count : ndarray of int, shape (m,)
         Samples in each block.
-    gap : ndarray, shape (m,)
-        Time [s] that is missing between the end of a block and the next; zero where nothing is.
+    step : ndarray, shape (m,)
+        Time [s] from the first sample of a block to that of the next.
     dt : float
         Sampling period [s].
     n : int
@@ -67,15 +67,15 @@ class Chain:
 
     y: Array
     count: NDArray[np.int64]
-    gap: Array
+    step: Array
     dt: float
     n: int
     haar: Haar
 
     @cached_property
     def kinds(self) -> tuple[Array, NDArray[np.int64]]:
-        """The different pairs of count and gap, shape (u, 2), and which block has which."""
-        pairs, index = np.unique(np.column_stack([self.count, self.gap]), axis=0, return_inverse=True)
+        """The different pairs of count and step, shape (u, 2), and which block has which."""
+        pairs, index = np.unique(np.column_stack([self.count, self.step]), axis=0, return_inverse=True)
         return pairs, index.ravel()
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
@@ -120,11 +120,10 @@ class Chain:
         pairs, kind = self.kinds
         system = _joined(forms, self.dt)
         white = sum(float(f.V) for f in forms) / self.dt + LEAST * float(np.var(self.y[:, 0]))
-        steps = [system.step(int(c), float(g), white, self.dt) for c, g in pairs]
+        L, Q = system.steps(pairs, white, self.dt)
         k, m = system.order, self.count.size
-        M = np.array([np.linalg.inv(q) for _, q in steps])[kind]
-        L = np.array([step for step, _ in steps])[kind]
-        logdet = float(np.array([np.linalg.slogdet(q)[1] for _, q in steps])[kind].sum())
+        M, L = np.linalg.inv(Q)[kind], L[kind]
+        logdet = float(np.linalg.slogdet(Q)[1][kind].sum())
         ML = M @ L
         H = np.swapaxes(L, 1, 2) @ ML
         b = -ML[:, k, :, None] * self.y[:, None, :]
@@ -164,30 +163,47 @@ class _System:
         """States."""
         return int(self.C.size)
 
-    def step(self, count: int, gap: float, white: float, dt: float) -> tuple[Array, Array]:
-        """Over a block and the gap after it: ``L`` with residual ``L [x, x'] + (0, y)``, and its covariance."""
-        k = self.order
-        A, Q = linear.accumulate(self.A, self.Q, self.C / count, count)
-        Q[k, k] += white / count
+    def steps(self, pairs: Array, white: float, dt: float) -> tuple[Array, Array]:
+        """Over blocks of (count, time to the next): residuals ``L [x, x'] + (0, y)`` and their covariances.
+
+        Returns
+        -------
+        L : ndarray, shape (u, k + 1, 2 k)
+        Q : ndarray, shape (u, k + 1, k + 1)
+        """
+        k, n = self.order, self.continuous[0].shape[0]
+        A, Q = np.zeros((2, len(pairs), k + 1, k + 1))
+        single = pairs[:, 0] == 1
+        A[single, :n, :n], Q[single, :n, :n] = linear.van_loan(*self.continuous, pairs[single, 1])
+        A[:, k, :k] = self.C
+        for i in np.flatnonzero(~single):
+            count, step = int(pairs[i, 0]), float(pairs[i, 1])
+            A[i], Q[i] = self._block(count, max(step - count * dt, 0.0))
+        Q[:, k, k] += white / pairs[:, 0]
         if self.quantised:  # the mean of a block has the error at its end less that at its beginning
-            scale = 1.0 / (count * dt)
-            A[:, k - 1] = 0.0
-            A[k, k - 1] = -scale
-            Q[k - 1], Q[:, k - 1] = 0.0, 0.0
-            Q[k - 1, k - 1] = self.quantised
-            Q[k, k - 1] = Q[k - 1, k] = scale * self.quantised
-            Q[k, k] += scale**2 * self.quantised
+            scale = 1.0 / (pairs[:, 0] * dt)
+            A[:, :, k - 1] = 0.0
+            A[:, k, k - 1] = -scale
+            Q[:, k - 1], Q[:, :, k - 1] = 0.0, 0.0
+            Q[:, k - 1, k - 1] = self.quantised
+            Q[:, k, k - 1] = Q[:, k - 1, k] = scale * self.quantised
+            Q[:, k, k] += scale**2 * self.quantised
+        L = np.zeros((len(pairs), k + 1, 2 * k))
+        L[:, :, :k] = -A[:, :, :k]
+        L[:, :k, k:] = np.eye(k)
+        return L, Q
+
+    def _block(self, count: int, gap: float) -> tuple[Array, Array]:
+        """Transition and covariance of the states and the block's mean, over a block and the gap after it."""
+        k, n = self.order, self.continuous[0].shape[0]
+        A, Q = linear.accumulate(self.A, self.Q, self.C / count, count)
         if gap > 0.0:
             Phi, Qd = linear.van_loan(*self.continuous, gap)
             T = np.eye(k + 1)
-            n = Phi.shape[0]
             T[:n, :n] = Phi
             A, Q = T @ A, T @ Q @ T.T
             Q[:n, :n] += Qd
-        L = np.zeros((k + 1, 2 * k))
-        L[:, :k] = -A[:, :k]
-        L[:k, k:] = np.eye(k)
-        return L, Q
+        return A, Q
 
 
 def _joined(forms: Sequence[Form], dt: float) -> _System:
@@ -227,6 +243,8 @@ class Exact(Evidence):
         Even pieces of the record: for its Allan curve and for start values.
     shortest : float
         Time [s] below which nothing is looked at: what an internal low-pass changes.
+    drawn : bool
+        The view is drawn between uneven samples: what is fast in it is not real.
     """
 
     t: Array
@@ -235,6 +253,7 @@ class Exact(Evidence):
     period: float
     view: Evidence
     shortest: float = 0.0
+    drawn: bool = False
 
     @property
     def dt(self) -> float:
@@ -297,15 +316,17 @@ def chain(t: Array, y: Array, dt: float, regressors: Sequence[Array] = (), short
         Time [s] below which differences are not looked at.
     """
     columns = np.column_stack([y, np.ones(y.size), *regressors])
-    missing = np.round((np.diff(t) / dt - 1.0) * ROUNDED) / ROUNDED * dt
+    t = np.round((t - t[0]) / dt * ROUNDED) / ROUNDED * dt
+    missing = np.diff(t) - dt
     blind = max(0, int(np.ceil(np.log2(max(shortest / dt, 1.0)))))
     levels = max(blind, int(np.ceil(np.log2(y.size / CHAIN))))
     edges = _edges(missing, y.size, 2**levels, dt)
     count = np.diff(edges)
     means = np.add.reduceat(columns, edges[:-1], axis=0) / count[:, None]
-    gap = np.append(np.maximum(missing[edges[1:-1] - 1], 0.0), 0.0)
+    step = np.round(np.append(np.diff(t[edges[:-1]]), dt) / dt * ROUNDED)
+    step = np.maximum(step, 1.0) / ROUNDED * dt
     full = edges[:-1][count == 2**levels]
-    return Chain(means, count, gap, dt, y.size, _haar(y, full, levels, blind, dt))
+    return Chain(means, count, step, dt, y.size, _haar(y, full, levels, blind, dt))
 
 
 def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
@@ -321,8 +342,8 @@ def _haar(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float)
     """The differences inside full blocks; the shortest ones are left out."""
     means = y[full[:, None] + np.arange(2**levels)]
     count, variance = np.zeros(levels), np.ones(levels)
-    for i in range(levels):
-        halves = means.reshape(means.shape[0], -1, 2)
+    for i in range(levels if full.size else 0):
+        halves = means.reshape(full.size, -1, 2)
         d = halves[:, :, 1] - halves[:, :, 0]
         if i >= blind and d.size:
             count[i], variance[i] = d.size, 0.5 * float(np.mean(d**2))

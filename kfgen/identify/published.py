@@ -95,9 +95,14 @@ class Published(Evidence):
         """
         if tau.size < FEWEST:
             raise InputError(f"{tau.size} points are too few for a fit", remedy=f"Give at least {FEWEST}")
-        if not (deviation > 0.0).all():
+        if not ((deviation > 0.0) & np.isfinite(deviation)).all():
             raise InputError(
                 "a deviation is not positive", remedy="Give Allan deviations, not their logarithms"
+            )
+        if lo is not None and hi is not None and not ((lo > 0.0) & (lo < deviation) & (deviation < hi)).all():
+            raise InputError(
+                "the band does not enclose the deviation",
+                remedy="Name its lower end _lo and its upper end _hi",
             )
         if lo is not None and hi is not None:
             # The band of ln AVAR is 2 ln (hi / lo) wide, 3.92 deviations of sqrt(2 / edf).
@@ -115,14 +120,14 @@ class Published(Evidence):
         """From where on it falls as noise does, and the time [s] of that point, zero if it is the first.
 
         Noise falls steepest at the shortest times and is less steep with every octave. Where a curve
-        begins flatter than it goes on, a low-pass or overlapped averages bend it; where its slope jumps,
-        it carries vibration.
+        begins flatter than it goes on, a low-pass or overlapped averages bend it; where its slope jumps
+        more than quantisation on white noise does, it carries vibration.
         """
         at = self._octave_indices()
         slope = np.diff(np.log(self.given.deviation[at])) / np.diff(np.log(self.given.tau[at]))
         for i in range(max(slope.size - 2, 0)):
             steepest = slope[i + 1 : i + 8].min()
-            if -1.1 < slope[i] <= steepest + 0.07 and slope[i + 1] <= -0.35:
+            if -1.1 < slope[i] <= steepest + 0.07 and slope[i + 1] <= _next_slope(float(slope[i])) + 0.1:
                 return replace(self, first=int(at[i])), float(self.given.tau[at[i]]) if i else 0.0
         raise InputError(
             "the curve falls nowhere as white noise does",
@@ -142,3 +147,10 @@ class Published(Evidence):
         raise InputError(
             "an Allan curve has no samples", remedy="Fit it with --method allan, or give the log"
         )
+
+
+def _next_slope(slope: float) -> float:
+    """The slope an octave on of quantisation on white noise: ``AVAR ~ (1 + r) / tau``, ``r ~ 1 / tau``."""
+    slope = min(max(slope, -0.95), -0.5)
+    r = 0.5 * (-2.0 * slope - 1.0) / (2.0 + 2.0 * slope)
+    return -(1.0 + 2.0 * r) / (2.0 * (1.0 + r))

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 CELLS = 1 << 14
 """Stretches of a record between which a smooth regressor of searched shape is differenced."""
-FASTEST = 20.0
+FASTEST = 10.0
 """Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
 KEPT = 8
 """Likelihoods that are kept, one for each set of regressors."""

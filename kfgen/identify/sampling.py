@@ -24,6 +24,8 @@ JITTER = 0.05
 """Of a period: root mean square of the steps' error that is said."""
 UNEVEN = 0.2
 """Of a period: beyond, times are taken as they are."""
+MANY = 0.1
+"""Share of the steps beyond which long ones are no gaps."""
 STRETCHES = 20
 CHANGED = 1.1
 """Ratio of the sampling periods of two stretches that is no chance."""
@@ -51,11 +53,14 @@ def evidence(
         Too few samples, most of them missing, or a rate that changes.
     """
     there = np.isfinite(y)
-    said = _missing(t, there)
+    said = _missing(t, there) + _gaps(t)
     t, y = t[there], y[there]
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
-        raise InputError(f"{counted(t.size, 'sample')}: too few for a fit", remedy="Log more")
+        raise InputError(
+            f"{counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
+            remedy="Log more",
+        )
     steps = np.diff(t)
     dt = float(np.median(steps))
     near = steps[steps < GAP * dt]
@@ -64,13 +69,14 @@ def evidence(
     if error > JITTER:
         said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
     gaps = np.flatnonzero(steps >= GAP * dt)
-    if gaps.size and not said[:1]:
-        said.append(_gaps(t, steps, gaps, dt))
     if not gaps.size and error <= UNEVEN:
         return Record(t, y, drive), tuple(said)
     pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN else []
     view: Evidence = Joint(tuple(pieces)) if pieces else _regular(t, y, drive, dt)
-    return Exact(t, y, drive, float(near.mean()) if error <= UNEVEN else dt, view), tuple(said)
+    period = float((near if error <= UNEVEN else steps).mean())
+    if error > UNEVEN:
+        said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
+    return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
 
 
 def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
@@ -85,7 +91,7 @@ def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
     runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
     longest = max(runs, key=len)
     return [
-        f"{counted(lost.size, 'sample')} not a number, in {counted(len(runs), 'run')}, the longest of {longest.size} at "
+        f"{counted(lost.size, 'sample')} {'is' if lost.size == 1 else 'are'} not a number, in {counted(len(runs), 'run')}, the longest of {longest.size} at "
         f"t = {t[longest[0]]:.6g} s; the fit takes them as missing"
     ]
 
@@ -101,13 +107,20 @@ def _filled(v: Array) -> Array:
     return v if good.all() else np.interp(at, at[good], v[good]) if good.any() else np.zeros(v.size)
 
 
-def _gaps(t: Array, steps: Array, gaps: NDArray[np.int64], dt: float) -> str:
+def _gaps(t: Array) -> list[str]:
+    """A sentence on times at which nothing was logged."""
+    steps = np.diff(t)
+    dt = float(np.median(steps)) if steps.size else 0.0
+    gaps = np.flatnonzero(steps >= GAP * dt)
+    # Random times have long steps everywhere: that is no gap.
+    if not gaps.size or gaps.size > MANY * steps.size:
+        return []
     longest = int(gaps[np.argmax(steps[gaps])])
     lost = float(np.sum(steps[gaps] / dt - 1.0))
-    return (
-        f"{counted(gaps.size, 'gap')}, {counted(round(lost), 'sample')} missing in all, the longest gap {steps[longest]:.4g} s at "
-        f"t = {t[longest]:.6g} s; the fit takes them as missing"
-    )
+    return [
+        f"{counted(gaps.size, 'gap')}, {counted(round(lost), 'sample')} missing in all, the longest gap "
+        f"{steps[longest]:.4g} s at t = {t[longest]:.6g} s; the fit takes them as missing"
+    ]
 
 
 def _check_rate(t: Array, steps: Array, dt: float) -> None:
