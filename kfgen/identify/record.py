@@ -236,10 +236,19 @@ class Record(Evidence):
         columns = [x for e in effects for x in self._regressors(e)]
         return ordinates([self.sines, *columns], self.dt, self.block, skip=self.skip)
 
+    @cached_property
+    def _transforms(self) -> dict[Effect, list[Array]]:
+        return {}
+
     def _regressors(self, effect: Effect) -> list[Array]:
         """The sine transforms of an effect's regressors; of a searched shape only the low ones."""
         if not effect.searched():
-            return [transform(block_means(x, self.block)) for x in effect.regressors(self.t, self.drive)]
+            known = self._transforms
+            if effect not in known:
+                known[effect] = [
+                    transform(block_means(x, self.block)) for x in effect.regressors(self.t, self.drive)
+                ]
+            return known[effect]
         cells = min(CELLS, self.sines.size + 1)
         edges = self.t[0] + np.arange(cells + 1) * (self.duration / cells)
         drive = {k: np.interp(edges, self.t, v) for k, v in self.drive.items()}
