@@ -69,6 +69,13 @@ def test_example_runs(example: str, tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
+    if example == "gallery.py":
+        shown = [
+            line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if " | " in line
+        ]
+        for row in (line for line in done.stdout.splitlines() if line.startswith("|")):
+            alike = [line for line in shown if shape(line) == shape(row)]
+            assert any(close(line, row) for line in alike), f"the gallery no longer shows {row}"
     assert len((ROOT / "examples" / example).read_text(encoding="utf-8").splitlines()) <= 70
 
 
