@@ -229,7 +229,7 @@ class Effect:
         return law.sampled_density(self.form(), omega, dt, block)
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
-        """Expected output [U], shape (n,), at even times `t` [s]."""
+        """Expected output [U], shape (n,), at even times `t` [s] since switch-on."""
         return law.mean(self.form(drive), t)
 
     def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None) -> Array:

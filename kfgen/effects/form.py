@@ -183,14 +183,14 @@ def sampled_density(form: Form, omega: Array, dt: float, block: int = 1) -> Arra
 
 
 def mean(form: Form, t: Array) -> Array:
-    """The expected output, shape (n,), on evenly spaced times `t` [s]."""
+    """The expected output, shape (n,), on evenly spaced times `t` [s] since the states were `x0`."""
     n, k = t.size, form.order
     if k == 0:
         return np.zeros(n)
     A, W = _matrices(form)
     dt = float(t[-1] - t[0]) / (n - 1) if n > 1 else 0.0
-    Phi, _ = linear.van_loan(A, W, dt)
-    X = linear.propagate(Phi, np.array(form.x0 or (0.0,) * k, dtype=np.float64), n)
+    (before, Phi), _ = linear.van_loan(A, W, np.array([float(t[0]), dt]))
+    X = linear.propagate(Phi, before @ np.array(form.x0 or (0.0,) * k, dtype=np.float64), n)
     return sum(
         (np.broadcast_to(np.asarray(c, float), (n,)) * X[:, i] for i, c in enumerate(form.C)), np.zeros(n)
     )

@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,17 +45,7 @@ class Gap:
 def split(record: Record) -> tuple[Record, Record]:
     """The part that is fitted, and the held-out tail."""
     k = int(record.y.size * (1.0 - HELD_OUT))
-    return cut(record, 0, k), cut(record, k, record.y.size)
-
-
-def cut(record: Record, start: int, stop: int) -> Record:
-    """A stretch of a record."""
-    return replace(
-        record,
-        t=record.t[start:stop],
-        y=record.y[start:stop],
-        drive={k: v[start:stop] for k, v in record.drive.items()},
-    )
+    return record.cut(0, k), record.cut(k, record.y.size)
 
 
 def held_out_gap(tail: Record, before: Fit, after: Fit) -> Gap:

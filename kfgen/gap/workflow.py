@@ -170,7 +170,9 @@ def _taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term,
                 f"the model has the effect {term.effect.name}, but the log has no channel '{driver}'",
                 remedy="Give a log with it, or take the effect out of the model",
             )
-    y = record.y - sum((t.effect.mean(record.t, record.drive) for t in trusted), np.zeros(record.y.size))
+    y = record.y - sum(
+        (t.effect.mean(record.elapsed, record.drive) for t in trusted), np.zeros(record.y.size)
+    )
     random = tuple(t for t in noise.terms if not t.effect.coefficients())
     return replace(record, y=y), trusted, replace(noise, terms=random)
 

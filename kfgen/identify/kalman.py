@@ -296,9 +296,10 @@ class Exact(Evidence):
 
     def measure(self, shapes: Sequence[Effect]) -> Likelihood:
         """The chain with the regressors of these effects, from an even grid."""
-        grid = np.arange(self.t[0], self.t[-1] + self.period, self.period)
-        drive = {k: np.interp(grid, self.t, v) for k, v in self.drive.items()}
-        columns = [np.interp(self.t, grid, x) for e in shapes for x in e.regressors(grid, drive)]
+        t = self.t - self.t[0]
+        grid = np.arange(0.0, t[-1] + self.period, self.period)
+        drive = {k: np.interp(grid, t, v) for k, v in self.drive.items()}
+        columns = [np.interp(t, grid, x) for e in shapes for x in e.regressors(grid, drive)]
         return chain(self.t, self.y - self.y.mean(), self.dt, columns, self.shortest)
 
 

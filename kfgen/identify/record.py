@@ -169,6 +169,8 @@ class Record(Evidence):
         Samples averaged to one before the transform.
     skip : tuple of (lo, hi)
         Bands [Hz] that the likelihood leaves out: lines, what lies beyond a low-pass.
+    origin : float, optional
+        Time [s] of switch-on; the first sample's when left out.
     """
 
     t: Array
@@ -176,6 +178,22 @@ class Record(Evidence):
     drive: Mapping[str, Array] = field(default_factory=dict)
     block: int = 1
     skip: tuple[tuple[float, float], ...] = ()
+    origin: float | None = None
+
+    @property
+    def since(self) -> float:
+        """Time [s] of switch-on."""
+        return float(self.t[0]) if self.origin is None else self.origin
+
+    @property
+    def elapsed(self) -> Array:
+        """Time since switch-on [s], shape (n,)."""
+        return self.t - self.since
+
+    def cut(self, start: int, stop: int) -> Record:
+        """A stretch of it, which remembers when it was switched on."""
+        drive = {k: v[start:stop] for k, v in self.drive.items()}
+        return replace(self, t=self.t[start:stop], y=self.y[start:stop], drive=drive, origin=self.since)
 
     @cached_property
     def dt(self) -> float:
@@ -219,7 +237,7 @@ class Record(Evidence):
 
     def drift_variance(self, effects: Sequence[Effect]) -> Array:
         """The Allan variance [U^2] of what deterministic effects give this record."""
-        drift = sum((e.mean(self.t, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
+        drift = sum((e.mean(self.elapsed, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
         m = np.round(self.curve.tau / self.dt).astype(np.int64)
         return np.asarray(overlapping_variance(drift, m))
 
@@ -246,12 +264,12 @@ class Record(Evidence):
             known = self._transforms
             if effect not in known:
                 known[effect] = [
-                    transform(block_means(x, self.block)) for x in effect.regressors(self.t, self.drive)
+                    transform(block_means(x, self.block)) for x in effect.regressors(self.elapsed, self.drive)
                 ]
             return known[effect]
         cells = min(CELLS, self.sines.size + 1)
-        edges = self.t[0] + np.arange(cells + 1) * (self.duration / cells)
-        drive = {k: np.interp(edges, self.t, v) for k, v in self.drive.items()}
+        edges = self.elapsed[0] + np.arange(cells + 1) * (self.duration / cells)
+        drive = {k: np.interp(edges, self.elapsed, v) for k, v in self.drive.items()}
         return [coarse_transform(x, self.sines.size) for x in effect.regressors(edges, drive)]
 
 

@@ -160,7 +160,8 @@ def _pieces(
     long = [(a, b) for a, b in pairwise(edges) if b - a >= PIECE]
     if sum(b - a for a, b in long) < 0.7 * t.size:
         return []
-    pieces = [Record(t[a:b], y[a:b], {k: v[a:b] for k, v in drive.items()}) for a, b in long]
+    whole = Record(t, y, drive)
+    pieces = [whole.cut(a, b) for a, b in long]
     return [p for p in pieces if abs(p.dt / dt - 1.0) < 0.005] if len(long) > 1 else pieces
 
 

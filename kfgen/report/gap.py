@@ -203,7 +203,7 @@ def _parts(g: ChannelGap) -> list[Part]:
 
 def _without(record: Record, effects: Sequence[Effect]) -> Array:
     return record.y - sum(
-        (e.mean(record.t, record.drive) for e in effects if e.coefficients()), np.zeros(record.y.size)
+        (e.mean(record.elapsed, record.drive) for e in effects if e.coefficients()), np.zeros(record.y.size)
     )
 
 
@@ -241,7 +241,7 @@ def _spectrum(g: ChannelGap) -> str:
 def _driven(g: ChannelGap, f: Finding) -> str:
     block, factor = max(1, g.record.y.size // 400), parse_unit(g.unit).factor
     t = block_means(g.record.t, block)
-    part = f.effect.mean(g.record.t, g.record.drive)
+    part = f.effect.mean(g.record.elapsed, g.record.drive)
     others = tuple(e for e in g.mended.effects if e.coefficients() and e != f.effect)
     y = block_means(_without(g.record, others), block) / factor
     explained = block_means(part, block) / factor
