@@ -15,7 +15,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from kfgen.identify.channel import Identified, identify
-from kfgen.identify.clean import is_outlier, roll_off
+from kfgen.identify.clean import is_outlier, noise_change, roll_off
 from kfgen.identify.record import Record
 
 RATE, SECONDS = 100.0, 300.0
@@ -80,6 +80,17 @@ def test_a_low_pass_is_left_out_of_the_fit(corner: float) -> None:
     result = found(lfilter(b, a, white(5)))
     assert N_of(result) == pytest.approx(0.1, rel=0.05)
     assert any("low-pass" in w for w in result.warnings)
+
+
+def test_a_change_of_the_noise_is_said_and_chance_is_none() -> None:
+    """40 records of constant noise, 20 stretches each: six deviations are passed less than once in 1e5."""
+    assert [noise_change(white(seed)) for seed in range(40)] == [None] * 40
+    y = white(3).copy()
+    y[y.size // 2 :] *= 2.0
+    change = noise_change(y)
+    assert change is not None
+    assert change[1] / change[0] == pytest.approx(2.0, rel=0.2)
+    assert any("not the same all along" in w for w in found(y).warnings)
 
 
 def test_white_noise_has_no_low_pass() -> None:

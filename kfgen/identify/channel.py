@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound
-from kfgen.identify.clean import is_outlier, mended, roll_off
+from kfgen.identify.clean import is_outlier, mended, noise_change, roll_off
 from kfgen.identify.fit import Fit, Key, Problem, maximise
 from kfgen.identify.interval import intervals95
 from kfgen.identify.kalman import Exact
@@ -138,6 +138,12 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     bad = is_outlier(record.y)
     record = replace(record, y=mended(record.y, bad))
     warnings = _outliers(int(bad.sum()), bad.size)
+    change = noise_change(record.y)
+    if change is not None:
+        warnings.append(
+            f"the noise is not the same all along: its deviation between stretches goes by a factor of "
+            f"{change[1] / change[0]:.3g}; N is an average"
+        )
     cut = roll_off(record)
     if cut is None:
         return record, warnings

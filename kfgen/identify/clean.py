@@ -16,15 +16,17 @@ from kfgen.identify.whittle import frequencies
 
 Array = NDArray[np.float64]
 
-FAR = 7.0
-"""Robust deviations beyond which a sample is an outlier: a Gaussian one is in 4e11."""
-JUMP = 5.0
+FAR = 9.0
+"""Robust deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
+JUMP = 6.0
 """The same deviations between neighbours, beyond which a sample is looked at."""
 WINDOW = 7
 """Samples of which the median is taken."""
 STRETCHES = 20
 LOOK = 10_000
 """Samples of each stretch of a record from which the deviation is taken."""
+CHANGE = 6.0
+"""Deviations of a stretch's noise from that of the others that are no chance."""
 MOST = 0.05
 """Share of outliers beyond which they are the noise."""
 ROLLED_OFF = 0.7
@@ -80,6 +82,23 @@ def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
         return y
     at = np.arange(y.size, dtype=float)
     return np.asarray(np.interp(at, at[~bad], y[~bad]))
+
+
+def noise_change(y: Array) -> tuple[float, float] | None:
+    """The smallest and the largest deviation of a sample [SI] over stretches, where they differ beyond chance.
+
+    The mean square of the differences of a stretch has about a third of the degrees of freedom of its
+    samples; `CHANGE` deviations of its logarithm are asked for, and a tenth of its size.
+    """
+    parts = np.array_split(np.diff(y), STRETCHES)
+    level = np.array([float(np.mean(part**2)) for part in parts])
+    if y.size < 100 * STRETCHES or not (level > 0.0).all():
+        return None
+    spread = float(np.sqrt(6.0 * STRETCHES / y.size))
+    off = float(np.abs(np.log(level / np.median(level))).max())
+    if off < max(CHANGE * spread, 2.0 * np.log(1.1)):
+        return None
+    return float(np.sqrt(0.5 * level.min())), float(np.sqrt(0.5 * level.max()))
 
 
 def _smallest_step(y: Array) -> float:

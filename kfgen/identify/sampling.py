@@ -53,7 +53,8 @@ def evidence(
         Too few samples, most of them missing, or a rate that changes.
     """
     there = np.isfinite(y)
-    said = _missing(t, there) + _gaps(t)
+    limit = _gap_limit(t)
+    said = _missing(t, there) + _gaps(t, limit)
     t, y = t[there], y[there]
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
@@ -68,7 +69,7 @@ def evidence(
     error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
     if error > JITTER:
         said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
-    gaps = np.flatnonzero(steps >= GAP * dt)
+    gaps = np.flatnonzero(steps >= limit * dt)
     if not gaps.size and error <= UNEVEN:
         return Record(t, y, drive), tuple(said)
     pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN else []
@@ -107,11 +108,21 @@ def _filled(v: Array) -> Array:
     return v if good.all() else np.interp(at, at[good], v[good]) if good.any() else np.zeros(v.size)
 
 
-def _gaps(t: Array) -> list[str]:
+def _gap_limit(t: Array) -> float:
+    """Periods beyond which a step of time is a gap and no jitter."""
+    steps = np.diff(t)
+    if not steps.size:
+        return GAP
+    dt = float(np.median(steps))
+    jitter = float(np.median(np.abs(steps - dt))) / 0.6745 / dt
+    return max(GAP, 1.0 + 6.0 * jitter)
+
+
+def _gaps(t: Array, limit: float) -> list[str]:
     """A sentence on times at which nothing was logged."""
     steps = np.diff(t)
     dt = float(np.median(steps)) if steps.size else 0.0
-    gaps = np.flatnonzero(steps >= GAP * dt)
+    gaps = np.flatnonzero(steps >= limit * dt)
     # Random times have long steps everywhere: that is no gap.
     if not gaps.size or gaps.size > MANY * steps.size:
         return []

@@ -130,6 +130,10 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
             remedy="Give --rate, or map the time: --columns 't=... [s], ...'",
         )
     if tau is not None:
+        if not (np.diff(tau.values) > 0.0).all():
+            raise InputError(
+                "the averaging times do not increase", where=table.source, remedy="Sort the curve"
+            )
         return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
     return Log(t, channels, table.source, sha256, warnings)
