@@ -47,14 +47,22 @@ def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, lis
     from kfgen.identify.record import Joint, Record
     from kfgen.identify.sampling import evidence
     from kfgen.log import Log
+    from kfgen.units import parse_unit
 
     first = logs[0]
     if len(logs) == 1 and not isinstance(first, Log):
         return _condensed(first, name), []
     if isinstance(first, Log) and first.axis == "tau":
         return _published(first, name), []
+    if len({log.sha256 for log in logs}) < len(logs):
+        raise InputError("a log is given twice", where=first.source, remedy="Give each log once")
     parts, said = [], []
     for log in logs:
+        if not parse_unit(log.channel(name).unit).same_dimension(parse_unit(first.channel(name).unit)):
+            raise InputError(
+                f"channel {name} is in {log.channel(name).unit} here, in {first.channel(name).unit} in {first.source}",
+                where=log.source,
+            )
         if not isinstance(log, Log):
             raise InputError("a log too long for memory is identified alone", where=log.source)
         drive = {"temperature": log.channels["temperature"].values} if "temperature" in log.channels else {}
@@ -80,9 +88,12 @@ def _condensed(log: StoredLog, name: str) -> Evidence:
 
 
 def _published(log: Log, name: str) -> Evidence:
+    from kfgen.errors import InputError
     from kfgen.identify.published import Published
 
     band = [log.channels[name + end].values for end in BAND if name + end in log.channels]
+    if len(band) == 1:
+        raise InputError(f"the band of {name} has one end", where=log.source, remedy="Give both, or none")
     return Published.of(log.t, log.channel(name).values, *band)
 
 
@@ -134,7 +145,8 @@ def identify(
     data = [read_long(log, rate=rate, columns=mapped) for log in logs]
     first = data[0]
     if len(data) > 1 and any(d.axis == "tau" for d in data):
-        raise InputError("an Allan curve is identified alone", where=first.source)
+        curve = next(d for d in data if d.axis == "tau")
+        raise InputError("an Allan curve is identified alone", where=curve.source)
     method = method or ("allan" if first.axis == "tau" else "ml")
     names = _names(channels) or [
         c

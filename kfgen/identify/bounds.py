@@ -51,6 +51,8 @@ def fisher(effects: Sequence[Effect], dt: float, *lengths: int) -> tuple[tuple[K
         moved[key[0]] = replace(e, **{key[1]: float(getattr(e, key[1])) * float(np.exp(shift))})
         return np.log(density_of_differences(moved, omega, dt, 1))
 
+    if not keys:
+        return keys, np.zeros((0, 0))
     h = 1e-4
     slopes = np.array([(log_density(k, h) - log_density(k, -h)) / (2 * h) for k in keys])
     return keys, 0.5 * (slopes * weight) @ slopes.T

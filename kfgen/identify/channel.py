@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound
-from kfgen.identify.clean import is_outlier, mended, noise_change, roll_off
+from kfgen.identify.clean import amplitude_faults, is_outlier, mended, noise_change, roll_off
 from kfgen.identify.fit import Fit, Key, Problem, maximise
 from kfgen.identify.interval import intervals95
 from kfgen.identify.kalman import Exact
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 MINIMUM = 64
 """Samples that a fit needs."""
+UNLIKE = 1.1
+"""Ratio of the noise of two logs beyond which they are not of one sensor in one state."""
 SMOOTH = 0.1
 """Of the sampling rate: beyond that frequency a record drawn between uneven samples is smooth."""
 LONG = 2_000_000
@@ -90,6 +92,9 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
         found = _estimated(clean, wanted, method)
     known = () if isinstance(clean, Published) else clean.lengths  # who knows how a curve was made
     bounds = relative_bound(found.fit.effects, clean.dt, *known) if known else {}
+    if getattr(clean, "skip", ()) and method == "ml":  # what is left out gives no information
+        known_to = np.sqrt(np.maximum(np.diag(found.covariance), 0.0)).tolist()
+        bounds |= {key: b for key, b in zip(found.fit.free, known_to) if key in bounds}
     drift = [_drift_warning(found.fit, found.unresolved, clean)] if found.unresolved else []
     return Identified(
         found.fit,
@@ -138,6 +143,7 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     bad = is_outlier(record.y)
     record = replace(record, y=mended(record.y, bad))
     warnings = _outliers(int(bad.sum()), bad.size)
+    warnings += amplitude_faults(record.y)
     change = noise_change(record.y)
     if change is not None:
         warnings.append(
@@ -156,6 +162,16 @@ def _(record: Joint) -> tuple[Evidence, list[str]]:
     blocks = [replace(r, block=block) for r in record.records]
     parts = [prepared(r) for r in blocks]
     records = tuple(r for r, _ in parts if isinstance(r, Record))
+    levels = [float(r.octaves.deviation[0]) for r in records]
+    if max(levels) > UNLIKE * min(levels):
+        parts.append(
+            (
+                records[0],
+                [
+                    f"the logs differ in their noise by a factor of {max(levels) / min(levels):.3g}; one is fitted to all"
+                ],
+            )
+        )
     return Joint(records), list(dict.fromkeys(w for _, said in parts for w in said))
 
 
@@ -209,6 +225,9 @@ def _records(view: Evidence) -> tuple[Record, ...]:
 def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
     """The periodic lines of evidence, each once."""
     parts = _records(record.view if isinstance(record, Exact) else record)
+    levels = [float(p.octaves.deviation[0]) for p in parts] if isinstance(record, Joint) else [1.0]
+    if max(levels) > UNLIKE * min(levels):
+        return []  # beside another's noise a louder log is full of lines
     found: list[PeriodicLine] = []
     for part in parts:
         if not any(hi == float("inf") for _, hi in part.skip):

@@ -25,6 +25,10 @@ WINDOW = 7
 STRETCHES = 20
 LOOK = 10_000
 """Samples of each stretch of a record from which the deviation is taken."""
+COARSE = 1.5
+"""Steps of the lattice in deviations beyond which a quantised sample is no sample of the noise."""
+CLIPPED = 0.02
+"""Share of samples at the ends of the range that is no chance."""
 CHANGE = 6.0
 """Deviations of a stretch's noise from that of the others that are no chance."""
 MOST = 0.05
@@ -82,6 +86,22 @@ def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
         return y
     at = np.arange(y.size, dtype=float)
     return np.asarray(np.interp(at, at[~bad], y[~bad]))
+
+
+def amplitude_faults(y: Array) -> list[str]:
+    """Sentences on samples that stand at the ends of the range, or on a lattice wider than the noise."""
+    white = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
+    ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
+    step, said = _smallest_step(y), []
+    if step > COARSE * white:
+        said.append(
+            f"the samples are {step / white:.2g} of their deviations apart: too coarse for sizes to be trusted"
+        )
+    elif ends > CLIPPED and step < 0.1 * white:
+        said.append(
+            f"{100 * ends:.2g} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
+        )
+    return said
 
 
 def noise_change(y: Array) -> tuple[float, float] | None:

@@ -300,10 +300,18 @@ class Exact(Evidence):
         grid = np.arange(0.0, t[-1] + self.period, self.period)
         drive = {k: np.interp(grid, t, v) for k, v in self.drive.items()}
         columns = [np.interp(t, grid, x) for e in shapes for x in e.regressors(grid, drive)]
-        return chain(self.t, self.y - self.y.mean(), self.dt, columns, self.shortest)
+        return chain(self.t, self.y - self.y.mean(), self.dt, columns, self.shortest, blocks=not self.drawn)
 
 
-def chain(t: Array, y: Array, dt: float, regressors: Sequence[Array] = (), shortest: float = 0.0) -> Chain:
+def chain(
+    t: Array,
+    y: Array,
+    dt: float,
+    regressors: Sequence[Array] = (),
+    shortest: float = 0.0,
+    *,
+    blocks: bool = True,
+) -> Chain:
     """Block means of a record.
 
     Parameters
@@ -315,12 +323,14 @@ def chain(t: Array, y: Array, dt: float, regressors: Sequence[Array] = (), short
     regressors : sequence of ndarray, shape (n,)
     shortest : float
         Time [s] below which differences are not looked at.
+    blocks : bool
+        Whether samples may be averaged: only where they are evenly spaced between gaps.
     """
     columns = np.column_stack([y, np.ones(y.size), *regressors])
     t = np.round((t - t[0]) / dt * ROUNDED) / ROUNDED * dt
     missing = np.diff(t) - dt
     blind = max(0, int(np.ceil(np.log2(max(shortest / dt, 1.0)))))
-    levels = max(blind, int(np.ceil(np.log2(y.size / CHAIN))))
+    levels = max(blind, int(np.ceil(np.log2(y.size / CHAIN)))) if blocks else 0
     edges = _edges(missing, y.size, 2**levels, dt)
     count = np.diff(edges)
     means = np.add.reduceat(columns, edges[:-1], axis=0) / count[:, None]

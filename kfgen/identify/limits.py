@@ -74,7 +74,7 @@ def _worst(problem: Problem, best: Fit, name: str, upper: Callable[[Problem, Fit
         raise InputError(f"{name} cannot be limited by this record")
     half = replace(worst.effect, **{size: 0.5 * worst.upper95})
     hours = seconds_for((*others, half), record.dt, (index, size)) / 3600.0 if np.isfinite(top) else np.inf
-    return replace(worst, hours=float(hours))
+    return replace(worst, hours=max(float(hours), record.duration / 3600.0))
 
 
 def _slowest_apart(shown: Sequence[Effect]) -> Sequence[Effect]:

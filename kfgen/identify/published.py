@@ -95,6 +95,8 @@ class Published(Evidence):
         """
         if tau.size < FEWEST:
             raise InputError(f"{tau.size} points are too few for a fit", remedy=f"Give at least {FEWEST}")
+        if not tau[0] > 0.0:
+            raise InputError("an averaging time is not positive", remedy="Leave it out")
         if not ((deviation > 0.0) & np.isfinite(deviation)).all():
             raise InputError(
                 "a deviation is not positive", remedy="Give Allan deviations, not their logarithms"

@@ -31,6 +31,8 @@ CHANGED = 1.1
 """Ratio of the sampling periods of two stretches that is no chance."""
 MOST_LOST = 0.9
 """Share of samples that may be missing."""
+MOST_UNEVEN = 50_000
+"""Samples at uneven times that are fitted."""
 PIECE = 512
 """Samples of a piece that has a spectrum of its own."""
 
@@ -76,6 +78,12 @@ def evidence(
     view: Evidence = Joint(tuple(pieces)) if pieces else _regular(t, y, drive, dt)
     period = float((near if error <= UNEVEN else steps).mean())
     if error > UNEVEN:
+        if t.size > MOST_UNEVEN:
+            raise InputError(
+                f"{t.size} samples at uneven times are too many for the exact likelihood",
+                remedy=f"Cut the log to {MOST_UNEVEN} samples, or resample it evenly",
+            )
+        said = [w for w in said if "missing in all" not in w]  # random times have no gaps
         said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
     return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
 

@@ -49,7 +49,8 @@ def _table(effects: Sequence[Effect], rate: float, wanted: float) -> tuple[list[
     bounds = [relative_bound(effects, 1.0 / rate, max(64, round(h * 3600.0 * rate))) for h in HOURS]
     rows, data = [], {}
     for key in bounds[0]:
-        label = f"{effects[key[0]].name} {key[1]}"
+        before = sum(e.name == effects[key[0]].name for e in effects[: key[0]])
+        label = f"{effects[key[0]].name}{f'_{before + 1}' if before else ''} {key[1]}"
         hours = seconds_for(effects, 1.0 / rate, key, wanted) / 3600.0
         rows.append(
             [label, *(_percent(b[key]) for b in bounds), f"{hours:.2g} h" if np.isfinite(hours) else "never"]

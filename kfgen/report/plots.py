@@ -139,10 +139,17 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
 def bound_picture(lines: Sequence[Line], key: str) -> str:
     """Relative bounds against hours of record."""
     fig, (ax,) = _figure(7.4, 3.4)
-    for line in lines:
+    shown = [line for line in lines if (np.isfinite(line.y) & (line.y > 0.0)).any()]
+    for line in shown:
         ax.plot(line.x, 100.0 * line.y, color=line.color, marker=".", label=line.label)
-    ax.set(xscale="log", yscale="log", xlabel="length of the record [h]", ylabel="bound [%]")
-    ax.legend(frameon=False, fontsize=8.5)
+    ax.set(
+        xscale="log" if shown else "linear",
+        yscale="log" if shown else "linear",
+        xlabel="length of the record [h]",
+        ylabel="bound [%]",
+    )
+    if shown:
+        ax.legend(frameon=False, fontsize=8.5)
     return _svg(fig, key)
 
 
