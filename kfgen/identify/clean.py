@@ -95,7 +95,7 @@ def amplitude_faults(y: Array) -> list[str]:
     step, said = _smallest_step(y), []
     if step > COARSE * white:
         said.append(
-            f"the samples are {step / white:.2g} of their deviations apart: too coarse for sizes to be trusted"
+            f"neighbouring values are {step / white:.2g} deviations apart: too coarse for sizes to be trusted"
         )
     elif ends > CLIPPED and step < 0.1 * white:
         said.append(
