@@ -31,7 +31,7 @@ CHANGED = 1.1
 """Ratio of the sampling periods of two stretches that is no chance."""
 MOST_LOST = 0.9
 """Share of samples that may be missing."""
-MOST_UNEVEN = 50_000
+MOST_UNEVEN = 10_000
 """Samples at uneven times that are fitted."""
 PIECE = 512
 """Samples of a piece that has a spectrum of its own."""
