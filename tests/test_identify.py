@@ -145,6 +145,15 @@ def test_bound_is_the_information_of_the_gaussian(K: float) -> None:
     np.testing.assert_allclose([got[0, "N"], got[1, "K"]], exact, rtol=0.01)
 
 
+@pytest.mark.parametrize("skip", [((30.0, float("inf")),), ((0.0, 12.5), (25.0, 37.5)), ((20.0, 20.5),)])
+def test_what_is_not_looked_at_gives_no_information(skip: tuple[tuple[float, float], ...]) -> None:
+    """White noise alone: m ordinates know its ln N to 1 / sqrt(2 m); at 100 Hz they reach to 50 Hz."""
+    n = 40_000
+    left = n * (1.0 - sum(min(hi, 50.0) - lo for lo, hi in skip) / 50.0)
+    bound = relative_bound([make("white_noise", N=0.1)], 0.01, n, skip=skip)
+    assert bound[0, "N"] == pytest.approx(1 / np.sqrt(2 * left), rel=1e-3)
+
+
 def test_hours_of_the_table() -> None:
     """Log for 20 %: B 3.1 h, K 5.5 h, beta 17 h; with the paper's B, K 3.7 h and beta 184,270 h."""
     model = effects(N0, B0, K0, TAU0)

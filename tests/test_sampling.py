@@ -340,3 +340,18 @@ def test_the_command_line_refuses_logs_that_do_not_go_together(
     gappy = write(tmp_path / "gap.csv", *with_gap(noise(1)))
     assert "50 to 100 Hz" in refused("identify", even, slow)
     assert "gaps" in refused("identify", even, gappy)
+
+
+def test_the_exact_likelihood_takes_one_log() -> None:
+    """It must not fall back to another method in silence."""
+    records = tuple(Record(T, noise(seed)) for seed in range(2))
+    with pytest.raises(InputError, match="one log"):
+        identify(Joint(records), ["white_noise"], "kalman")
+
+
+def test_logs_of_different_noise_are_said_and_have_no_lines() -> None:
+    """Beside the pooled spectrum the louder of two white records would be full of lines."""
+    found = identify(Joint((Record(T, noise(1)), Record(T, 3.0 * noise(2)))), ["white_noise"])
+    assert not found.lines
+    said = next(w for w in found.warnings if "differ in their noise by a factor of" in w)
+    assert float(said.split("factor of ")[1].split(";")[0]) == pytest.approx(3.0, rel=0.05)

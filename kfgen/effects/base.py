@@ -144,6 +144,10 @@ class Effect:
         """The estimated parameters that are no coefficients: they are fitted in their logarithm."""
         return tuple(p for p in cls.estimated() if p.kind != "signed")
 
+    def shifted(self, name: str, step: float) -> Self:
+        """The effect with a step in the logarithm of one of its parameters."""
+        return replace(self, **{name: float(getattr(self, name)) * math.exp(step)})
+
     def regressors(self, t: Array, drive: Mapping[str, Array] | None = None) -> list[Array]:
         """The output [U] for one of each coefficient, the others zero, each of shape (n,)."""
         names = self.coefficients()

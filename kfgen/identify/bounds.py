@@ -12,7 +12,6 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +21,15 @@ from kfgen.identify.whittle import Key, density_of_differences
 
 Array = NDArray[np.float64]
 
+Bands = Sequence[tuple[float, float]]
+
 SINGULAR = 1e-13
 """Share of information below which a direction has none."""
 
 
-def fisher(effects: Sequence[Effect], dt: float, *lengths: int) -> tuple[tuple[Key, ...], Array]:
+def fisher(
+    effects: Sequence[Effect], dt: float, *lengths: int, skip: Bands = ()
+) -> tuple[tuple[Key, ...], Array]:
     """Fisher information of the logarithms of the parameters of the random effects.
 
     Parameters
@@ -36,19 +39,19 @@ def fisher(effects: Sequence[Effect], dt: float, *lengths: int) -> tuple[tuple[K
         Sampling period [s].
     lengths : int
         Samples of each record of the sensor.
+    skip : sequence of (lo, hi)
+        Bands [Hz] that are not looked at.
 
     Returns
     -------
     keys : tuple of Key
     J : ndarray, shape (k, k)
     """
-    omega, weight = nominal(lengths)
+    omega, weight = nominal(lengths, dt, skip)
     keys = tuple((i, p.name) for i, e in enumerate(effects) if not e.coefficients() for p in e.estimated())
 
     def log_density(key: Key, shift: float) -> Array:
-        moved = list(effects)
-        e = moved[key[0]]
-        moved[key[0]] = replace(e, **{key[1]: float(getattr(e, key[1])) * float(np.exp(shift))})
+        moved = [e.shifted(key[1], shift) if i == key[0] else e for i, e in enumerate(effects)]
         return np.log(density_of_differences(moved, omega, dt, 1))
 
     if not keys:
@@ -58,21 +61,25 @@ def fisher(effects: Sequence[Effect], dt: float, *lengths: int) -> tuple[tuple[K
     return keys, 0.5 * (slopes * weight) @ slopes.T
 
 
-def nominal(lengths: Sequence[int]) -> tuple[Array, Array]:
+def nominal(lengths: Sequence[int], dt: float, skip: Bands = ()) -> tuple[Array, Array]:
     """Ordinates of records of so many samples, by bins: angular frequencies and how many each stands for."""
-    parts = [_grid(n) for n in lengths]
+    parts = [_grid(n, dt, skip) for n in lengths]
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
-def _grid(n: int) -> tuple[Array, Array]:
+def _grid(n: int, dt: float, skip: Bands) -> tuple[Array, Array]:
     edges = np.unique(np.concatenate([np.arange(min(n, 65)), np.geomspace(64, n, 400)]).round())
     edges = edges[edges <= n]
-    return (0.5 * (edges[1:] + edges[:-1] + 1.0)) * (np.pi / (n + 1)), np.diff(edges)
+    weight = np.diff(edges)
+    for lo, hi in skip:
+        band = np.minimum(np.array([lo, hi]) * (2.0 * dt * (n + 1)), n)  # as numbers of ordinates
+        weight = weight - np.diff(np.clip(edges, *band))
+    return (0.5 * (edges[1:] + edges[:-1] + 1.0)) * (np.pi / (n + 1)), np.maximum(weight, 0.0)
 
 
-def relative_bound(effects: Sequence[Effect], dt: float, *lengths: int) -> dict[Key, float]:
+def relative_bound(effects: Sequence[Effect], dt: float, *lengths: int, skip: Bands = ()) -> dict[Key, float]:
     """The smallest relative deviation that an unbiased estimate of each parameter can have."""
-    keys, J = fisher(effects, dt, *lengths)
+    keys, J = fisher(effects, dt, *lengths, skip=skip)
     scale = np.sqrt(np.diag(J))
     if not (scale > 0.0).all():
         return {key: float("inf") if not s > 0.0 else _alone(s) for key, s in zip(keys, scale.tolist())}
@@ -89,12 +96,14 @@ def _alone(scale: float) -> float:
     return 1.0 / scale
 
 
-def seconds_for(effects: Sequence[Effect], dt: float, key: Key, wanted: float = 0.2) -> float:
+def seconds_for(
+    effects: Sequence[Effect], dt: float, key: Key, wanted: float = 0.2, skip: Bands = ()
+) -> float:
     """The length of record [s] at which the bound of one parameter is `wanted` (infinite if beyond)."""
     lo, hi = 3.0, 15.0
 
     def bound(exponent: float) -> float:
-        return relative_bound(effects, dt, int(10.0**exponent))[key]
+        return relative_bound(effects, dt, int(10.0**exponent), skip=skip)[key]
 
     if bound(hi) > wanted:
         return float("inf")

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 MINIMUM = 64
 """Samples that a fit needs."""
-UNLIKE = 1.1
+DIFFER = 1.1
 """Ratio of the noise of two logs beyond which they are not of one sensor in one state."""
 SMOOTH = 0.1
 """Of the sampling rate: beyond that frequency a record drawn between uneven samples is smooth."""
@@ -90,11 +90,9 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
     if lines:
         clean = without_lines(clean, lines)
         found = _estimated(clean, wanted, method)
-    known = () if isinstance(clean, Published) else clean.lengths  # who knows how a curve was made
-    bounds = relative_bound(found.fit.effects, clean.dt, *known) if known else {}
-    if getattr(clean, "skip", ()) and method == "ml":  # what is left out gives no information
-        known_to = np.sqrt(np.maximum(np.diag(found.covariance), 0.0)).tolist()
-        bounds |= {key: b for key, b in zip(found.fit.free, known_to) if key in bounds}
+    bounds = {}
+    if not isinstance(clean, Published):  # who knows how a curve was made
+        bounds = relative_bound(found.fit.effects, clean.dt, *clean.lengths, skip=clean.skip)
     drift = [_drift_warning(found.fit, found.unresolved, clean)] if found.unresolved else []
     return Identified(
         found.fit,
@@ -123,10 +121,22 @@ def _estimated(clean: Evidence, wanted: Sequence[str] | None, method: str) -> Es
 
 
 def exactly(record: Evidence) -> Evidence:
-    """A record with the exact likelihood in place of Whittle's."""
-    return (
-        Exact(record.t, record.y, record.drive, record.dt, record) if isinstance(record, Record) else record
-    )
+    """A record with the exact likelihood in place of Whittle's.
+
+    Raises
+    ------
+    InputError
+        Several records, a condensed one, or a curve.
+    """
+    if isinstance(record, Exact):
+        return record
+    if not isinstance(record, Record):
+        raise InputError(
+            "the exact likelihood takes one log in memory",
+            where="--method kalman",
+            remedy="Use --method ml for several logs, --method allan for a curve",
+        )
+    return Exact(record.t, record.y, record.drive, record.dt, record)
 
 
 @singledispatch
@@ -162,17 +172,17 @@ def _(record: Joint) -> tuple[Evidence, list[str]]:
     blocks = [replace(r, block=block) for r in record.records]
     parts = [prepared(r) for r in blocks]
     records = tuple(r for r, _ in parts if isinstance(r, Record))
+    said = list(dict.fromkeys(w for _, words in parts for w in words))
+    ratio = _unlike(records)
+    if ratio > DIFFER:
+        said.append(f"the logs differ in their noise by a factor of {ratio:.3g}; one is fitted to all")
+    return Joint(records), said
+
+
+def _unlike(records: Sequence[Record]) -> float:
+    """By how much the fastest noise of records differs."""
     levels = [float(r.octaves.deviation[0]) for r in records]
-    if max(levels) > UNLIKE * min(levels):
-        parts.append(
-            (
-                records[0],
-                [
-                    f"the logs differ in their noise by a factor of {max(levels) / min(levels):.3g}; one is fitted to all"
-                ],
-            )
-        )
-    return Joint(records), list(dict.fromkeys(w for _, said in parts for w in said))
+    return max(levels) / min(levels)
 
 
 @prepared.register
@@ -189,21 +199,16 @@ def _(record: Long) -> tuple[Evidence, list[str]]:
 def _(record: Exact) -> tuple[Evidence, list[str]]:
     _check(record.y)
     good = ~is_outlier(record.y)
+    drive = {k: v[good] for k, v in record.drive.items()}
+    clean = replace(record, t=record.t[good], y=record.y[good], drive=drive)
+    said = _outliers(int((~good).sum()), good.size)
     if record.drawn and isinstance(record.view, Record):
-        view: Evidence = record.view.leaving_out((SMOOTH / record.period, float("inf")))
-        return replace(
-            record,
-            t=record.t[good],
-            y=record.y[good],
-            view=view,
-            drive={k: v[good] for k, v in record.drive.items()},
-        ), _outliers(int((~good).sum()), good.size)
+        return replace(clean, view=record.view.leaving_out((SMOOTH / record.period, float("inf")))), said
     view, _ = prepared(record.view)
     cuts = [lo for r in _records(view) for lo, hi in r.skip if hi == float("inf")]
-    shortest = 1.0 / min(cuts) if cuts else 0.0
-    drive = {k: v[good] for k, v in record.drive.items()}
-    clean = replace(record, t=record.t[good], y=record.y[good], drive=drive, view=view, shortest=shortest)
-    return clean, _outliers(int((~good).sum()), good.size) + ([_low_pass(min(cuts))] if cuts else [])
+    if not cuts:
+        return replace(clean, view=view), said
+    return replace(clean, view=view, shortest=1.0 / min(cuts)), [*said, _low_pass(min(cuts))]
 
 
 @prepared.register
@@ -225,8 +230,7 @@ def _records(view: Evidence) -> tuple[Record, ...]:
 def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
     """The periodic lines of evidence, each once."""
     parts = _records(record.view if isinstance(record, Exact) else record)
-    levels = [float(p.octaves.deviation[0]) for p in parts] if isinstance(record, Joint) else [1.0]
-    if max(levels) > UNLIKE * min(levels):
+    if isinstance(record, Joint) and _unlike(parts) > DIFFER:
         return []  # beside another's noise a louder log is full of lines
     found: list[PeriodicLine] = []
     for part in parts:

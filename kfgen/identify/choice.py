@@ -6,7 +6,8 @@ flicker, in every combination), quantisation where it helps, and at most one det
 than the 95 % quantile of what it gains by chance: 2.7 for one more size (half a chi-square of
 one degree, for sizes are not negative [1]_), `SHAPED` for one whose time is searched or whose band is
 chosen (tabled from records of white noise and random walk: 6.3 at 1000 s, 7.3 at 2.8 h, 95 % of
-them), `FAST` for quantisation (once in two thousand: where it is real, all high frequencies tell of it), and `DECISIVE` for a deterministic drift, which over one record is hard to tell from chance wandering.
+them), `FAST` for quantisation (once in two thousand: where it is real, all high frequencies tell of
+it), and `DECISIVE` for a deterministic drift, which over one record is hard to tell from chance wandering.
 The set with the largest gain over its thresholds is chosen.
 
 References

@@ -28,7 +28,7 @@ from kfgen.identify.whittle import Fitted, Key
 
 Array = NDArray[np.float64]
 
-__all__ = ["Fit", "Key", "Prior", "Problem", "curvature", "maximise", "profile"]
+__all__ = ["Fit", "Key", "Prior", "Problem", "curvature", "inverse", "maximise", "profile"]
 
 ROUNDS = 80
 CLOSE = 1e-7
@@ -219,6 +219,13 @@ def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
 def _with_coefficients(effects: tuple[Effect, ...], coefficients: Array) -> tuple[Effect, ...]:
     values = iter(coefficients.tolist())
     return tuple(replace(e, **{name: next(values) for name in e.coefficients()}) for e in effects)
+
+
+def inverse(J: Array) -> Array:
+    """The covariance of logarithms from their information, shape (k, k); large where there is none."""
+    scale = np.sqrt(np.maximum(np.diag(J), 1e-8))
+    scaled = np.linalg.pinv(J / np.outer(scale, scale), rcond=1e-10, hermitian=True)
+    return np.asarray(scaled / np.outer(scale, scale))
 
 
 def curvature(problem: Problem, point: Array, step: float = 1e-3) -> Array:

@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.identify.fit import Fit, Key, Problem, profile
+from kfgen.identify.fit import Fit, Key, Problem, inverse, profile
 
 Array = NDArray[np.float64]
 
@@ -84,10 +84,8 @@ def _secant(near: tuple[float, float], far: tuple[float, float], wanted: float) 
 
 def _spreads(problem: Problem, best: Fit) -> Array:
     """Deviations of the logarithms from the expected information, at most one, shape (k,)."""
-    J = problem.information(best.point)
-    scale = np.sqrt(np.maximum(np.diag(J), 1e-8))
-    variance = np.diag(np.linalg.pinv(J / np.outer(scale, scale), rcond=1e-10, hermitian=True))
-    return np.asarray(np.minimum(np.sqrt(np.maximum(variance, 0.0)) / scale, 1.0))
+    variance = np.diag(inverse(problem.information(best.point)))
+    return np.asarray(np.minimum(np.sqrt(np.maximum(variance, 0.0)), 1.0))
 
 
 def _widened(spreads: Array, index: int) -> float:

@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -42,7 +42,8 @@ ROUNDED = 64
 """Times are rounded to this part of a period, so that a jittered record has few different steps."""
 LEAST = 1e-10
 """Of the variance of a sample: white noise that every model is given, so that factors exist."""
-NUDGE = 1e-4
+STEP = 1e-4
+"""In a logarithm over which the likelihood is differentiated."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +96,11 @@ class Chain:
         return np.array([self._slope(effects, key) for key in keys])
 
     def _slope(self, effects: Sequence[Effect], key: Key) -> float:
-        values = []
-        for h in (NUDGE, -NUDGE):
-            moved = list(effects)
-            old = moved[key[0]]
-            moved[key[0]] = replace(old, **{key[1]: float(getattr(old, key[1])) * float(np.exp(h))})
-            values.append(self.log_likelihood(moved).value)
-        return (values[0] - values[1]) / (2.0 * NUDGE)
+        def value(step: float) -> float:
+            moved = [e.shifted(key[1], step) if i == key[0] else e for i, e in enumerate(effects)]
+            return self.log_likelihood(moved).value
+
+        return (value(STEP) - value(-STEP)) / (2.0 * STEP)
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Fisher information of a whole record of as many samples."""
@@ -289,6 +288,15 @@ class Exact(Evidence):
     def driven(self) -> Mapping[str, float]:
         """Mean of each recorded driver that changes [SI]."""
         return means_of(self.drive)
+
+    @property
+    def skip(self) -> tuple[tuple[float, float], ...]:
+        """What an internal low-pass changes [Hz]."""
+        return ((1.0 / self.shortest, float("inf")),) if self.shortest else ()
+
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """Of the even pieces."""
+        return self.view.drift_variance(effects)
 
     def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
         """Of the even pieces."""

@@ -19,7 +19,7 @@ from kfgen.errors import InputError
 from kfgen.identify.bounds import nominal
 from kfgen.identify.choice import SHAPED, Trial, choose, combined, fast_effects, slow_effects
 from kfgen.identify.curve import Weighting, by_degrees_of_freedom, by_wavelet_covariance, fit_curve
-from kfgen.identify.fit import Fit, Key, Problem, maximise
+from kfgen.identify.fit import Fit, Key, Problem, inverse, maximise
 from kfgen.identify.interval import NORMAL, interval95, intervals95, linear_intervals
 from kfgen.identify.limits import Limit, limit
 from kfgen.identify.record import Evidence
@@ -125,12 +125,7 @@ def _misfit(chance: float) -> tuple[str, ...]:
 
 def covariance(problem: Problem, best: Fit) -> Array:
     """Asymptotic covariance of the logarithms of the fitted parameters, shape (k, k)."""
-    J = problem.information(best.point)
-    if not J.size:
-        return J
-    scale = np.sqrt(np.maximum(np.diag(J), 1e-12))
-    inverse = np.linalg.pinv(J / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-    return np.asarray(inverse / np.outer(scale, scale))
+    return inverse(problem.information(best.point))
 
 
 def _estimate(problem: Problem, best: Fit, intervals: dict[Key, tuple[float, float]], C: Array) -> Estimate:
@@ -139,7 +134,8 @@ def _estimate(problem: Problem, best: Fit, intervals: dict[Key, tuple[float, flo
     unresolved = _unresolved(record, best)
     shown = {e.name for i, e in enumerate(best.effects) if i not in unresolved}
     asked = [n for n in (*slow_effects(record), *fast_effects(record)) if n not in shown and _limited(n)]
-    return Estimate(best, unresolved, intervals, tuple(limit(problem, best, n) for n in asked), C)
+    limits = [limit(record, tuple(e for e in best.effects if e.name != n), n) for n in asked]
+    return Estimate(best, unresolved, intervals, tuple(limits), C)
 
 
 def _limited(name: str) -> bool:
@@ -161,7 +157,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
             continue
         without = maximise(Problem(problem.record, others))
         if 2.0 * (best.value - without.value) < SHAPED:
-            most = limit(problem, best, effect.name)
+            most = limit(problem.record, others, effect.name)
             found[i, most.parameter] = (0.0, most.upper95)
             found |= {(i, name): (0.0, float("inf")) for name in times}
     return found
@@ -169,7 +165,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
 
 def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
     """The slow terms that dominate too few ordinates to be told from one another."""
-    omega, count = nominal(record.lengths)
+    omega, count = nominal(record.lengths, record.dt, record.skip)
     parts = [e.sampled_density(omega, record.dt, 1) for e in best.effects]
     total = np.sum(parts, axis=0)
     return frozenset(

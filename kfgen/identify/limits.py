@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
 from kfgen.identify.bounds import seconds_for
-from kfgen.identify.fit import Fit, Problem, maximise
+from kfgen.identify.fit import Problem, maximise
 from kfgen.identify.interval import upper95
 from kfgen.identify.record import Evidence
 
@@ -44,39 +43,30 @@ def starts(name: str, record: Evidence) -> list[Effect]:
     return list(found)
 
 
-def limit(problem: Problem, best: Fit, name: str) -> Limit:
-    """The upper limit of an effect beside the others, at its worst correlation time.
+def limit(record: Evidence, others: tuple[Effect, ...], name: str) -> Limit:
+    """The upper limit of an effect beside others, at its worst correlation time.
 
     The others are fitted anew for every size that is tried, so that an unresolved drift may turn out
-    to be all of the effect asked for.
+    to be all of the effect asked for. The hours are at least those of the record, which did not show it.
     """
-    return _worst(
-        problem, best, name, lambda trial, fit, size: upper95(trial, fit, (len(trial.effects) - 1, size))
-    )
-
-
-def _worst(problem: Problem, best: Fit, name: str, upper: Callable[[Problem, Fit, str], float]) -> Limit:
-    others = tuple(e for e in best.effects if e.name != name)
-    record, index = problem.record, len(others)
-    shown = starts(name, record)
+    index, shown = len(others), starts(name, record)
     size = shown[0].searched()[0].name
-    worst: Limit | None = None
-    for start in _slowest_apart(shown):
-        fixed = frozenset((index, p.name) for p in start.searched()[1:])
-        trial = Problem(record, (*others, start), fixed=fixed)
-        small = replace(start, **{size: 1e-3 * float(getattr(start, size))})
-        fits = [maximise(t) for t in (trial, trial.starting((*others, small)))]
-        fit = max(fits, key=lambda f: f.value)
-        top = upper(trial, fit, size)
-        if worst is None or top > worst.upper95:
-            worst = Limit(replace(fit.effects[index], **{size: top}), size, top, 0.0)
-    if worst is None:
-        raise InputError(f"{name} cannot be limited by this record")
-    half = replace(worst.effect, **{size: 0.5 * worst.upper95})
-    hours = seconds_for((*others, half), record.dt, (index, size)) / 3600.0 if np.isfinite(top) else np.inf
-    return replace(worst, hours=max(float(hours), record.duration / 3600.0))
+    # At the fastest start of several, white noise hides a term of any size.
+    found = [_limit_at(record, others, start, size) for start in shown[1:] or shown]
+    worst, top = max(found, key=lambda f: f[1])
+    half = replace(worst, **{size: 0.5 * top})
+    seconds = float("inf")
+    if np.isfinite(top):
+        seconds = seconds_for((*others, half), record.dt, (index, size), skip=record.skip)
+    return Limit(replace(worst, **{size: top}), size, top, max(seconds, record.duration) / 3600.0)
 
 
-def _slowest_apart(shown: Sequence[Effect]) -> Sequence[Effect]:
-    """All starts but the fastest, at which white noise hides a term of any size."""
-    return shown[1:] or shown
+def _limit_at(record: Evidence, others: tuple[Effect, ...], start: Effect, size: str) -> tuple[Effect, float]:
+    """An effect with its times held, fitted beside the others, and the upper limit of its size."""
+    key = (len(others), size)
+    fixed = frozenset((len(others), p.name) for p in start.searched()[1:])
+    small = replace(start, **{size: 1e-3 * float(getattr(start, size))})
+    trials = [Problem(record, (*others, e), fixed=fixed) for e in (start, small)]
+    fits = [maximise(t) for t in trials]
+    best = max(range(2), key=lambda i: fits[i].value)
+    return fits[best].effects[-1], upper95(trials[best], fits[best], key)

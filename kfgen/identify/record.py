@@ -64,6 +64,11 @@ class Evidence(ABC):
         """Samples of each stretch in one piece."""
 
     @property
+    def skip(self) -> tuple[tuple[float, float], ...]:
+        """Bands [Hz] that are not looked at."""
+        return ()
+
+    @property
     def n(self) -> int:
         """Samples of all."""
         return sum(self.lengths)
@@ -237,9 +242,14 @@ class Record(Evidence):
 
     def drift_variance(self, effects: Sequence[Effect]) -> Array:
         """The Allan variance [U^2] of what deterministic effects give this record."""
-        drift = sum((e.mean(self.elapsed, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
         m = np.round(self.curve.tau / self.dt).astype(np.int64)
-        return np.asarray(overlapping_variance(drift, m))
+        return np.asarray(overlapping_variance(self.drift(effects), m))
+
+    def drift(self, effects: Sequence[Effect]) -> Array:
+        """What deterministic effects give this record [U], shape (n,)."""
+        return np.asarray(
+            sum((e.mean(self.elapsed, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
+        )
 
     def leaving_out(self, *bands: tuple[float, float]) -> Record:
         """The same with more bands [Hz] left out of the likelihood."""
@@ -302,6 +312,21 @@ class Joint(Evidence):
     def lengths(self) -> tuple[int, ...]:
         """Samples of each."""
         return tuple(r.n for r in self.records)
+
+    @property
+    def skip(self) -> tuple[tuple[float, float], ...]:
+        """Bands [Hz] that are left out of some record."""
+        return tuple(dict.fromkeys(band for r in self.records for band in r.skip))
+
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """The Allan variance [U^2] of deterministic effects: of each record, weighted by its samples."""
+        m = np.round(self.curve.tau / self.dt).astype(np.int64)
+        total, weight = np.zeros((2, m.size))
+        for r in self.records:
+            known = m <= r.n // 3
+            total[known] += r.n * overlapping_variance(r.drift(effects), m[known])
+            weight[known] += r.n
+        return np.asarray(total / weight)
 
     @property
     def words(self) -> str:

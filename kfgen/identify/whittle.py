@@ -86,8 +86,7 @@ class Shapes:
         sizes = [p.name for p in effect.estimated() if p.kind == "size"]
         if sizes == [name]:
             return 2.0 * self.of(effect)
-        value = float(getattr(effect, name))
-        up, down = (self.of(replace(effect, **{name: value * float(np.exp(h))})) for h in (NUDGE, -NUDGE))
+        up, down = (self.of(effect.shifted(name, h)) for h in (NUDGE, -NUDGE))
         return np.asarray((up - down) / (2.0 * NUDGE))
 
 

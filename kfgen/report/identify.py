@@ -13,6 +13,7 @@ from kfgen.effects import Effect
 from kfgen.identify.channel import Identified
 from kfgen.identify.limits import Limit
 from kfgen.identify.published import Published
+from kfgen.identify.record import Evidence
 from kfgen.log import Log, StoredLog
 from kfgen.noise import ChannelNoise, Joint, NoiseModel, Term
 from kfgen.report.convert import meaning_parts
@@ -62,9 +63,11 @@ def _covariance(result: Identified) -> Joint | None:
     return Joint(names, tuple(map(tuple, (0.5 * (C + C.T)).tolist())))
 
 
-def model_deviation(effects: tuple[Effect, ...], tau: Array) -> Array:
-    """Allan deviation [SI] of the random ones among effects, shape (m,)."""
-    return np.sqrt(sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size)))
+def expected_deviation(record: Evidence, effects: tuple[Effect, ...]) -> Array:
+    """Allan deviation [SI] that effects give a record at the averaging times of its curve, shape (m,)."""
+    tau = record.curve.tau
+    random = sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size))
+    return np.sqrt(random + record.drift_variance(effects))
 
 
 def quantity(value: float, unit: str) -> str:
@@ -179,18 +182,14 @@ def _picture(result: Identified, unit: str, name: str) -> str:
 
 def panel(result: Identified, unit: str, title: str) -> Panel:
     """The Allan deviation of a channel with its model, as a panel of a picture."""
-    curve, record = result.record.curve, result.record
-    seen = curve.tau >= 0.999 * record.dt  # of a published curve the first points may be left out
-    tau, drift = curve.tau[seen], record.drift_variance(result.fit.effects)[seen]
-
-    def total(effects: tuple[Effect, ...]) -> Array:
-        return np.sqrt(model_deviation(effects, tau) ** 2 + drift)
-
-    lines = [Line("model, as written", tau, total(resolved(result)), AFTER)]
+    curve = result.record.curve
+    seen = curve.tau >= 0.999 * result.record.dt  # of a published curve the first points may be left out
+    tau = curve.tau[seen]
+    written = expected_deviation(result.record, resolved(result))[seen]
+    lines = [Line("model, as written", tau, written, AFTER)]
     if result.unresolved:
-        lines.append(
-            Line("with the drift that is not resolved", tau, total(result.fit.effects), BEFORE, dashed=True)
-        )
+        whole = expected_deviation(result.record, result.fit.effects)[seen]
+        lines.append(Line("with the drift that is not resolved", tau, whole, BEFORE, dashed=True))
     return Panel(curve, lines, unit, parse_unit(unit).factor, title)
 
 
@@ -230,7 +229,7 @@ def _channel(result: Identified, si: str) -> dict[str, Any]:
             "adev": curve.deviation.tolist(),
             "lo95": curve.lo.tolist(),
             "hi95": curve.hi.tolist(),
-            "model": model_deviation(resolved(result), curve.tau).tolist(),
+            "model": expected_deviation(result.record, resolved(result)).tolist(),
         },
         "lines": [
             {"frequency_hz": line.frequency, "amplitude": line.amplitude, "unit": si} for line in result.lines
