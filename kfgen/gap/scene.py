@@ -1,0 +1,93 @@
+"""`Scene`: what a world must say of itself for its gap to be found.
+
+A world (a rate table, a plant) turns effects with their values into residuals in unit white noise.
+Everything else (screening, fitting, comparing, intervals, tests) follows from that one function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect and where it acts: a channel, a triad of channels, a state or an input of a plant."""
+
+    effect: Effect
+    where: str
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number of the world that is fitted beside the effects: a bias, an initial state, a trusted parameter.
+
+    Parameters
+    ----------
+    name, unit : str
+    value : float
+        What is believed [SI].
+    sd : float
+        Deviation of a Gaussian prior [SI]; infinite for none.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a scene: effects with values, and the values of its unknowns, shape (q,)."""
+
+    placed: tuple[Placed, ...]
+    unknowns: Array
+
+
+class Scene(Protocol):
+    """A world: channels of a log against what is believed of them."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that are compared."""
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Ordinates of each channel in the residuals, in order."""
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """What is fitted beside the effects."""
+
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """Whitened residuals of all channels one after the other, shape (sum of lengths, points).
+
+        Under the right point they are independent unit normal deviates.
+        """
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every addition that the log allows beside these: the start values of each.
+
+        Signed parameters may start at zero; sizes and times start above it, for they are fitted in their
+        logarithms.
+        """
+
+    def part(self, start: float, stop: float) -> Scene:
+        """The same world over a share of its time, as held-out data."""
