@@ -218,7 +218,9 @@ def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
 
 def _with_coefficients(effects: tuple[Effect, ...], coefficients: Array) -> tuple[Effect, ...]:
     values = iter(coefficients.tolist())
-    return tuple(replace(e, **{name: next(values) for name in e.coefficients()}) for e in effects)
+    return tuple(
+        e.solved([next(values) for _ in e.coefficients()]) if e.coefficients() else e for e in effects
+    )
 
 
 def inverse(J: Array) -> Array:

@@ -113,9 +113,7 @@ class Evidence(ABC):
 
     def likelihood(self, effects: Sequence[Effect]) -> Likelihood:
         """The likelihood with the regressors of these effects; kept while their shapes do not change."""
-        shapes = tuple(
-            replace(e, **dict.fromkeys(e.coefficients(), 0.0)) for e in effects if e.coefficients()
-        )
+        shapes = tuple(e.shape for e in effects if e.coefficients())
         known = self._known
         if shapes not in known:
             if len(known) > KEPT:
@@ -151,6 +149,12 @@ class Evidence(ABC):
         if kind == "time":
             fastest = FASTEST * self.step
             return float(np.log(fastest)), float(np.log(max(0.5 * self.longest, 2.0 * fastest)))
+        if kind == "frequency":
+            return float(np.log(1.0 / self.longest)), float(np.log(0.5 / self.step))
+        if kind == "ratio":
+            return float(np.log(1e-3)), float(np.log(2.0))
+        if kind == "width":
+            return float(np.log(1e-6)), float(np.log(1e6))
         scale = self.scale or 1.0
         return float(np.log(1e-9 * scale)), float(np.log(1e4 * scale * max(1.0, self.longest)))
 
