@@ -18,68 +18,25 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
-
-for _library in ("OPENBLAS", "OMP", "MKL"):
-    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 import numpy as np
-from baseline import said
-from case import Case, Request
-from score import Score, score
+from case import Request
+from score import Score
 from tables import report
+from trial import run, world
 
 WORLDS = ("static", "motion", "plant")
 SEED = 20260101
 
 
-def world(name: str) -> Any:
-    """The module of a world: ``requests`` and ``make``."""
-    import importlib
-
-    return importlib.import_module(name)
-
-
-def ask(place: Path, answer: Path) -> dict[str, Any]:
-    """Let the command line answer; a failure is an answer too."""
-    from kfgen.cli.app import app
-    from typer.testing import CliRunner
-
-    words = ["gap", str(place / "log.csv"), "--model", str(place / "model.toml"), "--json", str(answer)]
-    try:
-        result = CliRunner().invoke(app, words)
-    except Exception as error:
-        return {"error": f"{type(error).__name__}: {error}"}
-    if answer.is_file():
-        return dict(json.loads(answer.read_text(encoding="utf-8")))
-    failure = result.exception if result.exception is not None else result.output
-    return {"error": f"{type(failure).__name__}: {failure}".replace("\n", " ")}
-
-
-def run(request: Request, folder: Path) -> Score:
-    """Make, write, ask, score."""
-    cases, truths, answers = folder / "cases", folder / "truths", folder / "answers"
-    answers.mkdir(parents=True, exist_ok=True)
-    case: Case = world(request.world).make(request)
-    place = case.write(cases, truths)
-    start = time.perf_counter()
-    answer = ask(place, answers / f"{request.id}.json")
-    seconds = time.perf_counter() - start
-    truth = json.loads((truths / f"{request.id}.json").read_text(encoding="utf-8"))
-    result = score(truth, answer, seconds)
-    if case.base:
-        y = next(iter(case.channels.values()))[0]
-        aic, bic = said(y, float(np.median(np.diff(case.t))), case.base)
-        result = replace(result, allan_aic=aic, allan_bic=bic)
-    return result
-
-
 def collect(requests: Sequence[Request], folder: Path, jobs: int, tell: Callable[[str], None]) -> list[Score]:
     """All cases, in a pool of processes; the order is that of the requests."""
     done: dict[str, Score] = {}
-    with ProcessPoolExecutor(jobs) as pool:
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(run, r, folder): r for r in requests}
         for future in as_completed(waiting):
             r = waiting[future]
@@ -109,6 +66,10 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
 def main() -> None:
     """Run the benchmark."""
     wanted = arguments()
@@ -129,8 +90,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as temporary:
             folder = wanted.keep / name if wanted.keep else Path(temporary)
             start = time.perf_counter()
-            tell: Callable[[str], None] = lambda line: print(line, file=sys.stderr, flush=True)
-            scores = collect(chosen, folder, wanted.jobs, tell)
+            scores = collect(chosen, folder, wanted.jobs, _tell)
         print(f"\n{name}: {len(scores)} cases, seed {seed}, {time.perf_counter() - start:.0f} s\n")
         print(report(scores), flush=True)
         everything += scores

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import strength as nats
 from case import Array, Hidden
 from noise import power, smooth_wander
+from scipy.fft import dct
 from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
@@ -19,7 +21,7 @@ DANIELL = 21
 
 def _disturb(r: Recording, shape: Array, X: float, name: str) -> Hidden:
     """Adds an unknown disturbance whose averaged spectrum is worth X nats."""
-    S = np.square(nats.dct(shape, norm="ortho")[1:])
+    S = np.square(dct(shape, norm="ortho")[1:])
     x = np.maximum(uniform_filter1d(S, DANIELL, mode="nearest"), 0.0) / r.spectrum
     size = nats.scaled(lambda a: nats.random_gain(1.0 + a * a * x), X, 1e-9, 1e9)
     r.added = r.added + size * shape
@@ -106,7 +108,7 @@ NEAR: Mapping[str, Callable[[Recording, float], Hidden]] = {
     "soft_step": soft_step,
 }
 
-Logged = tuple[Array, Array, dict[str, float], Array]
+Logged = tuple[Any, Any, dict[str, float], Any]
 """Time stamps, values, true parameters in SI, and which samples of the other channels stay."""
 
 

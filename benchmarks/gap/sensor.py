@@ -51,7 +51,9 @@ class Sensor:
     def spectrum(self, n: int) -> Array:
         """Believed variance of each ordinate of n samples."""
         P = np.full(n - 1, self.white**2)
-        return P + gauss_markov_spectrum(n, self.dt, self.sigma, self.tau) if self.sigma else P
+        if self.sigma:
+            P = P + gauss_markov_spectrum(n, self.dt, self.sigma, self.tau)
+        return P
 
 
 SENSORS = (

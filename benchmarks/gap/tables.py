@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
-from score import ERROR, NONE, Score
 from scipy.stats import beta
+from score import ERROR, NONE, Score
 
 SEPARABLE = (
     "quantisation",
@@ -92,7 +92,7 @@ def _singles(scores: Sequence[Score]) -> str:
                 f"{X:g}",
                 share(s.right_first for s in at),
                 share(s.right_first for s in at if s.cell in SEPARABLE),
-                share(s in seen for s in at),
+                share(s.verdict not in ("no_gap", ERROR) for s in at),
                 share(s.in_set for s in at),
                 f"{np.mean(sizes):.2f}" if sizes else "-",
                 f"{np.median(closed):.2f}" if closed else "-",
