@@ -25,7 +25,7 @@ MOST = 2
 """Terms that are added at once."""
 
 
-def allan_variance(y: Array, dt: float) -> tuple[Array, Array, Array]:
+def allan_variance(y: Array, dt: float) -> tuple[Array, ...]:
     """Averaging times, overlapping Allan variances, and equivalent degrees of freedom of white noise."""
     x = np.concatenate([[0.0], np.cumsum(y - y.mean())]) * dt
     m = 2 ** np.arange(int(np.log2(y.size / 8)))
@@ -36,7 +36,7 @@ def allan_variance(y: Array, dt: float) -> tuple[Array, Array, Array]:
     ]
     n, k = y.size + 1, m.astype(float)
     edf = (3.0 * (n - 1) / (2.0 * k) - 2.0 * (n - 2) / n) * 4.0 * k * k / (4.0 * k * k + 5.0)
-    return tau, np.asarray(avar), np.maximum(edf, 1.0)
+    return tuple(np.asarray(a, float) for a in (tau, avar, np.maximum(edf, 1.0)))
 
 
 def gauss_markov_variance(tau: Array, sigma: float, corner: float) -> Array:
@@ -48,7 +48,7 @@ def gauss_markov_variance(tau: Array, sigma: float, corner: float) -> Array:
 def said(y: Array, dt: float, base: Mapping[str, float]) -> tuple[str, str]:
     """The names by lowest AIC and by lowest BIC; ``none`` where the believed terms suffice."""
     tau, avar, edf = allan_variance(y, dt)
-    fits = {(): _misfit((), tau, avar, edf, base)}
+    fits: dict[tuple[str, ...], float] = {(): _misfit((), tau, avar, edf, base)}
     for size in range(1, MOST + 1):
         for terms in combinations(NAMES, size):
             fits[terms] = _misfit(terms, tau, avar, edf, base)

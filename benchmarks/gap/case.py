@@ -34,6 +34,10 @@ SI = {
 """Factors to SI of the units used here; ``degC`` is only ever a difference."""
 
 
+OBVIOUS = 1e6
+"""A strength that stands for effects of the size that people meet, whatever they are worth."""
+
+
 @dataclass(frozen=True)
 class Request:
     """What to build.
@@ -124,11 +128,10 @@ class Case:
     model: str
     base: Mapping[str, float] = field(default_factory=dict)
 
-    def write(self, folder: Path, truths: Path) -> Path:
-        """Write ``folder/<id>/log.csv`` and ``model.toml``, and ``truths/<id>.json``; return the folder."""
+    def write(self, folder: Path) -> Path:
+        """Write ``folder/<id>/log.csv`` and ``model.toml``; return that folder."""
         place = folder / self.request.id
         place.mkdir(parents=True, exist_ok=True)
-        truths.mkdir(parents=True, exist_ok=True)
         names = ["t [s]", *(f"{name} [{unit}]" for name, (_, unit) in self.channels.items())]
         np.savetxt(
             place / "log.csv",
@@ -139,8 +142,14 @@ class Case:
             comments="",
         )
         (place / "model.toml").write_text(self.model, encoding="utf-8")
-        (truths / f"{self.request.id}.json").write_text(json.dumps(self.truth(), indent=1), encoding="utf-8")
         return place
+
+    def write_truth(self, folder: Path) -> Path:
+        """Write ``folder/<id>.json``, apart from the log; return it."""
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{self.request.id}.json"
+        path.write_text(json.dumps(self.truth(), indent=1), encoding="utf-8")
+        return path
 
     def truth(self) -> dict[str, Any]:
         """The truth as plain data."""

@@ -78,7 +78,7 @@ def bias_step(r: Recording, X: float) -> Hidden:
     """A jump between a fifth and four fifths of the record."""
     p, sign = nats.penalty(r.n, 1, 1), _sign(r)
     k = int(r.n * r.rng.uniform(0.2, 0.8))
-    size = _known(r, sign * (np.arange(r.n) >= k), X, p)
+    size = _known(r, np.asarray(sign * (np.arange(r.n) >= k), float), X, p)
     return _hidden(r, "bias_step", {"size": sign * size * r.si, "time": k * r.dt}, X + p, p)
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import strength as nats
-from case import SI, Array, Case, Hidden, Request, noise_file
+from case import OBVIOUS, SI, Array, Case, Hidden, Request, noise_file
 from scipy.spatial.transform import Rotation
 from table import Table, poor, rich
 
@@ -171,8 +171,6 @@ EFFECTS: dict[str, Callable[[Run, str], Plan]] = {
     "soft_iron": _magnetic,
     "magnetic_disturbance": _magnetic,
 }
-OBVIOUS = 1e6
-"""A strength that stands for effects of the size that people meet, whatever they are worth: `SIZES`."""
 SIZES = {
     "scale_factor": 0.005,
     "scale_asymmetry": 0.003,

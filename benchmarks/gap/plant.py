@@ -11,16 +11,13 @@ At the strength `OBVIOUS` the sizes are those of `SIZES`, whatever they are wort
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import sin
 
 import numpy as np
 import strength as nats
-from case import Array, Case, Hidden, Request
+from case import OBVIOUS, Array, Case, Hidden, Request
 from machine import Change, Machine, excite, respond
 
-OBVIOUS = 1e6
-"""Stands for effects of the size that people meet."""
 DEGREE = np.pi / 180.0
 FARTHEST = 1.6
 """Angle of the believed pendulum [rad]."""
@@ -170,7 +167,8 @@ def make(request: Request) -> Case:
     while m is PENDULUM and np.abs(plain).max() > FARTHEST:  # over the top nothing can be predicted
         u = 0.7 * u
         plain = respond(m, u, start, Change())
-    y, hidden = plain, ()
+    y: Array = plain
+    hidden: tuple[Hidden, ...] = ()
     if name:
         y, hidden = _hide(request, m, which, (u, start, plain, rng))
     noisy = y / m.factor + m.noise * rng.standard_normal(n)
@@ -197,7 +195,7 @@ def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array
             return Change(numbers={number: m.parameters[number][0] * (1.0 + sign * size)})
         if name == "saturation":
             return Change(saturation=float(np.abs(u).max()) * (1.0 - min(size, 0.95)))
-        return replace(Change(), **{name: sign * size})
+        return Change(**{name: sign * size})  # type: ignore[arg-type]
 
     def gain(size: float) -> float:
         away = (respond(m, u, start, change(size)) - plain) / (m.factor * m.noise)

@@ -50,9 +50,9 @@ class Sensor:
 
     def spectrum(self, n: int) -> Array:
         """Believed variance of each ordinate of n samples."""
-        P = np.full(n - 1, self.white**2)
+        P: Array = np.full(n - 1, self.white**2)
         if self.sigma:
-            P = P + gauss_markov_spectrum(n, self.dt, self.sigma, self.tau)
+            P = np.asarray(P + gauss_markov_spectrum(n, self.dt, self.sigma, self.tau))
         return P
 
 
@@ -118,7 +118,7 @@ class Recording:
 
     def values(self) -> Array:
         """The channel as logged, in the sensor's unit."""
-        y = self.sensor.offset + self.white + self.added
+        y: Array = np.asarray(self.sensor.offset + self.white + self.added, float)
         if not self.rounded:
             return y
         angle = np.cumsum(y) * self.dt + self.rounded * self.rng.random()

@@ -64,7 +64,7 @@ def make(request: Request) -> Case:
     r = record(sensor, rng)
     if request.kind == "integrity":
         return _fault(request, r)
-    catalogue = EFFECTS | UNKNOWN | NEAR
+    catalogue = {**EFFECTS, **UNKNOWN, **NEAR}
     hidden = [catalogue[name](r, request.strength) for name in request.effects]
     if request.kind == "withheld":
         hidden = [replace(h, also=STAND_INS) for h in hidden]

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from case import OBVIOUS
 from scipy.stats import beta
 from score import ERROR, NONE, Score
 
@@ -44,6 +45,10 @@ def share(hits: Iterable[bool]) -> str:
     return f"{sum(flags)}/{len(flags)} {sum(flags) / len(flags):.2f} [{lo:.2f}, {hi:.2f}]"
 
 
+def _level(X: float) -> str:
+    return "obvious" if X >= OBVIOUS else f"{X:g} nats"
+
+
 def _grid(rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(r[k]) for r in rows) for k in range(len(rows[0]))]
     return "\n".join("  ".join(c.ljust(w) for c, w in zip(r, widths)).rstrip() for r in rows)
@@ -66,7 +71,7 @@ def report(scores: Sequence[Score]) -> str:
         _title("95 % intervals that hold the truth", _coverage(scores)),
         _title("lowest AIC and BIC of the Allan variance: right first", _baselines(scores)),
         *(
-            _title(f"said first (columns) of each truth (rows), {X:g} nats", confusion(scores, X))
+            _title(f"said first (columns) of each truth (rows), {_level(X)}", confusion(scores, X))
             for X in sorted({s.strength for s in _of(scores, "single")}, reverse=True)
         ),
         _title("time per case", _times(scores)),
@@ -81,7 +86,9 @@ def _title(title: str, body: str) -> str:
 
 def _singles(scores: Sequence[Score]) -> str:
     singles = _of(scores, "single")
-    rows = [["nats", "right first, all", "separable", "detected", "truth in set", "mean set", "gap closed"]]
+    rows = [
+        ["strength", "right first, all", "separable", "detected", "truth in set", "mean set", "gap closed"]
+    ]
     for X in sorted({s.strength for s in singles}, reverse=True):
         at = [s for s in singles if s.strength == X]
         seen = [s for s in at if s.verdict not in ("no_gap", ERROR)]
@@ -89,7 +96,7 @@ def _singles(scores: Sequence[Score]) -> str:
         closed = [s.closed for s in seen if not math.isnan(s.closed)]
         rows.append(
             [
-                f"{X:g}",
+                _level(X),
                 share(s.right_first for s in at),
                 share(s.right_first for s in at if s.cell in SEPARABLE),
                 share(s.verdict not in ("no_gap", ERROR) for s in at),
@@ -104,7 +111,7 @@ def _singles(scores: Sequence[Score]) -> str:
 def _effects(scores: Sequence[Score]) -> str:
     singles = _of(scores, "single")
     levels = sorted({s.strength for s in singles}, reverse=True)
-    rows = [["effect", *(f"first {X:g}" for X in levels), *(f"in set {X:g}" for X in levels)]]
+    rows = [["effect", *(f"first, {_level(X)}" for X in levels), *(f"in set, {_level(X)}" for X in levels)]]
     for cell in dict.fromkeys(s.cell for s in singles):
         row = [cell]
         tests: tuple[Callable[[Score], bool], ...] = (lambda s: s.right_first, lambda s: s.in_set)
@@ -210,7 +217,7 @@ def _baselines(scores: Sequence[Score]) -> str:
     rows = [["records", "kfgen", "AIC", "BIC"]]
     have = [s for s in scores if s.allan_aic]
     groups = [
-        (f"{X:g} nats", [s for s in _of(have, "single") if s.strength == X])
+        (f"{_level(X)}", [s for s in _of(have, "single") if s.strength == X])
         for X in sorted({s.strength for s in _of(have, "single")}, reverse=True)
     ]
     for name, at in groups:
@@ -249,5 +256,5 @@ def _times(scores: Sequence[Score]) -> str:
 
 
 def _errors(scores: Sequence[Score]) -> str:
-    counts = Counter((f"{s.kind} {s.cell}", s.error) for s in scores if s.verdict == ERROR)
-    return "\n".join(f"{n} x {cell}: {text[:160]}" for (cell, text), n in counts.most_common(40))
+    counts = Counter((s.kind, s.error[:200]) for s in scores if s.verdict == ERROR)
+    return "\n".join(f"{n} x {kind}: {text}" for (kind, text), n in counts.most_common(20))

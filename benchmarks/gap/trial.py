@@ -34,7 +34,7 @@ def ask(place: Path, answer: Path) -> dict[str, Any]:
     if answer.is_file():
         return dict(json.loads(answer.read_text(encoding="utf-8")))
     failure = result.exception if result.exception is not None else result.output
-    return {"error": f"{type(failure).__name__}: {failure}".replace("\n", " ")}
+    return {"error": f"{type(failure).__name__}: {failure}".replace("\n", " ").replace(f"{place}/", "")}
 
 
 def run(request: Request, folder: Path) -> Score:
@@ -42,11 +42,11 @@ def run(request: Request, folder: Path) -> Score:
     cases, truths, answers = folder / "cases", folder / "truths", folder / "answers"
     answers.mkdir(parents=True, exist_ok=True)
     case: Case = world(request.world).make(request)
-    place = case.write(cases, truths)
+    place = case.write(cases)
     start = time.perf_counter()
     answer = ask(place, answers / f"{request.id}.json")
     seconds = time.perf_counter() - start
-    truth = json.loads((truths / f"{request.id}.json").read_text(encoding="utf-8"))
+    truth = json.loads(case.write_truth(truths).read_text(encoding="utf-8"))
     result = score(truth, answer, seconds)
     if case.base:
         y = next(iter(case.channels.values()))[0]
