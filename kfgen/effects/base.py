@@ -9,18 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import form as law
 from kfgen.effects.form import Form
+from kfgen.effects.series import OF_A_COEFFICIENT, Series, Sought
 from kfgen.errors import InputError
 from kfgen.units import derived_unit, from_si, parse_quantity
-
-if TYPE_CHECKING:
-    from kfgen.effects.series import Series, Sought
 
 Array = NDArray[np.float64]
 
@@ -140,6 +138,7 @@ class Effect:
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
     filters: ClassVar[bool] = False
+    alters: ClassVar[bool] = False
     meanings: ClassVar[tuple[Meaning, ...]] = ()
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
@@ -177,6 +176,11 @@ class Effect:
         """The estimated parameters that are fitted in their logarithm."""
         return tuple(p for p in cls.estimated() if p.kind not in ("signed", "solved", "place"))
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its coefficients."""
+        return tuple(float(getattr(self, name)) for name in self.coefficients())
+
     def solved(self, values: Sequence[float]) -> Self:
         """The same with these coefficients."""
         return replace(self, **dict(zip(self.coefficients(), values)))
@@ -189,6 +193,11 @@ class Effect:
     def spread(self, covariance: Array) -> dict[str, float]:
         """Deviations of the parameters that follow from its coefficients' covariance."""
         return dict(zip(self.coefficients(), np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))
+
+    def log_prior(self, covariance: Array) -> float:
+        """Log density of its coefficients' prior: each log-uniform in size over four decades, of either sign."""
+        sizes = np.maximum(np.abs(self.values), np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+        return -float(np.log(OF_A_COEFFICIENT * sizes).sum())
 
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:

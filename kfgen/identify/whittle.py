@@ -245,7 +245,12 @@ def frequencies(n: int) -> Array:
 
 
 def ordinates(
-    columns: Sequence[Array], dt: float, block: int = 1, *, skip: Sequence[tuple[float, float]] = ()
+    columns: Sequence[Array],
+    dt: float,
+    block: int = 1,
+    *,
+    skip: Sequence[tuple[float, float]] = (),
+    per_decade: int = PER_DECADE,
 ) -> Ordinates:
     """Bin the sine coefficients of a record and its regressors.
 
@@ -260,9 +265,11 @@ def ordinates(
         Samples that were averaged to one.
     skip : sequence of (lo, hi)
         Bands [Hz] to leave out.
+    per_decade : int
+        Bins above the lowest ordinates, which stand alone.
     """
     n = columns[0].size
-    edges = _edges(n)
+    edges = _edges(n, per_decade)
     to_omega = 2.0 * np.pi * dt * block
     keep = np.ones(n)
     for lo, hi in skip:
@@ -282,10 +289,10 @@ def ordinates(
     return Ordinates(centre[some], count[some], gram[some], dt, block)
 
 
-def _edges(n: int) -> NDArray[np.int64]:
+def _edges(n: int, per_decade: int) -> NDArray[np.int64]:
     if n <= SINGLE:
         return np.arange(n + 1)
-    top = np.geomspace(SINGLE, n, max(2, int(np.log10(n / SINGLE) * PER_DECADE) + 1))
+    top = np.geomspace(SINGLE, n, max(2, int(np.log10(n / SINGLE) * per_decade) + 1))
     return np.unique(np.concatenate([np.arange(SINGLE), np.round(top)]).astype(np.int64))
 
 
