@@ -63,7 +63,7 @@ class Series:
     @cached_property
     def omega(self) -> Array:
         """Angular frequencies of the ordinates [rad per sample], shape (n,)."""
-        return np.arange(self.n) * (np.pi / self.n)
+        return np.asarray(np.arange(self.n) * (np.pi / self.n), dtype=np.float64)
 
     @cached_property
     def X(self) -> Array:
@@ -82,7 +82,8 @@ class Series:
     def fast(self) -> Array:
         """The white series without its lowest twentieth of frequencies, of unit variance, shape (n,)."""
         low = self.n // 20
-        return self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X)) / np.sqrt(1.0 - low / self.n)
+        quick = self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X))
+        return np.asarray(quick / np.sqrt(1.0 - low / self.n))
 
     @staticmethod
     def in_time(X: Array) -> Array:

@@ -228,7 +228,7 @@ def _spectrum(g: ChannelGap) -> str:
     ratios = []
     for effects in (g.believed, g.mended.effects):
         data = g.record.ordinates(effects)
-        theta = np.array([float(getattr(e, name)) for e in effects for name in e.coefficients()])
+        theta = np.array([v for e in effects if e.coefficients() for v in e.values])
         ratio = residual_ratio(data, effects, theta)
         groups = bands(data)
         f = np.array([np.sqrt(data.frequency[lo] * data.frequency[hi - 1]) for lo, hi in groups])
