@@ -282,7 +282,9 @@ class SensorLag(SensorChange):
 
     def shown(self, t: Array, h: Array) -> Array:
         """Exact for a value that is linear between the samples."""
-        return lagged(t, h, self.tau)
+        slope = np.diff(h[:3], axis=0) / np.diff(t[:3])[:, None]
+        first = 1.5 * slope[0] - 0.5 * slope[-1] if len(slope) else np.zeros(h.shape[1])
+        return lagged(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
 
 
 @dataclass(frozen=True)
@@ -318,7 +320,7 @@ class ParameterError(PlantEffect):
     acts: ClassVar[str] = "parameter"
 
 
-def lagged(t: Array, h: Array, tau: Any) -> Array:
+def lagged(t: Array, h: Array, tau: Any, start: Array) -> Array:
     """Values behind a first-order lag, shape (n, batch), exact for values linear between the samples.
 
     Parameters
@@ -327,17 +329,17 @@ def lagged(t: Array, h: Array, tau: Any) -> Array:
         Times [s].
     h : ndarray, shape (n, batch)
     tau : float or ndarray, shape (batch,)
-        Time constant [s]; positive. Before the first sample the slope of the first step is assumed.
+        Time constant [s]; positive.
+    start : ndarray, shape (batch,)
+        The first value.
     """
     tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
-    dt = np.diff(t)
+    dt = np.diff(t)[:, None]
+    slope = np.diff(h, axis=0) / dt
+    stay = np.exp(-dt / tau)
     out = np.empty((h.shape[0], max(h.shape[1], tau.size)))
-    if not dt.size:
-        out[:] = h
-        return out
-    slope = np.diff(h, axis=0) / dt[:, None]
-    stay = np.exp(-dt[:, None] / tau)
-    out[0] = h[0] - tau * slope[0]
+    out[0] = start
+    behind = tau * slope
     for k in range(dt.size):
-        out[k + 1] = h[k + 1] - tau * slope[k] + stay[k] * (out[k] - h[k] + tau * slope[k])
+        out[k + 1] = h[k + 1] - behind[k] + stay[k] * (out[k] - h[k] + behind[k])
     return out

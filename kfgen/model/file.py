@@ -111,7 +111,7 @@ def _number(entry: Any, where: str) -> Number:
     _keys(table, ("value", "sd"), where)
     if "value" not in table:
         raise InputError("it has no value", where=where, remedy='Write value = "19.6 1/s^2"')
-    unit = _own_unit(table["value"])
+    unit = _unit(_own_unit(table["value"]), where)
     value = parse_quantity(table["value"], unit or "1", where=where)
     return Number(unit, value, _deviation(table.get("sd", 0.0), unit or "1", where, zero=True))
 

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 MOST = 256
 """Parts of a step at most."""
-PHASE = 3e-5
+PHASE = 1e-5
 """Error of a phase over the whole record [rad] that a step may bring."""
 TRANSIENT = 1e-3
 """Relative error of a transient that dies within few steps."""

@@ -61,7 +61,7 @@ class Signal:
         """The state of the lag at the samples, shape (n, batch); it starts settled."""
         u, tau = self.samples, self._lag
         if not self.held:
-            return lagged(self.t, u, tau)
+            return lagged(self.t, u, tau, u[0])
         stay = np.exp(-np.diff(self.t)[:, None] / tau)
         x = np.empty(np.broadcast_shapes(u.shape, (1, tau.size)))
         x[0] = u[0]

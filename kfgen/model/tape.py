@@ -99,7 +99,7 @@ class Tape:
     @property
     def registers(self) -> int:
         """How many there are."""
-        return self.variables + self.constants.size + self.operations.shape[0]
+        return self.variables + int(self.constants.size) + int(self.operations.shape[0])
 
     def values(self, given: Sequence[Any]) -> list[Any]:
         """The expressions for values of the variables, which broadcast against each other."""
