@@ -91,7 +91,10 @@ def run(program: Program, log: Log) -> FilterRun:
     discrete = program.discrete
     model, module = discrete.model, load(program)
     kf = getattr(module, class_name(program))()
-    inputs = {i.name: np.column_stack([log.values(c) for c in i.channels]) for i in model.motion.inputs}
+    inputs = {
+        i.name: log.values(i.name) if i.scalar else np.column_stack([log.values(c) for c in i.channels])
+        for i in model.motion.inputs
+    }
     drive = {d: log.values(d) for d in model.drivers}
     present = {
         s.name: np.column_stack([log.channel(c).values for c in s.channels])
