@@ -25,6 +25,7 @@ from kfgen.effects.plant import (
 from kfgen.errors import InputError
 from kfgen.model.blocks import Vector
 from kfgen.model.expression import symbol
+from kfgen.model.file import model_text, parse_model
 from kfgen.model.filter import FilterModel
 from kfgen.model.motion import Constant, Input, Motion
 from kfgen.model.sensors import Sensor
@@ -217,6 +218,7 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
     InputError
         An effect or a measurement that no filter carries, or a name that the emitted code needs.
     """
+    user = parse_model(model_text(user), user.path)  # with the digits of its file, so that hashes agree
     for name in (*user.names, *user.measurements):
         if name in TAKEN:
             raise InputError(
