@@ -6,6 +6,7 @@ may set. Lags become states. What a filter cannot carry (a delay, a play) is ref
 
 from __future__ import annotations
 
+import keyword
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -35,8 +36,13 @@ from kfgen.units import derived_unit, parse_unit
 
 UNKNOWN = {"rad": 3.0, "rad/s": 10.0, "m": 100.0, "m/s": 30.0, "K": 100.0, "A": 10.0}
 """Deviation of a state that starts unknown [SI], by its unit; 10 in others."""
-TAKEN = frozenset({"x", "P", "k", "z", "kf", "dt", "innovation", "variance", "status", "gate", "fused", "dx"})
-"""Names of the emitted filter."""
+C_WORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if inline int long "
+    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
+)
+OWN_WORDS = "x P k z kf dt innovation variance status gate fused dx np"
+TAKEN = frozenset({*re.findall(r"\w+", f"{C_WORDS} {OWN_WORDS}"), *keyword.kwlist})
+"""Names of the emitted filter and of its languages."""
 
 
 class Equations(Motion):
