@@ -363,7 +363,7 @@ def gauss_newton(scene: PlantScene, start: Point) -> tuple[Array, Array, Array]:
         r = tried[:, best]
         if gain < 1e-4:
             break
-    return x, np.sqrt(np.diag(np.linalg.inv(J.T @ J))), r
+    return x, np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True))), r
 
 
 LONG = np.arange(2000) * 0.02
@@ -595,3 +595,16 @@ def test_moving_states_are_those_with_a_force() -> None:
     text = PENDULUM.replace('theta = "rad"\n', 'theta = "rad"\nbias = "rad"\n').replace('theta = "omega"', 'theta = "omega"\nbias = "0"')  # fmt: skip
     model: UserModel = parse_model(text, "m")
     assert moving(model) == ["omega"]
+
+
+def test_a_state_that_nothing_shows_has_a_finite_prior() -> None:
+    text = PENDULUM.replace("-g_over_l*sin(theta)", "-g_over_l*omega").replace('"theta"', '"omega"').replace(
+        'unit = "deg"', 'unit = "rad/s"'
+    ).replace("0.02 deg", "0.02 rad/s")  # fmt: skip
+    t, u = LONG[:500], push(LONG[:500])
+    model = parse_model(text.replace('[dynamics]\ntheta = "theta"', '[dynamics]\ntheta = "omega"'), "m")
+    speed = simulate(model, t, {"u": u}, START).channels["angle"][:, 0]
+    speed = speed + 0.02 * np.sqrt(50.0) * np.random.default_rng(13).standard_normal(t.size)
+    scene = PlantScene.of(model, Log(t, {"angle": Channel.of(speed, "rad/s"), "u": Channel.of(u, "N m")}))
+    sds = {v.name: v.sd for v in scene.unknowns}
+    assert sds == {"omega at 0 s": np.inf, "theta at 0 s": 3.0}

@@ -11,6 +11,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -72,6 +73,11 @@ class StateTerm(PlantEffect):
         """The fastest rate [1/s] that the term brings where it bends sharply; zero where it does not."""
         return 0.0
 
+    @property
+    def width(self) -> Any:
+        """The range of the state over which it bends sharply; infinite where it does not."""
+        return math.inf
+
 
 @dataclass(frozen=True)
 class ViscousFriction(StateTerm):
@@ -109,6 +115,11 @@ class CoulombFriction(StateTerm):
     def rate(self) -> Any:
         """``level / v0``, at rest."""
         return np.abs(self.level) / self.v0
+
+    @property
+    def width(self) -> Any:
+        """``v0``."""
+        return self.v0
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.shooting import Shooting, segments
 from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
+from kfgen.model.equations import unknown_deviation
 from kfgen.model.plant import Batch, Plant, Run, stacked
 from kfgen.model.user import UserModel
 from kfgen.noise import Term
@@ -63,6 +64,8 @@ class PlantScene:
         Samples at which segments start.
     initial : ndarray, shape (segments, states)
         Where they start, by a fit of the model as it is believed [SI].
+    hidden : tuple of bool, (states,)
+        Those that no channel shows: their prior is wide, but finite.
     """
 
     model: UserModel
@@ -70,6 +73,7 @@ class PlantScene:
     recorded: Mapping[str, Recorded]
     starts: tuple[int, ...] = (0,)
     initial: Array = field(default_factory=lambda: np.zeros((1, 0)))
+    hidden: tuple[bool, ...] = ()
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 
@@ -94,8 +98,9 @@ class PlantScene:
                 remedy=f"It knows {', '.join(model.measurements)}; map others with --columns",
             )
         bare = PlantScene(model, log, recorded)
-        starts, initial = segments(bare._shooting)
-        return replace(bare, starts=starts, initial=initial)
+        shooting = bare._shooting
+        starts, initial = segments(shooting)
+        return replace(bare, starts=starts, initial=initial, hidden=shooting.hidden(initial[0]))
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -130,8 +135,10 @@ class PlantScene:
             for i, (name, state) in enumerate(self.model.states.items()):
                 known = s == 0 and np.isfinite(state.sd)
                 value = state.initial if known else float(self.initial[s, i])
+                unit = parse_unit(state.unit).si
+                unseen = unknown_deviation(unit, value) if self.hidden[i] else np.inf
                 label = f"{name} at {self.log.t[first]:.6g} s"
-                out.append(Unknown(label, parse_unit(state.unit).si, value, state.sd if known else np.inf))
+                out.append(Unknown(label, unit, value, state.sd if known else unseen))
         for name, p in self.model.parameters.items():
             if p.sd > 0.0:
                 out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd))

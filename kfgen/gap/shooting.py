@@ -31,6 +31,8 @@ GROWTH = 1e3
 """How much an error of the initial state may grow."""
 FAR = 1e6
 """Deviations at which a simulation that diverges is held."""
+HIDDEN = 1e-6
+"""Deviations of the noise below which a change of a state by its size is not seen."""
 ITERATIONS = 12
 CONVERGED = 1e-3
 """Relative gain at which an iteration ends."""
@@ -155,6 +157,13 @@ class Shooting:
         tenth = max(1, (b - a) // 10)
         early, late = (np.abs(part).max(axis=(0, 1)) for part in (J[:, :tenth], J[:, -tenth:]))
         return not bool((late > GROWTH * np.maximum(early, 1e-300)).any())
+
+    def hidden(self, x0: Array) -> tuple[bool, ...]:
+        """Which initial states change no channel as the model is believed."""
+        if not x0.size:
+            return ()
+        shown = np.abs(self.slope(x0, 0, self.t.size)[1]).max(axis=(0, 1)) * self.scale
+        return tuple(bool(v < HIDDEN) for v in shown)
 
 
 def _damped(J: Array, r: Array) -> Array:

@@ -192,8 +192,13 @@ class _Builder:
 
 def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
     si = parse_unit(unit).si
-    prior = sd if np.isfinite(sd) else max(UNKNOWN.get(si, 10.0), abs(initial))
+    prior = sd if np.isfinite(sd) else unknown_deviation(si, initial)
     return Vector(name, ("",), si, f"state {name}", float(prior), (float(initial),))
+
+
+def unknown_deviation(unit: str, initial: float) -> float:
+    """Deviation of a state that starts unknown and that no measurement shows [SI], by its SI unit."""
+    return max(UNKNOWN.get(unit, 10.0), abs(initial))
 
 
 def _smooth(e: sp.Expr) -> sp.Expr:

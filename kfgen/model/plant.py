@@ -214,8 +214,7 @@ class Plant:
         if not self.states or task.t.size < 2:
             return 1
         h = float(np.diff(task.t).max())
-        terms = [e for _, e in task.batch.effects if isinstance(e, StateTerm)]
-        sharp = max((float(np.max(e.rate)) for e in terms), default=0.0)
+        sharp = self._sharp(task, X, h)
         eigenvalues = self._eigenvalues(task, X)
         size, damping = np.abs(eigenvalues) * h, np.maximum(-eigenvalues.real, 0.0) * h
         longest = float(np.diff([*task.starts, task.t.size]).max())
@@ -225,9 +224,23 @@ class Plant:
         wanted = max(
             float(np.max(accurate, initial=1.0)),
             float(np.max(size, initial=0.0)) / STABLE,
-            sharp * h / STABLE,
+            sharp,
         )
         return int(np.ceil(min(wanted, float(MOST))))
+
+    def _sharp(self, task: _Task, X: Array, h: float) -> float:
+        """Parts of a step `h` [s] in which a state crosses where a term bends sharply, stably."""
+        parts = 1.0
+        for where, e in task.batch.effects:
+            if isinstance(e, StateTerm) and np.all(np.isfinite(e.width)):
+                steps = np.diff(X[:, self.states.index(where)], axis=0)
+                moved = (
+                    float(np.sqrt(np.mean(steps[np.isfinite(steps)] ** 2)))
+                    if np.isfinite(steps).any()
+                    else 0.0
+                )
+                parts = max(parts, float(np.max(e.rate)) * h / STABLE, moved / float(np.min(e.width)))
+        return parts
 
     def _eigenvalues(self, task: _Task, X: Array) -> NDArray[np.complex128]:
         """Of the Jacobian at some times of every column, shape (m, states)."""
