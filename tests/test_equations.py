@@ -227,3 +227,25 @@ def test_a_noise_file_gives_noise_to_inputs_and_measurements(written: Path) -> N
     wrong = parse_noise('format = "kfgen-noise-1"\n[u]\nunit = "m"\n', "n.toml")
     with pytest.raises(InputError, match="u is in m in the noise file"):
         build(str(written), wrong)
+
+
+def test_a_state_that_starts_unknown_starts_where_a_sensor_shows_it(written: Path, tmp_path: Path) -> None:
+    away = PENDULUM.replace('initial = "10 deg", sd = "5 deg"', 'initial = "150 deg", sd = "5 deg"')
+    (tmp_path / "away.toml").write_text(away.replace("theta + bias", "theta"), encoding="utf-8")
+    unknown = away.replace('{ unit = "deg", initial = "150 deg", sd = "5 deg" }', '"deg"').replace("theta + bias", "theta")  # fmt: skip
+    (tmp_path / "unknown.toml").write_text(unknown, encoding="utf-8")
+    log = simulate(
+        DiscreteModel(build(str(tmp_path / "away.toml"))), "generic", 20.0, np.random.default_rng(2)
+    )
+    result = run(Program(DiscreteModel(build(str(tmp_path / "unknown.toml")))), log)
+    assert result.estimate[0, 0] == pytest.approx(np.deg2rad(150.0), abs=0.05)
+    off = result.estimate[500:, 0] - log.channels["ref_theta"].values[500:]
+    assert np.sqrt(np.mean(off**2)) < 0.02
+
+
+@pytest.mark.parametrize("name", ["2 dof", "ü */ x", "two words"])
+def test_any_name_becomes_an_identifier(name: str) -> None:
+    model = filter_model(parse_model(PENDULUM.replace("two words", name), "p.toml"))
+    assert model.name.isidentifier()
+    assert model.name.isascii()
+    assert "*/" not in model.title

@@ -608,3 +608,53 @@ def test_a_state_that_nothing_shows_has_a_finite_prior() -> None:
     scene = PlantScene.of(model, Log(t, {"angle": Channel.of(speed, "rad/s"), "u": Channel.of(u, "N m")}))
     sds = {v.name: v.sd for v in scene.unknowns}
     assert sds == {"omega at 0 s": np.inf, "theta at 0 s": 3.0}
+
+
+FREE = """
+format = "kfgen-model-1"
+name = "free"
+[parameters]
+k = "30 1/s^2"
+[states]
+x = "m"
+v = "m/s"
+[dynamics]
+x = "v"
+v = "-k*x"
+[measurements.x]
+unit = "mm"
+expression = "x"
+effects = [ { effect = "white_noise", N = "0.1 mm/sqrt(Hz)" } ]
+"""
+
+
+def test_a_free_motion_that_dies_away_at_uneven_times() -> None:
+    rng = np.random.default_rng(14)
+    t = np.cumsum(rng.uniform(0.008, 0.012, 3000))
+    c, w = 0.2, np.sqrt(30.0 - 0.01)
+    x = 0.05 * np.exp(-0.5 * c * t) * np.cos(w * t)  # x'' + c x' + 30 x = 0
+    noise = 1e-4 * np.sqrt(100.0) * rng.standard_normal(t.size)
+    scene = PlantScene.of(parse_model(FREE, "free.toml"), Log(t, {"x": Channel.of(x + noise, "m")}))
+    (start,) = next(s for s in scene.candidates([]) if s[0].effect.name == "viscous_friction")
+    assert {s[0].where for s in scene.candidates([])} == {"v", "x", "k"}
+    values, sd, r = gauss_newton(scene, scene.believed([start]))
+    assert abs(values[0] - c) < 4.5 * sd[0]
+    white(r)
+
+
+def test_a_model_without_states() -> None:
+    text = FREE.replace('k = "30 1/s^2"', 'R = "2 V/A"').replace(
+        '[states]\nx = "m"\nv = "m/s"\n[dynamics]\nx = "v"\nv = "-k*x"', '[inputs]\ni = "A"'
+    ).replace('"x"', '"R*i"').replace("mm", "mV").replace("measurements.x", "measurements.U")  # fmt: skip
+    model, t = parse_model(text, "m.toml"), LONG[:500]
+    rng = np.random.default_rng(15)
+    u = 2.1 * push(t) + 1e-4 * np.sqrt(50.0) * rng.standard_normal(t.size)
+    np.testing.assert_allclose(
+        simulate(model, t, {"i": push(t)}).channels["U"][:, 0], 2.0 * push(t), rtol=1e-14
+    )
+    scene = PlantScene.of(model, Log(t, {"U": Channel.of(u, "V"), "i": Channel.of(push(t), "A")}))
+    assert scene.unknowns == ()
+    (start,) = next(s for s in scene.candidates([]) if s[0].where == "R")
+    values, sd, r = gauss_newton(scene, scene.believed([start]))
+    assert abs(values[0] - 0.1) < 4.5 * sd[0]
+    white(r)

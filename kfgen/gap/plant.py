@@ -192,7 +192,7 @@ class PlantScene:
         """The points as columns."""
         states, segs = len(self.model.states), len(self.starts)
         values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
-        initial = values[: states * segs].reshape(segs, states, -1)
+        initial = values[: states * segs].reshape(segs, states, len(points))
         fitted = dict(zip([u.name for u in self.unknowns[states * segs :]], values[states * segs :]))
         parameters = {
             n: np.array(fitted.get(n, np.full(len(points), p.value)))

@@ -77,6 +77,11 @@ class Equations(Motion):
         values |= {symbol(i.name): u[i.name][0] for i in self.inputs}
         return {n: sp.Matrix([e.xreplace(values)]) for n, e in self.derivatives.items()}
 
+    def starts_unknown(self, value: sp.Expr) -> bool:
+        """Whether an expression is a state alone, and one of which nothing is believed."""
+        state = self.user.states.get(value.name) if value.is_Symbol else None
+        return state is not None and bool(np.isinf(state.sd))
+
 
 class Shown(Sensor):
     """One measurement of a model file.
@@ -258,4 +263,5 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
         effects[channel] = given.effects
     units = dict(user.inputs) | {n: m.unit for n, m in user.measurements.items()}
     title = f"the model file {re.sub(r'[^A-Za-z0-9 _-]', '_', user.name)}"
-    return FilterModel(re.sub(r"\W", "_", user.name), title, motion, tuple(sensors), effects, units)
+    name = re.sub(r"^(?![A-Za-z])|[^A-Za-z0-9]+", "_", user.name)
+    return FilterModel(name, title, motion, tuple(sensors), effects, units)

@@ -309,7 +309,7 @@ def simulate(
     own += [(n, e) for n, m in model.measurements.items() for e in m.noise.effects]
     effects = tuple((w, e) for w, e in own if isinstance(e, PlantEffect))
     start = {n: s.initial for n, s in model.states.items()} | dict(initial or {})
-    X0 = np.array([start[n] for n in model.states], dtype=np.float64).reshape(1, -1, 1)
+    X0 = np.array([start[n] for n in model.states], dtype=np.float64).reshape(1, len(model.states), 1)
     batch = Batch({n: np.array([p.value]) for n, p in model.parameters.items()}, effects, X0)
     plant = Plant(model, [(w, type(e)) for w, e in effects])
     run = plant.simulate(np.asarray(t, dtype=np.float64), inputs, batch)
