@@ -117,6 +117,7 @@ def test_a_slow_sensor_is_a_state() -> None:
         (PENDULUM + '[dynamics_effects]\nu = [ { effect = "input_delay", delay = 0.1 } ]', "input_delay on u cannot"),
         (PENDULUM.replace('tau = "10 s" }', 'tau = "10 s" }, { effect = "backlash", width = 0.1 }'), "backlash on gyro"),
         (PENDULUM.replace('expression = "omega"', 'expression = "omega + u"'), "shows the input u"),
+        (PENDULUM.replace('effects = [ { effect = "white_noise", N = "0.02 deg/sqrt(Hz)" } ]', ""), "no white noise"),
         (PENDULUM.replace('u = "N m"', 'z = "N m"').replace("5*u", "5*z"), "needs the name 'z'"),
         (PENDULUM.replace('u = "N m"', 'float = "N m"').replace("5*u", "5*float"), "needs the name 'float'"),
     ],
@@ -243,7 +244,7 @@ def test_a_state_that_starts_unknown_starts_where_a_sensor_shows_it(written: Pat
     assert np.sqrt(np.mean(off**2)) < 0.02
 
 
-@pytest.mark.parametrize("name", ["2 dof", "ü */ x", "two words"])
+@pytest.mark.parametrize("name", ["2 dof", "ü */ x", "ü", "two words"])
 def test_any_name_becomes_an_identifier(name: str) -> None:
     model = filter_model(parse_model(PENDULUM.replace("two words", name), "p.toml"))
     assert model.name.isidentifier()

@@ -263,5 +263,13 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
         effects[channel] = given.effects
     units = dict(user.inputs) | {n: m.unit for n, m in user.measurements.items()}
     title = f"the model file {re.sub(r'[^A-Za-z0-9 _-]', '_', user.name)}"
-    name = re.sub(r"^(?![A-Za-z])|[^A-Za-z0-9]+", "_", user.name)
+    for channel in user.measurements:
+        if not any(e.form().V or e.form().Z for e in effects[channel]):
+            raise InputError(
+                f"the model of {channel} has no white noise",
+                where=user.path,
+                remedy="Give it an effect white_noise",
+            )
+    name = re.sub(r"[^A-Za-z0-9]+", "_", user.name).strip("_") or "plant"
+    name = name if name[0].isalpha() else f"plant_{name}"
     return FilterModel(name, title, motion, tuple(sensors), effects, units)
