@@ -24,8 +24,8 @@ ENDS = 0.004
 """Share of the samples at one end of the range that is no chance."""
 JITTER = 0.02
 """Of a period: root mean square of the steps' error that is said."""
-COARSE = 1.5
-"""Steps of the lattice in deviations of the noise beyond which a sample says little."""
+COARSE = 1.2
+"""Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
 KNOWN = (
     ("degrees for radians", 180.0 / np.pi),
     ("g for m/s^2", 9.80665),
@@ -64,7 +64,7 @@ class RepeatedSamples(Fault):
         chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
         share = (equal - chance) / max(1.0 - chance, 1e-9)
         least = 3.0 / raw.n + 5.0 * np.sqrt(chance / raw.n) + 0.25 * chance
-        if raw.lattice > COARSE * raw.noise or equal - chance < max(least, 0.005):
+        if raw.lattice > COARSE * raw.believed or equal - chance < max(least, 0.005):
             return None
         return Spotted(cls(share), equal * raw.n, spoils=True)
 
@@ -142,7 +142,7 @@ class CoarseQuantisation(Fault):
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
         """The lattice of values against the noise."""
-        if raw.lattice < COARSE * raw.noise:
+        if raw.lattice < COARSE * raw.believed or raw.noise > 3.0 * raw.lattice:
             return None
         return Spotted(cls(raw.lattice), float(raw.n), spoils=True)
 
@@ -168,7 +168,7 @@ class StuckBit(Fault):
                 break
             inside = codes[np.abs(raw.y - np.median(raw.y)) < 3.0 * float(np.std(raw.y))]
             share, above = (float(np.mean((inside >> b) & 1)) for b in (bit, bit + 1))
-            if (share == 0.0 or share == 1.0) and 0.02 < above < 0.98:
+            if share in (0.0, 1.0) and 0.02 < above < 0.98:
                 return Spotted(cls(float(bit)), float(raw.n), spoils=True)
         return None
 

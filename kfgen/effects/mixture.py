@@ -58,7 +58,8 @@ class Mixture:
 
         def two(p: Any) -> float:
             share = float(np.exp(np.clip(p[1], *SHARE)))
-            both = np.logaddexp(np.log1p(-share) + normal(p[0]), np.log(share) + normal(p[0] + p[2]))
+            narrow, wide = normal(float(p[0])), normal(float(p[0] + p[2]))
+            both = np.logaddexp(float(np.log1p(-share)) + narrow, float(np.log(share)) + wide)
             outside = sum(
                 max(0.0, lo - v) + max(0.0, v - hi) for v, (lo, hi) in ((p[1], SHARE), (p[2], KAPPA))
             )

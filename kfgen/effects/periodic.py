@@ -66,8 +66,8 @@ class Sinusoid(Effect):
         size = max(float(np.hypot(a, b)), 1e-300)
         along, across = np.array([a, b]) / size, np.array([-b, a]) / size**2
         return {
-            "amplitude": float(np.sqrt(max(along @ covariance @ along, 0.0))),
-            "phase": float(np.sqrt(max(across @ covariance @ across, 0.0))),
+            "amplitude": max(float(along @ covariance @ along), 0.0) ** 0.5,
+            "phase": max(float(across @ covariance @ across), 0.0) ** 0.5,
         }
 
     def log_prior(self, covariance: Array) -> float:
@@ -152,8 +152,8 @@ class Resonance(Effect):
         n, found = series.n, []
         for damping in WIDTHS:
             centre = np.exp(np.arange(np.log(12.0 / damping**0.5), np.log(0.97 * n), damping))
-            lo = np.clip(np.floor(centre * (1.0 - damping)), 1, n).astype(np.int64)
-            hi = np.clip(np.ceil(centre * (1.0 + damping)), 1, n).astype(np.int64)
+            lo = np.clip((centre * (1.0 - damping)).astype(np.int64), 1, n)
+            hi = np.clip((centre * (1.0 + damping)).astype(np.int64) + 1, 1, n)
             m = hi - lo
             if not m.size:
                 continue

@@ -27,7 +27,10 @@ def spotted_in(record: Record, noise: ChannelNoise, stamps: Array | None = None)
     else:
         raw = Raw(stamps, np.interp(stamps, record.t, record.y), float(np.sqrt(white)))
     found = [cls.spotted(raw) for name, cls in catalogue().items() if name not in known]
-    return sorted((f for f in found if f is not None), key=lambda f: not f.spoils)
+    faults = [f for f in found if f is not None]
+    if len(faults) > 1:  # values on a faulty lattice repeat by themselves
+        faults = [f for f in faults if f.effect.name != "repeated_samples" or f.samples > 0.2 * raw.n]
+    return sorted(faults, key=lambda f: not f.spoils)
 
 
 def said_of(fault: Spotted, record: Record) -> Finding:

@@ -47,7 +47,9 @@ class Whitener:
             Whether the constant counts; else its weight is zero.
         """
         omega = np.arange(1, n) * (np.pi / n)
-        grid: Array = omega if n <= 2 * GRID else np.asarray(np.geomspace(omega[0], omega[-1], GRID))
+        grid: Array = np.array(omega, dtype=np.float64)
+        if n > 2 * GRID:
+            grid = np.array(np.geomspace(omega[0], omega[-1], GRID), dtype=np.float64)
         S = np.maximum(sampled_spectrum(effects, grid, dt), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
