@@ -1,0 +1,257 @@
+"""Finding the gap of a scene: screen every addition, fit the promising ones, compare, add, again.
+
+The currency is that of `kfgen.gap.evidence`: marginal likelihood by Laplace's method with the same
+priors. The screen is linear: how much an addition's direction, freed of what is fitted anyway, explains of
+the residuals. It costs a few evaluations of the scene, all additions at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
+from kfgen.gap.evidence import ABOVE
+from kfgen.gap.newton import (
+    Fitted,
+    coordinates,
+    derivative,
+    first_steps,
+    fitted,
+    is_signed,
+    keys_of,
+    log_posterior,
+    over_levels,
+)
+from kfgen.gap.scene import Placed, Point, Scene
+
+Array = NDArray[np.float64]
+
+PROMISING = 8
+"""Additions that are fitted, the best of the screen."""
+MOST = 10
+"""Effects in one scene."""
+BETTER = 1.0
+"""Nats by which another name must be better to take a place."""
+LOST = 0.02
+"""Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A fitted addition and its evidence over the scene without it [nats]."""
+
+    placed: Placed
+    fit: Fitted
+    gain: float
+    direction: Array
+
+    @property
+    def label(self) -> tuple[str, str]:
+        """Effect and place."""
+        return self.placed.effect.name, self.placed.where
+
+
+@dataclass(frozen=True)
+class Added:
+    """An addition that was kept, and the shares of all that competed for its place."""
+
+    trial: Trial
+    shares: Mapping[tuple[str, str], float]
+    alike: Mapping[tuple[str, str], float]
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A scene explained: the fit as it is believed, the additions, the fit with them."""
+
+    believed: Fitted
+    added: tuple[Added, ...]
+    fit: Fitted
+
+
+def explained(scene: Scene) -> Explained:
+    """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
+    start = Point((), np.array([u.value for u in scene.unknowns]))
+    believed = fitted(scene, start)
+    added = _grown(scene, believed, [])
+    for _ in range(3):
+        if len(added) < 2:
+            break
+        kept = _reconsidered(scene, believed, added)
+        if [a.trial.label for a in kept] == [a.trial.label for a in added]:
+            added = kept
+            break
+        added = _grown(scene, believed, kept)
+    return Explained(believed, tuple(added), _fit(scene, believed, added))
+
+
+def _fit(scene: Scene, believed: Fitted, added: Sequence[Added]) -> Fitted:
+    if not added:
+        return believed
+    placed = tuple(a.trial.placed for a in added)
+    return fitted(scene, Point(placed, believed.point.unknowns))
+
+
+def _grown(scene: Scene, believed: Fitted, added: Sequence[Added]) -> list[Added]:
+    out = list(added)
+    base = _fit(scene, believed, out)
+    while len(out) < MOST:
+        trials = ranked(scene, base)
+        if not trials or trials[0].gain < ABOVE:
+            break
+        out.append(_chosen(trials[0], trials))
+        base = trials[0].fit
+    return out
+
+
+def _reconsidered(scene: Scene, believed: Fitted, added: Sequence[Added]) -> list[Added]:
+    out, index = list(added), 0
+    while index < len(out):
+        rest = out[:index] + out[index + 1 :]
+        trials = ranked(scene, _fit(scene, believed, rest))
+        if not trials or trials[0].gain < ABOVE:
+            out = rest
+            continue
+        same = next((t for t in trials if t.label == out[index].trial.label), None)
+        keep = same if same is not None and trials[0].gain - same.gain < BETTER else trials[0]
+        out = [*rest[:index], _chosen(keep, trials), *rest[index:]]
+        index += 1
+    return out
+
+
+def _chosen(best: Trial, trials: Sequence[Trial]) -> Added:
+    gains = np.array([0.0, *(t.gain for t in trials)])
+    weights = np.exp(gains - gains.max())
+    weights /= weights.sum()
+    shares: dict[tuple[str, str], float] = {("none", ""): float(weights[0])}
+    for t, w in zip(trials, weights[1:].tolist()):
+        shares[t.label] = shares.get(t.label, 0.0) + w
+    alike = {t.label: _cos2(best.direction, t.direction) for t in trials if t is not best}
+    return Added(best, shares, alike)
+
+
+def _cos2(a: Array, b: Array) -> float:
+    power = float((a @ a) * (b @ b))
+    return float((a @ b) ** 2) / power if power > 0.0 else 0.0
+
+
+def ranked(scene: Scene, base: Fitted) -> list[Trial]:
+    """The most promising additions, fitted, by evidence."""
+    groups = scene.candidates(base.point.placed)
+    if not groups:
+        return []
+    cost = float(np.log(len(groups) + 1))
+    reference = evidence(scene, base)
+    screened = sorted((_screened(scene, base, g) for g in groups), key=lambda s: -s[0])
+    trials = []
+    for gain, start, direction in screened[:PROMISING]:
+        if gain < 1.0:
+            continue
+        point = Point((*base.point.placed, start), base.point.unknowns)
+        fit = fitted(scene, point)
+        value = evidence(scene, fit) - reference - cost
+        trials.append(Trial(fit.point.placed[-1], fit, value, direction))
+    return sorted(trials, key=lambda t: -t.gain)
+
+
+def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[float, Placed, Array]:
+    """The linear gain [nats] of the best start of an addition, and its direction."""
+    points = [Point((*base.point.placed, s), base.point.unknowns) for s in starts]
+    found = scene.residuals(points)
+    z0 = over_levels(scene, base.residual, base.levels)
+    Q = _basis(base.jacobian)
+    best: tuple[float, Placed, Array] = (-np.inf, starts[0], np.zeros_like(z0))
+    for j, point in enumerate(points):
+        if not np.isfinite(found[:, j]).all():
+            continue
+        columns = _new_columns(scene, base, point, found[:, j])
+        z1 = over_levels(scene, found[:, j], base.levels)
+        A = columns - Q @ (Q.T @ columns)
+        size = np.linalg.norm(A, axis=0)
+        own = size > LOST * np.linalg.norm(columns, axis=0)
+        rest = z1 - Q @ (Q.T @ z1)
+        if own.any():
+            B = A[:, own] / size[own]
+            rest = rest - B @ np.linalg.lstsq(B, rest, rcond=1e-10)[0]
+        before = z0 - Q @ (Q.T @ z0)
+        gain = 0.5 * float(before @ before - rest @ rest)
+        direction = A[:, int(np.argmax(size))]
+        if gain > best[0]:
+            best = (gain, starts[j], direction)
+    return best
+
+
+def _new_columns(scene: Scene, base: Fitted, point: Point, residual: Array) -> Array:
+    """Derivatives in the parameters of the last effect only, over the levels, shape (N, k)."""
+    alone = _Alone(scene, point)
+    last = Point((point.placed[-1],), np.zeros(0))
+    J, _ = derivative(alone, last, residual, first_steps(last))
+    return over_levels(scene, J, base.levels)
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """A scene in which only the last effect of a point moves."""
+
+    scene: Scene
+    point: Point
+
+    channels = property(lambda self: self.scene.channels)
+    lengths = property(lambda self: self.scene.lengths)
+    dt = property(lambda self: self.scene.dt)
+    span = property(lambda self: self.scene.span)
+    unknowns = ()
+
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """Of the whole point with its last effect exchanged."""
+        whole = [Point((*self.point.placed[:-1], p.placed[0]), self.point.unknowns) for p in points]
+        return self.scene.residuals(whole)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """None."""
+        return []
+
+    def part(self, start: float, stop: float) -> Scene:
+        """Not asked for."""
+        raise NotImplementedError
+
+
+def _basis(J: Array) -> Array:
+    """Orthonormal columns of what is fitted anyway."""
+    if not J.shape[1]:
+        return J
+    scale = np.linalg.norm(J, axis=0)
+    U, s, _ = np.linalg.svd(J[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
+    return np.asarray(U[:, s > 1e-9 * s.max(initial=1.0)])
+
+
+def evidence(scene: Scene, fit: Fitted) -> float:
+    """Log of the marginal likelihood of a fit, up to a constant of the scene [nats]."""
+    value = log_posterior(scene, fit.residual, fit.point.unknowns)
+    H = fit.information
+    size = H.shape[0]
+    if not size:
+        return value
+    widths = np.ones(size)
+    x = coordinates(fit.point)
+    deviations = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    k = len(keys_of(fit.point.placed))
+    for i, (at, name) in enumerate(keys_of(fit.point.placed)):
+        effect = fit.point.placed[at].effect
+        if is_signed(effect, name):
+            widths[i] = OF_A_COEFFICIENT * max(abs(float(x[i])), float(deviations[i]), 1e-300)
+        else:
+            kind = {p.name: p.kind for p in effect.parameters()}[name]
+            span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
+            widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
+    value -= float(np.log(widths[:k]).sum())
+    # What the data do not bound is bounded by its prior.
+    floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, 1e-12 * np.maximum(np.diag(H), 1e-300))
+    scaled = H / np.sqrt(np.outer(floor, floor))
+    values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
+    value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
+    return value - 0.5 * float(np.log(floor).sum())

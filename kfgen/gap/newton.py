@@ -1,0 +1,229 @@
+"""Fitting a scene: damped Gauss-Newton steps in the effects' parameters and the world's unknowns.
+
+Signed parameters are fitted as they are, positive ones in their logarithm. Each channel's noise may be
+louder or quieter than believed: its level has a log-normal prior of `TRUST` and is profiled out, so that a
+noise of the wrong size is no evidence for anything else.
+
+References
+----------
+.. [1] D. W. Marquardt, An algorithm for least-squares estimation of nonlinear parameters, SIAM J. 11(2), 1963.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.gap.scene import Placed, Point, Scene
+
+Array = NDArray[np.float64]
+
+TRUST = 0.1
+"""Deviation of the logarithm of a channel's noise level."""
+ROUNDS = 25
+CLOSE = 1e-4
+"""Gain [nats] below which the maximum is reached."""
+VISIBLE = 0.1
+"""Change of the residuals [deviations] by which they are differentiated."""
+LONGEST = 1.0
+"""Longest step in a logarithm."""
+
+Key = tuple[int, str]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A scene at its best point.
+
+    Parameters
+    ----------
+    point : Point
+    residual : ndarray, shape (N,)
+    levels : ndarray, shape (channels,)
+        Deviation of each channel's noise, in believed ones.
+    value : float
+        Log-likelihood plus log prior.
+    information : ndarray, shape (p, p)
+        Of parameters and unknowns, in that order.
+    keys : tuple of Key
+        The parameters: index of the effect, name.
+    steps : ndarray, shape (p,)
+        By which residuals are differentiated.
+    jacobian : ndarray, shape (N, p)
+        Of the residuals over their levels.
+    """
+
+    point: Point
+    residual: Array
+    levels: Array
+    value: float
+    information: Array
+    keys: tuple[Key, ...]
+    steps: Array
+    jacobian: Array
+
+    @property
+    def covariance(self) -> Array:
+        """Of parameters and unknowns."""
+        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        inverse = np.linalg.pinv(self.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+        return np.asarray(inverse / np.outer(scale, scale))
+
+
+def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
+    """The parameters that are fitted."""
+    return tuple((i, p.name) for i, x in enumerate(placed) for p in x.effect.estimated() if p.kind != "place")
+
+
+def is_signed(effect: Effect, name: str) -> bool:
+    """Whether a parameter is fitted as it is, and not in its logarithm."""
+    return {p.name: p.kind for p in effect.parameters()}[name] == "signed"
+
+
+def coordinates(point: Point) -> Array:
+    """Parameters and unknowns as they are fitted, shape (p,)."""
+    x = []
+    for i, name in keys_of(point.placed):
+        value = float(getattr(point.placed[i].effect, name))
+        x.append(value if is_signed(point.placed[i].effect, name) else float(np.log(max(value, 1e-300))))
+    return np.concatenate([np.array(x), point.unknowns])
+
+
+def moved(point: Point, x: Array) -> Point:
+    """The point at these coordinates."""
+    placed, keys = list(point.placed), keys_of(point.placed)
+    for (i, name), v in zip(keys, x.tolist()):
+        value = v if is_signed(placed[i].effect, name) else float(np.exp(min(v, 690.0)))
+        placed[i] = replace(placed[i], effect=replace(placed[i].effect, **{name: value}))
+    return Point(tuple(placed), np.asarray(x[len(keys) :]))
+
+
+def levels_of(scene: Scene, residual: Array) -> Array:
+    """The most likely level of each channel's noise, shape (channels,)."""
+    out = []
+    for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
+        power, s = float(part @ part), 1.0
+        for _ in range(30):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 TRUST^2
+            x = float(np.log(s))
+            slope = n - power / s**2 + x / TRUST**2
+            s *= float(np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / TRUST**2), -1.0, 1.0)))
+        out.append(s)
+    return np.array(out)
+
+
+def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
+    """Log-likelihood with the levels at their best, plus the log prior of the unknowns [nats]."""
+    levels = levels_of(scene, residual)
+    value = 0.0
+    parts = np.split(residual, np.cumsum(scene.lengths)[:-1])
+    for part, n, s in zip(parts, scene.lengths, levels.tolist()):
+        value -= n * float(np.log(s)) + 0.5 * float(part @ part) / s**2 + 0.5 * (np.log(s) / TRUST) ** 2
+    return value - 0.5 * float(np.sum(_pulls(scene, unknowns) ** 2))
+
+
+def _pulls(scene: Scene, unknowns: Array) -> Array:
+    """How far unknowns are from what is believed of them, in deviations."""
+    values = np.array([u.value for u in scene.unknowns])
+    return np.asarray((unknowns - values) * _weights(scene))
+
+
+def _weights(scene: Scene) -> Array:
+    return np.array([0.0 if not np.isfinite(u.sd) else 1.0 / u.sd for u in scene.unknowns])
+
+
+def over_levels(scene: Scene, x: Array, levels: Array) -> Array:
+    """Residuals, shape (N, ...), over the levels of their channels."""
+    each = np.repeat(levels, scene.lengths)
+    return np.asarray(x / each.reshape(-1, *(1,) * (x.ndim - 1)))
+
+
+def derivative(scene: Scene, point: Point, residual: Array, steps: Array) -> tuple[Array, Array]:
+    """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,)."""
+    x = coordinates(point)
+    if not x.size:
+        return np.zeros((residual.size, 0)), steps
+    for _ in range(2):
+        shifted = [moved(point, x + h * e) for h, e in zip(steps, np.eye(x.size))]
+        change = scene.residuals(shifted) - residual[:, None]
+        size = np.linalg.norm(change, axis=0)
+        good = (size > 0.01 * VISIBLE) & (size < 100.0 * VISIBLE)
+        if good.all():
+            break
+        better = steps * np.clip(VISIBLE / np.maximum(size, 1e-12), 1e-8, 1e8)
+        logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
+        better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
+        steps = np.where(good, steps, better)
+    else:
+        shifted = [moved(point, x + h * e) for h, e in zip(steps, np.eye(x.size))]
+        change = scene.residuals(shifted) - residual[:, None]
+    return np.asarray(change / steps), steps
+
+
+def first_steps(point: Point) -> Array:
+    """Steps to begin with, shape (p,)."""
+    x = coordinates(point)
+    return np.asarray(1e-5 * np.maximum(np.abs(x), 1e-3))
+
+
+def fitted(scene: Scene, start: Point, steps: Array | None = None) -> Fitted:
+    """The scene at its best point, from a start."""
+    point = start
+    steps = first_steps(start) if steps is None else steps
+    residual = scene.residuals([point])[:, 0]
+    value = log_posterior(scene, residual, point.unknowns)
+    damping, keys = 1e-6, keys_of(point.placed)
+    k = len(keys)
+    for _ in range(ROUNDS):
+        levels = levels_of(scene, residual)
+        J, steps = derivative(scene, point, residual, steps)
+        J = over_levels(scene, J, levels)
+        if not J.shape[1]:
+            break
+        g = J.T @ over_levels(scene, residual, levels)
+        g[k:] += _pulls(scene, point.unknowns) * _weights(scene)
+        H = _information(scene, J, k)
+        gain, point, residual, value, damping = _stepped(scene, (point, residual, value), g, H, damping)
+        if gain < CLOSE:
+            break
+    levels = levels_of(scene, residual)
+    J, steps = derivative(scene, point, residual, steps)
+    J = over_levels(scene, J, levels)
+    return Fitted(point, residual, levels, value, _information(scene, J, k), keys, steps, J)
+
+
+def _information(scene: Scene, J: Array, k: int) -> Array:
+    H = J.T @ J
+    H[np.arange(k, H.shape[0]), np.arange(k, H.shape[0])] += _weights(scene) ** 2
+    return np.asarray(H)
+
+
+def _stepped(
+    scene: Scene, at: tuple[Point, Array, float], g: Array, H: Array, damping: float
+) -> tuple[float, Point, Array, float, float]:
+    """One step that raises the posterior, with several dampings tried at once."""
+    point, residual, value = at
+    x, keys = coordinates(point), keys_of(point.placed)
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    K = H / np.outer(scale, scale)
+    logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys], bool)
+    tried = []
+    for factor in (1.0, 1e2, 1e4, 1e6):
+        d = np.linalg.lstsq(K + damping * factor * np.eye(x.size), -g / scale, rcond=1e-13)[0] / scale
+        largest = float(np.abs(d[: logs.size][logs]).max(initial=0.0))
+        tried.append(moved(point, x + d * min(1.0, LONGEST / max(largest, 1e-300))))
+    found = scene.residuals(tried)
+    values = [log_posterior(scene, found[:, j], p.unknowns) for j, p in enumerate(tried)]
+    best = int(np.argmax(values))
+    if not values[best] > value:
+        return 0.0, point, residual, value, min(damping * 1e3, 1.0)
+    return (
+        values[best] - value,
+        tried[best],
+        found[:, best],
+        values[best],
+        max(damping * (1e-1 if best == 0 else 1e1), 1e-9),
+    )
