@@ -1,0 +1,274 @@
+"""What the sensors should have read, from the references in a log.
+
+A rate table (``ref_gyro_*``), a reference accelerometer or magnetometer say it at once. An attitude
+(``ref_q_*``, body to navigation) says it by its rate, by gravity where the body is not accelerated, and by a
+field that is constant in space. The rate is the logarithm of the turn from sample to sample [1]_, taken up
+to the frequency at which the noise of the attitude, whose derivative grows with frequency, drowns it.
+
+References
+----------
+.. [1] J. Solà, Quaternion kinematics for the error-state Kalman filter, 2017, eq. (105).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.motion import AXES, Signals
+from kfgen.errors import InputError
+from kfgen.log import Log
+from kfgen.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+SENSORS = ("gyro", "accel", "mag")
+WINDOW = 1.0
+"""Length [s] over which the variance of the specific force runs."""
+ABOVE = 4.0
+"""How far the power of a rate must stand above the attitude's noise to be taken."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a log's references say of its sensors.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Even times [s].
+    read : mapping of str to ndarray, shape (n, 3)
+        What each triad should have read [U]; an axis without a reference is zero. A magnetometer under an
+        attitude alone is not in it: its field in space is unknown.
+    axes : mapping of str to tuple of int
+        The axes of each sensor that have a reference.
+    good : ndarray of bool, shape (n,)
+        Where the references are there.
+    omega_b, f_b, power, R_bn, down
+        As in `Signals`: what drives effects.
+    bandwidth : mapping of str to float
+        Highest frequency [Hz] up to which a sensor's truth is known; infinite where not in it.
+    angle : float
+        Deviation [rad] of the white noise of the attitude's samples about each axis.
+    words : tuple of str
+        What was decided.
+    """
+
+    t: Array
+    read: Mapping[str, Array]
+    axes: Mapping[str, tuple[int, ...]]
+    good: NDArray[np.bool_]
+    omega_b: Array | None = None
+    f_b: Array | None = None
+    power: Array | None = None
+    R_bn: Array | None = None
+    down: float = 1.0
+    bandwidth: Mapping[str, float] = field(default_factory=dict)
+    angle: float = 0.0
+    words: tuple[str, ...] = ()
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
+
+    def signals(self, sensor: str, m_n: Array | None = None) -> Signals:
+        """What a triad should have felt; a magnetometer under an attitude needs its field in space."""
+        if sensor in self.read:
+            y = self.read[sensor]
+        else:
+            assert self.R_bn is not None
+            y = self.R_bn @ np.asarray(m_n)
+        return Signals(self.t, y, self.omega_b, self.f_b, self.R_bn, self.down, self.power)
+
+    def cut(self, start: int, stop: int) -> Truth:
+        """Samples `start` to `stop`."""
+        arrays = {
+            name: value[start:stop]
+            for name in ("t", "good", "omega_b", "f_b", "power", "R_bn")
+            if (value := getattr(self, name)) is not None
+        }
+        return replace(self, **arrays, read={k: v[start:stop] for k, v in self.read.items()})
+
+
+def truth_of(log: Log) -> Truth | None:
+    """The truth of a log with references; none without.
+
+    Raises
+    ------
+    InputError
+        Time is uneven, or a reference has no number in it.
+    """
+    found = {s: a for s in SENSORS if (a := _axes(log, f"ref_{s}_"))}
+    attitude = all(f"ref_q_{c}" in log.channels for c in "wxyz")
+    if not found and not attitude:
+        return None
+    log.uniform_dt()
+    read, good = {}, np.ones(log.n, dtype=bool)
+    for sensor, axes in found.items():
+        u = _triad(log, f"ref_{sensor}_", axes)
+        good &= np.isfinite(u).all(axis=1)
+        read[sensor] = _bridged(log.t, u)
+    truth = Truth(np.asarray(log.t), read, dict(found), good)
+    if attitude:
+        truth = _with_attitude(truth, log)
+    return _with_drivers(truth, log)
+
+
+def held(log: Log) -> tuple[int, int]:
+    """First and last+1 sample of the stretch of a log on which its references are there."""
+    names = [n for n in log.channels if n.startswith("ref_")]
+    there = np.isfinite(np.array([log.channels[n].values for n in names])).all(axis=0)
+    at = np.flatnonzero(there)
+    if at.size < 16:
+        raise InputError("its references have no numbers", where=log.source, remedy="Give another stretch")
+    return int(at[0]), int(at[-1]) + 1
+
+
+def _axes(log: Log, prefix: str) -> tuple[int, ...]:
+    return tuple(i for i, a in enumerate(AXES) if prefix + a in log.channels)
+
+
+def _triad(log: Log, prefix: str, axes: tuple[int, ...]) -> Array:
+    """A triad, shape (n, 3), zero where an axis is not recorded."""
+    out = np.zeros((log.n, 3))
+    for i in axes:
+        out[:, i] = log.channels[prefix + AXES[i]].values
+    return out
+
+
+def _bridged(t: Array, u: Array) -> Array:
+    """Holes filled by straight lines, so that a spline or a filter can pass; they are left out later."""
+    out = u.copy()
+    for column in out.T:
+        there = np.isfinite(column)
+        if not there.any():
+            raise InputError("a reference has no number in it", remedy="Leave it out")
+        column[~there] = np.interp(t[~there], t[there], column[there])
+    return out
+
+
+def _with_attitude(truth: Truth, log: Log) -> Truth:
+    """The truth that an attitude adds."""
+    from scipy.spatial.transform import Rotation, Slerp
+
+    q = np.array([log.channels[f"ref_q_{c}"].values for c in "wxyz"]).T
+    there = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.5)
+    if there.sum() < 16:
+        raise InputError("the reference attitude has no numbers", where=log.source)
+    seen = Slerp(truth.t[there], Rotation.from_quat(q[there], scalar_first=True))
+    nb = seen(np.clip(truth.t, truth.t[there][0], truth.t[there][-1]))
+    omega_b, corner, angle = body_rate(nb.as_quat(scalar_first=True), truth.dt)
+    R_bn = np.asarray(nb.inv().as_matrix())
+    down, word = _down(log, R_bn)
+    read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
+    margin = int(np.ceil(0.5 / (corner * truth.dt)))
+    good = truth.good & ~_wider(~there, margin)
+    if "gyro" not in read:
+        read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
+    if "accel" not in read:
+        read["accel"], axes["accel"] = -R_bn[:, :, 2] * (down * STANDARD_GRAVITY), (0, 1, 2)
+    if "mag" not in read:
+        axes["mag"] = (0, 1, 2)
+    words = (word, f"the rate of the attitude is known up to {corner:.3g} Hz")
+    return replace(
+        truth, read=read, axes=axes, bandwidth=bandwidth, good=good, omega_b=omega_b, R_bn=R_bn, down=down,
+        angle=angle, words=words,
+    )  # fmt: skip
+
+
+def body_rate(q_nb: Array, dt: float) -> tuple[Array, float, float]:
+    """The body rate of an attitude without holes.
+
+    Central turns over two samples, in the cosine transform divided by their response ``sin(w)/w`` up to the
+    highest frequency at which the rate stands above the noise of the attitude; beyond half as much again
+    there is nothing.
+
+    Parameters
+    ----------
+    q_nb : ndarray, shape (n, 4)
+        Scalar first, body to navigation.
+    dt : float
+        Sampling period [s].
+
+    Returns
+    -------
+    omega_b : ndarray, shape (n, 3)
+        [rad/s].
+    corner : float
+        That frequency [Hz].
+    angle : float
+        Deviation [rad] of the attitude's noise, taken to be white: a third difference has twenty times its
+        variance.
+    """
+    from scipy.fft import dct, idct
+    from scipy.spatial.transform import Rotation
+
+    nb = Rotation.from_quat(q_nb, scalar_first=True)
+    turn = (nb[:-1].inv() * nb[1:]).as_rotvec()
+    third = np.diff(turn, n=2, axis=0)
+    angle = float(1.4826 * np.median(np.abs(third - np.median(third, axis=0)))) / np.sqrt(20.0)
+    rate = np.empty((turn.shape[0] + 1, 3))
+    rate[1:-1] = 0.5 * (turn[1:] + turn[:-1]) / dt
+    rate[0], rate[-1] = turn[0] / dt, turn[-1] / dt
+    n = rate.shape[0]
+    w = np.arange(n) * (np.pi / n)
+    X = dct(rate, type=2, axis=0, norm="ortho")
+    edges = np.unique(np.geomspace(1, n // 3, 60).astype(int))
+    power = np.add.reduceat((X**2).sum(axis=1), edges)[:-1] / np.diff(edges)
+    noise = np.add.reduceat(3.0 * (np.sin(w) * angle / dt) ** 2, edges)[:-1] / np.diff(edges)
+    above = np.flatnonzero(power > ABOVE * noise)
+    top = int(edges[above[-1] + 1]) if above.size else int(edges[-1])
+    share = np.clip((w / w[top] - 1.0) / 0.5, 0.0, 1.0)
+    response = np.where(share < 1.0, 0.5 * (1.0 + np.cos(np.pi * share)) / np.sinc(w / np.pi), 0.0)
+    omega_b = idct(X * response[:, None], type=2, axis=0, norm="ortho")
+    return np.asarray(omega_b), top / (2.0 * n * dt), angle
+
+
+def _down(log: Log, R_bn: Array) -> tuple[float, str]:
+    """The sign of the third navigation axis that fits the accelerometer, and a sentence of it."""
+    axes = _axes(log, "accel_")
+    if len(axes) < 3:
+        return 1.0, "the navigation frame is taken to be north-east-down"
+    up = np.nanmean(np.einsum("ni,ni->n", R_bn[:, :, 2], _triad(log, "accel_", axes)))
+    if up > 0.0:
+        return -1.0, "the accelerometer says that the third navigation axis points up"
+    return 1.0, "the accelerometer says that the third navigation axis points down"
+
+
+def _with_drivers(truth: Truth, log: Log) -> Truth:
+    """Force, its running variance and the rate, from references or else from the sensors themselves."""
+    f_b = truth.read.get("accel") if "ref_accel_x" in log.channels else None
+    felt = _axes(log, "accel_")
+    accel = _bridged(truth.t, _triad(log, "accel_", felt)) if len(felt) == 3 else None
+    if f_b is None:
+        f_b = accel if accel is not None else truth.read.get("accel")
+    omega_b = truth.read.get("gyro") if len(truth.axes.get("gyro", ())) == 3 else truth.omega_b
+    turned = _axes(log, "gyro_")
+    if omega_b is None and len(turned) == 3:
+        omega_b = _bridged(truth.t, _triad(log, "gyro_", turned))
+    shaken = accel if accel is not None else f_b
+    power = None if shaken is None else running_variance(shaken, WINDOW / truth.dt)
+    return replace(truth, f_b=f_b, omega_b=omega_b, power=power)
+
+
+def running_variance(x: Array, samples: float) -> Array:
+    """Variance of columns, shape (n, k), over a window of so many samples about each."""
+    from scipy.ndimage import uniform_filter1d
+
+    size = max(3, min(int(samples), x.shape[0]))
+    d = x - x.mean(axis=0)
+    mean = uniform_filter1d(d, size, axis=0, mode="nearest")
+    square = uniform_filter1d(d * d, size, axis=0, mode="nearest")
+    return np.asarray(np.maximum(square - mean**2, 0.0))
+
+
+def _wider(holes: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
+    from scipy.ndimage import binary_dilation
+
+    if not holes.any():
+        return holes
+    return np.asarray(binary_dilation(holes, iterations=max(1, margin)))
