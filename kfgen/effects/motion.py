@@ -293,14 +293,15 @@ class Bandwidth(Lag):
     saying: ClassVar[str] = "follows its input up to {corner} only"
 
     def passed(self, x: Array, dt: float) -> Array:
-        """Signals, shape (n, ...), through ``y' = 2 pi corner (x - y)``: exact for straight lines between."""
-        from scipy.signal import lfilter
+        """Signals, shape (n, ...), through ``1 / (1 + i f / corner)``, as if mirrored before the first."""
+        from scipy.fft import irfft, next_fast_len, rfft
 
-        h = 2.0 * np.pi * float(self.corner) * dt
-        a = np.exp(-h)
-        lost = -np.expm1(-h) / h
-        from_first = lfilter([1.0 - lost, lost - a], [1.0, -a], x - x[:1], axis=0)
-        return np.asarray(from_first + x[:1])
+        n = x.shape[0]
+        size = next_fast_len(2 * n, real=True)
+        mirrored = np.concatenate([x, x[::-1], np.broadcast_to(x[:1], (size - 2 * n, *x.shape[1:]))])
+        f = np.arange(size // 2 + 1) / (size * dt)
+        response = (1.0 / (1.0 + 1j * f / float(self.corner))).reshape(-1, *(1,) * (x.ndim - 1))
+        return np.asarray(irfft(rfft(mirrored, axis=0) * response, n=size, axis=0)[:n])
 
 
 @dataclass(frozen=True)
