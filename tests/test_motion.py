@@ -433,3 +433,15 @@ def test_the_magnet_of_a_recording(
     _, theta, _, left = fit(scene, found)
     np.testing.assert_allclose(1e6 * theta, vector, atol=0.4)
     assert left < 0.5 * fit(scene)[3]
+
+
+def test_any_channel_may_have_a_reference() -> None:
+    """Metres of a laser against those of a tape: a scale, a delay, no axes to be misaligned."""
+    tape = waves(15, 3.0, 0.5)[:, 0]
+    laser = 1.01 * tape + white(16, 1e-3, (N,))
+    log = Log(T, {"range": Channel.of(laser, "m"), "ref_range": Channel.of(tape, "m")})
+    scene = motion_scene(log, noise_of("m", 1e-3, "range"))
+    assert scene is not None
+    _, (found,) = gains(scene)[0]
+    assert (found.effect.name, found.where) == ("scale_factor", "range")
+    assert "misalignment" not in {s[0].effect.name for s in scene.candidates([])}

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.effects.motion import AXES, Bandwidth, Lag, Motion, Signals, TimeDelay
+from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay
 from kfgen.errors import InputError
 from kfgen.gap.offers import Bench, offers
 from kfgen.gap.scene import Placed, Point, Unknown
-from kfgen.gap.truth import Truth, held, truth_of
+from kfgen.gap.truth import Truth, held, place, truth_of
 from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
 from kfgen.noise import NoiseModel
@@ -138,7 +138,7 @@ class MotionScene:
     def _whitener(self, c: Compared) -> Whitener:
         n, dt = self.truth.t.size, self.dt
         white = Whitener.of(c.noise, n, dt, constant=True)
-        if c.name.startswith("gyro") and "gyro" in self.truth.bandwidth:
+        if c.sensor == "gyro" and "gyro" in self.truth.bandwidth:
             reference = (np.arange(n) * (np.pi / n) * self.truth.angle / dt) ** 2
         elif c.sensor not in self.truth.read:
             field = self.believed_field()
@@ -270,8 +270,8 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
 
 
 def _compared(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared | None:
-    sensor, _, axis = name.rpartition("_")
-    if name not in log.channels or axis not in AXES or AXES.index(axis) not in truth.axes.get(sensor, ()):
+    sensor, axis = place(name)
+    if name not in log.channels or axis not in truth.axes.get(sensor, ()):
         return None
     channel, believed = log.channels[name], noise.channel(name)
     if not parse_unit(channel.unit).same_dimension(parse_unit(believed.unit)):
@@ -284,4 +284,4 @@ def _compared(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared 
     if sensor in truth.bandwidth:
         keep = min(keep, int(2.0 * log.n * truth.dt * truth.bandwidth[sensor]))
     y = np.where(np.isfinite(channel.values), channel.values, 0.0)
-    return Compared(name, sensor, channel.unit, AXES.index(axis), y, believed.effects, keep)
+    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep)

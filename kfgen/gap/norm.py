@@ -211,7 +211,7 @@ def norm_scene(log: Log, noise: NoiseModel, sensor: str = "accel") -> NormScene 
         means = np.array([y[i:j].mean(axis=0) for i, j in rests])
         middle = np.array([log.t[(i + j) // 2] for i, j in rests])
         scene = NormScene(sensor, unit, middle, means, variance, STANDARD_GRAVITY)
-    return scene if _turned(scene.y) else None
+    return scene if _turned(scene) else None
 
 
 def _variance(effects: Sequence[Effect], T: float) -> float:
@@ -220,7 +220,9 @@ def _variance(effects: Sequence[Effect], T: float) -> float:
     return float(sum(e.density(f)[0] for e in effects if not e.coefficients()) / T)
 
 
-def _turned(y: Array) -> bool:
-    """Whether readings spread over directions: the least of their spreads is a tenth of their length."""
-    spread = np.sqrt(np.linalg.eigvalsh(np.cov(y.T))[0])
-    return bool(spread > 0.1 * np.linalg.norm(y - y.mean(axis=0), axis=1).max())
+def _turned(scene: NormScene) -> bool:
+    """Whether readings spread over directions: the least of their spreads is far above the noise."""
+    away = scene.y - scene.y.mean(axis=0)
+    least = np.sqrt(np.linalg.eigvalsh(away.T @ away / scene.t.size)[0])
+    noise = np.sqrt(scene.variance.mean())
+    return bool(least > max(10.0 * noise, 0.1 * np.linalg.norm(away, axis=1).max()))

@@ -25,7 +25,6 @@ from kfgen.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
-SENSORS = ("gyro", "accel", "mag")
 WINDOW = 1.0
 """Length [s] over which the variance of the specific force runs."""
 ABOVE = 4.0
@@ -102,14 +101,18 @@ def truth_of(log: Log) -> Truth | None:
     InputError
         Time is uneven, or a reference has no number in it.
     """
-    found = {s: a for s in SENSORS if (a := _axes(log, f"ref_{s}_"))}
+    found: dict[str, tuple[int, ...]] = {}
+    for name in log.channels:
+        if name.startswith("ref_") and not name.startswith("ref_q_"):
+            sensor, axis = place(name.removeprefix("ref_"))
+            found[sensor] = (*found.get(sensor, ()), axis)
     attitude = all(f"ref_q_{c}" in log.channels for c in "wxyz")
     if not found and not attitude:
         return None
     log.uniform_dt()
     read, good = {}, np.ones(log.n, dtype=bool)
     for sensor, axes in found.items():
-        u = _triad(log, f"ref_{sensor}_", axes)
+        u = _triad(log, f"ref_{sensor}", axes)
         good &= np.isfinite(u).all(axis=1)
         read[sensor] = _bridged(log.t, u)
     truth = Truth(np.asarray(log.t), read, dict(found), good)
@@ -128,15 +131,22 @@ def held(log: Log) -> tuple[int, int]:
     return int(at[0]), int(at[-1]) + 1
 
 
-def _axes(log: Log, prefix: str) -> tuple[int, ...]:
-    return tuple(i for i, a in enumerate(AXES) if prefix + a in log.channels)
+def place(name: str) -> tuple[str, int]:
+    """The sensor and the axis of a channel: ``gyro_y`` is axis 1 of ``gyro``; one without axes is axis 0."""
+    sensor, _, axis = name.rpartition("_")
+    return (sensor, AXES.index(axis)) if sensor and axis in AXES else (name, 0)
 
 
-def _triad(log: Log, prefix: str, axes: tuple[int, ...]) -> Array:
+def _axes(log: Log, sensor: str) -> tuple[int, ...]:
+    return tuple(i for i, a in enumerate(AXES) if f"{sensor}_{a}" in log.channels)
+
+
+def _triad(log: Log, sensor: str, axes: tuple[int, ...]) -> Array:
     """A triad, shape (n, 3), zero where an axis is not recorded."""
     out = np.zeros((log.n, 3))
     for i in axes:
-        out[:, i] = log.channels[prefix + AXES[i]].values
+        name = f"{sensor}_{AXES[i]}"
+        out[:, i] = log.channels[name if name in log.channels else sensor].values
     return out
 
 
@@ -230,10 +240,10 @@ def body_rate(q_nb: Array, dt: float) -> tuple[Array, float, float]:
 
 def _down(log: Log, R_bn: Array) -> tuple[float, str]:
     """The sign of the third navigation axis that fits the accelerometer, and a sentence of it."""
-    axes = _axes(log, "accel_")
+    axes = _axes(log, "accel")
     if len(axes) < 3:
         return 1.0, "the navigation frame is taken to be north-east-down"
-    up = np.nanmean(np.einsum("ni,ni->n", R_bn[:, :, 2], _triad(log, "accel_", axes)))
+    up = np.nanmean(np.einsum("ni,ni->n", R_bn[:, :, 2], _triad(log, "accel", axes)))
     if up > 0.0:
         return -1.0, "the accelerometer says that the third navigation axis points up"
     return 1.0, "the accelerometer says that the third navigation axis points down"
@@ -242,14 +252,14 @@ def _down(log: Log, R_bn: Array) -> tuple[float, str]:
 def _with_drivers(truth: Truth, log: Log) -> Truth:
     """Force, its running variance and the rate, from references or else from the sensors themselves."""
     f_b = truth.read.get("accel") if "ref_accel_x" in log.channels else None
-    felt = _axes(log, "accel_")
-    accel = _bridged(truth.t, _triad(log, "accel_", felt)) if len(felt) == 3 else None
+    felt = _axes(log, "accel")
+    accel = _bridged(truth.t, _triad(log, "accel", felt)) if len(felt) == 3 else None
     if f_b is None:
         f_b = accel if accel is not None else truth.read.get("accel")
     omega_b = truth.read.get("gyro") if len(truth.axes.get("gyro", ())) == 3 else truth.omega_b
-    turned = _axes(log, "gyro_")
+    turned = _axes(log, "gyro")
     if omega_b is None and len(turned) == 3:
-        omega_b = _bridged(truth.t, _triad(log, "gyro_", turned))
+        omega_b = _bridged(truth.t, _triad(log, "gyro", turned))
     shaken = accel if accel is not None else f_b
     power = None if shaken is None else running_variance(shaken, WINDOW / truth.dt)
     return replace(truth, f_b=f_b, omega_b=omega_b, power=power)
