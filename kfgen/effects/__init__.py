@@ -10,11 +10,22 @@ import pkgutil
 from functools import cache
 from typing import Any
 
-from kfgen.effects.base import Effect, Look, Parameter
+from kfgen.effects.base import Effect, Look, Parameter, filtered, sampled_spectrum
 from kfgen.effects.form import Form, State
 from kfgen.errors import InputError
 
-__all__ = ["Effect", "Form", "Look", "Parameter", "State", "catalogue", "effect_named", "make"]
+__all__ = [
+    "Effect",
+    "Form",
+    "Look",
+    "Parameter",
+    "State",
+    "catalogue",
+    "effect_named",
+    "filtered",
+    "make",
+    "sampled_spectrum",
+]
 
 
 @cache

@@ -7,7 +7,7 @@ simulation, likelihood, filter states, report row and sentence follow from that.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import form as law
 from kfgen.effects.form import Form
+from kfgen.effects.series import OF_A_COEFFICIENT, Series, Sought
 from kfgen.errors import InputError
 from kfgen.units import derived_unit, from_si, parse_quantity
 
@@ -33,8 +34,11 @@ class Parameter:
     unit : str
         Unit template, ``U`` being the unit of the channel.
     kind : str
-        ``size`` scales the output (zero: no effect), ``time`` is a time constant, ``signed`` is a
-        coefficient that may be negative, ``setting`` is chosen and never estimated.
+        ``size`` scales the output (zero: no effect), ``time`` is a time constant, ``frequency`` and
+        ``ratio`` say so: these are positive and fitted in their logarithm. ``width`` is searched on a grid,
+        ``signed`` is a coefficient that may be negative, ``solved`` follows from coefficients (an
+        amplitude), ``place`` is where in time or frequency it is: looked for, then held. ``setting`` is
+        chosen and never estimated.
     """
 
     name: str
@@ -98,6 +102,32 @@ def parameter(unit: str, kind: str = "size", default: Any = ...) -> Any:
     return field(metadata=metadata) if default is ... else field(default=default, metadata=metadata)
 
 
+def sampled_spectrum(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1) -> Array:
+    """Spectral density [U^2] of the samples of all random effects, shape (m,): what is filtered is filtered.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (m,)
+        Radians per block.
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples averaged to one.
+    """
+    random = [e for e in effects if not e.coefficients()]
+    total = sum((e.sampled_density(omega, dt, block) for e in random), np.zeros(omega.size))
+    return filtered(effects, omega, dt, block) * total
+
+
+def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1) -> Array:
+    """Factor of the effects that filter, shape (m,)."""
+    out = np.ones(omega.size)
+    for e in effects:
+        factor = e.response(omega / block, dt)
+        out = out if factor is None else out * factor
+    return out
+
+
 @dataclass(frozen=True)
 class Effect:
     """One declared effect with the values of its parameters [SI], numbers or sympy symbols."""
@@ -107,6 +137,8 @@ class Effect:
     saying: ClassVar[str] = ""
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
+    filters: ClassVar[bool] = False
+    alters: ClassVar[bool] = False
     meanings: ClassVar[tuple[Meaning, ...]] = ()
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
@@ -136,13 +168,53 @@ class Effect:
 
     @classmethod
     def coefficients(cls) -> tuple[str, ...]:
-        """The parameters of either sign, in which the output is linear: the effect is a regressor."""
+        """The numbers of either sign in which the output is linear: the effect is a regressor."""
         return tuple(p.name for p in cls.parameters() if p.kind == "signed")
 
     @classmethod
     def searched(cls) -> tuple[Parameter, ...]:
-        """The estimated parameters that are no coefficients: they are fitted in their logarithm."""
-        return tuple(p for p in cls.estimated() if p.kind != "signed")
+        """The estimated parameters that are fitted in their logarithm."""
+        return tuple(p for p in cls.estimated() if p.kind not in ("signed", "solved", "place"))
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its coefficients."""
+        return tuple(float(getattr(self, name)) for name in self.coefficients())
+
+    def solved(self, values: Sequence[float]) -> Self:
+        """The same with these coefficients."""
+        return replace(self, **dict(zip(self.coefficients(), values)))
+
+    @property
+    def shape(self) -> Self:
+        """The same with all coefficients zero."""
+        return self.solved([0.0] * len(self.coefficients()))
+
+    def spread(self, covariance: Array) -> dict[str, float]:
+        """Deviations of the parameters that follow from its coefficients' covariance."""
+        return dict(zip(self.coefficients(), np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))
+
+    def log_prior(self, covariance: Array) -> float:
+        """Log density of its coefficients' prior: each log-uniform in size over four decades, of either sign."""
+        sizes = np.maximum(np.abs(self.values), np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+        return -float(np.log(OF_A_COEFFICIENT * sizes).sum())
+
+    @classmethod
+    def sought(cls, series: Series) -> list[Sought]:
+        """Where it shows in a series that should be white: for effects that no start value finds."""
+        return []
+
+    def taken(self, series: Series) -> Array | None:
+        """The samples without it, shape (n,), of an effect that is no sum of a known spectrum or shape."""
+        return None
+
+    def response(self, omega: Array, dt: float) -> Array | None:
+        """Factor on the spectrum of everything else, shape (m,), of an effect that filters."""
+        return None
+
+    def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
+        """What it does to samples, shape (n,), beside what it adds to them."""
+        return y
 
     def shifted(self, name: str, step: float) -> Self:
         """The effect with a step in the logarithm of one of its parameters."""
@@ -150,8 +222,8 @@ class Effect:
 
     def regressors(self, t: Array, drive: Mapping[str, Array] | None = None) -> list[Array]:
         """The output [U] for one of each coefficient, the others zero, each of shape (n,)."""
-        names = self.coefficients()
-        return [replace(self, **{n: float(n == one) for n in names}).mean(t, drive) for one in names]
+        k = len(self.coefficients())
+        return [self.solved(np.eye(k)[i].tolist()).mean(t, drive) for i in range(k)]
 
     @classmethod
     def read(cls, entry: Mapping[str, Any], unit: str, where: str) -> Self:

@@ -1,38 +1,60 @@
 """Does the record disagree with the model, and where: tests with one family-wise rate.
 
 Under the right model every ordinate of the sine transform over its expectation is an independent
-chi-square of one degree of freedom. So the power in each band is a chi-square, and the regression
-on a driver or on time a normal deviate; their p values are held together by Holm's method [1]_.
+chi-square of one degree of freedom, and the white series in time is normal and independent. So the power
+in each band and in each cell of an atlas (a stretch of time, a band) is a chi-square, the regression on a
+driver or on time a normal deviate, the largest ordinate an exponential; kurtosis and the correlation of
+squares have their own laws. All p values are held together by Holm's method [1]_.
 
 References
 ----------
 .. [1] S. Holm, A simple sequentially rejective multiple test procedure, Scand. J. Statist. 6, 1979.
+.. [2] A. I. McLeod and W. K. Li, Diagnostic checking ARMA time series models using squared-residual
+   autocorrelations, J. Time Series Analysis 4(4), 1983.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
+from kfgen.effects.series import Series
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import Ordinates, residual_ratio
 
-RATE = 0.01
+Array = NDArray[np.float64]
+
+RATE = 0.002
 """Family-wise false alarm rate of the battery."""
 BANDS_PER_DECADE = 3
+STRETCHES = 8
+"""Of the atlas."""
+LAGS = 20
+"""At which squares are correlated."""
+CELL = 24
+"""Ordinates that a cell of the atlas has at least."""
 
 
 @dataclass(frozen=True)
 class Test:
-    """One test: what it looked at, where, its adjusted p value and the ratio of powers found."""
+    """One test: what it looked at, where, its adjusted p value and the ratio of powers found.
+
+    Parameters
+    ----------
+    span : (float, float), optional
+        Time [s] from the first sample on, where it is not the whole record.
+    """
 
     name: str
     p: float
     band_hz: tuple[float, float]
     ratio: float
+    span: tuple[float, float] | None = None
 
     @property
     def significant(self) -> bool:
@@ -40,7 +62,7 @@ class Test:
         return self.p < RATE
 
 
-def battery(record: Record, effects: Sequence[Effect], coefficients: np.ndarray) -> list[Test]:
+def battery(record: Record, effects: Sequence[Effect], coefficients: Array, series: Series) -> list[Test]:
     """All tests on what the model leaves of a record, by adjusted p value.
 
     Parameters
@@ -48,6 +70,8 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: np.ndarray)
     record : Record
     effects : sequence of Effect
         The model, with its deterministic effects' `coefficients` in order.
+    series : Series
+        What the model makes of the record.
     """
     data = record.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
@@ -56,7 +80,7 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: np.ndarray)
         shown = cls.starts(record.look)
         if shown and cls.coefficients() and not any(e.name == name for e in effects):
             tests.append(_driven(record, effects, coefficients, shown[0]))
-    return _holm(tests)
+    return holm([*tests, *white_tests(series.z, series.dt, series.X)])
 
 
 def bands(data: Ordinates) -> list[tuple[int, int]]:
@@ -67,17 +91,21 @@ def bands(data: Ordinates) -> list[tuple[int, int]]:
     return list(zip(at[:-1].tolist(), at[1:].tolist()))
 
 
-def _band(data: Ordinates, ratio: np.ndarray, lo: int, hi: int) -> Test:
-    from scipy.stats import chi2
-
+def _band(data: Ordinates, ratio: Array, lo: int, hi: int) -> Test:
     m = float(data.count[lo:hi].sum())
     total = float(data.count[lo:hi] @ ratio[lo:hi])
-    p = 2.0 * min(float(chi2.sf(total, m)), float(chi2.cdf(total, m)))
     f = data.frequency
-    return Test("power", min(p, 1.0), (float(f[lo]), float(f[hi - 1])), total / m)
+    return Test("power", chance_of(total, m), (float(f[lo]), float(f[hi - 1])), total / m)
 
 
-def _driven(record: Record, effects: Sequence[Effect], coefficients: np.ndarray, effect: Effect) -> Test:
+def chance_of(total: float, m: float) -> float:
+    """Two-sided p value of a chi-square of m degrees of freedom."""
+    from scipy.stats import chi2
+
+    return min(2.0 * min(float(chi2.sf(total, m)), float(chi2.cdf(total, m))), 1.0)
+
+
+def _driven(record: Record, effects: Sequence[Effect], coefficients: Array, effect: Effect) -> Test:
     """Regression of the residual on a deterministic effect."""
     from scipy.stats import norm
 
@@ -90,7 +118,64 @@ def _driven(record: Record, effects: Sequence[Effect], coefficients: np.ndarray,
     return Test(effect.title, float(2.0 * norm.sf(z)), (0.0, float(f[min(5, f.size - 1)])), 1.0 + z**2)
 
 
-def _holm(tests: list[Test]) -> list[Test]:
+def white_tests(z: Array, dt: float, X: Array) -> list[Test]:
+    """Tests of a series that should be white and normal, shape (n,), with its cosine ordinates."""
+    whole = (0.0, 0.5 / dt)
+    return [*_atlas(z, dt), _line(X, dt), _tails(z, whole), _squares(z, whole)]
+
+
+def _atlas(z: Array, dt: float) -> list[Test]:
+    """Power in stretches of time and octaves of frequency."""
+    from scipy.fft import dct
+
+    size, tests = z.size // STRETCHES, []
+    if size < 2 * CELL:
+        return []
+    edges = [1]
+    while edges[-1] < size:
+        edges.append(min(max(2 * edges[-1], edges[-1] + CELL), size))
+    for k in range(STRETCHES):
+        X2 = dct(z[k * size : (k + 1) * size], type=2, norm="ortho") ** 2
+        span = (k * size * dt, (k + 1) * size * dt)
+        for lo, hi in pairwise(edges):
+            total, m = float(X2[lo:hi].sum()), float(hi - lo)
+            band = (0.5 * lo / (size * dt), 0.5 * hi / (size * dt))
+            tests.append(Test("power in a stretch", chance_of(total, m), band, total / m, span))
+    return tests
+
+
+def _line(X: Array, dt: float) -> Test:
+    """The largest ordinate, of a chi-square of one degree of freedom each."""
+    from scipy.stats import chi2
+
+    k = int(np.argmax(X**2))
+    top = float(X[k] ** 2)
+    p = -float(np.expm1(X.size * np.log1p(-min(float(chi2.sf(top, 1)), 0.5))))
+    f = 0.5 * k / (X.size * dt)
+    return Test("periodic line", p, (f, f), top)
+
+
+def _tails(z: Array, whole: tuple[float, float]) -> Test:
+    from scipy.stats import kurtosis, kurtosistest
+
+    p = float(kurtosistest(z).pvalue) if z.size >= 20 else 1.0
+    return Test("tails", p, whole, 1.0 + float(kurtosis(z)) / 3.0)
+
+
+def _squares(z: Array, whole: tuple[float, float]) -> Test:
+    """Correlation of neighbouring squares [2]_."""
+    from scipy.stats import chi2
+
+    q = z**2 - np.mean(z**2)
+    power = float(q @ q)
+    r = np.array([float(q[k:] @ q[:-k]) / power for k in range(1, min(LAGS, z.size // 4) + 1)])
+    n = z.size
+    total = float(n * (n + 2) * np.sum(r**2 / (n - np.arange(1, r.size + 1))))
+    return Test("correlated squares", float(chi2.sf(total, r.size)), whole, 1.0 + float(r.max(initial=0.0)))
+
+
+def holm(tests: Sequence[Test]) -> list[Test]:
+    """The tests by adjusted p value [1]_."""
     ordered = sorted(tests, key=lambda t: t.p)
     adjusted, floor = [], 0.0
     for i, test in enumerate(ordered):

@@ -1,9 +1,10 @@
 """What is missing: candidates compared by their marginal likelihood.
 
 A candidate is the believed model with one more effect, all parameters fitted. Its evidence is the
-likelihood integrated over them by Laplace's method in logarithms [1]_: sizes and times have
-log-uniform priors, the believed model's numbers keep the priors that trust in them gives, and
-a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
+likelihood integrated over them by Laplace's method in logarithms [1]_, over times that the record
+hardly bounds numerically, over places (an onset, a frequency) by the scan that found them. Sizes and
+times have log-uniform priors, the believed model's numbers keep the priors that trust in them gives,
+and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
 competes openly: the same structure with the trust taken away. Each addition costs the
 logarithm of the number of candidates, and `ABOVE` nats are asked for before anything is named.
 
@@ -20,15 +21,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kfgen.effects import Effect, catalogue
+from kfgen.effects.series import DECADES, Series, Sought, log_mean
+from kfgen.gap.whitened import Whitener
 from kfgen.identify.fit import Fit, Key, Prior, Problem, curvature, maximise
 from kfgen.identify.record import Record
 
 ABOVE = 3.0
 """Nats of evidence above which an effect is named."""
-DECADES = float(np.log(1e2))
-"""Width of the log-uniform prior of a size."""
-COEFFICIENT = float(2.0 * np.log(1e4))
-"""Normalisation of the log-uniform prior of a coefficient of either sign."""
+BETWEEN = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
+"""Longest time in the record, shortest in periods: beyond, one is a random walk or white, the other a ramp."""
+TIMES = 9
+"""Grid on which a time is integrated that the record hardly bounds."""
+CLOSED = 0.45
+"""Deviation of a logarithm below which Laplace's method is good for a time."""
+SIZES = (1.0, 0.3, 0.1, 0.03)
+"""Of the start value's: sizes at which a candidate is tried before it is fitted."""
+RETUNED = 0.7
+"""Deviation of the logarithm of a number that is no longer trusted: a factor of two either way."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +48,25 @@ class Candidate:
     ----------
     gain : float
         Evidence in nats over the believed model, the cost of adding taken off.
+    sought : Sought, optional
+        Where the effect was found, if it was looked for.
     """
 
     name: str
     fit: Fit
     problem: Problem
     gain: float
+    sought: Sought | None = None
+
+    @property
+    def effect(self) -> Effect:
+        """What it adds."""
+        return self.sought.effect if self.alters and self.sought else self.fit.effects[-1]
+
+    @property
+    def alters(self) -> bool:
+        """Whether it changes the samples instead of adding a spectrum or a shape."""
+        return self.sought is not None and self.sought.evidence is not None
 
 
 def log_evidence(problem: Problem, fit: Fit) -> float:
@@ -70,7 +92,7 @@ def _width(problem: Problem, key: Key) -> float:
     """Width of the log-uniform prior of a free parameter."""
     lo, hi = problem.bounds[problem.free.index(key)]
     kinds = {p.name: p.kind for p in problem.effects[key[0]].parameters()}
-    return hi - lo if kinds[key[1]] == "time" else DECADES
+    return DECADES if kinds[key[1]] == "size" else hi - lo
 
 
 def _volume(problem: Problem, key: Key) -> float:
@@ -84,9 +106,13 @@ def _linear_evidence(fit: Fit) -> float:
     if not theta.size:
         return 0.0
     _, logdet = np.linalg.slogdet(covariance)
-    spread = np.sqrt(np.diag(covariance))
-    priors = np.log(COEFFICIENT * np.maximum(np.abs(theta), spread))
-    return float(0.5 * theta.size * np.log(2 * np.pi) + 0.5 * logdet - priors.sum())
+    value, at = 0.5 * theta.size * float(np.log(2 * np.pi)) + 0.5 * float(logdet), 0
+    for effect in fit.effects:
+        k = len(effect.coefficients())
+        if k:
+            value += effect.log_prior(covariance[at : at + k, at : at + k])
+            at += k
+    return value
 
 
 def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
@@ -95,49 +121,143 @@ def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Pri
     return Candidate("", maximise(problem), problem, 0.0)
 
 
-def candidates(base: Candidate) -> list[Candidate]:
-    """Every addition that the record allows, by evidence, the best first."""
-    allowed = additions(base)
+def series_of(base: Candidate) -> Series:
+    """The record as a white series, if the base is right."""
+    record, effects = base.problem.record, base.fit.effects
+    assert isinstance(record, Record)
+    n, dt = record.n, record.dt
+    whitener = Whitener.of(effects, n, dt)
+    fast = Whitener.of([e for e in effects if not e.form().order or e.filters], n, dt)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        white = np.where(whitener.weight > 0.0, (whitener.weight / fast.weight) ** 2, 1.0)
+    columns = [
+        whitener.ordinates(x)
+        for e in effects
+        if e.coefficients()
+        for x in e.regressors(record.elapsed, record.drive)
+    ]
+    nuisance = np.linalg.qr(np.array(columns).T)[0] if columns else np.zeros((n, 0))
+    y = record.y - record.drift(effects)
+    return Series(record.elapsed, y, dt, whitener.weight, 1.0 - white, nuisance, _level(base), record.drive)
+
+
+def _level(base: Candidate) -> tuple[float, float]:
+    for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
+        prior = base.problem.priors.get((i, name))
+        if base.fit.effects[i].form().V and prior is not None:
+            return prior.mean - x, prior.deviation
+    return 0.0, RETUNED
+
+
+def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[Candidate]:
+    """Every addition that the record allows, by evidence, the best first; those in `without` are left out."""
+    allowed = additions(base, series_of(base), without)
     cost = float(np.log(len(allowed) + 1))
     reference = log_evidence(base.problem, base.fit) + cost
-    found = [_retuned(base, reference), *(_added(starts, base, reference) for starts in allowed)]
+    found = [_added(found, base, reference, cost) for found in allowed]
+    if "retune" not in without:
+        found.append(_retuned(base, reference))
     return sorted(found, key=lambda c: -c.gain)
 
 
-def additions(base: Candidate) -> list[list[Effect]]:
-    """The start values of every effect of the catalogue that could be added."""
-    present = {e.name for e in base.fit.effects}
+def additions(base: Candidate, series: Series, without: frozenset[str] = frozenset()) -> list[list[Sought]]:
+    """The starts of every effect of the catalogue that could be added."""
+    present = {e.name for e in base.fit.effects} | without
     look = base.problem.record.look
     shown = [
-        list(cls.starts(look)) for name, cls in catalogue().items() if cls.repeatable or name not in present
+        [*(Sought(e) for e in cls.starts(look)), *cls.sought(series)]
+        for name, cls in catalogue().items()
+        if (cls.repeatable and name not in without) or name not in present
     ]
     return [starts for starts in shown if starts]
 
 
 def _retuned(base: Candidate, reference: float) -> Candidate:
-    problem = replace(base.problem, priors={})
+    problem = replace(base.problem, priors=loosened(base.problem.priors))
     fit = maximise(problem.starting(base.fit.effects))
     return Candidate("retune", fit, problem, log_evidence(problem, fit) - reference)
 
 
-def _added(starts: Sequence[Effect], base: Candidate, reference: float) -> Candidate:
-    """The best fit of the believed model with one more effect, from all its start values."""
-    known = base.fit.effects
-    first = Problem(base.problem.record, (*known, starts[0]), base.problem.priors)
-    problems = [
-        first.starting((*known, _scaled(start, scale)))
-        for start in starts
-        for scale in ((1.0,) if start.coefficients() else (1.0, 0.1))
+def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
+    """Trust taken away."""
+    return {key: replace(p, deviation=max(RETUNED, p.deviation)) for key, p in priors.items()}
+
+
+def _added(starts: Sequence[Sought], base: Candidate, reference: float, cost: float) -> Candidate:
+    """The believed model with one more effect, from the most promising of its starts."""
+    name, known = starts[0].effect.name, base.fit.effects
+    if starts[0].evidence is not None:
+        return Candidate(name, base.fit, base.problem, starts[0].evidence - cost, starts[0])
+    at = len(known)
+    first = Problem(
+        base.problem.record,
+        (*known, starts[0].effect),
+        base.problem.priors,
+        base.problem.fixed,
+        {**base.problem.times, **({at: BETWEEN[name]} if name in BETWEEN else {})},
+    )
+    places = any(p.kind == "place" for p in starts[0].effect.parameters())
+    if places and len(starts) > 1:
+        return _over_places(first, starts, known, reference)
+    tried = [
+        (first.starting((*known, scaled)), s)
+        for s in starts
+        for scaled in (_scaled(s.effect, size) for size in (SIZES if _sizes(s.effect) else (1.0,)))
     ]
+    values = [p.objective(p.start()) for p, _ in tried]
+    problem, sought = tried[int(np.argmin(values))]
+    fit = maximise(problem)
+    value = log_evidence(problem, fit)
+    times = [key for key in fit.free if key[0] == at and _kind(problem, key) == "time"]
+    if times and not _is_closed(problem, fit, times[0]):
+        value = _integrated(problem, fit, times[0])
+    return Candidate(name, fit, problem, value + sought.located - reference, sought)
+
+
+def _over_places(
+    first: Problem, starts: Sequence[Sought], known: Sequence[Effect], reference: float
+) -> Candidate:
+    """A shape held at each of several places: the best fit, and the evidence over all of them."""
+    problems = [first.starting((*known, s.effect)) for s in starts]
     fits = [maximise(p) for p in problems]
-    best = int(np.argmax([f.value for f in fits]))
-    gain = log_evidence(problems[best], fits[best]) - reference
-    return Candidate(starts[0].name, fits[best], problems[best], gain)
+    values = np.array([log_evidence(p, f) for p, f in zip(problems, fits)])
+    best = int(np.argmax(values))
+    return Candidate(
+        starts[0].effect.name, fits[best], problems[best], log_mean(values) - reference, starts[best]
+    )
+
+
+def _kind(problem: Problem, key: Key) -> str:
+    return {p.name: p.kind for p in problem.effects[key[0]].parameters()}[key[1]]
+
+
+def _is_closed(problem: Problem, fit: Fit, key: Key) -> bool:
+    """Whether the likelihood bounds a time well inside its box."""
+    index = fit.free.index(key)
+    lo, hi = problem.bounds[index]
+    H = curvature(problem, fit.point)
+    variance = float(np.linalg.pinv(H, hermitian=True)[index, index])
+    x = float(fit.point[index])
+    sd = float(np.sqrt(max(variance, 0.0)))
+    return 0.0 < sd < CLOSED and lo + 2.0 * sd < x < hi - 2.0 * sd
+
+
+def _integrated(problem: Problem, fit: Fit, key: Key) -> float:
+    """The evidence integrated numerically over one time, the rest by Laplace's method."""
+    lo, hi = problem.bounds[fit.free.index(key)]
+    values = []
+    for x in lo + (hi - lo) * (np.arange(TIMES) + 0.5) / TIMES:
+        held = problem.starting(fit.effects).pin(key, float(np.exp(x)))
+        values.append(log_evidence(held, maximise(held)))
+    return log_mean(np.array(values))
+
+
+def _sizes(effect: Effect) -> list[str]:
+    return [p.name for p in effect.estimated() if p.kind == "size"]
 
 
 def _scaled(effect: Effect, scale: float) -> Effect:
-    sizes = {p.name: scale * float(getattr(effect, p.name)) for p in effect.estimated() if p.kind == "size"}
-    return replace(effect, **sizes)
+    return replace(effect, **{name: scale * float(getattr(effect, name)) for name in _sizes(effect)})
 
 
 def probabilities(ranked: Sequence[Candidate]) -> dict[str, float]:

@@ -3,7 +3,9 @@
 On a held-out stretch the parameters are frozen. In each band of ``m`` ordinates the mean ratio
 ``r`` of power to expectation is one where the model holds; what the model loses against one that
 has the band's own level is ``m/2 (r - 1 - ln r)`` nats, of which half a nat is chance. The sum per
-sample is the gap, its floor zero.
+sample is the gap, its floor zero. The stretch suits the effect: the tail for noise, ramps and lines,
+every other block for what happens once, the extreme third of its driver for what is driven. There the
+coefficients are fitted to the rest, and the bands are those of the white series in each held-out block.
 
 References
 ----------
@@ -20,7 +22,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.battery import bands
-from kfgen.identify.fit import Fit
+from kfgen.gap.whitened import Whitener
+from kfgen.identify.fit import Fit, Problem, maximise
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import residual_ratio
 
@@ -28,43 +31,119 @@ Array = NDArray[np.float64]
 
 HELD_OUT = 0.3
 """Share of the record, at its end, that no fit sees."""
+BLOCKS = 32
+"""Into which a record is cut to leave out every other one."""
 DRAWS = 2000
 METRIC = "held-out log-likelihood per sample above the noise floor"
 
 
 @dataclass(frozen=True)
 class Gap:
-    """The gap on held-out data [nats per sample] before and after, and the share that closed."""
+    """The gap on held-out data [nats per sample] before and after, and the share that closed.
+
+    Parameters
+    ----------
+    held_out : str
+        What was held out, in words.
+    """
 
     before: float
     after: float
     closed: float
     ci95: tuple[float, float]
+    held_out: str = ""
 
 
-def split(record: Record) -> tuple[Record, Record]:
-    """The part that is fitted, and the held-out tail."""
-    k = int(record.y.size * (1.0 - HELD_OUT))
-    return record.cut(0, k), record.cut(k, record.y.size)
+def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
+    """Compare the believed and the mended model on data that the compared fits did not see.
+
+    Parameters
+    ----------
+    raw, clean : Record
+        As it was logged (less trusted terms), and without what alters samples.
+    written : sequence of Effect
+        The believed random effects, as they are written.
+    mended : Problem
+        The mended model on the clean record.
+    """
+    blocked = [
+        e for e in mended.effects if e.coefficients() and (e.driver or (e.repeatable and not _is_line(e)))
+    ]
+    if blocked:
+        return _masked(clean, mended, blocked)
+    return _tail(raw, clean, written, mended)
 
 
-def held_out_gap(tail: Record, before: Fit, after: Fit) -> Gap:
-    """Compare two fits, frozen, on a stretch that neither saw."""
-    r0, m = _ratios(tail, before.effects, before.likelihood.coefficients)
-    r1, _ = _ratios(tail, after.effects, after.likelihood.coefficients)
+def _is_line(effect: Effect) -> bool:
+    return len(effect.coefficients()) > 1
+
+
+def _tail(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
+    k = int(raw.n * (1.0 - HELD_OUT))
+    seen, unseen, bare = clean.cut(0, k), clean.cut(k, raw.n), raw.cut(k, raw.n)
+    after = maximise(Problem(seen, mended.effects, mended.priors, mended.fixed, mended.times))
+    r0, m = _ratios(bare, written, np.zeros(0))
+    r1, _ = _ratios(unseen, after.effects, after.likelihood.coefficients)
     rng = np.random.default_rng(0)
     chance = rng.chisquare(m, (DRAWS, m.size)) / m
     lost0, lost1 = float(_lost(r0, m)), float(_lost(r1, m))
-    draws0, draws1 = (
-        _lost(r0 * chance, m) - 0.5 * m.size,
-        np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0),
-    )
+    draws0 = _lost(r0 * chance, m) - 0.5 * m.size
+    draws1 = np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0)
+    return _gap(lost0, lost1, draws0, draws1, float(m.sum()), "the last 30 % of the record")
+
+
+def _gap(lost0: float, lost1: float, draws0: Array, draws1: Array, n: float, held_out: str) -> Gap:
     closed = 1.0 - max(lost1, 0.0) / lost0 if lost0 > 0.0 else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(draws0 > 0.0, 1.0 - draws1 / draws0, 0.0)
     lo, hi = np.clip(np.quantile(shares, [0.025, 0.975]), -1.0, 1.0).tolist()
-    closed, n = max(closed, -1.0), float(m.sum())
-    return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)))
+    closed = max(closed, -1.0)
+    return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), held_out)
+
+
+def _masked(clean: Record, mended: Problem, blocked: Sequence[Effect]) -> Gap:
+    """Shapes fitted to one part of the white series, and judged on the other."""
+    fit: Fit = maximise(mended)
+    others = [e for e in fit.effects if e.coefficients() and e.name not in {b.name for b in blocked}]
+    shapes = [e for e in fit.effects if e.coefficients() and e not in others]
+    whitener = Whitener.of(fit.effects, clean.n, clean.dt)
+    z = whitener.series(clean.y - clean.drift(others))
+    B = np.column_stack(
+        [whitener.series(x) for e in shapes for x in e.regressors(clean.elapsed, clean.drive)]
+    )
+    unseen, words = _unseen(clean, shapes)
+    scale = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
+    theta = np.linalg.lstsq(B[~unseen] / scale, z[~unseen], rcond=1e-12)[0] / scale
+    r0, m = _block_ratios(z, unseen)
+    r1, _ = _block_ratios(z - B @ theta, unseen)
+    rng = np.random.default_rng(0)
+    chance = rng.chisquare(m, (DRAWS, m.size)) / m
+    draws0 = _lost(r0 * chance, m) - 0.5 * m.size
+    draws1 = np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0)
+    return _gap(float(_lost(r0, m)), float(_lost(r1, m)), draws0, draws1, float(m.sum()), words)
+
+
+def _unseen(record: Record, shapes: Sequence[Effect]) -> tuple[NDArray[np.bool_], str]:
+    """Which samples are held out, in whole blocks: the driver's extreme third, else every other block."""
+    drivers = {e.driver for e in shapes}
+    block = np.minimum(np.arange(record.n) // (record.n // BLOCKS), BLOCKS - 1)
+    if len(drivers) == 1 and (name := next(iter(drivers))):
+        level = np.bincount(block, record.drive[name]) / np.bincount(block)
+        hot = level >= np.quantile(level, 2.0 / 3.0)
+        return hot[block], f"the third of the record where {name} is highest"
+    return block % 2 == 1, "every other block of the record"
+
+
+def _block_ratios(z: Array, unseen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Mean power of a white series in bands, over the held-out blocks, and how many ordinates each has."""
+    from scipy.fft import dct
+
+    size = z.size // BLOCKS
+    parts = [z[k * size : (k + 1) * size] for k in range(BLOCKS) if unseen[k * size + size // 2]]
+    power = np.mean([dct(part, type=2, norm="ortho") ** 2 for part in parts], axis=0)
+    edges = np.unique(np.concatenate([[0, 1], np.geomspace(2, size, 12)]).astype(np.int64))
+    m = np.diff(edges) * float(len(parts))
+    return np.add.reduceat(power, edges[:-1]) / np.diff(edges), m
 
 
 def _ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
+from kfgen.effects import Effect, sampled_spectrum
 
 Array = NDArray[np.float64]
 
@@ -47,10 +47,8 @@ class Whitener:
             Whether the constant counts; else its weight is zero.
         """
         omega = np.arange(1, n) * (np.pi / n)
-        grid = np.geomspace(omega[0], omega[-1], GRID) if n > 2 * GRID else omega
-        random = [e for e in effects if not e.coefficients()]
-        S = sum((e.sampled_density(grid, dt) for e in random), np.zeros(grid.size))
-        S = np.maximum(S, np.finfo(float).tiny)
+        grid: Array = np.geomspace(omega[0], omega[-1], GRID) if n > 2 * GRID else omega
+        S = np.maximum(sampled_spectrum(effects, grid, dt), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
         return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], 1.0 / np.sqrt(S)]))

@@ -2,107 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from kfgen.effects import Effect
-from kfgen.errors import InputError
 from kfgen.gap.battery import Test, battery
-from kfgen.gap.evidence import ABOVE, Candidate, additions, believed, candidates, probabilities
-from kfgen.gap.proof import Gap, held_out_gap, split
-from kfgen.identify.channel import LONG, MINIMUM
-from kfgen.identify.fit import Fit, Key, Prior, Problem, maximise
+from kfgen.gap.evidence import Candidate, additions, series_of
+from kfgen.gap.finding import SET, ChannelGap, Finding
+from kfgen.gap.proof import held_out_gap
+from kfgen.gap.search import RETUNE, Chosen, Search, searched
+from kfgen.gap.trust import check, merged, moved, priors_of, taken_out
+from kfgen.identify.channel import LONG
+from kfgen.identify.fit import Problem, maximise
 from kfgen.identify.interval import intervals95
 from kfgen.identify.record import Evidence, Record
 from kfgen.noise import ChannelNoise, Term
 
-TRUST = 0.1
-"""Relative deviation of a believed number that states no interval."""
-LEAST_TRUST = 0.02
-FAR_FROM = 2.0
-"""Deviations from a believed number beyond which it does not hold."""
-SET = 0.05
-"""Probability above which an alternative belongs to what cannot be told apart."""
+__all__ = ["SET", "ChannelGap", "Finding", "find_gap"]
+
 DETECTABLE = 8.0
 """Nats that an effect must be worth on average to be named."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A missing effect.
-
-    Parameters
-    ----------
-    effect : Effect
-        With its fitted values.
-    ci95 : mapping
-        Intervals of its parameters [SI].
-    probability : float
-        Among all candidates and none.
-    evidence : float
-        Nats.
-    alternatives : tuple of (name, probability)
-    worst : Test
-        The test that showed most disagreement before it was added.
-    """
-
-    effect: Effect
-    ci95: Mapping[str, tuple[float, float]]
-    probability: float
-    evidence: float
-    alternatives: tuple[tuple[str, float], ...]
-    worst: Test
-
-    @property
-    def indistinguishable(self) -> tuple[str, ...]:
-        """Alternatives that the record does not rule out."""
-        return tuple(n for n, p in self.alternatives if p > SET and n != "none")
-
-
-@dataclass(frozen=True)
-class ChannelGap:
-    """The answer for one channel.
-
-    Parameters
-    ----------
-    verdict : str
-        ``no_gap``, ``effects_found`` or ``unknown_effect``.
-    before, after : list of Test
-        The battery under the believed and under the mended model.
-    limits : list of (Effect, parameter, value)
-        What would not have been seen.
-    """
-
-    channel: str
-    unit: str
-    verdict: str
-    findings: tuple[Finding, ...]
-    before: tuple[Test, ...]
-    after: tuple[Test, ...]
-    gap: Gap
-    believed: tuple[Effect, ...]
-    mended: ChannelNoise
-    limits: tuple[tuple[Effect, str, float], ...]
-    record: Record
-    retuned: bool = False
-
-
-def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
-    """Trust in the believed numbers: from their intervals, else `TRUST`."""
-    priors: dict[Key, Prior] = {}
-    for i, term in enumerate(noise.terms):
-        if term.effect.coefficients():
-            continue
-        for p in term.effect.estimated():
-            value = float(getattr(term.effect, p.name))
-            lo, hi = term.ci95.get(p.name, (0.0, 0.0))
-            known = 0.0 < lo < hi < np.inf
-            deviation = max(float(np.log(hi / lo)) / 3.92, LEAST_TRUST) if known else TRUST
-            if value > 0.0:
-                priors[i, p.name] = Prior(float(np.log(value)), deviation)
-    return priors
+FINE = 200
+"""Bins of the transform in a decade: a resonance may be narrow."""
 
 
 def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
@@ -113,43 +36,36 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
     InputError
         The record is too short, or the model has no effect.
     """
-    _check(channel, record, noise)
-    whole = replace(record, block=max(1, record.y.size // LONG))
-    record, trusted, noise = _taken_out(whole, noise)
-    fitted, tail = split(record)
-    priors = priors_of(noise)
-    base = start = believed(fitted, noise.effects, priors)
-    written = maximise(Problem(fitted, noise.effects, fixed=frozenset(start.fit.free)))
-    before = battery(fitted, written.effects, written.likelihood.coefficients)
-    findings: list[Finding] = []
-    tests = battery(fitted, start.fit.effects, start.fit.likelihood.coefficients)
-    retuned = False
-    while True:
-        ranked = candidates(base)
-        best = ranked[0]
-        if best.gain < ABOVE or (best.name == "retune" and retuned):
-            break
-        if best.name == "retune":
-            retuned, base = True, replace(best, problem=replace(best.problem, priors={}))
-        else:
-            findings.append(_finding(best, ranked, tests[0]))
-            base = best
-        tests = battery(fitted, base.fit.effects, base.fit.likelihood.coefficients)
+    check(channel, record, noise)
+    whole = replace(record, block=max(1, record.y.size // LONG), per_decade=FINE)
+    raw, trusted, random = taken_out(whole, noise)
+    altering = tuple(t for t in random.terms if t.effect.alters)
+    random = replace(random, terms=tuple(t for t in random.terms if not t.effect.alters))
+    priors = priors_of(random)
+    raw = _without(raw, random, [t.effect for t in altering])
+    start = Search(raw, random.effects, priors, without=frozenset(t.effect.name for t in altering))
+    before = _tests(_written(raw, random.effects))
+    first = start.base()
+    search = searched(start)
+    base = search.base()
+    after = _tests(base)
+    retuned = any(c.name == RETUNE for c in search.chosen)
+    findings, terms = _terms(search, base, random, retuned, before)
     if not findings and not retuned and any(t.significant for t in before):
-        retuned = _moved(start.fit, priors)
-    gap = held_out_gap(tail, written, base.fit)
-    findings, mended = _refitted(record, noise, base, findings, retuned)
-    mended = replace(mended, terms=_merged(trusted, mended.terms))
-    verdict = _verdict(findings, retuned, tests)
+        retuned = moved(first.fit, priors)
+        terms = _terms(search, base, random, retuned, before)[1] if retuned else terms
+    clean = base.problem.record
+    assert isinstance(clean, Record)
+    mended = replace(noise, terms=(*merged(trusted, terms), *altering), covariance=None)
     return ChannelGap(
         channel,
         noise.unit,
-        verdict,
+        _verdict(findings, retuned, after),
         tuple(findings),
         tuple(before),
-        tuple(tests),
-        gap,
-        (*noise.effects, *(t.effect for t in trusted)),
+        tuple(after),
+        held_out_gap(raw, clean, random.effects, replace(base.problem, effects=base.fit.effects)),
+        (*random.effects, *(t.effect for t in trusted)),
         mended,
         tuple(m for m in _limits(base) if m[0].name not in {t.effect.name for t in trusted}),
         whole,
@@ -157,63 +73,27 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
     )
 
 
-def _taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
-    """The record less what the believed deterministic terms say, those terms, and the random ones.
-
-    So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
-    """
-    trusted = tuple(t for t in noise.terms if t.effect.coefficients())
-    for term in trusted:
-        driver = term.effect.driver
-        if driver and driver not in record.drive:
-            raise InputError(
-                f"the model has the effect {term.effect.name}, but the log has no channel '{driver}'",
-                remedy="Give a log with it, or take the effect out of the model",
-            )
-    y = record.y - sum(
-        (t.effect.mean(record.elapsed, record.drive) for t in trusted), np.zeros(record.y.size)
-    )
-    random = tuple(t for t in noise.terms if not t.effect.coefficients())
-    return replace(record, y=y), trusted, replace(noise, terms=random)
+def _written(record: Record, effects: tuple[Effect, ...]) -> Candidate:
+    """The believed model exactly as it is written."""
+    every = frozenset((i, p.name) for i, e in enumerate(effects) for p in e.searched())
+    problem = Problem(record, effects, fixed=every)
+    return Candidate("", maximise(problem), problem, 0.0)
 
 
-def _merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Believed deterministic terms with what was found to be missing of them added."""
-    out = list(terms)
-    for old in trusted:
-        name = old.effect.coefficients()[0]
-        rest = next((t for t in out if t.effect.name == old.effect.name), None)
-        if rest is None:
-            out.append(old)
-            continue
-        base = float(getattr(old.effect, name))
-        total = replace(rest.effect, **{name: base + float(getattr(rest.effect, name))})
-        out[out.index(rest)] = Term(total, {k: (lo + base, hi + base) for k, (lo, hi) in rest.ci95.items()})
-    return tuple(out)
+def _tests(base: Candidate) -> list[Test]:
+    record = base.problem.record
+    assert isinstance(record, Record)
+    return battery(record, base.fit.effects, base.fit.likelihood.coefficients, series_of(base))
 
 
-def _moved(fit: Fit, priors: Mapping[Key, Prior]) -> bool:
-    """Whether a number had to leave what is believed of it."""
-    return any(
-        abs(x - priors[key].mean) > FAR_FROM * priors[key].deviation
-        for key, x in zip(fit.free, fit.point.tolist())
-        if key in priors
-    )
-
-
-def _check(channel: str, record: Record, noise: ChannelNoise) -> None:
-    if record.y.size < 4 * MINIMUM:
-        raise InputError(
-            f"{channel} has {record.y.size} samples, too few to fit and to prove",
-            remedy=f"Log at least {4 * MINIMUM}",
-        )
-    if not np.ptp(record.y) > 0.0:
-        raise InputError(f"{channel} never changes", remedy="Check the sensor and the column")
-    if not any(e.form().V or e.form().Z for e in noise.effects):
-        raise InputError(
-            f"the model of {channel} has no white noise",
-            remedy="Give it an effect white_noise, or identify it first",
-        )
+def _without(record: Record, noise: ChannelNoise, altering: Sequence[Effect]) -> Record:
+    """The record without what believed effects do to its samples."""
+    for effect in altering:
+        series = series_of(_written(record, noise.effects))
+        clean = effect.taken(series)
+        assert clean is not None
+        record = replace(record, y=record.y - series.y + clean)
+    return record
 
 
 def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]) -> str:
@@ -222,55 +102,76 @@ def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]) 
     return "effects_found" if findings or retuned else "no_gap"
 
 
-def _finding(best: Candidate, ranked: Sequence[Candidate], worst: Test) -> Finding:
-    shares = probabilities(ranked)
-    others = sorted(((n, p) for n, p in shares.items() if n != best.name), key=lambda a: -a[1])
-    return Finding(best.fit.effects[-1], {}, shares[best.name], best.gain, tuple(others), worst)
-
-
-def _refitted(
-    record: Record, noise: ChannelNoise, base: Candidate, findings: Sequence[Finding], retuned: bool
-) -> tuple[list[Finding], ChannelNoise]:
-    """After the proof: parameters and intervals from the whole record."""
-    problem = replace(base.problem, record=record, effects=base.fit.effects)
-    fit = maximise(problem)
-    closed = {key: ci for key, ci in intervals95(problem, fit).items() if np.isfinite(ci[1])}
+def _terms(
+    search: Search, base: Candidate, noise: ChannelNoise, retuned: bool, before: Sequence[Test]
+) -> tuple[list[Finding], tuple[Term, ...]]:
+    """The findings, and the terms of the mended model, with intervals."""
+    problem = replace(base.problem, effects=base.fit.effects)
+    closed = {k: ci for k, ci in intervals95(problem, base.fit).items() if np.isfinite(ci).all()}
+    kept = len(noise.terms)
     terms = [
         Term(effect, {name: ci for (k, name), ci in closed.items() if k == i})
-        for i, effect in enumerate(fit.effects)
+        for i, effect in enumerate(base.fit.effects)
     ]
-    kept = len(noise.terms)
+    findings = []
+    added = iter(range(kept, len(terms)))
+    for chosen in (c for c in search.chosen if c.name != RETUNE):
+        sought = chosen.candidate.sought
+        found = dict(sought.ci95) if sought else {}
+        if chosen.candidate.alters:
+            term = Term(chosen.candidate.effect, found)
+            terms.append(term)
+        else:
+            i = next(added)
+            term = terms[i] = replace(terms[i], ci95=found | dict(terms[i].ci95))
+        findings.append(_finding(chosen, term, before[0]))
     if not retuned:
         terms[:kept] = noise.terms
-    found = [replace(f, effect=t.effect, ci95=t.ci95) for f, t in zip(findings, terms[kept:])]
-    return found, ChannelNoise(noise.unit, tuple(terms))
+    return findings, tuple(terms)
+
+
+def _finding(chosen: Chosen, term: Term, worst: Test) -> Finding:
+    others = sorted(((n, p) for n, p in chosen.shares.items() if n != chosen.name), key=lambda a: -a[1])
+    return Finding(
+        term.effect, term.ci95, chosen.shares[chosen.name], chosen.candidate.gain, tuple(others), worst
+    )
 
 
 def _limits(base: Candidate) -> list[tuple[Effect, str, float]]:
     """For each effect that was not found, the size that would be worth `DETECTABLE` nats."""
     present, record = {e.name for e in base.fit.effects}, base.problem.record
     out = []
-    for starts in additions(base):
-        effect = starts[-1]
-        size = effect.estimated()[0].name
-        if effect.name not in present:
-            value = (
-                _linear_limit(record, base, effect) if effect.coefficients() else _size_limit(base, effect)
-            )
-            out.append((replace(effect, **{size: value}), size, value))
+    for starts in additions(base, series_of(base)):
+        effect = starts[-1].effect
+        if effect.name in present or effect.alters or effect.filters:
+            continue
+        first = effect.estimated()[0].name
+        size = effect.coefficients()[0] if effect.coefficients() else _size(effect)
+        if effect.coefficients():
+            value = _linear_limit(record, base, effect)
+            shown = first if size == "in_phase" else size
+        else:
+            value, shown = _size_limit(base, effect), size
+        out.append((replace(effect, **{shown: value}), shown, value))
     return out
+
+
+def _size(effect: Effect) -> str:
+    return next(p.name for p in effect.estimated() if p.kind == "size")
 
 
 def _linear_limit(record: Evidence, base: Candidate, effect: Effect) -> float:
     data = record.ordinates([effect])
     S = data.density(base.fit.effects)
-    return float(np.sqrt(2.0 * DETECTABLE / (data.gram[:, 1, 1] / S).sum()))
+    places = any(p.kind == "place" for p in effect.parameters())
+    nats = DETECTABLE + (float(np.log(record.n)) if places else 0.0)
+    return float(np.sqrt(2.0 * nats / max(float((data.gram[:, 1, 1] / S).sum()), 1e-300)))
 
 
 def _size_limit(base: Candidate, effect: Effect) -> float:
     from scipy.optimize import brentq
 
-    data, size = base.problem.record.ordinates(()), effect.estimated()[0].name
+    data, size = base.problem.record.ordinates(()), _size(effect)
     S, part = data.density(base.fit.effects), data.part(replace(effect, **{size: 1.0}))
 
     def worth(log_size: float) -> float:

@@ -35,6 +35,8 @@ CLOSE = 1e-7
 """Gain of log-likelihood [nats] below which the maximum is reached."""
 LONGEST = 1.5
 """Longest step in a logarithm."""
+SLOWEST = 0.5
+"""Of the record: the longest time that is fitted."""
 APART = 1e-4
 """Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
@@ -78,12 +80,17 @@ class Fit:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: evidence, effects with start values, priors, and fixed parameters."""
+    """What is fitted: evidence, effects with start values, priors, and fixed parameters.
+
+    `times` bounds those of an effect (by its index) to a share of the record and to so many periods: half the
+    record and `kfgen.identify.record.FASTEST` otherwise.
+    """
 
     record: Evidence
     effects: tuple[Effect, ...]
     priors: Mapping[Key, Prior] = field(default_factory=dict)
     fixed: frozenset[Key] = frozenset()
+    times: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     def data(self, effects: tuple[Effect, ...]) -> Likelihood:
         """The likelihood with the regressors of these effects."""
@@ -103,7 +110,7 @@ class Problem:
     def bounds(self) -> list[tuple[float, float]]:
         """The box of the free parameters."""
         kinds = [{p.name: p.kind for p in self.effects[i].parameters()}[name] for i, name in self.free]
-        return [self.record.box(kind) for kind in kinds]
+        return [self.record.box(kind, self.slowest.get(i, SLOWEST)) for kind, (i, _) in zip(kinds, self.free)]
 
     def start(self) -> Array:
         """Logarithms of the start values, inside the box."""
@@ -218,7 +225,9 @@ def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
 
 def _with_coefficients(effects: tuple[Effect, ...], coefficients: Array) -> tuple[Effect, ...]:
     values = iter(coefficients.tolist())
-    return tuple(replace(e, **{name: next(values) for name in e.coefficients()}) for e in effects)
+    return tuple(
+        e.solved([next(values) for _ in e.coefficients()]) if e.coefficients() else e for e in effects
+    )
 
 
 def inverse(J: Array) -> Array:

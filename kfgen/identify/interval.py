@@ -111,10 +111,16 @@ def upper95(problem: Problem, best: Fit, key: Key) -> float:
 
 def linear_intervals(fit: Fit) -> dict[Key, tuple[float, float]]:
     """The 95 % intervals [SI] of the coefficients of regressors, from their covariance."""
-    keys = [(i, name) for i, e in enumerate(fit.effects) for name in e.coefficients()]
-    theta, variance = fit.likelihood.coefficients, np.diag(fit.likelihood.covariance) if keys else np.zeros(0)
-    spread = NORMAL * np.sqrt(np.maximum(variance, 0.0))
-    return dict(zip(keys, zip((theta - spread).tolist(), (theta + spread).tolist())))
+    found: dict[Key, tuple[float, float]] = {}
+    at = 0
+    for i, effect in enumerate(fit.effects):
+        k = len(effect.coefficients())
+        block = fit.likelihood.covariance[at : at + k, at : at + k]
+        at += k
+        for name, sd in effect.spread(block).items() if k else ():
+            value = float(getattr(effect, name))
+            found[i, name] = (value - NORMAL * sd, value + NORMAL * sd)
+    return found
 
 
 def intervals95(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:

@@ -25,7 +25,16 @@ from kfgen.identify.allan import (
     overlapping_variance,
     pooled,
 )
-from kfgen.identify.whittle import Fitted, Key, Ordinates, block_means, coarse_transform, ordinates, transform
+from kfgen.identify.whittle import (
+    PER_DECADE,
+    Fitted,
+    Key,
+    Ordinates,
+    block_means,
+    coarse_transform,
+    ordinates,
+    transform,
+)
 
 Array = NDArray[np.float64]
 
@@ -113,9 +122,7 @@ class Evidence(ABC):
 
     def likelihood(self, effects: Sequence[Effect]) -> Likelihood:
         """The likelihood with the regressors of these effects; kept while their shapes do not change."""
-        shapes = tuple(
-            replace(e, **dict.fromkeys(e.coefficients(), 0.0)) for e in effects if e.coefficients()
-        )
+        shapes = tuple(e.shape for e in effects if e.coefficients())
         known = self._known
         if shapes not in known:
             if len(known) > KEPT:
@@ -146,11 +153,17 @@ class Evidence(ABC):
         """What effects guess their start values from."""
         return Look(self.curve.tau, self.curve.deviation, self.dt, self.longest, self.driven)
 
-    def box(self, kind: str) -> tuple[float, float]:
+    def box(self, kind: str, slowest: float = 0.5, fastest: float = FASTEST) -> tuple[float, float]:
         """Bounds of the logarithm of a parameter of that kind."""
         if kind == "time":
-            fastest = FASTEST * self.step
-            return float(np.log(fastest)), float(np.log(max(0.5 * self.longest, 2.0 * fastest)))
+            least = fastest * self.step
+            return float(np.log(least)), float(np.log(max(slowest * self.longest, 2.0 * least)))
+        if kind == "frequency":
+            return float(np.log(1.0 / self.longest)), float(np.log(0.5 / self.step))
+        if kind == "ratio":
+            return float(np.log(1e-3)), float(np.log(0.4))
+        if kind == "width":
+            return float(np.log(1e-6)), float(np.log(1e6))
         scale = self.scale or 1.0
         return float(np.log(1e-9 * scale)), float(np.log(1e4 * scale * max(1.0, self.longest)))
 
@@ -176,6 +189,8 @@ class Record(Evidence):
         Bands [Hz] that the likelihood leaves out: lines, what lies beyond a low-pass.
     origin : float, optional
         Time [s] of switch-on; the first sample's when left out.
+    per_decade : int
+        Bins of the transform in a decade of frequency.
     """
 
     t: Array
@@ -184,6 +199,7 @@ class Record(Evidence):
     block: int = 1
     skip: tuple[tuple[float, float], ...] = ()
     origin: float | None = None
+    per_decade: int = PER_DECADE
 
     @property
     def since(self) -> float:
@@ -262,7 +278,9 @@ class Record(Evidence):
     def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
         """The binned transform, with a regressor for each coefficient of the effects in order."""
         columns = [x for e in effects for x in self._regressors(e)]
-        return ordinates([self.sines, *columns], self.dt, self.block, skip=self.skip)
+        return ordinates(
+            [self.sines, *columns], self.dt, self.block, skip=self.skip, per_decade=self.per_decade
+        )
 
     @cached_property
     def _transforms(self) -> dict[Effect, list[Array]]:

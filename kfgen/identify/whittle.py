@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
+from kfgen.effects import Effect, filtered, sampled_spectrum
 
 Array = NDArray[np.float64]
 
@@ -54,10 +54,17 @@ class Shapes:
     ----------
     compute : callable
         The function of an effect, shape (m,).
+    factor : callable, optional
+        What effects that filter make of the sum, shape (m,).
     """
 
-    def __init__(self, compute: Callable[[Effect], Array]) -> None:
+    def __init__(
+        self,
+        compute: Callable[[Effect], Array],
+        factor: Callable[[Sequence[Effect]], Array] | None = None,
+    ) -> None:
         self._compute = compute
+        self._factor = factor
         self._known: dict[Effect, Array] = {}
 
     def of(self, effect: Effect) -> Array:
@@ -74,15 +81,29 @@ class Shapes:
 
     def total(self, effects: Sequence[Effect]) -> Array:
         """The sum over the random effects, positive."""
-        return np.maximum(sum(self.of(e) for e in effects if not e.coefficients()), np.finfo(float).tiny)
+        total = sum(self.of(e) for e in effects if not e.coefficients())
+        if self._filters(effects):
+            total = total * self._factor(effects)  # type: ignore[misc]
+        return np.maximum(total, np.finfo(float).tiny)
+
+    def _filters(self, effects: Sequence[Effect]) -> bool:
+        return self._factor is not None and any(e.filters for e in effects)
 
     def slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m)."""
+        if self._filters(effects):
+            return np.array([self._difference(effects, key) for key in keys]).reshape(len(keys), -1)
         return np.array([self._slope(effects[i], name) for i, name in keys]).reshape(len(keys), -1)
+
+    def _difference(self, effects: Sequence[Effect], key: Key) -> Array:
+        def moved(step: float) -> Array:
+            return self.total([e.shifted(key[1], step) if i == key[0] else e for i, e in enumerate(effects)])
+
+        return np.asarray((moved(NUDGE) - moved(-NUDGE)) / (2.0 * NUDGE))
 
     def _slope(self, effect: Effect, name: str) -> Array:
         if effect.coefficients():  # the shape of a regressor
-            return np.zeros_like(self.of(replace(effect, **dict.fromkeys(effect.coefficients(), 0.0))))
+            return np.zeros_like(self.of(effect.shape))
         sizes = [p.name for p in effect.estimated() if p.kind == "size"]
         if sizes == [name]:
             return 2.0 * self.of(effect)
@@ -135,7 +156,11 @@ class Ordinates:
 
     @cached_property
     def _shapes(self) -> Shapes:
-        return Shapes(lambda e: density_of_differences([e], self.omega, self.dt, self.block))
+        def plain(effect: Effect) -> Array:
+            S = effect.sampled_density(self.omega, self.dt, self.block)
+            return np.asarray(4.0 * np.sin(0.5 * self.omega) ** 2 * S)
+
+        return Shapes(plain, lambda es: filtered(es, self.omega, self.dt, self.block))
 
     def part(self, effect: Effect) -> Array:
         """Density [U^2] of the differences of one effect, shape (m,)."""
@@ -220,7 +245,12 @@ def frequencies(n: int) -> Array:
 
 
 def ordinates(
-    columns: Sequence[Array], dt: float, block: int = 1, *, skip: Sequence[tuple[float, float]] = ()
+    columns: Sequence[Array],
+    dt: float,
+    block: int = 1,
+    *,
+    skip: Sequence[tuple[float, float]] = (),
+    per_decade: int = PER_DECADE,
 ) -> Ordinates:
     """Bin the sine coefficients of a record and its regressors.
 
@@ -235,9 +265,11 @@ def ordinates(
         Samples that were averaged to one.
     skip : sequence of (lo, hi)
         Bands [Hz] to leave out.
+    per_decade : int
+        Bins above the lowest ordinates, which stand alone.
     """
     n = columns[0].size
-    edges = _edges(n)
+    edges = _edges(n, per_decade)
     to_omega = 2.0 * np.pi * dt * block
     keep = np.ones(n)
     for lo, hi in skip:
@@ -257,17 +289,16 @@ def ordinates(
     return Ordinates(centre[some], count[some], gram[some], dt, block)
 
 
-def _edges(n: int) -> NDArray[np.int64]:
+def _edges(n: int, per_decade: int) -> NDArray[np.int64]:
     if n <= SINGLE:
         return np.arange(n + 1)
-    top = np.geomspace(SINGLE, n, max(2, int(np.log10(n / SINGLE) * PER_DECADE) + 1))
+    top = np.geomspace(SINGLE, n, max(2, int(np.log10(n / SINGLE) * per_decade) + 1))
     return np.unique(np.concatenate([np.arange(SINGLE), np.round(top)]).astype(np.int64))
 
 
 def density_of_differences(effects: Sequence[Effect], omega: Array, dt: float, block: int) -> Array:
     """``S``: spectral density [U^2] of the first differences of block averages, shape (m,)."""
-    total = sum((e.sampled_density(omega, dt, block) for e in effects), np.zeros(omega.size))
-    return np.asarray(4.0 * np.sin(0.5 * omega) ** 2 * total)
+    return np.asarray(4.0 * np.sin(0.5 * omega) ** 2 * sampled_spectrum(effects, omega, dt, block))
 
 
 def residual_power(data: Ordinates, coefficients: Array) -> Array:

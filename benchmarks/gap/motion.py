@@ -1,0 +1,279 @@
+"""Records on a rate table, with references: gyroscope, accelerometer, magnetometer.
+
+A hidden effect changes the noise-free signals by d(t). Its gain is ``1/2 sum |d|^2 / sigma^2`` over all
+channels, after the part that the believed model explains anyway has been taken out of d by least squares:
+a constant on every channel of gyroscope and accelerometer, the three components of the unknown field on
+the magnetometer. Size is found by bisection, for effects that are not linear in it; at the strength `OBVIOUS` it is that of `SIZES`.
+
+* ``misalignment`` and ``g_sensitivity``, entry xy: ``y_x += xy * w_y`` and ``y_x += xy * f_y``
+* ``nonlinearity``: ``w + k2 w^2`` or ``w + k3 w^3``; ``scale_asymmetry``: ``w + coefficient |w|``
+* ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration in accel_x
+* ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late
+* ``soft_iron``, entry xy: ``B_x += xy * B_y``, both ways; ``magnetic_disturbance``: a constant in the
+  navigation frame, in a span of time
+* ``lever_arm``: the accelerometer sits at r from the point of the reference: ``f + w' x r + w x (w x r)``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import strength as nats
+from case import OBVIOUS, SI, Array, Case, Hidden, Request, noise_file
+from scipy.spatial.transform import Rotation
+from table import Table, poor, rich
+
+AXES = "xyz"
+NOISE = {"gyro": 0.1, "accel": 0.05, "mag": 0.4}
+"""Deviation of a sample in the unit of the log."""
+UNIT = {"gyro": "deg/s", "accel": "m/s^2", "mag": "uT"}
+FIELD = np.array([21.0, 1.2, 43.0])
+"""The local field [uT], north, east, down; the tool is not told."""
+
+Change = Callable[[float], Array]
+"""Size to the noise-free signal (n, 3) of the kind of sensor, SI."""
+
+
+@dataclass
+class Run:
+    """A motion, and its noise-free signals.
+
+    Parameters
+    ----------
+    shaken : array
+        Deviation of the vibration at every sample [m/s^2].
+    """
+
+    table: Table
+    rng: np.random.Generator
+    attitude: Rotation
+    rates: Array
+    force: Array
+    field: Array
+    shaken: Array
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How one effect changes the signals of one kind of sensor.
+
+    Parameters
+    ----------
+    values : callable
+        Size to the true parameters [SI].
+    """
+
+    kind: str
+    channel: str
+    change: Change
+    values: Callable[[float], dict[str, float]]
+    ordinary: int = 1
+    located: int = 0
+
+
+def _into(run: Run, axis: int, part: Array) -> Array:
+    """Zeros, with `part` on one axis."""
+    out = np.zeros((run.table.t.size, 3))
+    out[:, axis] = part
+    return out
+
+
+def _regressor(run: Run, effect: str) -> Plan:
+    """Effects that add a size times a known signal to one axis of the gyroscope."""
+    i, w = _axis(run), run.rates
+    j = int(run.rng.choice([k for k in range(3) if k != i]))
+    entry, own = f"{AXES[i]}{AXES[j]}", "coefficient"
+    power = int(run.rng.choice([2, 3]))
+    rows = {
+        "scale_factor": (w[:, i], own),
+        "scale_asymmetry": (np.abs(w[:, i]), own),
+        "nonlinearity": (w[:, i] ** power, f"k{power}"),
+        "misalignment": (w[:, j], entry),
+        "g_sensitivity": (run.force[:, j], entry),
+        "vibration_rectification": (run.shaken**2, own),
+    }
+    signal, name = rows[effect]
+    if effect == "misalignment" and run.table.name == "poor":  # only x turns
+        signal, name = w[:, 0], "yx"
+        i = 1
+    sign = float(run.rng.choice([-1.0, 1.0]))
+    return Plan(
+        "gyro", f"gyro_{AXES[i]}", lambda a: w + _into(run, i, sign * a * signal), lambda a: {name: sign * a}
+    )
+
+
+def _axis(run: Run) -> int:
+    return 0 if run.table.name == "poor" else int(run.rng.integers(3))
+
+
+def _late(run: Run, effect: str) -> Plan:
+    """A delay or a pole on all axes of the gyroscope."""
+    t, rates = run.table.t, run.table.rates
+    if effect == "time_delay":
+        return Plan("gyro", "gyro", lambda a: rates.at(t - a), lambda a: {"delay": a})
+    return Plan("gyro", "gyro", lambda a: rates.lagged(t, a), lambda a: {"corner": 1.0 / (2.0 * np.pi * a)})
+
+
+def _lever(run: Run, effect: str) -> Plan:
+    """An arm in a random direction."""
+    r = run.rng.standard_normal(3)
+    r /= np.linalg.norm(r)
+    turn = run.table.rates.at(run.table.t, 1)
+    arm = np.cross(turn, r) + np.cross(run.rates, np.cross(run.rates, r))
+    return Plan(
+        "accel", "accel", lambda a: run.force + a * arm, lambda a: dict(zip(AXES, (a * r).tolist())), 3
+    )
+
+
+def _magnetic(run: Run, effect: str) -> Plan:
+    """Iron in the body, or a source in the room for a while."""
+    v = run.rng.standard_normal(3)
+    v /= np.linalg.norm(v)
+    if effect == "hard_iron":
+        return Plan("mag", "mag", lambda a: run.field + a * v, lambda a: dict(zip(AXES, (a * v).tolist())), 3)
+    if effect == "soft_iron":
+        i, j = (int(k) for k in run.rng.choice(3, 2, replace=False))
+        both = _into(run, i, run.field[:, j]) + _into(run, j, run.field[:, i])
+        names = f"{AXES[i]}{AXES[j]}", f"{AXES[j]}{AXES[i]}"
+        return Plan("mag", "mag", lambda a: run.field + a * both, lambda a: dict.fromkeys(names, a), 6)
+    t, T = run.table.t, float(run.table.t[-1])
+    t0 = T * run.rng.uniform(0.15, 0.55)
+    span = (t >= t0) & (t < t0 + T * run.rng.uniform(0.1, 0.3))
+    extra = run.attitude.inv().apply(v) * span[:, None]
+    return Plan(
+        "mag",
+        "mag",
+        lambda a: run.field + a * extra,
+        lambda a: {"x": a * v[0], "y": a * v[1], "z": a * v[2], "from": t0},
+        3,
+        2,
+    )
+
+
+EFFECTS: dict[str, Callable[[Run, str], Plan]] = {
+    **dict.fromkeys(
+        (
+            "scale_factor",
+            "scale_asymmetry",
+            "nonlinearity",
+            "misalignment",
+            "g_sensitivity",
+            "vibration_rectification",
+        ),
+        _regressor,
+    ),
+    "time_delay": _late,
+    "bandwidth": _late,
+    "lever_arm": _lever,
+    "hard_iron": _magnetic,
+    "soft_iron": _magnetic,
+    "magnetic_disturbance": _magnetic,
+}
+SIZES = {
+    "scale_factor": 0.005,
+    "scale_asymmetry": 0.003,
+    "nonlinearity": 0.003,
+    "misalignment": 0.005,
+    "g_sensitivity": 2e-4,
+    "vibration_rectification": 1e-3,
+    "time_delay": 0.012,
+    "bandwidth": 0.008,
+    "lever_arm": 0.08,
+    "hard_iron": 8e-6,
+    "soft_iron": 0.04,
+    "magnetic_disturbance": 6e-6,
+}
+"""In SI; of the bandwidth, the time constant (a corner of 20 Hz)."""
+KINDS = ("gyro", "accel", "mag")
+RICH_ONLY = ("lever_arm", "hard_iron", "soft_iron", "magnetic_disturbance", "vibration_rectification")
+"""Effects that poor motion hides or that need more than one axis: measured in rich motion alone."""
+
+
+def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
+    """Every effect at every strength and at its obvious size; odd numbers in poor motion. Null records of each kind of sensor."""
+    out = [
+        Request("motion", "single", (name,), X, i, int(seeds.integers(2**47)))
+        for X in (OBVIOUS, *strengths)
+        for name in EFFECTS
+        for i in range(count)
+    ]
+    return out + [Request("motion", "null", (), 0.0, i, int(seeds.integers(2**47))) for i in range(nulls)]
+
+
+def make(request: Request) -> Case:
+    """Build one record."""
+    rng = request.rng()
+    name = request.effects[0] if request.effects else ""
+    lean = request.index % 2 == 1 and name not in RICH_ONLY
+    kind = KINDS[request.index % 3]
+    lean = lean and (bool(name) or kind == "gyro")
+    duration = float(rng.uniform(60.0, 120.0))
+    run = _run((poor if lean else rich)(rng, duration, 100.0), rng)
+    hidden: tuple[Hidden, ...] = ()
+    signals = {"gyro": run.rates, "accel": run.force, "mag": run.field}
+    if name:
+        plan = EFFECTS[name](run, name)
+        kind = plan.kind
+        p = nats.penalty(run.table.t.size, plan.ordinary, plan.located)
+        size = SIZES[name]
+        if request.strength < OBVIOUS:
+            size = nats.scaled(lambda a: _gain(run, plan, a), request.strength + p, 1e-9, 1e6)
+        signals[kind] = plan.change(size)
+        hidden = (Hidden(name, plan.channel, plan.values(size), _gain(run, plan, size), p),)
+    return _case(request, run, kind, signals, hidden)
+
+
+def _run(table: Table, rng: np.random.Generator) -> Run:
+    attitude, t = table.attitude(), table.t
+    shaken = 0.2 + 1.5 * np.square(np.sin(np.pi * (t / t[-1] * rng.uniform(2.0, 5.0) + rng.random())))
+    field = attitude.inv().apply(FIELD * SI["uT"])
+    return Run(table, rng, attitude, table.rates.at(t), table.force(attitude), np.asarray(field), shaken)
+
+
+def _gain(run: Run, plan: Plan, size: float) -> float:
+    """Nats of a size, less what the believed model explains."""
+    d = plan.change(size) - plan.change(0.0)
+    sigma = NOISE[plan.kind] * SI[UNIT[plan.kind]]
+    if plan.kind == "mag":
+        known = np.concatenate([run.attitude.inv().apply(e) for e in np.eye(3)]).reshape(3, -1).T
+        flat = d.ravel()
+        rest = flat - known @ np.linalg.lstsq(known, flat, rcond=None)[0]
+    else:
+        rest = (d - d.mean(axis=0)).ravel()
+    return float(0.5 * rest @ rest / sigma**2)
+
+
+def _case(
+    request: Request, run: Run, kind: str, signals: dict[str, Array], hidden: tuple[Hidden, ...]
+) -> Case:
+    rng, n = run.rng, run.table.t.size
+    shaking = kind == "gyro"  # the accelerometer beside a gyroscope feels the vibration
+    out: dict[str, tuple[Array, str]] = {}
+    for sensor in ("gyro", "accel") if kind != "mag" else ("mag",):
+        out |= _measured(rng, sensor, signals[sensor], run.shaken if shaking and sensor == "accel" else None)
+    out |= _reference("gyro", run.rates) if kind != "mag" else {}
+    if kind == "accel":
+        out |= _reference("accel", run.force)
+    if kind == "mag":
+        q = run.attitude.as_quat(scalar_first=True)
+        out |= {f"ref_q_{a}": (q[:, k], "") for k, a in enumerate("wxyz")}
+    out["temperature"] = (26.0 + 0.002 * run.table.t + 0.05 * rng.standard_normal(n), "degC")
+    believed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
+    return Case(request, f"{run.table.name}-{kind}", hidden, run.table.t, out, noise_file(believed))
+
+
+def _measured(
+    rng: np.random.Generator, kind: str, signal: Array, shaken: Array | None
+) -> dict[str, tuple[Array, str]]:
+    unit, n = UNIT[kind], signal.shape[0]
+    bias = rng.normal(0.0, 3.0, 3) * NOISE[kind] if kind != "mag" else np.zeros(3)
+    y = signal / SI[unit] + bias + NOISE[kind] * rng.standard_normal((n, 3))
+    if shaken is not None:
+        y = y + shaken[:, None] * rng.standard_normal((n, 3))
+    return {f"{kind}_{a}": (y[:, k], unit) for k, a in enumerate(AXES)}
+
+
+def _reference(kind: str, signal: Array) -> dict[str, tuple[Array, str]]:
+    return {f"ref_{kind}_{a}": (signal[:, k] / SI[UNIT[kind]], UNIT[kind]) for k, a in enumerate(AXES)}

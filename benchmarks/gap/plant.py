@@ -1,0 +1,219 @@
+"""Records of a plant with an input: pendulum, motor, cart.
+
+The gain of a hidden effect is ``1/2 sum |h_true - h_believed|^2 / sigma^2`` between the two noise-free
+simulations from the same start. Coefficients of friction, drag and springs act on the acceleration:
+``v' = … - coefficient v``, ``- level tanh(v / v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``,
+``- coefficient q``, ``- coefficient q^3``. The others act on the input: ``clip(u, ±limit)``,
+``u + k2 u^2``, ``u + value``, ``u(t - delay)``, one pole `tau`; ``sensor_lag`` is a pole on the measurement.
+At the strength `OBVIOUS` the sizes are those of `SIZES`, whatever they are worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import sin
+
+import numpy as np
+import strength as nats
+from case import OBVIOUS, Array, Case, Hidden, Request
+from machine import Change, Machine, excite, respond
+
+DEGREE = np.pi / 180.0
+FARTHEST = 1.6
+"""Angle of the believed pendulum [rad]."""
+
+
+def _pendulum(x: Sequence[float], u: float, p: Mapping[str, float]) -> list[float]:
+    return [x[1], -p["g_over_l"] * sin(x[0]) + p["gain"] * u]
+
+
+def _motor(x: Sequence[float], u: float, p: Mapping[str, float]) -> list[float]:
+    return [-p["a"] * x[0] + p["b"] * u]
+
+
+def _coil(x: Sequence[float], u: float, p: Mapping[str, float]) -> list[float]:
+    turn = (p["k"] * x[1] - p["d"] * x[0]) / p["J"]
+    return [turn, (u - p["R"] * x[1] - p["k"] * x[0]) / p["L"]]
+
+
+def _cart(x: Sequence[float], u: float, p: Mapping[str, float]) -> list[float]:
+    return [x[1], (u - p["k"] * x[0] - p["c"] * x[1]) / p["m"]]
+
+
+PENDULUM = Machine(
+    "pendulum",
+    {"g_over_l": (19.6, "1/s^2"), "gain": (25.0, "1/kg/m^2")},
+    {"theta": "rad", "omega": "rad/s"},
+    "N m",
+    {"theta": "omega", "omega": "-g_over_l*sin(theta) + gain*u"},
+    _pendulum,
+    output=0,
+    unit="deg",
+    factor=DEGREE,
+    noise=0.2,
+    drive=0.12,
+    rate=100.0,
+    speed=1,
+    position=0,
+)
+MOTOR = Machine(
+    "motor",
+    {"a": (4.0, "1/s"), "b": (60.0, "rad/s^2/V")},
+    {"omega": "rad/s"},
+    "V",
+    {"omega": "-a*omega + b*u"},
+    _motor,
+    output=0,
+    unit="rad/s",
+    factor=1.0,
+    noise=0.5,
+    drive=6.0,
+    rate=100.0,
+    speed=0,
+    same={"viscous_friction": "a"},
+)
+COIL = Machine(
+    "motor with coil",
+    {
+        "J": (2e-4, "kg m^2"),
+        "k": (0.05, "N m/A"),
+        "d": (1e-4, "N m s"),
+        "R": (1.2, "V/A"),
+        "L": (6e-3, "V s/A"),
+    },
+    {"omega": "rad/s", "i": "A"},
+    "V",
+    {"omega": "(k*i - d*omega)/J", "i": "(u - R*i - k*omega)/L"},
+    _coil,
+    output=0,
+    unit="rad/s",
+    factor=1.0,
+    noise=0.5,
+    drive=6.0,
+    rate=100.0,
+    speed=0,
+    same={"viscous_friction": "d"},
+)
+CART = Machine(
+    "cart",
+    {"m": (1.5, "kg"), "k": (20.0, "N/m"), "c": (1.0, "N s/m")},
+    {"q": "m", "v": "m/s"},
+    "N",
+    {"q": "v", "v": "(u - k*q - c*v)/m"},
+    _cart,
+    output=0,
+    unit="m",
+    factor=1.0,
+    noise=0.005,
+    drive=6.0,
+    rate=50.0,
+    speed=1,
+    position=0,
+    same={"viscous_friction": "c", "spring": "k"},
+)
+MACHINES = (PENDULUM, MOTOR, CART, COIL)
+
+PARAMETER = {
+    "coulomb_friction": "level",
+    "constant_input": "value",
+    "input_nonlinearity": "k2",
+    "saturation": "limit",
+    "input_delay": "delay",
+    "input_lag": "tau",
+    "sensor_lag": "tau",
+}
+"""Name of the size; ``coefficient`` elsewhere."""
+SIZES = {
+    "viscous_friction": (0.3, 1.5, 0.3, 1.5),
+    "coulomb_friction": (0.3, 15.0, 0.3, 15.0),
+    "quadratic_drag": (0.2, 0.03, 0.3, 0.03),
+    "input_delay": (0.03, 0.03, 0.05, 0.03),
+    "input_lag": (0.05, 0.05, 0.08, 0.05),
+    "input_nonlinearity": (1.5, 0.03, 0.03, 0.03),
+    "constant_input": (0.02, 0.6, 0.8, 0.6),
+    "spring": (1.5, 0.0, 2.0, 0.0),
+    "cubic_spring": (4.0, 0.0, 20.0, 0.0),
+    "sensor_lag": (0.05, 0.05, 0.08, 0.05),
+    "saturation": (0.3, 0.3, 0.3, 0.3),
+    "parameter_error": (0.1, 0.1, 0.1, 0.1),
+}
+"""By the order of `MACHINES`, in SI; saturation: the share of the range that is cut off."""
+ON_POSITION = ("spring", "cubic_spring")
+
+
+def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
+    """Every effect at every strength and at its obvious size, on all machines in turn."""
+    out = [
+        Request("plant", "single", (name,), X, i, int(seeds.integers(2**47)))
+        for X in (OBVIOUS, *strengths)
+        for name in SIZES
+        for i in range(count)
+    ]
+    return out + [Request("plant", "null", (), 0.0, i, int(seeds.integers(2**47))) for i in range(nulls)]
+
+
+def make(request: Request) -> Case:
+    """Build one record."""
+    rng = request.rng()
+    name = request.effects[0] if request.effects else ""
+    which = request.index % len(MACHINES)
+    if name in ON_POSITION and MACHINES[which].position < 0:
+        which = (which + 1) % len(MACHINES)
+    m = MACHINES[which]
+    n = int(rng.integers(2000, 4001))
+    u, start = excite(rng, m, n), (0.01 * rng.standard_normal(len(m.states))).tolist()
+    believed = {k: v for k, (v, _) in m.parameters.items()}
+    plain = respond(m, u, start, Change())
+    while m is PENDULUM and np.abs(plain).max() > FARTHEST:  # over the top nothing can be predicted
+        u = 0.7 * u
+        plain = respond(m, u, start, Change())
+    y: Array = plain
+    hidden: tuple[Hidden, ...] = ()
+    if name:
+        y, hidden = _hide(request, m, which, (u, start, plain, rng))
+    noisy = y / m.factor + m.noise * rng.standard_normal(n)
+    channels = {
+        "u": (u, m.input_unit),
+        m.channel: (noisy, m.unit),
+        "temperature": (25.0 + 0.01 * np.arange(n) / m.rate + 0.05 * rng.standard_normal(n), "degC"),
+    }
+    return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(believed))
+
+
+Drawn = tuple[Array, list[float], Array, np.random.Generator]
+
+
+def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array, tuple[Hidden, ...]]:
+    """The measured state with the effect in it, and the truth."""
+    u, start, plain, rng = drawn
+    name = request.effects[0]
+    number = str(rng.choice(list(m.parameters)))
+    sign = float(rng.choice([-1.0, 1.0])) if name in ("constant_input", "parameter_error") else 1.0
+
+    def change(size: float) -> Change:
+        if name == "parameter_error":
+            return Change(numbers={number: m.parameters[number][0] * (1.0 + sign * size)})
+        if name == "saturation":
+            return Change(saturation=float(np.abs(u).max()) * (1.0 - min(size, 0.95)))
+        return Change(**{name: sign * size})  # type: ignore[arg-type]
+
+    def gain(size: float) -> float:
+        away = (respond(m, u, start, change(size)) - plain) / (m.factor * m.noise)
+        return max(float(0.5 * away @ away), 1e-12)
+
+    p = nats.penalty(u.size, 1)
+    size = SIZES[name][which]
+    if request.strength < OBVIOUS:
+        size = nats.approached(gain, request.strength + p, size)
+    elif gain(size) < 100.0 + p:
+        size = nats.approached(gain, 300.0 + p, size)
+    true = change(size)
+    values: dict[str, float]
+    if name == "parameter_error":
+        values = dict(true.numbers)
+        also = tuple(e for e, k in m.same.items() if k == number)
+    else:
+        values = {PARAMETER.get(name, "coefficient"): float(getattr(true, name))}
+        also = ("parameter_error",) if name in m.same else ()
+    y = respond(m, u, start, true)
+    return y, (Hidden(name, m.channel, values, gain(size), p, also),)

@@ -1,0 +1,114 @@
+"""How many nats a hidden effect is worth: the mean gain of log-likelihood over the believed model.
+
+A record of n samples is seen through its cosine transform (DCT-II, orthonormal): ordinate k = 1 … n-1
+at the frequency k/(2 n dt) is real, nearly independent, and of variance P_k under the believed model.
+The constant, k = 0, is left out: an offset is no gap. Unlike the Fourier transform it does not see a
+jump between the ends of the record. The believed model may retune its level: a common factor c of P.
+
+* known signal s(t):        ``1/2 sum S_k^2 / P_k``
+* random, variance ratio r: ``1/2 sum (r_k/c - 1 - ln(r_k/c))`` at the best ``c = mean r``, which is
+  ``n/2 ln(mean r) - 1/2 sum ln r``; with r = 1 + x small it is ``1/2 sum (x - ln(1 + x))``
+* white noise whose variance v(t) changes: the same in time, r = v
+* outliers: n times the Kullback-Leibler divergence of the mixture from the normal law of equal variance
+* telegraph: mean over drawn records of the log-likelihood of the two-level hidden Markov model
+  less that of the white noise
+
+The strength is this gain less a penalty: 2.5 nats per ordinary parameter, ln n per location that has
+to be searched (a time, a frequency).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+
+ORDINARY = 2.5
+"""Nats per ordinary parameter."""
+
+
+def penalty(n: int, ordinary: int, located: int = 0) -> float:
+    """Nats of a number of ordinary and of searched parameters."""
+    return ORDINARY * ordinary + located * float(np.log(n))
+
+
+def ordinates(n: int, dt: float) -> Array:
+    """Frequencies [Hz] of the cosine transform, without the constant."""
+    return np.arange(1, n) / (2.0 * n * dt)
+
+
+def known_gain(signal: Array, P: Array) -> float:
+    """Nats of a known signal over a believed spectrum."""
+    S = dct(signal, norm="ortho")[1:]
+    return float(0.5 * (S * S / P).sum())
+
+
+def random_gain(ratio: Array) -> float:
+    """Nats of a variance that is `ratio` times the believed one, up to a common factor."""
+    return float(0.5 * (ratio.size * np.log(ratio.mean()) - np.log(ratio).sum()))
+
+
+def mixture_gain(n: int, share: float, size: float) -> float:
+    """Nats of outliers: a share of samples has noise of `size` added, in units of the white noise."""
+    y = np.linspace(-8.0 * (1.0 + size), 8.0 * (1.0 + size), 40_001)
+    wide, common = 1.0 + size**2, 1.0 + share * size**2
+    p = (1.0 - share) * _normal(y, 1.0) + share * _normal(y, wide)
+    integrand = np.where(
+        p > 0.0, p * np.log(np.maximum(p, 1e-300) / np.maximum(_normal(y, common), 1e-300)), 0.0
+    )
+    return float(n * integrand.sum() * (y[1] - y[0]))
+
+
+def _normal(y: Array, variance: float) -> Array:
+    return np.asarray(np.exp(-0.5 * y * y / variance) / np.sqrt(2.0 * np.pi * variance))
+
+
+def telegraph_gain(white: Array, level: Array, size: float, stay: float) -> float:
+    """Nats of a two-level bias ``size * level`` in white noise of deviation 1, for one record.
+
+    Parameters
+    ----------
+    level : array, (n,)
+        Zeros and ones.
+    stay : float
+        Probability of keeping the level from one sample to the next.
+    """
+    y = white + size * level
+    y = y - y.mean()
+    odds = np.exp(np.clip(size * y, -50.0, 50.0)).tolist()  # of high against low: levels at +- size/2
+    p, total, leave = 0.5, 0.0, 1.0 - stay
+    for o in odds:
+        p = stay * p + leave * (1.0 - p)
+        mixed = p * o + 1.0 - p
+        total += np.log(mixed)
+        p = p * o / mixed
+    return float(total - 0.5 * (size * y).sum() - y.size * size * size / 8.0)
+
+
+def scaled(gain: Callable[[float], float], wanted: float, lo: float, hi: float) -> float:
+    """The size in (lo, hi) whose gain is `wanted`; the nearer end where neither reaches it."""
+    if gain(hi) < wanted:
+        return hi
+    if gain(lo) > wanted:
+        return lo
+    found = brentq(lambda a: gain(float(np.exp(a))) - wanted, np.log(lo), np.log(hi), xtol=2e-3)
+    return float(np.exp(found))
+
+
+def approached(gain: Callable[[float], float], wanted: float, start: float) -> float:
+    """As `scaled`, with few evaluations of a dear gain that grows about as the square of the size."""
+    size, slope = start, 2.0
+    got = gain(size)
+    for _ in range(10):
+        if abs(np.log(got / wanted)) < 0.05:
+            break
+        step = float(np.clip(np.log(wanted / got) / slope, -8.0, 3.0))
+        new = gain(size * float(np.exp(step)))
+        slope = float(np.clip(np.log(new / got) / step, 0.7, 6.0))
+        size, got = size * float(np.exp(step)), new
+    return size

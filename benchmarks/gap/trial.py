@@ -1,0 +1,55 @@
+"""One trial: make a record, let the command line of kfgen answer, score the answer."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from baseline import said
+from case import Case, Request
+from score import Score, score
+
+
+def world(name: str) -> Any:
+    """The module of a world: ``requests`` and ``make``."""
+    return importlib.import_module(name)
+
+
+def ask(place: Path, answer: Path) -> dict[str, Any]:
+    """Let the command line answer; a failure is an answer too."""
+    from typer.testing import CliRunner
+
+    from kfgen.cli.app import app
+
+    words = ["gap", str(place / "log.csv"), "--model", str(place / "model.toml"), "--json", str(answer)]
+    try:
+        result = CliRunner().invoke(app, words)
+    except Exception as error:
+        return {"error": f"{type(error).__name__}: {error}"}
+    if answer.is_file():
+        return dict(json.loads(answer.read_text(encoding="utf-8")))
+    failure = result.exception if result.exception is not None else result.output
+    return {"error": f"{type(failure).__name__}: {failure}".replace("\n", " ").replace(f"{place}/", "")}
+
+
+def run(request: Request, folder: Path) -> Score:
+    """Make, write, ask, score."""
+    cases, truths, answers = folder / "cases", folder / "truths", folder / "answers"
+    answers.mkdir(parents=True, exist_ok=True)
+    case: Case = world(request.world).make(request)
+    place = case.write(cases)
+    start = time.perf_counter()
+    answer = ask(place, answers / f"{request.id}.json")
+    seconds = time.perf_counter() - start
+    truth = json.loads(case.write_truth(truths).read_text(encoding="utf-8"))
+    result = score(truth, answer, seconds)
+    if case.base:
+        y = next(iter(case.channels.values()))[0]
+        aic, bic = said(y, float(np.median(np.diff(case.t))), case.base)
+        result = replace(result, allan_aic=aic, allan_bic=bic)
+    return result

@@ -1,0 +1,97 @@
+"""Two normal laws of one centre, fitted to a histogram.
+
+References
+----------
+.. [1] J. W. Tukey, A survey of sampling from contaminated distributions, 1960.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BINS = 3000
+FEWEST = 2.0
+"""Samples of the wider law that are asked for."""
+SHARE = (float(np.log(1e-6)), float(np.log(0.3)))
+KAPPA = (float(np.log(1.3)), float(np.log(1e3)))
+"""Ranges of the logarithms of the share and of the ratio of deviations: log-uniform priors."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """``(1 - share) N(0, level^2) + share N(0, (kappa level)^2)``, with its evidence over one normal law."""
+
+    level: float
+    share: float
+    kappa: float
+    evidence: float
+    spread: Array
+
+    @staticmethod
+    def fitted(z: Array, believed: tuple[float, float]) -> Mixture | None:
+        """To a series, shape (n,), whose level has a log-normal prior of this mean and deviation."""
+        from scipy.optimize import minimize
+
+        size = np.abs(z)
+        top = float(size.max())
+        edges = np.unique(
+            np.concatenate([np.linspace(0.0, 6.0, BINS), np.geomspace(6.0, max(top, 6.1) * 1.01, 300)])
+        )
+        count = np.histogram(size, edges)[0].astype(float)
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        some = count > 0.0
+        count, square = count[some], middle[some] ** 2
+        mean, sd = believed
+
+        def normal(log_level: float) -> Array:
+            return np.asarray(-0.5 * square * np.exp(-2.0 * log_level) - log_level)
+
+        def one(p: Array) -> float:
+            return -float(count @ normal(float(p[0]))) + 0.5 * ((float(p[0]) - mean) / sd) ** 2
+
+        def two(p: Array) -> float:
+            share = np.exp(np.clip(p[1], *SHARE))
+            both = np.logaddexp(np.log1p(-share) + normal(p[0]), np.log(share) + normal(p[0] + p[2]))
+            outside = sum(
+                max(0.0, lo - v) + max(0.0, v - hi) for v, (lo, hi) in ((p[1], SHARE), (p[2], KAPPA))
+            )
+            return -float(count @ both) + 0.5 * ((p[0] - mean) / sd) ** 2 + 1e3 * outside
+
+        base = minimize(one, [0.0], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-7})
+        best = None
+        for kappa in (2.0, 4.0, 12.0):
+            start = [0.0, np.log(max(np.mean(size > 2.0 * kappa), 2.0 / z.size, 1e-5)), np.log(kappa)]
+            found = minimize(
+                two, start, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-6, "maxiter": 600}
+            )
+            if best is None or found.fun < best.fun:
+                best = found
+        assert best is not None
+        share, kappa = float(np.exp(best.x[1])), float(np.exp(best.x[2]))
+        if best.fun >= base.fun or share * z.size < FEWEST:
+            return None
+        H, H0 = _second(two, best.x), _second(one, base.x)
+        values = np.maximum(np.linalg.eigvalsh(H), 1e-2)
+        gain = float(base.fun - best.fun) + np.log(2.0 * np.pi) - 0.5 * float(np.log(values).sum())
+        gain += 0.5 * float(np.log(max(float(H0[0, 0]), 1e-2)))
+        gain -= float(np.log((SHARE[1] - SHARE[0]) * (KAPPA[1] - KAPPA[0])))
+        spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True))))
+        return Mixture(float(np.exp(best.x[0])), share, kappa, float(gain), spread)
+
+
+def _second(f: object, x: Array, step: float = 1e-3) -> Array:
+    """Second derivatives by central differences, shape (k, k)."""
+    k = x.size
+    H = np.zeros((k, k))
+    h = step * np.eye(k)
+    for i in range(k):
+        for j in range(i + 1):
+            H[i, j] = H[j, i] = (
+                f(x + h[i] + h[j]) - f(x + h[i] - h[j]) - f(x - h[i] + h[j]) + f(x - h[i] - h[j])  # type: ignore[operator]
+            ) / (4.0 * step**2)
+    return H

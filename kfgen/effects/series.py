@@ -1,0 +1,149 @@
+"""`Series`: a channel in white, in which effects that no start value finds look for themselves.
+
+Priors are those of `kfgen.gap.evidence`: sizes and times log-uniform, coefficients log-uniform in
+size and of either sign, places uniform over the record or the band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from kfgen.effects.base import Effect
+
+Array = NDArray[np.float64]
+
+DECADES = float(np.log(1e2))
+"""Width of the log-uniform prior of a size."""
+OF_A_COEFFICIENT = float(2.0 * np.log(1e4))
+"""Normalisation of the log-uniform prior of a coefficient of either sign."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A channel and what the model makes of it.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Time since switch-on [s], samples [SI] less what deterministic effects explain.
+    dt : float
+        Sampling period [s].
+    weight : ndarray, shape (n,)
+        ``1 / sqrt(S)`` by cosine ordinate, zero for the constant.
+    slow : ndarray, shape (n,)
+        Share of the density that is not white, by ordinate.
+    nuisance : ndarray, shape (n, q)
+        Orthonormal whitened ordinates of the regressors that are in the model.
+    level : (mean, deviation)
+        What is believed of the logarithm of the noise's level over that of the fit.
+    drive : mapping of str to ndarray, shape (n,)
+    """
+
+    t: Array
+    y: Array
+    dt: float
+    weight: Array
+    slow: Array
+    nuisance: Array
+    level: tuple[float, float]
+    drive: Mapping[str, Array]
+
+    @property
+    def n(self) -> int:
+        """Samples."""
+        return int(self.y.size)
+
+    @cached_property
+    def omega(self) -> Array:
+        """Angular frequencies of the ordinates [rad per sample], shape (n,)."""
+        return np.arange(self.n) * (np.pi / self.n)
+
+    @cached_property
+    def X(self) -> Array:
+        """Whitened cosine ordinates, unit normal deviates under the model, shape (n,)."""
+        from scipy.fft import dct
+
+        X = dct(self.y, type=2, norm="ortho") * self.weight
+        return np.asarray(X - self.nuisance @ (self.nuisance.T @ X))
+
+    @cached_property
+    def z(self) -> Array:
+        """The white series in time, shape (n,)."""
+        return self.in_time(self.X)
+
+    @cached_property
+    def fast(self) -> Array:
+        """The white series without its lowest twentieth of frequencies, of unit variance, shape (n,)."""
+        low = self.n // 20
+        return self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X)) / np.sqrt(1.0 - low / self.n)
+
+    @staticmethod
+    def in_time(X: Array) -> Array:
+        """From ordinates to time."""
+        from scipy.fft import idct
+
+        return np.asarray(idct(X, type=2, norm="ortho"))
+
+    @cached_property
+    def noise(self) -> Array:
+        """The white part of the samples [SI], shape (n,): what is left of them without the slow parts."""
+        from scipy.fft import dct
+
+        Y = dct(self.y, type=2, norm="ortho") * (1.0 - self.slow)
+        return self.in_time(Y)
+
+    @property
+    def sd(self) -> float:
+        """Deviation of the white part of a sample [SI]."""
+        return 1.0 / float(np.mean(self.weight[self.n // 2 :]))
+
+
+@dataclass(frozen=True)
+class Sought:
+    """An effect that was looked for.
+
+    Parameters
+    ----------
+    effect : Effect
+        Where it shows best.
+    located : float
+        Logarithm of the mean over all places of its likelihood, relative to the best place.
+    evidence : float, optional
+        Over the model without it [nats], where the effect is no sum of a spectrum or a shape; else a
+        fit of it gives that.
+    ci95 : mapping
+        Intervals of what was looked for, where a fit does not give them.
+    """
+
+    effect: Effect
+    located: float = 0.0
+    evidence: float | None = None
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def log_mean(w: Array) -> float:
+    """Logarithm of the mean of ``exp(w)``."""
+    top = float(w.max())
+    return top + float(np.log(np.mean(np.exp(w - top))))
+
+
+def coefficient_worth(score: Array) -> Array:
+    """Log of the likelihood of one coefficient integrated over its prior; `score` in deviations."""
+    return np.asarray(
+        0.5 * score**2 + 0.5 * np.log(2.0 * np.pi) - np.log(OF_A_COEFFICIENT * np.maximum(np.abs(score), 1.0))
+    )
+
+
+def middle95(at: Array, w: Array) -> tuple[float, float]:
+    """The central 95 % of a place, from the logarithms of its weights."""
+    p = np.exp(w - w.max())
+    share = np.cumsum(p) / p.sum()
+    lo, hi = np.searchsorted(share, [0.025, 0.975])
+    return float(at[lo]), float(at[min(hi, at.size - 1)])

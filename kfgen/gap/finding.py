@@ -1,0 +1,75 @@
+"""What was found: missing effects, and the answer for one channel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from kfgen.effects import Effect
+from kfgen.gap.battery import Test
+from kfgen.gap.proof import Gap
+from kfgen.identify.record import Record
+from kfgen.noise import ChannelNoise
+
+SET = 0.05
+"""Probability above which an alternative belongs to what cannot be told apart."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A missing effect.
+
+    Parameters
+    ----------
+    effect : Effect
+        With its fitted values.
+    ci95 : mapping
+        Intervals of its parameters [SI].
+    probability : float
+        Among all candidates and none.
+    evidence : float
+        Nats.
+    alternatives : tuple of (name, probability)
+    worst : Test
+        The test that showed most disagreement before it was added.
+    """
+
+    effect: Effect
+    ci95: Mapping[str, tuple[float, float]]
+    probability: float
+    evidence: float
+    alternatives: tuple[tuple[str, float], ...]
+    worst: Test
+
+    @property
+    def indistinguishable(self) -> tuple[str, ...]:
+        """Alternatives that the record does not rule out."""
+        return tuple(n for n, p in self.alternatives if p > SET and n != "none")
+
+
+@dataclass(frozen=True)
+class ChannelGap:
+    """The answer for one channel.
+
+    Parameters
+    ----------
+    verdict : str
+        ``no_gap``, ``effects_found``, ``unknown_effect`` or ``bad_data``.
+    before, after : tuple of Test
+        The battery under the believed and under the mended model.
+    limits : tuple of (Effect, parameter, value)
+        What would not have been seen.
+    """
+
+    channel: str
+    unit: str
+    verdict: str
+    findings: tuple[Finding, ...]
+    before: tuple[Test, ...]
+    after: tuple[Test, ...]
+    gap: Gap
+    believed: tuple[Effect, ...]
+    mended: ChannelNoise
+    limits: tuple[tuple[Effect, str, float], ...]
+    record: Record
+    retuned: bool = False

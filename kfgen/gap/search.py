@@ -1,0 +1,154 @@
+"""The search: add what has most evidence, again, and take out what a later effect makes superfluous."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from kfgen.effects import Effect
+from kfgen.gap.evidence import (
+    ABOVE,
+    BETWEEN,
+    Candidate,
+    believed,
+    candidates,
+    log_evidence,
+    loosened,
+    probabilities,
+    series_of,
+)
+from kfgen.identify.fit import Key, Prior, Problem, maximise
+from kfgen.identify.record import Record
+
+MOST = 12
+"""Effects on one channel: beyond, what is missing is no list of effects."""
+ROUNDS = 3
+"""Times that the whole list is gone through again."""
+BETTER = 1.0
+"""Nats by which another name must be better to take a place."""
+RETUNE = "retune"
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """An effect that was added: the candidate, and what else competed for its place."""
+
+    candidate: Candidate
+    shares: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.candidate.name
+
+
+@dataclass(frozen=True)
+class Search:
+    """A record against what is believed of it, and what was added so far.
+
+    Parameters
+    ----------
+    record : Record
+        Less the trusted deterministic terms.
+    effects : tuple of Effect
+        The believed random ones, with `priors`.
+    chosen : tuple of Chosen
+    """
+
+    record: Record
+    effects: tuple[Effect, ...]
+    priors: Mapping[Key, Prior]
+    chosen: tuple[Chosen, ...] = ()
+    without: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """The chosen effects that are sums of a spectrum or a shape."""
+        return tuple(c.candidate.effect for c in self.chosen if not _alters(c) and c.name != RETUNE)
+
+    @property
+    def altering(self) -> tuple[Effect, ...]:
+        """The chosen effects that alter samples."""
+        return tuple(c.candidate.effect for c in self.chosen if _alters(c))
+
+    def base(self) -> Candidate:
+        """The model with all that was chosen, fitted to the record without what alters samples."""
+        retuned = any(c.name == RETUNE for c in self.chosen)
+        priors = loosened(self.priors) if retuned else dict(self.priors)
+        at = len(self.effects)
+        times = {at + k: BETWEEN[e.name] for k, e in enumerate(self.added) if e.name in BETWEEN}
+        problem = Problem(self.record, (*self.effects, *self.added), priors, times=times)
+        base = Candidate("", maximise(problem), problem, 0.0)
+        for effect in self.altering:
+            series = series_of(base)
+            clean = effect.taken(series)
+            assert clean is not None
+            y = self.record.y if base.problem.record is self.record else base.problem.record.y  # type: ignore[attr-defined]
+            record = replace(self.record, y=y - series.y + clean)
+            problem = replace(problem, record=record, effects=base.fit.effects)
+            base = Candidate("", maximise(problem), problem, 0.0)
+        return base
+
+    def ranked(self, base: Candidate) -> list[Candidate]:
+        """What could be added to it."""
+        taken = {e.name for e in self.altering}
+        if any(c.name == RETUNE for c in self.chosen):
+            taken.add(RETUNE)
+        return candidates(base, frozenset(taken) | self.without)
+
+    def plus(self, candidate: Candidate, ranked: Sequence[Candidate]) -> Search:
+        """With one more."""
+        return replace(self, chosen=(*self.chosen, Chosen(candidate, probabilities(ranked))))
+
+    def less(self, index: int) -> Search:
+        """With one fewer."""
+        return replace(self, chosen=self.chosen[:index] + self.chosen[index + 1 :])
+
+
+def _alters(chosen: Chosen) -> bool:
+    return chosen.candidate.alters
+
+
+def searched(start: Search) -> Search:
+    """Grown until nothing has enough evidence, pruned, and grown again where that made room."""
+    search = grown(start)
+    for _ in range(ROUNDS):
+        if len(search.chosen) < 2:
+            break
+        better = reconsidered(search)
+        if [c.name for c in better.chosen] == [c.name for c in search.chosen]:
+            return better
+        search = grown(better)
+    return search
+
+
+def grown(search: Search) -> Search:
+    """With every addition that has evidence, the best first."""
+    while len(search.chosen) < MOST:
+        ranked = search.ranked(search.base())
+        if not ranked or ranked[0].gain < ABOVE:
+            break
+        search = search.plus(ranked[0], ranked)
+    return search
+
+
+def reconsidered(search: Search) -> Search:
+    """Each effect judged anew beside all others: kept, taken out, or replaced by a better name."""
+    index = 0
+    while index < len(search.chosen):
+        rest = search.less(index)
+        old = search.chosen[index]
+        ranked = rest.ranked(rest.base())
+        same = next((c for c in ranked if c.name == old.name), None)
+        best = ranked[0]
+        if best.gain < ABOVE:
+            search = rest
+            continue
+        keep = same if same is not None and best.gain - same.gain < BETTER else best
+        new = Chosen(keep, probabilities(ranked))
+        search = replace(rest, chosen=(*rest.chosen[:index], new, *rest.chosen[index:]))
+        index += 1
+    return search
+
+
+__all__ = ["ABOVE", "Chosen", "Search", "believed", "grown", "log_evidence", "reconsidered", "searched"]
