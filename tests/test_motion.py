@@ -20,7 +20,7 @@ from kfgen.effects.motion import Signals, free
 from kfgen.errors import InputError
 from kfgen.gap.motion import MotionScene, motion_scene
 from kfgen.gap.scene import Placed, Point
-from kfgen.gap.spans import best_span
+from kfgen.gap.spans import best_span, vibrations
 from kfgen.gap.truth import body_rate, truth_of
 from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
@@ -445,3 +445,34 @@ def test_any_channel_may_have_a_reference() -> None:
     _, (found,) = gains(scene)[0]
     assert (found.effect.name, found.where) == ("scale_factor", "range")
     assert "misalignment" not in {s[0].effect.name for s in scene.candidates([])}
+
+
+def test_a_vibration_has_its_span() -> None:
+    rng = np.random.default_rng(17)
+    f = waves(18, 5.0) + 0.01 * rng.standard_normal((N, 3))
+    on = (T >= 12.0) & (T < 31.0)
+    f[on] += 0.5 * np.sin(2 * np.pi * 33.0 * T[on, None])
+    ((start, stop),) = vibrations(T, f, 0.02, 20.0)
+    assert start == pytest.approx(12.0, abs=0.6)
+    assert stop == pytest.approx(31.0, abs=0.6)
+    assert vibrations(T, waves(18, 5.0) + 0.01 * rng.standard_normal((N, 3)), 0.02, 20.0) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "share"), [("25_disturbed_tapping_B", 0.5), ("27_disturbed_phone_vibration_B", 0.75)]
+)
+def test_the_vibration_of_a_recording(recording: Find, name: str, share: float) -> None:
+    """Tapping and a phone: most of the time that the recording marks as motion; at rest before it, nothing."""
+    path = recording(f"dynamic/broad_{name}.npz")
+    log = read_log(path)
+    f = np.array([log.values(f"accel_{a}") for a in AXES]).T
+    early = log.t < 30.0
+    noise = np.sqrt(0.5 * np.diff(f[early], axis=0).var(axis=0).sum())
+    spans = vibrations(log.t, f, noise, 40.0, 3.0)
+    with np.load(path) as data:
+        moving = data["movement"]
+    inside = np.zeros(log.n, dtype=bool)
+    for start, stop in spans:
+        inside |= (log.t >= start) & (log.t <= stop)
+    assert inside[moving].mean() > share
+    assert inside[~moving].mean() < 0.1

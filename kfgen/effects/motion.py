@@ -92,7 +92,7 @@ class Motion(Effect):
 
 
 def free(effect: Effect) -> tuple[Parameter, ...]:
-    """The parameters that a fit may change: the estimated ones, but entries at their default of zero."""
+    """The parameters that a fit may change: the estimated ones, but no entries at their default of zero."""
     held = {
         f.name
         for f in fields(effect)
@@ -100,7 +100,8 @@ def free(effect: Effect) -> tuple[Parameter, ...]:
         and f.metadata["kind"] != "setting"
         and getattr(effect, f.name) == f.default
     }
-    return tuple(p for p in effect.estimated() if p.name not in held)
+    fitted = (p for p in effect.estimated() if p.kind not in ("solved", "place"))
+    return tuple(p for p in fitted if p.name not in held)
 
 
 @dataclass(frozen=True)
@@ -286,7 +287,7 @@ class TimeDelay(Lag):
 class Bandwidth(Lag):
     """The reading passes a low-pass of first order."""
 
-    corner: Any = parameter("Hz", "time")
+    corner: Any = parameter("Hz", "frequency")
 
     name: ClassVar[str] = "bandwidth"
     title: ClassVar[str] = "finite bandwidth"

@@ -1,4 +1,4 @@
-"""When a field was there: the span of time in which a constant vector explains a magnetometer best.
+"""When something was there: a field on a magnetometer, a vibration on an accelerometer.
 
 With blocks of samples and running sums, the least squares of the field in space ``m_n`` and of the vector
 ``h`` are solved for every pair of a first and a last block at once.
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+ABOVE = 5.0
+"""How far the deviation of a vibration stands above that of the sensor's noise."""
 BLOCKS = 120
 """Blocks of the first look; the edges are then found again inside theirs."""
 FINE = 24
@@ -126,3 +128,35 @@ def _sums(
     total = [np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])[edges] for x in (cross, read)]
     count = np.concatenate([[0.0], np.cumsum(w)])[edges]
     return _Sums(edges, count, total[0].reshape(-1, 3, 3), total[1])
+
+
+def vibrations(
+    t: Array, f_b: Array, noise: float, corner: float, window: float = 1.0
+) -> list[tuple[float, float]]:
+    """Spans of time [s] of vibration: the high-frequency power of a specific force stands above the noise.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Even times [s].
+    f_b : ndarray, shape (n, 3)
+        Specific force [m/s^2].
+    noise : float
+        Deviation [m/s^2] of the noise of all three axes together above `corner`.
+    corner : float
+        Frequency [Hz] above which there is no motion to speak of.
+    window : float
+        Length [s] over which power is averaged; shorter spans are left out, shorter pauses bridged.
+    """
+    from scipy.fft import dct, idct
+    from scipy.ndimage import binary_closing, label, uniform_filter1d
+
+    n, dt = t.size, float((t[-1] - t[0]) / (t.size - 1))
+    X = dct(f_b, type=2, axis=0, norm="ortho")
+    X[: int(2.0 * n * dt * corner)] = 0.0
+    size = max(3, round(window / dt))
+    power = uniform_filter1d((idct(X, type=2, axis=0, norm="ortho") ** 2).sum(axis=1), size)
+    loud = binary_closing(np.pad(power > (ABOVE * noise) ** 2, size), iterations=size // 2)[size:-size]
+    marked, count = label(loud)
+    spans = [np.flatnonzero(marked == k + 1) for k in range(count)]
+    return [(float(t[at[0]]), float(t[at[-1]])) for at in spans if at.size >= size]
