@@ -342,6 +342,23 @@ def test_a_scale_under_an_attitude(turning: tuple[Array, Array, Array]) -> None:
     assert left / sum(scene.lengths) == pytest.approx(1.0, abs=0.2)
 
 
+def test_a_reference_slower_than_the_log(turning: tuple[Array, Array, Array]) -> None:
+    """An attitude at a quarter of the rate of the log, nothing between; a scale of 2 % as before."""
+    _, R, w = turning
+    log = attitude_log(
+        R @ attitude_noise(5e-5), gyro=(moved(w, 2, 0.02 * w[:, 2]) + white(19, N_GYRO), "rad/s")
+    )
+    sparse = {
+        k: replace(c, values=np.where(np.arange(N) % 4, np.nan, c.values)) if k.startswith("ref_") else c
+        for k, c in log.channels.items()
+    }
+    scene = motion_scene(replace(log, channels=sparse), GYRO)
+    assert scene is not None
+    assert scene.good.mean() > 0.9
+    _, (theta,), (sd,), _ = fit(scene, Placed(make("scale_factor", coefficient=1e-3), "gyro_z"))
+    assert abs(theta - 0.02) < LIMIT * sd + 2e-4
+
+
 # What a log may lack.
 
 

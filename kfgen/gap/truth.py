@@ -163,6 +163,7 @@ def _bridged(t: Array, u: Array) -> Array:
 
 def _with_attitude(truth: Truth, log: Log) -> Truth:
     """The truth that an attitude adds."""
+    from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, Slerp
 
     q = np.array([log.channels[f"ref_q_{c}"].values for c in "wxyz"]).T
@@ -170,13 +171,19 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     if there.sum() < 16:
         raise InputError("the reference attitude has no numbers", where=log.source)
     seen = Slerp(truth.t[there], Rotation.from_quat(q[there], scalar_first=True))
-    nb = seen(np.clip(truth.t, truth.t[there][0], truth.t[there][-1]))
-    omega_b, corner, angle = body_rate(nb.as_quat(scalar_first=True), truth.dt)
+    first, last = truth.t[there][0], truth.t[there][-1]
+    nb = seen(np.clip(truth.t, first, last))
+    step = int(np.median(np.diff(np.flatnonzero(there))))
+    own = truth.t[::step]  # the reference may be slower than the log
+    omega_b, corner, angle = body_rate(
+        seen(np.clip(own, first, last)).as_quat(scalar_first=True), step * truth.dt
+    )
+    if step > 1:
+        omega_b = np.asarray(CubicSpline(own, omega_b, axis=0)(truth.t))
     R_bn = np.asarray(nb.inv().as_matrix())
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
-    margin = int(np.ceil(0.5 / (corner * truth.dt)))
-    good = truth.good & ~_wider(~there, margin)
+    good = truth.good & ~_long(~there, int(np.ceil(0.5 / (corner * truth.dt))))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
     if "accel" not in read:
@@ -276,9 +283,9 @@ def running_variance(x: Array, samples: float) -> Array:
     return np.asarray(np.maximum(square - mean**2, 0.0))
 
 
-def _wider(holes: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
-    from scipy.ndimage import binary_dilation
+def _long(holes: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
+    """Holes longer than `margin` samples, and as much on either side; shorter ones are bridged well."""
+    from scipy.ndimage import binary_dilation, binary_opening
 
-    if not holes.any():
-        return holes
-    return np.asarray(binary_dilation(holes, iterations=max(1, margin)))
+    wide = binary_opening(np.pad(holes, 1), structure=np.ones(margin + 1))[1:-1]
+    return np.asarray(binary_dilation(wide, iterations=margin)) if wide.any() else wide
