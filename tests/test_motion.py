@@ -252,14 +252,17 @@ def turning() -> tuple[Array, Array, Array]:
 
 def test_the_rate_of_an_attitude(turning: tuple[Array, Array, Array]) -> None:
     _, R, w = turning
-    omega, corner, angle = body_rate(quaternion(R), DT)
+    omega, corner, _, _ = body_rate(quaternion(R), DT)
     np.testing.assert_allclose(omega, w, atol=2e-3)
     assert corner > 1.5
     noisy = R @ attitude_noise(1e-4)
-    omega, corner, angle = body_rate(quaternion(noisy), DT)
+    omega, corner, angle, floor = body_rate(quaternion(noisy), DT, w + white(20, N_GYRO))
     assert angle == pytest.approx(1e-4, rel=0.1)
     assert 1.5 < corner < 25.0
     assert np.std(omega - w) < 1e-2
+    # Density of the derivative of white angles: (2 pi f)^2 sd^2.
+    assert floor.slope == pytest.approx(2.0, abs=0.3)
+    assert floor.density(np.array([10.0]))[0] == pytest.approx((2 * np.pi * 10.0 * 1e-4) ** 2, rel=0.3)
 
 
 def attitude_noise(sd: float) -> Array:

@@ -139,7 +139,7 @@ class MotionScene:
         n, dt = self.truth.t.size, self.dt
         white = Whitener.of(c.noise, n, dt, constant=True)
         if c.sensor == "gyro" and "gyro" in self.truth.bandwidth:
-            reference = (np.arange(n) * (np.pi / n) * self.truth.angle / dt) ** 2
+            reference = self.truth.floor.density(np.arange(n) / (2.0 * n * dt))
         elif c.sensor not in self.truth.read:
             field = self.believed_field()
             reference = np.full(

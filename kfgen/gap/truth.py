@@ -32,6 +32,22 @@ ABOVE = 4.0
 
 
 @dataclass(frozen=True)
+class Floor:
+    """The noise of a rate that comes from an attitude: density of its samples ``level (f / at)^slope`` [rad^2/s^2].
+
+    White noise of the attitude has a slope of two.
+    """
+
+    level: float = 0.0
+    at: float = 1.0
+    slope: float = 2.0
+
+    def density(self, f: Array) -> Array:
+        """At frequencies [Hz], shape (m,)."""
+        return np.asarray(self.level * (f / self.at) ** self.slope)
+
+
+@dataclass(frozen=True)
 class Truth:
     """What a log's references say of its sensors.
 
@@ -52,6 +68,8 @@ class Truth:
         Highest frequency [Hz] up to which a sensor's truth is known; infinite where not in it.
     angle : float
         Deviation [rad] of the white noise of the attitude's samples about each axis.
+    floor : Floor
+        The noise of the rate that was taken from it.
     words : tuple of str
         What was decided.
     """
@@ -67,6 +85,7 @@ class Truth:
     down: float = 1.0
     bandwidth: Mapping[str, float] = field(default_factory=dict)
     angle: float = 0.0
+    floor: Floor = Floor()
     words: tuple[str, ...] = ()
 
     @property
@@ -175,15 +194,19 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     nb = seen(np.clip(truth.t, first, last))
     step = int(np.median(np.diff(np.flatnonzero(there))))
     own = truth.t[::step]  # the reference may be slower than the log
-    omega_b, corner, angle = body_rate(
-        seen(np.clip(own, first, last)).as_quat(scalar_first=True), step * truth.dt
+    gyro, clean = _axes(log, "gyro"), _longest(there[::step])
+    felt = _bridged(truth.t, _triad(log, "gyro", gyro))[::step] if len(gyro) == 3 else None
+    omega_b, corner, angle, floor = body_rate(
+        seen(np.clip(own, first, last)).as_quat(scalar_first=True), step * truth.dt, felt, clean
     )
+    floor = replace(floor, level=floor.level * step)
     if step > 1:
         omega_b = np.asarray(CubicSpline(own, omega_b, axis=0)(truth.t))
     R_bn = np.asarray(nb.inv().as_matrix())
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
-    good = truth.good & ~_long(~there, int(np.ceil(0.5 / (corner * truth.dt))))
+    period = 1.0 / (corner * truth.dt)
+    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(0.5 * period)))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
     if "accel" not in read:
@@ -193,11 +216,13 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     words = (word, f"the rate of the attitude is known up to {corner:.3g} Hz")
     return replace(
         truth, read=read, axes=axes, bandwidth=bandwidth, good=good, omega_b=omega_b, R_bn=R_bn, down=down,
-        angle=angle, words=words,
+        angle=angle, floor=floor, words=words,
     )  # fmt: skip
 
 
-def body_rate(q_nb: Array, dt: float) -> tuple[Array, float, float]:
+def body_rate(
+    q_nb: Array, dt: float, read: Array | None = None, clean: slice = slice(None)
+) -> tuple[Array, float, float, Floor]:
     """The body rate of an attitude without holes.
 
     Central turns over two samples, in the cosine transform divided by their response ``sin(w)/w`` up to the
@@ -210,6 +235,10 @@ def body_rate(q_nb: Array, dt: float) -> tuple[Array, float, float]:
         Scalar first, body to navigation.
     dt : float
         Sampling period [s].
+    read : ndarray, shape (n, 3), optional
+        The rate that a gyro read: where it has much less power, the attitude has nothing but noise.
+    clean : slice
+        A stretch without bridged holes, from which the spectra are taken.
 
     Returns
     -------
@@ -220,6 +249,8 @@ def body_rate(q_nb: Array, dt: float) -> tuple[Array, float, float]:
     angle : float
         Deviation [rad] of the attitude's noise, taken to be white: a third difference has twenty times its
         variance.
+    floor : Floor
+        The noise of the rate.
     """
     from scipy.fft import dct, idct
     from scipy.spatial.transform import Rotation
@@ -231,18 +262,68 @@ def body_rate(q_nb: Array, dt: float) -> tuple[Array, float, float]:
     rate = np.empty((turn.shape[0] + 1, 3))
     rate[1:-1] = 0.5 * (turn[1:] + turn[:-1]) / dt
     rate[0], rate[-1] = turn[0] / dt, turn[-1] / dt
+    corner, floor = _spectrum(rate[clean], None if read is None else read[clean], angle, dt)
+    w = np.arange(rate.shape[0]) * (np.pi / rate.shape[0])
+    share = np.clip((w / (2.0 * np.pi * corner * dt) - 1.0) / 0.5, 0.0, 1.0)
+    kept = 0.5 * (1.0 + np.cos(np.pi * share)) / np.maximum(np.sinc(w / np.pi), 0.1)
+    X = dct(rate, type=2, axis=0, norm="ortho") * kept[:, None]
+    return np.asarray(idct(X, type=2, axis=0, norm="ortho")), corner, angle, floor
+
+
+def _spectrum(rate: Array, read: Array | None, angle: float, dt: float) -> tuple[float, Floor]:
+    """The highest frequency [Hz] that counts, and the floor, of central turns without holes."""
+    from scipy.fft import dct
+
     n = rate.shape[0]
-    w = np.arange(n) * (np.pi / n)
-    X = dct(rate, type=2, axis=0, norm="ortho")
-    edges = np.unique(np.geomspace(1, n // 3, 60).astype(int))
-    power = np.add.reduceat((X**2).sum(axis=1), edges)[:-1] / np.diff(edges)
-    noise = np.add.reduceat(3.0 * (np.sin(w) * angle / dt) ** 2, edges)[:-1] / np.diff(edges)
-    above = np.flatnonzero(power > ABOVE * noise)
-    top = int(edges[above[-1] + 1]) if above.size else int(edges[-1])
-    share = np.clip((w / w[top] - 1.0) / 0.5, 0.0, 1.0)
-    response = np.where(share < 1.0, 0.5 * (1.0 + np.cos(np.pi * share)) / np.sinc(w / np.pi), 0.0)
-    omega_b = idct(X * response[:, None], type=2, axis=0, norm="ortho")
-    return np.asarray(omega_b), top / (2.0 * n * dt), angle
+    w, unit = np.arange(n) * (np.pi / n), 0.5 / (n * dt)
+    edges = np.unique(np.geomspace(1, n // 2, 60).astype(int))
+    taper = np.sqrt(8.0 / 3.0) * np.hanning(n)[:, None]  # of unit power; the ends do not leak
+    X = dct(rate * taper, type=2, axis=0, norm="ortho") / np.maximum(np.sinc(w / np.pi), 0.1)[:, None]
+    power = _by_band((X**2).mean(axis=1), edges)
+    top = _highest(edges, power, _by_band((w * angle / dt) ** 2, edges))
+    floor = Floor((np.pi * angle / dt) ** 2, 0.5 / dt)
+    if read is not None:
+        felt = _by_band((dct(read * taper, type=2, axis=0, norm="ortho") ** 2).mean(axis=1), edges)
+        top, floor = _against_gyro(edges, power, felt, unit) or (top, floor)
+    return top * unit, floor
+
+
+def _by_band(x: Array, edges: NDArray[np.intp]) -> Array:
+    """Means between edges."""
+    return np.asarray(np.add.reduceat(x, edges)[:-1] / np.diff(edges))
+
+
+def _highest(edges: NDArray[np.intp], power: Array, noise: Array) -> int:
+    """The last ordinate, in the lower third, of a band that stands above the noise."""
+    low = edges[1:] <= (2 * int(edges[-1])) // 3
+    above = np.flatnonzero(low & (power > ABOVE * noise))
+    return int(edges[above[-1] + 1]) if above.size else int(edges[1:][low][-1])
+
+
+def _against_gyro(
+    edges: NDArray[np.intp], power: Array, felt: Array, unit: float
+) -> tuple[int, Floor] | None:
+    """The last ordinate that counts, and the floor, where a gyro shows that only noise is left.
+
+    From the first band on at which all higher ones have at least twice the gyro's power, the law of the floor
+    is fitted over a factor of two and a half in frequency.
+
+    Parameters
+    ----------
+    unit : float
+        Frequency of the first ordinate [Hz].
+    """
+    wide = np.diff(edges) >= 8
+    quiet = np.flatnonzero(wide & (power < 2.0 * felt))
+    first = int(quiet[-1]) + 1 if quiet.size else 0
+    if first == 0 or first + 3 >= power.size:
+        return None
+    f = np.sqrt(edges[:-1] * edges[1:]) * unit
+    band = slice(first, max(first + 3, int(np.searchsorted(f, 2.5 * f[first]))))
+    left = np.log(power[band])
+    slope = float(np.clip(np.polyfit(np.log(f[band]), left, 1)[0], 0.0, 2.0))
+    level = float(np.exp(np.mean(left - slope * np.log(f[band] / f[first]))))
+    return int(edges[first]), Floor(level, float(f[first]), slope)
 
 
 def _down(log: Log, R_bn: Array) -> tuple[float, str]:
@@ -283,9 +364,17 @@ def running_variance(x: Array, samples: float) -> Array:
     return np.asarray(np.maximum(square - mean**2, 0.0))
 
 
-def _long(holes: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
-    """Holes longer than `margin` samples, and as much on either side; shorter ones are bridged well."""
+def _longest(there: NDArray[np.bool_]) -> slice:
+    """The longest stretch without a hole, if it is an eighth of all at least; else all."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
+    k = int(np.argmax(edges[1::2] - edges[::2]))
+    start, stop = int(edges[2 * k]), int(edges[2 * k + 1])
+    return slice(start, stop) if 8 * (stop - start) > there.size else slice(None)
+
+
+def _long(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
+    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
     from scipy.ndimage import binary_dilation, binary_opening
 
-    wide = binary_opening(np.pad(holes, 1), structure=np.ones(margin + 1))[1:-1]
-    return np.asarray(binary_dilation(wide, iterations=margin)) if wide.any() else wide
+    wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]
+    return np.asarray(binary_dilation(wide, iterations=max(1, margin))) if wide.any() else wide
