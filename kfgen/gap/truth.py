@@ -30,6 +30,9 @@ WINDOW = 1.0
 ABOVE = 4.0
 """How far the power of a rate must stand above the attitude's noise to be taken."""
 
+SPECTRUM = 512
+"""Samples below which a stretch is too short for a spectrum."""
+
 
 @dataclass(frozen=True)
 class Floor:
@@ -194,10 +197,10 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     nb = seen(np.clip(truth.t, first, last))
     step = int(np.median(np.diff(np.flatnonzero(there))))
     own = truth.t[::step]  # the reference may be slower than the log
-    gyro, clean = _axes(log, "gyro"), _longest(there[::step])
+    gyro = _axes(log, "gyro")
     felt = _bridged(truth.t, _triad(log, "gyro", gyro))[::step] if len(gyro) == 3 else None
     omega_b, corner, angle, floor = body_rate(
-        seen(np.clip(own, first, last)).as_quat(scalar_first=True), step * truth.dt, felt, clean
+        seen(np.clip(own, first, last)).as_quat(scalar_first=True), step * truth.dt, felt, there[::step]
     )
     floor = replace(floor, level=floor.level * step)
     if step > 1:
@@ -221,7 +224,7 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
 
 
 def body_rate(
-    q_nb: Array, dt: float, read: Array | None = None, clean: slice = slice(None)
+    q_nb: Array, dt: float, read: Array | None = None, there: NDArray[np.bool_] | None = None
 ) -> tuple[Array, float, float, Floor]:
     """The body rate of an attitude without holes.
 
@@ -237,8 +240,8 @@ def body_rate(
         Sampling period [s].
     read : ndarray, shape (n, 3), optional
         The rate that a gyro read: where it has much less power, the attitude has nothing but noise.
-    clean : slice
-        A stretch without bridged holes, from which the spectra are taken.
+    there : ndarray of bool, shape (n,), optional
+        Where the attitude was not bridged: spectra are taken from the stretch without holes that moves most.
 
     Returns
     -------
@@ -262,6 +265,7 @@ def body_rate(
     rate = np.empty((turn.shape[0] + 1, 3))
     rate[1:-1] = 0.5 * (turn[1:] + turn[:-1]) / dt
     rate[0], rate[-1] = turn[0] / dt, turn[-1] / dt
+    clean = slice(None) if there is None else _liveliest(there, (rate**2).sum(axis=1))
     corner, floor = _spectrum(rate[clean], None if read is None else read[clean], angle, dt)
     w = np.arange(rate.shape[0]) * (np.pi / rate.shape[0])
     share = np.clip((w / (2.0 * np.pi * corner * dt) - 1.0) / 0.5, 0.0, 1.0)
@@ -364,12 +368,13 @@ def running_variance(x: Array, samples: float) -> Array:
     return np.asarray(np.maximum(square - mean**2, 0.0))
 
 
-def _longest(there: NDArray[np.bool_]) -> slice:
-    """The longest stretch without a hole, if it is an eighth of all at least; else all."""
+def _liveliest(there: NDArray[np.bool_], power: Array) -> slice:
+    """The stretch without a hole that holds most of the power, if it is long enough for a spectrum; else all."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
-    k = int(np.argmax(edges[1::2] - edges[::2]))
+    energy = np.concatenate([[0.0], np.cumsum(power)])
+    k = int(np.argmax(energy[edges[1::2]] - energy[edges[::2]]))
     start, stop = int(edges[2 * k]), int(edges[2 * k + 1])
-    return slice(start, stop) if 8 * (stop - start) > there.size else slice(None)
+    return slice(start, stop) if stop - start >= SPECTRUM else slice(None)
 
 
 def _long(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
