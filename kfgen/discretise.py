@@ -152,7 +152,7 @@ class DiscreteModel:
                 out.extend(hamilton(b.quaternion, small_quaternion(rates[b.name] * DT)))
                 continue
             for s, r in zip(b.nominal, rates[b.name]):
-                second = sum((r.diff(other) * rate for other, rate in vectors.items()), sp.Integer(0))
+                second = sum((_slope(r, other) * rate for other, rate in vectors.items()), sp.Integer(0))
                 out.append(s + r * DT + second * DT**2 / 2)
         first = len(self.model.states) - self.model.effect_dynamics[0].rows
         effects = sp.Matrix([s.symbol for s in self.model.states[first:]])
@@ -184,6 +184,11 @@ class DiscreteModel:
     def measurement_variance(self, sensor: Sensor, channel: str) -> float:
         """``R`` of one sample [SI^2]: its white noise and what the model leaves out."""
         return self.sample_variance(sensor, channel) + sensor.left_out**2 * self.rate
+
+
+def _slope(e: sp.Expr, x: sp.Symbol) -> sp.Expr:
+    """A derivative; jumps of a sign have none."""
+    return e.diff(x).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
 
 
 def _nested(expression: sp.Expr) -> sp.Expr:

@@ -124,7 +124,7 @@ def parse_noise(text: str, path: str) -> NoiseModel:
         raise InputError("provenance is no table", where=path)
     provenance = {k: str(v) for k, v in origin.items()}
     channels = {
-        name: _channel(name, table, f"{path}: [{name}]")
+        name: read_channel(name, table, f"{path}: [{name}]")
         for name, table in document.items()
         if isinstance(table, dict) and name != "provenance"
     }
@@ -147,7 +147,8 @@ def _check_name(name: str, where: str) -> None:
         )
 
 
-def _channel(name: str, table: Mapping[str, Any], where: str) -> ChannelNoise:
+def read_channel(name: str, table: Mapping[str, Any], where: str) -> ChannelNoise:
+    """The noise of a channel from its table (unit, effects, covariance); raises `InputError`."""
     _check_name(name, where)
     unit = table.get("unit")
     if not isinstance(unit, str):
@@ -159,7 +160,7 @@ def _channel(name: str, table: Mapping[str, Any], where: str) -> ChannelNoise:
     entries = table.get("effects", [])
     if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise InputError("effects is no list of tables", where=where)
-    terms = tuple(_term(entry, unit, where) for entry in entries)
+    terms = tuple(read_term(entry, unit, where) for entry in entries)
     return ChannelNoise(unit, terms, _joint(table.get("covariance"), terms, where))
 
 
@@ -187,7 +188,8 @@ def _joint(entry: Any, terms: tuple[Term, ...], where: str) -> Joint | None:
     return Joint(tuple(known[n] for n in names), tuple(map(tuple, matrix.tolist())))
 
 
-def _term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
+def read_term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
+    """An effect from its entry, for a channel in `unit`; raises `InputError`."""
     if not isinstance(entry.get("effect"), str):
         raise InputError("an entry does not name its effect", where=where)
     cls = effect_named(entry["effect"], where=where)
@@ -208,11 +210,11 @@ def noise_text(noise: NoiseModel) -> str:
     """The noise file as text."""
     lines = [f'format = "{FORMAT}"']
     if noise.provenance:
-        lines += ["", "[provenance]"] + [f"{_quoted(k)} = {_quoted(v)}" for k, v in noise.provenance.items()]
+        lines += ["", "[provenance]"] + [f"{quoted(k)} = {quoted(v)}" for k, v in noise.provenance.items()]
     for name, channel in noise.channels.items():
         _check_name(name, "noise")
-        lines += ["", f"[{name}]", f"unit = {_quoted(channel.unit)}", "effects = ["]
-        lines += [f"  {{ {_entry(term, channel.unit)} }}," for term in channel.terms] + ["]"]
+        lines += ["", f"[{name}]", f"unit = {quoted(channel.unit)}", "effects = ["]
+        lines += [f"  {{ {entry_text(term, channel.unit)} }}," for term in channel.terms] + ["]"]
         if channel.covariance is not None:
             names = ", ".join(f'"{i}.{p}"' for i, p in channel.covariance.parameters)
             rows = ", ".join(f"[{', '.join(f'{v:.6g}' for v in row)}]" for row in channel.covariance.matrix)
@@ -225,22 +227,25 @@ def write_noise(noise: NoiseModel, path: str | Path) -> None:
     write_text(path, noise_text(noise))
 
 
-def _entry(term: Term, unit: str) -> str:
-    parts = [f"effect = {_quoted(term.effect.name)}"]
+def entry_text(term: Term, unit: str) -> str:
+    """The inside of an effect's inline table."""
+    parts = [f"effect = {quoted(term.effect.name)}"]
     for p in term.effect.parameters():
         text = derived_unit(p.unit, unit)
-        parts.append(f"{p.name} = {_valued(getattr(term.effect, p.name), text)}")
+        parts.append(f"{p.name} = {valued(getattr(term.effect, p.name), text)}")
         if p.name in term.ci95:
-            lo, hi = (_valued(v, text) for v in term.ci95[p.name])
+            lo, hi = (valued(v, text) for v in term.ci95[p.name])
             parts.append(f"{p.name}_ci95 = [{lo}, {hi}]")
     return ", ".join(parts)
 
 
-def _valued(value: float, unit: str) -> str:
-    return _quoted(f"{from_si(float(value), unit):.9g} {unit}")
+def valued(value: float, unit: str) -> str:
+    """An SI number as a quoted text in `unit`."""
+    return quoted(f"{from_si(float(value), unit):.9g} {unit}")
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """A text as TOML writes it."""
     text = text.encode("utf-8", "replace").decode("utf-8")  # lone surrogates of odd file names
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'

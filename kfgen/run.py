@@ -18,6 +18,7 @@ from kfgen.emit.filterpy import class_name, files
 from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.log import Log
+from kfgen.model.equations import Equations, Shown
 from kfgen.model.motion import Constant
 
 Array = NDArray[np.float64]
@@ -91,7 +92,10 @@ def run(program: Program, log: Log) -> FilterRun:
     discrete = program.discrete
     model, module = discrete.model, load(program)
     kf = getattr(module, class_name(program))()
-    inputs = {i.name: np.column_stack([log.values(c) for c in i.channels]) for i in model.motion.inputs}
+    inputs = {
+        i.name: log.values(i.name) if i.scalar else np.column_stack([log.values(c) for c in i.channels])
+        for i in model.motion.inputs
+    }
     drive = {d: log.values(d) for d in model.drivers}
     present = {
         s.name: np.column_stack([log.channel(c).values for c in s.channels])
@@ -132,8 +136,19 @@ def run(program: Program, log: Log) -> FilterRun:
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:
-    """First attitude from gravity and the magnetic field at rest, first position and velocity from GNSS."""
+    """First attitude from gravity and the magnetic field at rest, first position and velocity from GNSS.
+
+    A plant's state that starts unknown starts where a sensor shows it.
+    """
     names = list(discrete.nominal_names)
+    motion = discrete.model.motion
+    if isinstance(motion, Equations):
+        for s in discrete.model.sensors:
+            channel = log.channels.get(s.channels[0])
+            if isinstance(s, Shown) and channel is not None and motion.starts_unknown(s.value):
+                known = channel.values[np.isfinite(channel.values)]
+                kf.nominal[names.index(s.value.name)] = float(known[0]) if known.size else 0.0
+        return
     if "q_w" in names and all(f"accel_{a}" in log.channels for a in "xyz"):
         kf.nominal[names.index("q_w") : names.index("q_w") + 4] = _level(log, kf, constants)
     for name in ("p", "v"):

@@ -16,6 +16,7 @@ from kfgen.discretise import DiscreteModel
 from kfgen.errors import InputError
 from kfgen.log import Channel, Log
 from kfgen.model.blocks import Attitude
+from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
 from kfgen.units import STANDARD_GRAVITY
 
@@ -143,6 +144,8 @@ def simulate(
             f"a duration of {duration:g} s holds {max(n, 0)} samples", remedy="Give a longer --duration"
         )
     model, t = discrete.model, np.arange(n) / discrete.rate
+    if isinstance(model.motion, Equations):
+        return _plant_log(discrete, model.motion, manoeuvre, t, rng, drive)
     true = truth(MANOEUVRES[manoeuvre], t)
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
@@ -153,6 +156,34 @@ def simulate(
         )
         channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
     return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
+
+
+def _plant_log(
+    discrete: DiscreteModel,
+    motion: Equations,
+    manoeuvre: str,
+    t: Array,
+    rng: np.random.Generator,
+    drive: Mapping[str, Array] | None,
+) -> Log:
+    """A log of a model file's plant: its inputs, its measurements, its states as ``ref_`` channels."""
+    from kfgen.model.plant import simulate as simulated
+
+    model, user = discrete.model, motion.user
+    acceleration = MANOEUVRES[manoeuvre].acceleration(t)
+    inputs = {n: acceleration[:, k % 3] for k, n in enumerate(user.inputs)}
+    run = simulated(user, t, inputs)
+    clean = inputs | {n: h[:, 0] for n, h in run.channels.items()}
+    drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
+    channels = {d: Channel(v, "K") for d, v in drive.items()}
+    for channel, unit in model.channel_units.items():
+        effects = model.noise.get(channel, ())
+        noise = sum((e.draw(rng).simulate(t, rng, drive) for e in effects), np.zeros(t.size))
+        channels[channel] = Channel(clean[channel] + noise, unit)
+    states = {
+        f"ref_{n}": Channel(run.states[:, k, 0], motion.blocks[k].unit) for k, n in enumerate(user.states)
+    }
+    return Log(t, channels | states, source=f"simulated {model.name}, {manoeuvre}")
 
 
 def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Generator) -> Array:

@@ -329,7 +329,10 @@ def derived_unit(template: str, unit: str) -> str:
     unit = "K" if unit.strip() == "degC" else unit  # a size of an effect is a difference
     plain = re.fullmatch(r"[A-Za-z%]+(/[A-Za-z]+(\^[0-9.]+)?)*", unit) is not None
     text = unit if plain else f"({unit.strip() or 1})"
-    return re.sub(r"\bU\b", text, template)
+    text = re.sub(r"\(\(([^()]*)\)\)", r"(\1)", re.sub(r"\bU\b", text, template))
+    if "U*" in template and parse_unit(text).factor == 1.0:
+        return parse_unit(text).si  # rad instead of rad/s*s
+    return text
 
 
 _SHOWN = {"rad/s": "deg/s", "m/s^2": "mg", "T": "uT", "K": "K", "rad": "deg"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import signal
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,13 @@ import numpy as np
 from baseline import said
 from case import Case, Request
 from score import Score, score
+
+LIMIT = 120
+"""Seconds after which a case counts as an error."""
+
+
+def _late(number: int, frame: object) -> None:
+    raise TimeoutError(f"no answer within {LIMIT} s")
 
 
 def world(name: str) -> Any:
@@ -27,10 +35,14 @@ def ask(place: Path, answer: Path) -> dict[str, Any]:
     from kfgen.cli.app import app
 
     words = ["gap", str(place / "log.csv"), "--model", str(place / "model.toml"), "--json", str(answer)]
+    signal.signal(signal.SIGALRM, _late)
+    signal.alarm(LIMIT)
     try:
         result = CliRunner().invoke(app, words)
     except Exception as error:
         return {"error": f"{type(error).__name__}: {error}"}
+    finally:
+        signal.alarm(0)
     if answer.is_file():
         return dict(json.loads(answer.read_text(encoding="utf-8")))
     failure = result.exception if result.exception is not None else result.output

@@ -28,7 +28,7 @@ from kfgen.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from kfgen.identify.record import Evidence, Record
+    from kfgen.identify.record import Evidence
     from kfgen.log import Log, StoredLog
     from kfgen.noise import NoiseModel
 
@@ -95,14 +95,6 @@ def _published(log: Log, name: str) -> Evidence:
     if len(band) == 1:
         raise InputError(f"the band of {name} has one end", where=log.source, remedy="Give both, or none")
     return Published.of(log.t, log.channel(name).values, *band)
-
-
-def _record(log: Log, name: str) -> Record:
-    from kfgen.identify.record import Record
-
-    log.uniform_dt()
-    drive = {"temperature": log.values("temperature")} if "temperature" in log.channels else {}
-    return Record(log.t, log.values(name), drive)
 
 
 @app.command()
@@ -273,6 +265,8 @@ def gap(
     report: Report = None,
 ) -> None:
     """Where model and record disagree, the missing effect by name, the mended model, before and after."""
+    from kfgen.gap.cross import with_pairs
+    from kfgen.gap.regular import regular
     from kfgen.gap.workflow import find_gap
     from kfgen.noise import write_noise
     from kfgen.report.gap import gap_answer, mended_model
@@ -281,8 +275,14 @@ def gap(
     data = read(log, rate, columns)
     believed = _believed(model, data)
     wanted = _names(channels) or list(believed.channels)
-    gaps = {name: find_gap(name, _record(data, name), believed.channel(name)) for name in wanted}
+    said, gaps = [], {}
+    for name in wanted:
+        record, stamps, words = regular(data, name)
+        said += [w for w in words if w not in said]
+        gaps[name] = find_gap(name, record, believed.channel(name), stamps)
+    gaps = with_pairs(gaps)
     answer = gap_answer(data, believed, gaps)
+    answer = replace(answer, warnings=(*said, *answer.warnings))
     if output:
         write_noise(mended_model(believed, gaps), output)
     deliver(answer, json, report)

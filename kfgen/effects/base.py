@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import form as law
 from kfgen.effects.form import Form
-from kfgen.effects.series import OF_A_COEFFICIENT, Series, Sought
+from kfgen.effects.series import OF_A_COEFFICIENT, Raw, Series, Sought, Spotted
 from kfgen.errors import InputError
 from kfgen.units import derived_unit, from_si, parse_quantity
 
@@ -203,6 +203,11 @@ class Effect:
     def sought(cls, series: Series) -> list[Sought]:
         """Where it shows in a series that should be white: for effects that no start value finds."""
         return []
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """Whether the samples as they were logged show it: for faults of the rig."""
+        return None
 
     def taken(self, series: Series) -> Array | None:
         """The samples without it, shape (n,), of an effect that is no sum of a known spectrum or shape."""

@@ -150,7 +150,7 @@ class Outliers(Effect):
         found = Mixture.fitted(series.z, series.level)
         if found is None:
             return []
-        k = np.sqrt(found.kappa**2 - 1.0) * series.sd * found.level
+        k = float(np.sqrt(found.kappa**2 - 1.0)) * series.sd * found.level
         effect = cls(found.share, k)
         lo, hi = np.exp(-1.96 * found.spread), np.exp(1.96 * found.spread)
         ci95 = {
@@ -165,7 +165,8 @@ class Outliers(Effect):
         wide = float(np.hypot(1.0, self.sigma / s))
         z2 = series.z**2
         odds = float(self.share) / (1.0 - float(self.share)) / wide
-        return 1.0 / (1.0 + np.exp(-np.clip(0.5 * z2 * (1.0 - 1.0 / wide**2) + np.log(odds), -700.0, 700.0)))
+        log_odds = np.clip(0.5 * z2 * (1.0 - 1.0 / wide**2) + np.log(odds), -700.0, 700.0)
+        return np.asarray(1.0 / (1.0 + np.exp(-log_odds)))
 
     def taken(self, series: Series) -> Array:
         """The samples less the error that each of them most likely carries."""

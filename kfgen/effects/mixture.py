@@ -7,7 +7,9 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,16 +53,16 @@ class Mixture:
         def normal(log_level: float) -> Array:
             return np.asarray(-0.5 * square * np.exp(-2.0 * log_level) - log_level)
 
-        def one(p: Array) -> float:
+        def one(p: Any) -> float:
             return -float(count @ normal(float(p[0]))) + 0.5 * ((float(p[0]) - mean) / sd) ** 2
 
-        def two(p: Array) -> float:
-            share = np.exp(np.clip(p[1], *SHARE))
+        def two(p: Any) -> float:
+            share = float(np.exp(np.clip(p[1], *SHARE)))
             both = np.logaddexp(np.log1p(-share) + normal(p[0]), np.log(share) + normal(p[0] + p[2]))
             outside = sum(
                 max(0.0, lo - v) + max(0.0, v - hi) for v, (lo, hi) in ((p[1], SHARE), (p[2], KAPPA))
             )
-            return -float(count @ both) + 0.5 * ((p[0] - mean) / sd) ** 2 + 1e3 * outside
+            return float(-(count @ both) + 0.5 * ((p[0] - mean) / sd) ** 2 + 1e3 * outside)
 
         base = minimize(one, [0.0], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-7})
         best = None
@@ -84,7 +86,7 @@ class Mixture:
         return Mixture(float(np.exp(best.x[0])), share, kappa, float(gain), spread)
 
 
-def _second(f: object, x: Array, step: float = 1e-3) -> Array:
+def _second(f: Callable[[Any], float], x: Array, step: float = 1e-3) -> Array:
     """Second derivatives by central differences, shape (k, k)."""
     k = x.size
     H = np.zeros((k, k))
@@ -92,6 +94,6 @@ def _second(f: object, x: Array, step: float = 1e-3) -> Array:
     for i in range(k):
         for j in range(i + 1):
             H[i, j] = H[j, i] = (
-                f(x + h[i] + h[j]) - f(x + h[i] - h[j]) - f(x - h[i] + h[j]) + f(x - h[i] - h[j])  # type: ignore[operator]
+                f(x + h[i] + h[j]) - f(x + h[i] - h[j]) - f(x - h[i] + h[j]) + f(x - h[i] - h[j])
             ) / (4.0 * step**2)
     return H

@@ -51,8 +51,8 @@ class Sinusoid(Effect):
     def values(self) -> tuple[float, ...]:
         """Its coefficients."""
         return (
-            float(self.amplitude * np.cos(float(self.phase))),
-            float(self.amplitude * np.sin(float(self.phase))),
+            float(self.amplitude) * float(np.cos(float(self.phase))),
+            float(self.amplitude) * float(np.sin(float(self.phase))),
         )
 
     def solved(self, values: Sequence[float]) -> Self:
@@ -152,8 +152,8 @@ class Resonance(Effect):
         n, found = series.n, []
         for damping in WIDTHS:
             centre = np.exp(np.arange(np.log(12.0 / damping**0.5), np.log(0.97 * n), damping))
-            lo = np.maximum(np.floor(centre * (1.0 - damping)), 1).astype(np.int64)
-            hi = np.minimum(np.ceil(centre * (1.0 + damping)), n).astype(np.int64)
+            lo = np.clip(np.floor(centre * (1.0 - damping)), 1, n).astype(np.int64)
+            hi = np.clip(np.ceil(centre * (1.0 + damping)), 1, n).astype(np.int64)
             m = hi - lo
             if not m.size:
                 continue

@@ -63,7 +63,7 @@ class Series:
     @cached_property
     def omega(self) -> Array:
         """Angular frequencies of the ordinates [rad per sample], shape (n,)."""
-        return np.arange(self.n) * (np.pi / self.n)
+        return np.asarray(np.arange(self.n) * (np.pi / self.n), dtype=np.float64)
 
     @cached_property
     def X(self) -> Array:
@@ -82,7 +82,8 @@ class Series:
     def fast(self) -> Array:
         """The white series without its lowest twentieth of frequencies, of unit variance, shape (n,)."""
         low = self.n // 20
-        return self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X)) / np.sqrt(1.0 - low / self.n)
+        quick = self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X))
+        return np.asarray(quick / np.sqrt(1.0 - low / self.n))
 
     @staticmethod
     def in_time(X: Array) -> Array:
@@ -147,3 +148,58 @@ def middle95(at: Array, w: Array) -> tuple[float, float]:
     share = np.cumsum(p) / p.sum()
     lo, hi = np.searchsorted(share, [0.025, 0.975])
     return float(at[lo]), float(at[min(hi, at.size - 1)])
+
+
+@dataclass(frozen=True)
+class Raw:
+    """A channel as it was logged, before any model.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Time stamps [s] as they are, samples [SI].
+    believed : float
+        Deviation of the white part of a sample that the model believes [SI].
+    """
+
+    t: Array
+    y: Array
+    believed: float
+
+    @property
+    def n(self) -> int:
+        """Samples."""
+        return int(self.y.size)
+
+    @cached_property
+    def dt(self) -> float:
+        """The usual step of time [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    @cached_property
+    def noise(self) -> float:
+        """Deviation of a sample's white part [SI], from differences between neighbours that are not equal."""
+        steps = np.diff(self.y)
+        moved = steps[steps != 0.0]
+        middle = float(np.median(np.abs(moved))) if moved.size else 0.0
+        return 1.4826 * middle / float(np.sqrt(2.0))
+
+    @cached_property
+    def lattice(self) -> float:
+        """Distance of neighbouring values [SI], zero where they lie on no lattice."""
+        values = np.unique(self.y[:50_000])
+        if values.size < 2 or values.size > 0.5 * min(self.n, 50_000):
+            return 0.0
+        steps = np.diff(values)
+        step = float(steps.min())
+        off = np.abs(steps / step - np.round(steps / step))
+        return step if float(np.mean(off < 0.05)) > 0.95 else 0.0
+
+
+@dataclass(frozen=True)
+class Spotted:
+    """A fault: the effect, how many samples show it, whether a fit would be meaningless."""
+
+    effect: Effect
+    samples: float
+    spoils: bool = False

@@ -24,12 +24,14 @@ from kfgen.effects.series import DECADES, Series, Sought
 
 Array = NDArray[np.float64]
 
-CELLS = 4096
+CELLS = 2048
 """Means into which a record is gathered."""
 PROMISING = 4.0
 """Nats that a slow wandering must be worth before levels are looked for."""
 SEVERAL = 8.0
 """Jumps that a record holds on average at least: a single one is a step."""
+UNEVEN = 1.15
+"""Ratio of the largest to the smallest noise amplitude in the band of the cells beyond which they are not white."""
 SLOW = 0.5
 """Share of the density that is not white above which the record wanders by itself."""
 
@@ -68,9 +70,10 @@ class RandomTelegraph(Effect):
         """The hidden Markov chain that explains the means of short cells best."""
         from scipy.optimize import minimize
 
-        if float(np.max(series.slow)) > SLOW:
-            return []
         cells = Cells.of(series)
+        band = series.weight[1 : cells.mean.size + 1]
+        if float(np.max(series.slow)) > SLOW or float(band.max()) > UNEVEN * float(band.min()):
+            return []
         starts = cells.starts()
         best = None
         for start in starts:
@@ -122,7 +125,8 @@ class Cells:
         block = max(1, -(-series.n // CELLS))
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
-        return Cells(mean - mean.mean(), series.sd / float(np.sqrt(block)), block, series.dt * block)
+        level = 1.0 / float(np.mean(series.weight[1 : m + 1]))
+        return Cells(mean - mean.mean(), level / float(np.sqrt(block)), block, series.dt * block)
 
     def starts(self) -> list[Array]:
         """Size, dwell (logarithms) and middle from where the means stand, smoothed over several widths."""

@@ -19,6 +19,9 @@ from kfgen.errors import InputError
 TARGET = "c"
 TITLE = "C99 header in single precision, with a self-test"
 
+WHOLE = "12582912.0f"
+"""``1.5 2^23``: added and taken away, it rounds to the nearest whole number."""
+
 _STRUCT = ("x", "P", "k", "innovation", "variance")
 
 
@@ -45,6 +48,18 @@ class CPrinter(Printer):
     def root(self, argument: str) -> str:
         """By a macro that firmware can replace."""
         return f"KF_SQRT({argument})"
+
+    def magnitude(self, argument: str) -> str:
+        """By a comparison."""
+        return f"(({argument} < 0.0f) ? (-{argument}) : {argument})"
+
+    def signum(self, argument: str) -> str:
+        """By two comparisons."""
+        return f"(float)(({argument} > 0.0f) - ({argument} < 0.0f))"
+
+    def rounded(self, argument: str) -> str:
+        """By a number so large that no digit is left behind the point."""
+        return f"(({argument} + {WHOLE}) - {WHOLE})"
 
     def let(self, name: str, value: str) -> str:
         """A constant local."""

@@ -27,6 +27,18 @@ class PythonPrinter(Printer):
         """From the standard library."""
         return f"sqrt({argument})"
 
+    def magnitude(self, argument: str) -> str:
+        """Built in."""
+        return f"abs({argument})"
+
+    def signum(self, argument: str) -> str:
+        """By two comparisons."""
+        return f"(float({argument} > 0.0) - float({argument} < 0.0))"
+
+    def rounded(self, argument: str) -> str:
+        """Built in."""
+        return f"float(round({argument}))"
+
     def let(self, name: str, value: str) -> str:
         """A local."""
         return f"{name} = {value}"

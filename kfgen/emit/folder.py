@@ -14,11 +14,14 @@ from kfgen.discretise import DiscreteModel
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
 from kfgen.errors import InputError
+from kfgen.model.equations import Equations
+from kfgen.model.file import model_text
 from kfgen.model.library import build
 from kfgen.noise import NoiseModel, noise_text, read_noise
 
 MANIFEST = "kfgen.json"
 NOISE = "noise.toml"
+MODEL = "model.toml"
 FORMAT = "kfgen-manifest-1"
 
 
@@ -49,6 +52,9 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
     if noise is not None:
         files[NOISE] = noise_text(noise)
     discrete = program.discrete
+    motion = discrete.model.motion
+    if isinstance(motion, Equations):
+        files[MODEL] = model_text(motion.user)
     manifest = {
         "format": FORMAT,
         "kfgen": kfgen.__version__,
@@ -138,7 +144,7 @@ def read_folder(folder: str | Path) -> Emitted:
     noise = read_noise(folder / NOISE) if manifest.get("noise") else None
     try:
         discrete = DiscreteModel(
-            build(str(manifest["model"]), noise),
+            build(str(folder / MODEL if MODEL in manifest["files"] else manifest["model"]), noise),
             order=int(str(manifest["order"])),
             max_step=float(str(manifest["max_step"])),
             rate=float(str(manifest["rate"])),

@@ -37,7 +37,7 @@ class Bin:
 
 @dataclass(frozen=True)
 class Una:
-    """``neg`` or ``sqrt`` of one operand."""
+    """``neg``, ``sqrt``, ``abs``, ``sign`` (-1, 0, 1) or ``rint`` (to the nearest whole number) of one operand."""
 
     op: str
     a: Expr
@@ -129,7 +129,7 @@ class Routine:
 
     @property
     def operations(self) -> int:
-        """Number of ``+ - * /`` and square roots, all branches counted."""
+        """Number of ``+ - * /``, square roots and the like, all branches counted."""
         return sum(_count(e) for e in _expressions(self.body))
 
 
@@ -148,7 +148,7 @@ def _count(e: Expr) -> int:
     if isinstance(e, Bin):
         return 1 + _count(e.a) + _count(e.b)
     if isinstance(e, Una):
-        return (e.op == "sqrt") + _count(e.a)
+        return (e.op != "neg") + _count(e.a)
     return 0
 
 

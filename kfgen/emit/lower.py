@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
+from typing import Any
 
 import sympy as sp
 
+from kfgen.emit import functions
 from kfgen.emit.ir import Bin, Expr, Let, Num, Ref, Stmt, Una, add, mul, neg
 from kfgen.errors import InputError
 
+FUNCTIONS: dict[Any, Callable[[Expr, Callable[[Expr], Expr]], Expr]] = {
+    sp.sin: functions.sine,
+    sp.cos: functions.cosine,
+    sp.tan: functions.tangent,
+    sp.exp: functions.exponential,
+    sp.tanh: functions.hyperbolic_tangent,
+    sp.atan: functions.arctangent,
+    sp.Abs: lambda x, _: Una("abs", x),
+    sp.sign: lambda x, _: Una("sign", x),
+}
 LONGEST_POWER = 8
 ONE: Expr = Num(1.0)
 
@@ -29,6 +41,7 @@ class Lowering:
         self.places = dict(places)
         self.prefix = prefix
         self._next = 0
+        self._pending: list[Stmt] = []
 
     def fresh(self, stem: str = "t") -> str:
         """A new local name."""
@@ -52,7 +65,7 @@ class Lowering:
         body: list[Stmt] = []
         for symbol, value in shared:
             atom, statements = self.let(self.expression(value))
-            body += statements
+            body += [*self._made(), *statements]
             if isinstance(atom, Ref):
                 self.places[symbol.name] = atom
             else:
@@ -60,6 +73,7 @@ class Lowering:
                 body.append(Let(name, atom))
                 self.places[symbol.name] = Ref(name)
         values = [self.expression(e) for e in reduced]
+        body += self._made()
         for symbol, _ in shared:
             del self.places[symbol.name]
         return values, body
@@ -84,7 +98,24 @@ class Lowering:
             return self._product(e)
         if e.is_Pow:
             return self._power(e.base, e.exp)
-        raise InputError(f"the function {e.func} cannot be emitted")
+        if e.func in FUNCTIONS:
+            value = FUNCTIONS[e.func](self._local(self.expression(e.args[0])), self._local)
+            return self._local(value)
+        raise InputError(
+            f"the function {e.func} cannot be emitted",
+            remedy=f"Can be: + - * /, whole powers, sqrt, {', '.join(str(f) for f in FUNCTIONS)}",
+        )
+
+    def _local(self, value: Expr) -> Expr:
+        """A value as an atom; the statement that makes it comes before the next one of `many`."""
+        atom, statements = self.let(value, "u")
+        self._pending += statements
+        return atom
+
+    def _made(self) -> list[Stmt]:
+        """Statements of functions' values that are not yet in a body."""
+        made, self._pending = self._pending, []
+        return made
 
     def _product(self, e: sp.Mul) -> Expr:
         above, below = [], []

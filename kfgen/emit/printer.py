@@ -22,6 +22,18 @@ class Printer:
         """A square root."""
         raise NotImplementedError
 
+    def magnitude(self, argument: str) -> str:
+        """An absolute value."""
+        raise NotImplementedError
+
+    def signum(self, argument: str) -> str:
+        """-1, 0 or 1."""
+        raise NotImplementedError
+
+    def rounded(self, argument: str) -> str:
+        """The nearest whole number, halves to the even one."""
+        raise NotImplementedError
+
     def let(self, name: str, value: str) -> str:
         """A new local."""
         raise NotImplementedError
@@ -52,7 +64,10 @@ class Printer:
             return f"({self.expression(e.a)} {e.op} {self.expression(e.b)})"
         assert isinstance(e, Una)
         inner = self.expression(e.a)
-        return f"(-{inner})" if e.op == "neg" else self.root(inner)
+        if e.op == "neg":
+            return f"(-{inner})"
+        spelling = {"sqrt": self.root, "abs": self.magnitude, "sign": self.signum, "rint": self.rounded}
+        return spelling[e.op](inner)
 
     def condition(self, c: Compare) -> str:
         """A comparison."""

@@ -94,4 +94,10 @@ class Machine:
             return self._numbers[e.value]
         assert isinstance(e, Una)
         a = self._value(e.a, env)
-        return -a if e.op == "neg" else np.sqrt(a)
+        if e.op == "sqrt":
+            return np.sqrt(a)
+        if e.op == "rint":
+            return np.rint(a)
+        if e.op == "sign":
+            return self.real(int(a > 0) - int(a < 0))
+        return -a if e.op == "neg" or a < 0 else a

@@ -86,7 +86,9 @@ class Program:
         places = {name: Ref("x", i) for i, name in enumerate(self.discrete.nominal_names)}
         places |= {c.name: Ref("k", i) for i, c in enumerate(self.constants)}
         places |= {
-            c: Ref(i.name, k) for i in self.discrete.model.motion.inputs for k, c in enumerate(i.channels)
+            c: Ref(i.name) if i.scalar else Ref(i.name, k)
+            for i in self.discrete.model.motion.inputs
+            for k, c in enumerate(i.channels)
         }
         places |= {d: Ref(d) for d in self.discrete.model.drivers}
         return Lowering(places | {str(DT): Ref("dt")}, prefix)
@@ -109,11 +111,13 @@ class Program:
         return tuple(Argument(d, 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols)
 
     def _motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        triads = tuple(
-            Argument(i.name, len(i.channels), f"{i.title} [{i.unit}], body axes")
+        inputs = tuple(
+            Argument(i.name, 0, f"{i.title} [{i.unit}]")
+            if i.scalar
+            else Argument(i.name, len(i.channels), f"{i.title} [{i.unit}], body axes")
             for i in self.discrete.model.motion.inputs
         )
-        return (*triads, *self._drivers(used), Argument("dt", 0, "step [s]"))
+        return (*inputs, *self._drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
     def _transition(self) -> tuple[dict[int, dict[int, sp.Expr]], dict[tuple[int, int], sp.Expr]]:

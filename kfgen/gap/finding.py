@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.battery import Test
@@ -59,6 +62,8 @@ class ChannelGap:
         The battery under the believed and under the mended model.
     limits : tuple of (Effect, parameter, value)
         What would not have been seen.
+    white : ndarray, shape (n,)
+        What the mended model leaves, fast part: white and of unit variance.
     """
 
     channel: str
@@ -73,3 +78,4 @@ class ChannelGap:
     limits: tuple[tuple[Effect, str, float], ...]
     record: Record
     retuned: bool = False
+    white: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

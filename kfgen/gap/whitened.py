@@ -47,7 +47,7 @@ class Whitener:
             Whether the constant counts; else its weight is zero.
         """
         omega = np.arange(1, n) * (np.pi / n)
-        grid: Array = np.geomspace(omega[0], omega[-1], GRID) if n > 2 * GRID else omega
+        grid: Array = omega if n <= 2 * GRID else np.asarray(np.geomspace(omega[0], omega[-1], GRID))
         S = np.maximum(sampled_spectrum(effects, grid, dt), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.battery import Test, battery
 from kfgen.gap.evidence import Candidate, additions, series_of
+from kfgen.gap.faults import said_of, spoilt, spotted_in
 from kfgen.gap.finding import SET, ChannelGap, Finding
 from kfgen.gap.proof import held_out_gap
 from kfgen.gap.search import RETUNE, Chosen, Search, searched
@@ -22,14 +24,24 @@ from kfgen.noise import ChannelNoise, Term
 
 __all__ = ["SET", "ChannelGap", "Finding", "find_gap"]
 
+Array = NDArray[np.float64]
+
 DETECTABLE = 8.0
 """Nats that an effect must be worth on average to be named."""
 FINE = 200
 """Bins of the transform in a decade: a resonance may be narrow."""
 
 
-def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
+def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | None = None) -> ChannelGap:
     """Compare one channel with the noise model that is believed of it.
+
+    Parameters
+    ----------
+    channel : str
+    record : Record
+    noise : ChannelNoise
+    stamps : ndarray, optional
+        The time stamps as they were logged [s], where the record's are not.
 
     Raises
     ------
@@ -37,6 +49,9 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
         The record is too short, or the model has no effect.
     """
     check(channel, record, noise)
+    faults = spotted_in(record, noise, stamps)
+    if any(f.spoils for f in faults):
+        return spoilt(channel, record, noise, faults)
     whole = replace(record, block=max(1, record.y.size // LONG), per_decade=FINE)
     raw, trusted, random = taken_out(whole, noise)
     altering = tuple(t for t in random.terms if t.effect.alters)
@@ -54,6 +69,7 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
     if not findings and not retuned and any(t.significant for t in before):
         retuned = moved(first.fit, priors)
         terms = _terms(search, base, random, retuned, before)[1] if retuned else terms
+    findings = [*(said_of(f, record) for f in faults), *findings]
     clean = base.problem.record
     assert isinstance(clean, Record)
     mended = replace(noise, terms=(*merged(trusted, terms), *altering), covariance=None)
@@ -70,6 +86,7 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise) -> ChannelGap:
         tuple(m for m in _limits(base) if m[0].name not in {t.effect.name for t in trusted}),
         whole,
         retuned,
+        series_of(base).fast,
     )
 
 

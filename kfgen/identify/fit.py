@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.identify.record import Evidence, Likelihood
+from kfgen.identify.record import FASTEST, Evidence, Likelihood
 from kfgen.identify.whittle import Fitted, Key
 
 Array = NDArray[np.float64]
@@ -110,7 +110,10 @@ class Problem:
     def bounds(self) -> list[tuple[float, float]]:
         """The box of the free parameters."""
         kinds = [{p.name: p.kind for p in self.effects[i].parameters()}[name] for i, name in self.free]
-        return [self.record.box(kind, self.slowest.get(i, SLOWEST)) for kind, (i, _) in zip(kinds, self.free)]
+        return [
+            self.record.box(kind, *self.times.get(i, (SLOWEST, FASTEST)))
+            for kind, (i, _) in zip(kinds, self.free)
+        ]
 
     def start(self) -> Array:
         """Logarithms of the start values, inside the box."""

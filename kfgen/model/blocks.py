@@ -25,6 +25,8 @@ class Vector:
         In words.
     prior : float
         Deviation of the error before the first measurement [SI].
+    initial : tuple of float
+        The stored components before it [SI]; zeros where left out.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Vector:
     unit: str
     title: str
     prior: float
+    initial: tuple[float, ...] = ()
 
     @cached_property
     def nominal(self) -> sp.Matrix:
@@ -56,7 +59,7 @@ class Vector:
     @property
     def start(self) -> tuple[float, ...]:
         """The stored components before alignment."""
-        return (0.0,) * len(self.axes)
+        return self.initial or (0.0,) * len(self.axes)
 
     @property
     def value(self) -> sp.Matrix:

@@ -91,7 +91,7 @@ class FilterModel:
     @cached_property
     def _attachment(self) -> tuple[tuple[StateInfo, ...], tuple[Attached, ...]]:
         """The effects' states (after the blocks') and which effect has which."""
-        letters = {c: f"{i.bias}_{c[-1]}" for i in self.motion.inputs for c in i.channels}
+        letters = {c: f"{i.bias}_{c[-1]}" for i in self.motion.inputs for c in i.channels if not i.scalar}
         drive = {d: sp.Symbol(d, real=True) for d in self.drivers}
         attachment = Attachment(letters, drive, sum(len(b.error_names) for b in self.blocks))
         for channel, unit in self.channel_units.items():
@@ -198,7 +198,8 @@ class FilterModel:
     def _slope(self, vector: sp.Matrix, symbols: tuple[sp.Symbol, ...]) -> sp.Matrix:
         if not symbols or not vector.rows:
             return sp.zeros(vector.rows, len(symbols))
-        return vector.jacobian(sp.Matrix(symbols)).subs(self._at_zero).applyfunc(sp.expand)
+        jacobian = vector.jacobian(sp.Matrix(symbols)).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+        return jacobian.subs(self._at_zero).applyfunc(sp.expand)
 
     @cached_property
     def F(self) -> sp.Matrix:

@@ -101,12 +101,12 @@ LIBRARY: dict[str, Entry] = {
 
 
 def build(name: str, noise: NoiseModel | None = None) -> FilterModel:
-    """A library model with the effects of a noise model attached.
+    """A library model, or a model file, with the effects of a noise model attached.
 
     Parameters
     ----------
     name : str
-        A key of `LIBRARY`.
+        A key of `LIBRARY`, or the path of a model file (``.toml``).
     noise : NoiseModel, optional
         Without it, typical MEMS figures.
 
@@ -115,7 +115,14 @@ def build(name: str, noise: NoiseModel | None = None) -> FilterModel:
     InputError
         No such model, or a channel of another dimension.
     """
+    if name.endswith(".toml"):
+        from kfgen.model.equations import filter_model
+        from kfgen.model.user import read_model
+
+        return filter_model(read_model(name), canonical(noise) if noise else None)
     if name not in LIBRARY:
-        raise InputError(f"there is no model '{name}'", remedy=f"Known are {', '.join(LIBRARY)}")
+        raise InputError(
+            f"there is no model '{name}'", remedy=f"Known are {', '.join(LIBRARY)}, or a model file (.toml)"
+        )
     entry = LIBRARY[name]
     return entry.build(name, entry.title, canonical(noise) if noise else None)

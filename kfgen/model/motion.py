@@ -36,7 +36,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Input:
-    """A triad that drives the motion: its channels are ``name_x``, ``name_y``, ``name_z``.
+    """What drives the motion: a triad of channels ``name_x``, ``name_y``, ``name_z``, or one channel.
 
     Parameters
     ----------
@@ -50,6 +50,8 @@ class Input:
     left_out : float
         What the model leaves out, as a density [SI/sqrt(Hz)]: the filter adds it to the noise of the
         input, the simulation does not.
+    scalar : bool
+        One channel of the input's own name.
     """
 
     name: str
@@ -59,11 +61,12 @@ class Input:
     bias_prior: float
     N: float
     left_out: float = 0.0
+    scalar: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The three channel names."""
-        return tuple(f"{self.name}_{axis}" for axis in "xyz")
+        """The channel names."""
+        return (self.name,) if self.scalar else tuple(f"{self.name}_{axis}" for axis in "xyz")
 
 
 GYRO = Input("gyro", "rad/s", "angular rate", "bg", 0.02, 1.5e-4)

@@ -40,6 +40,7 @@ VERDICTS = {
     "no_gap": "model and record agree",
     "effects_found": "an effect is missing from the model, and it is named",
     "unknown_effect": "something is missing from the model that the catalogue does not explain",
+    "bad_data": "the samples are faulty, and a fit to them would mean nothing",
 }
 
 
@@ -228,7 +229,7 @@ def _spectrum(g: ChannelGap) -> str:
     ratios = []
     for effects in (g.believed, g.mended.effects):
         data = g.record.ordinates(effects)
-        theta = np.array([float(getattr(e, name)) for e in effects for name in e.coefficients()])
+        theta = np.array([v for e in effects if e.coefficients() for v in e.values])
         ratio = residual_ratio(data, effects, theta)
         groups = bands(data)
         f = np.array([np.sqrt(data.frequency[lo] * data.frequency[hi - 1]) for lo, hi in groups])
@@ -256,7 +257,7 @@ def _driven(g: ChannelGap, f: Finding) -> str:
 
 def gap_data(gaps: Mapping[str, ChannelGap]) -> dict[str, Any]:
     """The interface's JSON, over all channels."""
-    order = ("unknown_effect", "effects_found", "no_gap")
+    order = ("bad_data", "unknown_effect", "effects_found", "no_gap")
     verdict = next(v for v in order if any(g.verdict == v for g in gaps.values()))
     worst = max(gaps.values(), key=lambda g: g.gap.before)
     localised = [_test(g, t) for g in gaps.values() for t in g.before if t.significant]

@@ -1,0 +1,217 @@
+"""What is wrong with the samples or their times before any model: found by looking, never by likelihood.
+
+Each effect says how it is spotted in a `Raw` channel; one that spoils the samples makes a fit meaningless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.base import Effect, parameter
+from kfgen.effects.form import Form
+from kfgen.effects.series import Raw, Spotted
+
+Array = NDArray[np.float64]
+
+RARE = 1e-6
+"""Chance below which something is no chance."""
+ENDS = 0.004
+"""Share of the samples at one end of the range that is no chance."""
+JITTER = 0.02
+"""Of a period: root mean square of the steps' error that is said."""
+COARSE = 1.5
+"""Steps of the lattice in deviations of the noise beyond which a sample says little."""
+KNOWN = (
+    ("degrees for radians", 180.0 / np.pi),
+    ("g for m/s^2", 9.80665),
+    ("a thousand", 1e3),
+    ("a million", 1e6),
+    ("hours for seconds", 3600.0),
+)
+"""Factors between units that are taken for one another."""
+NEAR = 0.05
+"""Relative distance at which a factor is a known one."""
+
+
+@dataclass(frozen=True)
+class Fault(Effect):
+    """An effect of the rig, which a filter does not model."""
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """Nothing is added."""
+        return Form()
+
+
+@dataclass(frozen=True)
+class RepeatedSamples(Fault):
+    """A `share` of the samples repeats the one before."""
+
+    share: Any = parameter("", "ratio")
+
+    name: ClassVar[str] = "repeated_samples"
+    title: ClassVar[str] = "repeated samples"
+    saying: ClassVar[str] = "repeats the sample before in a share of {share}"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """More equal neighbours than the lattice of values and the noise explain."""
+        equal = float(np.mean(np.diff(raw.y) == 0.0))
+        chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
+        share = (equal - chance) / max(1.0 - chance, 1e-9)
+        least = 3.0 / raw.n + 5.0 * np.sqrt(chance / raw.n) + 0.25 * chance
+        if raw.lattice > COARSE * raw.noise or equal - chance < max(least, 0.005):
+            return None
+        return Spotted(cls(share), equal * raw.n, spoils=True)
+
+
+@dataclass(frozen=True)
+class DroppedSamples(Fault):
+    """A `share` of the samples is missing, and the time stamps say so."""
+
+    share: Any = parameter("", "ratio")
+
+    name: ClassVar[str] = "dropped_samples"
+    title: ClassVar[str] = "dropped samples"
+    saying: ClassVar[str] = "lacks a share of {share} of its samples"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """Steps of time of more than one and a half periods."""
+        steps = np.round(np.diff(raw.t) / raw.dt)
+        lost = float(np.sum(steps[steps > 1.0] - 1.0))
+        if lost < 1.0:
+            return None
+        return Spotted(cls(lost / (lost + raw.n)), lost, spoils=lost > 0.2 * (lost + raw.n))
+
+
+@dataclass(frozen=True)
+class TimestampJitter(Fault):
+    """Time stamps off by `sigma`, root mean square."""
+
+    sigma: Any = parameter("s", "size")
+
+    name: ClassVar[str] = "timestamp_jitter"
+    title: ClassVar[str] = "jitter of the time stamps"
+    saying: ClassVar[str] = "has time stamps that are off by {sigma}"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """Steps of time that differ by more than a few percent of a period."""
+        steps = np.diff(raw.t)
+        near = steps[np.abs(steps / raw.dt - np.round(steps / raw.dt)) < 0.5]
+        error = near / raw.dt - np.maximum(np.round(near / raw.dt), 1.0)
+        rms = float(np.sqrt(0.5 * np.mean(error**2)))
+        return Spotted(cls(rms * raw.dt), float(raw.n)) if rms > JITTER else None
+
+
+@dataclass(frozen=True)
+class Clipping(Fault):
+    """Samples beyond `limit` stand at it."""
+
+    limit: Any = parameter("U", "signed")
+
+    name: ClassVar[str] = "clipping"
+    title: ClassVar[str] = "clipping"
+    saying: ClassVar[str] = "is clipped at {limit}"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """The largest or smallest value, far too often."""
+        for end in (float(raw.y.max()), float(raw.y.min())):
+            share = float(np.mean(raw.y == end))
+            if share > ENDS and raw.lattice < 0.25 * raw.noise:
+                return Spotted(cls(end), share * raw.n, spoils=True)
+        return None
+
+
+@dataclass(frozen=True)
+class CoarseQuantisation(Fault):
+    """Values on a lattice of a `step` wider than the noise."""
+
+    step: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "coarse_quantisation"
+    title: ClassVar[str] = "coarse quantisation of the samples"
+    saying: ClassVar[str] = "has values {step} apart, wider than its noise"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """The lattice of values against the noise."""
+        if raw.lattice < COARSE * raw.noise:
+            return None
+        return Spotted(cls(raw.lattice), float(raw.n), spoils=True)
+
+
+@dataclass(frozen=True)
+class StuckBit(Fault):
+    """Bit `bit` of the converter never changes, though higher ones do."""
+
+    bit: Any = parameter("", "setting")
+
+    name: ClassVar[str] = "stuck_bit"
+    title: ClassVar[str] = "a stuck bit"
+    saying: ClassVar[str] = "has a converter whose bit {bit} never changes"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """Codes of which none has the bit, or all have, while the bit above changes."""
+        if raw.lattice <= 0.0:
+            return None
+        codes = np.round(raw.y / raw.lattice).astype(np.int64)
+        for bit in range(1, 16):
+            if codes.max() - codes.min() < 2 ** (bit + 1):
+                break
+            inside = codes[np.abs(raw.y - np.median(raw.y)) < 3.0 * float(np.std(raw.y))]
+            share, above = (float(np.mean((inside >> b) & 1)) for b in (bit, bit + 1))
+            if (share == 0.0 or share == 1.0) and 0.02 < above < 0.98:
+                return Spotted(cls(float(bit)), float(raw.n), spoils=True)
+        return None
+
+
+@dataclass(frozen=True)
+class DeadZone(Fault):
+    """Values closer to zero than `width` are zero."""
+
+    width: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "dead_zone"
+    title: ClassVar[str] = "a dead zone about zero"
+    saying: ClassVar[str] = "shows zero for anything below {width}"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """Far more zeros than values near them."""
+        zero = raw.y == 0.0
+        share = float(np.mean(zero))
+        away = np.abs(raw.y[~zero])
+        if share < 0.02 or away.size < 100 or raw.lattice > 0.25 * raw.noise:
+            return None
+        width = float(np.quantile(away, 0.001))
+        next_to = float(np.mean((away > width) & (away < 2.0 * width))) if width > 0.0 else 1.0
+        return Spotted(cls(width), share * raw.n, spoils=True) if share > 5.0 * next_to else None
+
+
+@dataclass(frozen=True)
+class UnitError(Fault):
+    """All values are too large by a `factor` between two units."""
+
+    factor: Any = parameter("", "size")
+
+    name: ClassVar[str] = "unit_error"
+    title: ClassVar[str] = "a wrong unit"
+    saying: ClassVar[str] = "is too large by a factor of {factor}: check the unit of the column"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """A noise that is larger or smaller than believed by just such a factor."""
+        ratio = raw.noise / raw.believed if raw.believed > 0.0 else 1.0
+        for _, known in KNOWN:
+            for factor in (known, 1.0 / known):
+                if abs(ratio / factor - 1.0) < NEAR:
+                    return Spotted(cls(factor), float(raw.n), spoils=True)
+        return None

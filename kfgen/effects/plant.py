@@ -1,0 +1,356 @@
+"""Effects in a plant: friction, drag, springs, what happens to an input, a slow sensor, a wrong parameter.
+
+They act inside the equations of a model file, not on a channel at rest: a term of a state's derivative
+(`StateTerm`), a change of an input's samples (`InputChange`), a change of what a sensor shows (`SensorChange`).
+
+References
+----------
+.. [1] B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation
+   methods for the control of machines with friction, Automatica 30(7), 1994.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.base import Effect, parameter
+from kfgen.effects.form import Form, State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlantEffect(Effect):
+    """An effect inside a plant; a channel at rest shows nothing of it.
+
+    Attributes
+    ----------
+    acts : str
+        On a ``state``'s equation, an ``input``, a ``channel`` or a ``parameter``; `U` of its parameters is
+        the unit of the state's derivative, of the input, of the channel, of the parameter.
+    """
+
+    acts: ClassVar[str] = ""
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """Nothing: a constant of zero."""
+        return Form(A=((0,),), W=((0,),), C=(0,), x0=(0,), states=(State("plant"),))
+
+
+@dataclass(frozen=True)
+class StateTerm(PlantEffect):
+    """A term of a state's equation.
+
+    Attributes
+    ----------
+    positional : bool
+        It needs the state whose derivative is the state that it acts on.
+    """
+
+    acts: ClassVar[str] = "state"
+    positional: ClassVar[bool] = False
+
+    def term(self, s: Any, p: Any) -> Any:
+        """What is added to the derivative of a state, in symbols.
+
+        Parameters
+        ----------
+        s : sympy expression
+            The state, a velocity for example.
+        p : sympy expression
+            Its integral, a position; only used where `positional`.
+        """
+        raise NotImplementedError
+
+    @property
+    def rate(self) -> Any:
+        """The fastest rate [1/s] that the term brings where it bends sharply; zero where it does not."""
+        return 0.0
+
+    @property
+    def width(self) -> Any:
+        """The range of the state over which it bends sharply; infinite where it does not."""
+        return math.inf
+
+
+@dataclass(frozen=True)
+class ViscousFriction(StateTerm):
+    """Friction proportional to speed: ``-c s``."""
+
+    coefficient: Any = parameter("1/s", "signed")
+
+    name: ClassVar[str] = "viscous_friction"
+    title: ClassVar[str] = "viscous friction"
+    saying: ClassVar[str] = "is slowed in proportion to its speed by {coefficient}"
+
+    def term(self, s: Any, p: Any) -> Any:
+        """``-c s``."""
+        return -self.coefficient * s
+
+
+@dataclass(frozen=True)
+class CoulombFriction(StateTerm):
+    """Dry friction of a constant level against the motion, smooth over a small speed `v0` [1]_."""
+
+    level: Any = parameter("U", "signed")
+    v0: Any = parameter("U*s", "setting", 1e-3)
+
+    name: ClassVar[str] = "coulomb_friction"
+    title: ClassVar[str] = "dry (Coulomb) friction"
+    saying: ClassVar[str] = "is slowed by dry friction of {level}"
+
+    def term(self, s: Any, p: Any) -> Any:
+        """``-level tanh(s / v0)``."""
+        import sympy as sp
+
+        return -self.level * sp.tanh(s / self.v0)
+
+    @property
+    def rate(self) -> Any:
+        """``level / v0``, at rest."""
+        return np.abs(self.level) / self.v0
+
+    @property
+    def width(self) -> Any:
+        """``v0``."""
+        return self.v0
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(StateTerm):
+    """Drag of a turbulent flow: ``-c s |s|``."""
+
+    coefficient: Any = parameter("1/(U*s^2)", "signed")
+
+    name: ClassVar[str] = "quadratic_drag"
+    title: ClassVar[str] = "quadratic drag"
+    saying: ClassVar[str] = "is slowed in proportion to its speed squared by {coefficient}"
+
+    def term(self, s: Any, p: Any) -> Any:
+        """``-c s |s|``."""
+        import sympy as sp
+
+        return -self.coefficient * s * sp.Abs(s)
+
+
+@dataclass(frozen=True)
+class ConstantInput(StateTerm):
+    """A constant force, torque or flow that the model does not know."""
+
+    value: Any = parameter("U", "signed")
+
+    name: ClassVar[str] = "constant_input"
+    title: ClassVar[str] = "constant unmodelled input"
+    saying: ClassVar[str] = "is driven by a constant {value}"
+
+    def term(self, s: Any, p: Any) -> Any:
+        """``value``."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Spring(StateTerm):
+    """A restoring force in proportion to the position: ``-k p``."""
+
+    coefficient: Any = parameter("1/s^2", "signed")
+
+    name: ClassVar[str] = "spring"
+    title: ClassVar[str] = "stiffness"
+    saying: ClassVar[str] = "is pulled back in proportion to its displacement by {coefficient}"
+    positional: ClassVar[bool] = True
+
+    def term(self, s: Any, p: Any) -> Any:
+        """``-k p``."""
+        return -self.coefficient * p
+
+
+@dataclass(frozen=True)
+class CubicSpring(StateTerm):
+    """A restoring force that hardens: ``-k p^3``."""
+
+    coefficient: Any = parameter("1/(U*U*s^6)", "signed")
+
+    name: ClassVar[str] = "cubic_spring"
+    title: ClassVar[str] = "hardening stiffness"
+    saying: ClassVar[str] = "is pulled back by the cube of its displacement by {coefficient}"
+    positional: ClassVar[bool] = True
+
+    def term(self, s: Any, p: Any) -> Any:
+        """``-k p^3``."""
+        return -self.coefficient * p**3
+
+
+@dataclass(frozen=True)
+class InputChange(PlantEffect):
+    """A change of an input between the log and the plant: of its samples, then a lag, then a delay."""
+
+    acts: ClassVar[str] = "input"
+
+    def samples(self, u: Array) -> Array:
+        """The samples as they act, shape (n, batch); the same where only their timing changes."""
+        return u
+
+    @property
+    def lag(self) -> Any:
+        """Time constant of a first-order lag [s]; zero for none."""
+        return 0.0
+
+    @property
+    def late(self) -> Any:
+        """Delay [s]."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class InputDelay(InputChange):
+    """The input acts later than the log says."""
+
+    delay: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "input_delay"
+    title: ClassVar[str] = "delay of an input"
+    saying: ClassVar[str] = "acts late by {delay}"
+
+    @property
+    def late(self) -> Any:
+        """The delay [s]."""
+        return self.delay
+
+
+@dataclass(frozen=True)
+class InputLag(InputChange):
+    """An actuator that follows with a first-order lag."""
+
+    tau: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "input_lag"
+    title: ClassVar[str] = "lag of an actuator"
+    saying: ClassVar[str] = "acts through a lag of {tau}"
+
+    @property
+    def lag(self) -> Any:
+        """The time constant [s]."""
+        return self.tau
+
+
+@dataclass(frozen=True)
+class InputNonlinearity(InputChange):
+    """An actuator that is not linear: ``u + k2 u^2 + k3 u^3``."""
+
+    k2: Any = parameter("1/(U)", "signed")
+    k3: Any = parameter("1/(U)^2", "signed")
+
+    name: ClassVar[str] = "input_nonlinearity"
+    title: ClassVar[str] = "nonlinear actuator"
+    saying: ClassVar[str] = "acts with a square of {k2} and a cube of {k3}"
+
+    def samples(self, u: Array) -> Array:
+        """``u + k2 u^2 + k3 u^3``."""
+        return np.asarray(u + self.k2 * u**2 + self.k3 * u**3)
+
+
+@dataclass(frozen=True)
+class Saturation(InputChange):
+    """An actuator that gives no more than its limit."""
+
+    limit: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "saturation"
+    title: ClassVar[str] = "saturation of an actuator"
+    saying: ClassVar[str] = "acts no stronger than {limit}"
+
+    def samples(self, u: Array) -> Array:
+        """Clipped to the limit of either sign."""
+        return np.clip(u, -self.limit, self.limit)
+
+
+@dataclass(frozen=True)
+class SensorChange(PlantEffect):
+    """A change between what the plant does and what a channel shows."""
+
+    acts: ClassVar[str] = "channel"
+
+    def shown(self, t: Array, h: Array) -> Array:
+        """What the channel shows of the true values `h` at times `t` [s], shape (n, batch)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class SensorLag(SensorChange):
+    """A sensor that follows with a first-order lag; before the record the motion went on as it begins."""
+
+    tau: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "sensor_lag"
+    title: ClassVar[str] = "lag of a sensor"
+    saying: ClassVar[str] = "lags behind by {tau}"
+
+    def shown(self, t: Array, h: Array) -> Array:
+        """Exact for a value that is linear between the samples."""
+        slope = np.diff(h[:3], axis=0) / np.diff(t[:3])[:, None]
+        first = 1.5 * slope[0] - 0.5 * slope[-1] if len(slope) else np.zeros(h.shape[1])
+        return lagged(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
+
+
+@dataclass(frozen=True)
+class Backlash(SensorChange):
+    """Play between the plant and its sensor: the channel follows once the play is taken up."""
+
+    width: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "backlash"
+    title: ClassVar[str] = "backlash"
+    saying: ClassVar[str] = "has a backlash of {width}"
+
+    def shown(self, t: Array, h: Array) -> Array:
+        """The play operator, from the middle of the play."""
+        half = np.asarray(self.width) / 2.0
+        out = np.empty(np.broadcast_shapes(h.shape, (1, half.size)))
+        now = np.broadcast_to(h[0], out.shape[1:])
+        for k in range(h.shape[0]):
+            now = np.minimum(np.maximum(now, h[k] - half), h[k] + half)
+            out[k] = now
+        return out
+
+
+@dataclass(frozen=True)
+class ParameterError(PlantEffect):
+    """A parameter of the model file that is off by `value`; JSON calls it by the parameter's own name."""
+
+    value: Any = parameter("U", "signed")
+
+    name: ClassVar[str] = "parameter_error"
+    title: ClassVar[str] = "a wrong parameter"
+    saying: ClassVar[str] = "is off by {value}"
+    acts: ClassVar[str] = "parameter"
+
+
+def lagged(t: Array, h: Array, tau: Any, start: Array) -> Array:
+    """Values behind a first-order lag, shape (n, batch), exact for values linear between the samples.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times [s].
+    h : ndarray, shape (n, batch)
+    tau : float or ndarray, shape (batch,)
+        Time constant [s]; positive.
+    start : ndarray, shape (batch,)
+        The first value.
+    """
+    tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
+    dt = np.diff(t)[:, None]
+    slope = np.diff(h, axis=0) / dt
+    stay = np.exp(-dt / tau)
+    out = np.empty((h.shape[0], max(h.shape[1], tau.size)))
+    out[0] = start
+    behind = tau * slope
+    for k in range(dt.size):
+        out[k + 1] = h[k + 1] - behind[k] + stay[k] * (out[k] - h[k] + behind[k])
+    return out

@@ -1,0 +1,122 @@
+"""Where the effects of a plant can act, and from which values a fit of them should start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import catalogue
+from kfgen.effects.plant import (
+    Backlash,
+    CoulombFriction,
+    InputDelay,
+    InputLag,
+    InputNonlinearity,
+    ParameterError,
+    PlantEffect,
+    Saturation,
+    SensorLag,
+    StateTerm,
+)
+from kfgen.gap.scene import Placed
+from kfgen.model.expression import symbol
+from kfgen.model.user import UserModel
+
+Array = NDArray[np.float64]
+
+SMOOTH = 0.005
+"""Share of a speed's rms over which dry friction is smooth."""
+TIMES = (1.0, 4.0, 16.0)
+"""Start values of lags and delays, in sampling periods."""
+LONGEST = 0.05
+"""The longest of them, in records."""
+LIMITS = (0.9, 0.6, 0.3)
+"""Start values of a saturation, in largest inputs."""
+PLAYS = (0.02, 0.1, 0.3)
+"""Start values of a backlash, in rms of the channel."""
+
+
+def additions(
+    model: UserModel,
+    inputs: Mapping[str, Array],
+    speeds: Mapping[str, float],
+    seen: Mapping[str, float],
+    times: tuple[float, float],
+    placed: Sequence[Placed],
+) -> list[list[Placed]]:
+    """The start values of every effect at every place, without those that are there already.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+    speeds : mapping of str to float
+        Rms of each state [SI].
+    seen : mapping of str to float
+        Rms of each channel about its mean [SI].
+    times : (float, float)
+        Sampling period and length of the record [s].
+    """
+    late = _late(times)
+    found: list[list[tuple[str, PlantEffect]]] = []
+    for name in moving(model):
+        found += [[(name, e)] for e in _terms(model, name, speeds[name])]
+    for name, u in inputs.items():
+        found += [[(name, e) for e in starts] for starts in _changes(name, u, late)]
+    for name, size in seen.items():
+        found.append([(name, SensorLag(t)) for t in late])
+        if size > 0.0:
+            found.append([(name, Backlash(share * size)) for share in PLAYS])
+    found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]
+    known = {(p.where, p.effect.name) for p in placed} | _present(model)
+    return [
+        [Placed(e, where) for where, e in starts]
+        for starts in found
+        if starts and (starts[0][0], starts[0][1].name) not in known
+    ]
+
+
+def moving(model: UserModel) -> list[str]:
+    """States on which forces act: those whose equation is neither another state nor a constant."""
+    states = {symbol(n) for n in model.states}
+    return [n for n, e in model.dynamics.items() if e.value not in states and e.value.free_symbols]
+
+
+def _present(model: UserModel) -> set[tuple[str, str]]:
+    """What the model has already and what does not add to itself."""
+    acting = {(a.where, a.effect.name) for a in model.dynamics_effects if not isinstance(a.effect, StateTerm)}
+    return acting | {(n, e.name) for n, m in model.measurements.items() for e in m.noise.effects}
+
+
+def _late(times: tuple[float, float]) -> list[float]:
+    dt, duration = times
+    return [k * dt for k in TIMES if k * dt <= LONGEST * duration] or [dt]
+
+
+def _terms(model: UserModel, name: str, speed: float) -> list[PlantEffect]:
+    """Every term that a state's equation may have."""
+    out: list[PlantEffect] = []
+    for cls in catalogue().values():
+        if not issubclass(cls, StateTerm) or (cls.positional and model.position_of(name) is None):
+            continue
+        zero = {p.name: 0.0 for p in cls.estimated()}
+        if issubclass(cls, CoulombFriction):
+            own = [a.effect for a in model.dynamics_effects if a.where == name and isinstance(a.effect, cls)]
+            v0 = own[0].v0 if own else SMOOTH * speed
+            if v0 > 0.0:
+                out.append(cls(**zero, v0=v0))
+        else:
+            out.append(cls(**zero))
+    return out
+
+
+def _changes(name: str, u: Array, late: Sequence[float]) -> list[list[PlantEffect]]:
+    """What may happen to an input; nothing to one that never changes."""
+    if not np.ptp(u) > 0.0:
+        return []
+    timing: list[list[PlantEffect]] = [[InputDelay(t) for t in late], [InputLag(t) for t in late]]
+    if name.startswith("ref_"):
+        return timing
+    largest = float(np.abs(u).max())
+    return [*timing, [InputNonlinearity(0.0, 0.0)], [Saturation(share * largest) for share in LIMITS]]

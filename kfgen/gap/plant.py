@@ -1,0 +1,345 @@
+"""`PlantScene`: a model file against a log of the plant.
+
+The plant is simulated over the record from unknown initial states; what is left of each channel is whitened by
+the channel's noise. A record that one simulation cannot follow, since the plant is unstable or chaotic or the
+model too far off, is cut into segments with initial states of their own (multiple shooting [1]_).
+
+References
+----------
+.. [1] H. G. Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.effects.plant import ParameterError, PlantEffect
+from kfgen.errors import InputError
+from kfgen.gap.places import additions
+from kfgen.gap.scene import Placed, Point, Unknown
+from kfgen.gap.shooting import Shooting, segments
+from kfgen.gap.whitened import Whitener
+from kfgen.log import Log
+from kfgen.model.equations import unknown_deviation
+from kfgen.model.plant import Batch, Plant, Run, stacked
+from kfgen.model.user import UserModel
+from kfgen.noise import Term
+from kfgen.units import parse_unit
+
+Array = NDArray[np.float64]
+
+FAR = 1e3
+"""Deviations of the data at which a simulation that diverges is held."""
+
+Kinds = tuple[tuple[str, type[PlantEffect]], ...]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
+
+    at: NDArray[np.intp]
+    values: Array
+    whitener: Whitener
+
+
+@dataclass(frozen=True)
+class PlantScene:
+    """See `kfgen.gap.scene.Scene`.
+
+    Parameters
+    ----------
+    model : UserModel
+    log : Log
+        With the model's inputs and at least one of its measurements.
+    recorded : mapping of str to Recorded
+        By channel.
+    starts : tuple of int
+        Samples at which segments start.
+    initial : ndarray, shape (segments, states)
+        Where they start, by a fit of the model as it is believed [SI].
+    hidden : tuple of bool, (states,)
+        Those that no channel shows: their prior is wide, but finite.
+    """
+
+    model: UserModel
+    log: Log
+    recorded: Mapping[str, Recorded]
+    starts: tuple[int, ...] = (0,)
+    initial: Array = field(default_factory=lambda: np.zeros((1, 0)))
+    hidden: tuple[bool, ...] = ()
+    _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
+    _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
+
+    @staticmethod
+    def of(model: UserModel, log: Log) -> PlantScene:
+        """The scene of a model and a log, segments and initial states found.
+
+        Raises
+        ------
+        InputError
+            An input is missing or not a number, no measurement is in the log, a unit does not fit, or a
+            measurement has no white noise.
+        """
+        for name, unit in model.inputs.items():
+            _check_unit(log, name, unit, model)
+            log.values(name)
+        recorded = {n: _recorded(model, log, n) for n in model.measurements if n in log.channels}
+        if not recorded:
+            raise InputError(
+                f"no measurement of {model.name} is in the log",
+                where=log.source,
+                remedy=f"It knows {', '.join(model.measurements)}; map others with --columns",
+            )
+        bare = PlantScene(model, log, recorded)
+        shooting = bare._shooting
+        starts, initial = segments(shooting)
+        return replace(bare, starts=starts, initial=initial, hidden=shooting.hidden(initial[0]))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The measurements that the log has."""
+        return tuple(self.recorded)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples of each."""
+        return tuple(r.values.size for r in self.recorded.values())
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]; the mean one of uneven times."""
+        return float((self.log.t[-1] - self.log.t[0]) / (self.log.n - 1))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        return float(self.log.t[0]), float(self.log.t[-1])
+
+    @cached_property
+    def inputs(self) -> dict[str, Array]:
+        """The model's inputs [SI], each of shape (n,)."""
+        return {n: self.log.values(n) for n in self.model.inputs}
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Initial states of every segment, then the parameters that are not trusted."""
+        out = []
+        for s, first in enumerate(self.starts):
+            for i, (name, state) in enumerate(self.model.states.items()):
+                known = s == 0 and np.isfinite(state.sd)
+                value = state.initial if known else float(self.initial[s, i])
+                unit = parse_unit(state.unit).si
+                unseen = unknown_deviation(unit, value) if self.hidden[i] else np.inf
+                label = f"{name} at {self.log.t[first]:.6g} s"
+                out.append(Unknown(label, unit, value, state.sd if known else unseen))
+        for name, p in self.model.parameters.items():
+            if p.sd > 0.0:
+                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd))
+        return tuple(out)
+
+    def unit(self, placed: Placed) -> str:
+        """The unit `U` of a placed effect's parameters."""
+        assert isinstance(placed.effect, PlantEffect)
+        return self.model.unit_at(placed.where, placed.effect)
+
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """Whitened measured less simulated values, shape (sum of lengths, points)."""
+        out = np.empty((sum(self.lengths), len(points)))
+        groups: dict[Kinds, list[int]] = {}
+        for j, point in enumerate(points):
+            groups.setdefault(_kinds(point.placed), []).append(j)
+        for members in groups.values():
+            run = self._run([points[j] for j in members])
+            out[:, members] = self._whitened(run)
+        return out
+
+    def simulated(self, point: Point) -> Run:
+        """The simulation at a point."""
+        return self._run([point])
+
+    def believed(self, placed: Sequence[Placed] = ()) -> Point:
+        """The point of these effects with the unknowns as they are believed."""
+        return Point(tuple(placed), np.array([u.value for u in self.unknowns]))
+
+    def _run(self, points: Sequence[Point]) -> Run:
+        own = self._own()
+        kinds = (*((w, type(e)) for w, e in own), *_kinds(points[0].placed))
+        plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
+        run = plant.simulate(
+            np.asarray(self.log.t),
+            self.inputs,
+            self._batch(own, points),
+            self.starts,
+            self._parts.get(kinds, 1),
+        )
+        self._parts[kinds] = run.substeps
+        return run
+
+    def _own(self) -> list[tuple[str, PlantEffect]]:
+        """The effects inside the plant that the model file has."""
+        found = [(a.where, a.effect) for a in self.model.dynamics_effects]
+        found += [(n, e) for n, m in self.model.measurements.items() for e in m.noise.effects]
+        return [(w, e) for w, e in found if isinstance(e, PlantEffect)]
+
+    def _batch(self, own: Sequence[tuple[str, PlantEffect]], points: Sequence[Point]) -> Batch:
+        """The points as columns."""
+        states, segs = len(self.model.states), len(self.starts)
+        values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
+        initial = values[: states * segs].reshape(segs, states, len(points))
+        fitted = dict(zip([u.name for u in self.unknowns[states * segs :]], values[states * segs :]))
+        parameters = {
+            n: np.array(fitted.get(n, np.full(len(points), p.value)))
+            for n, p in self.model.parameters.items()
+        }
+        effects = [(w, stacked([e] * len(points))) for w, e in own]
+        for column in zip(*(p.placed for p in points)):
+            kind = [p.effect for p in column]
+            where = column[0].where
+            if isinstance(kind[0], ParameterError):
+                parameters[where] = parameters[where] + np.array([float(e.value) for e in kind])
+            else:
+                effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
+        return Batch(parameters, tuple(effects), initial)
+
+    def _whitened(self, run: Run) -> Array:
+        parts = []
+        for name, recorded in self.recorded.items():
+            parts.append(recorded.whitener.ordinates(_left(recorded, run.channels[name])))
+        return np.concatenate(parts)
+
+    @property
+    def _shooting(self) -> Shooting:
+        """What the search for segments needs."""
+        own = tuple(self._own())
+        plant = Plant(self.model, [(w, type(e)) for w, e in own])
+        weights = {n: float(r.whitener.weight[-1]) for n, r in self.recorded.items()}
+        data = {n: (r.at, r.values) for n, r in self.recorded.items()}
+        return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every effect at every place where it makes sense, with start values from the believed motion."""
+        run = self.simulated(self.believed())
+        speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
+        seen = {n: _rms(r.values - r.values.mean()) for n, r in self.recorded.items()}
+        return additions(
+            self.model, self.inputs, speeds, seen, (self.dt, self.span[1] - self.span[0]), placed
+        )
+
+    def part(self, start: float, stop: float) -> PlantScene:
+        """The same model over the samples from `start` to `stop` [s], from unknown initial states."""
+        a, b = np.searchsorted(self.log.t, [start, stop], side="left")
+        last = int(b) + (1 if b < self.log.n and self.log.t[b] <= stop else 0)
+        if last - int(a) < 2:
+            raise InputError(f"there is no sample between {start:g} s and {stop:g} s", where=self.log.source)
+        model = self.model
+        if a > 0:
+            states = {n: replace(s, initial=0.0, sd=np.inf) for n, s in model.states.items()}
+            model = replace(model, states=states)
+        return PlantScene.of(model, self.log.cut(int(a), last))
+
+
+def _kinds(placed: Sequence[Placed]) -> Kinds:
+    """Where effects act and what they are; the order is theirs."""
+    return tuple((p.where, type(p.effect)) for p in placed if isinstance(p.effect, PlantEffect))
+
+
+def _rms(x: Array) -> float:
+    good = x[np.isfinite(x)]
+    return float(np.sqrt(np.mean(good**2))) if good.size else 0.0
+
+
+def _left(recorded: Recorded, simulated: Array) -> Array:
+    """Measured less simulated, shape (n, points), finite even where the simulation is not."""
+    far = FAR * max(float(np.ptp(recorded.values)), 1.0 / float(recorded.whitener.weight[-1]))
+    left = recorded.values[:, None] - simulated[recorded.at]
+    return np.clip(np.where(np.isfinite(left), left, far), -far, far)
+
+
+def _check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
+    given = log.channel(name).unit
+    if not parse_unit(given).same_dimension(parse_unit(unit)):
+        raise InputError(
+            f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
+            where=log.source,
+            remedy="Mend the unit in the header, or in the model file",
+        )
+
+
+def _recorded(model: UserModel, log: Log, name: str) -> Recorded:
+    """The samples of a channel, less the deterministic effects that are believed of it."""
+    measurement = model.measurements[name]
+    _check_unit(log, name, measurement.unit, model)
+    effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
+    if not any(e.form().V or e.form().Z for e in effects):
+        raise InputError(
+            f"the model of {name} has no white noise",
+            where=model.path,
+            remedy="Give it an effect white_noise",
+        )
+    values = np.asarray(log.channel(name).values)
+    at = np.flatnonzero(np.isfinite(values))
+    if at.size < 8:
+        raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
+    y = values[at] - _believed(effects, log, at)
+    dt = float((log.t[at[-1]] - log.t[at[0]]) / (at.size - 1))
+    return Recorded(at, y, Whitener.of(effects, at.size, dt, constant=True))
+
+
+def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
+    """What the deterministic effects of a channel give [SI], shape (n,)."""
+    t = np.asarray(log.t)[at] - log.t[0]
+    total = np.zeros(at.size)
+    for e in effects:
+        if e.coefficients():
+            drive = {e.driver: log.values(e.driver)[at]} if e.driver else None
+            total = total + e.mean(t, drive)
+    return total
+
+
+def mended(
+    model: UserModel, placed: Sequence[Placed], values: Mapping[str, float] | None = None
+) -> UserModel:
+    """The model with effects added and parameters as they were found.
+
+    Parameters
+    ----------
+    placed : sequence of Placed
+        A wrong parameter is corrected in its place; of an effect that the model has, coefficients add.
+    values : mapping of str to float, optional
+        Parameters that were fitted [SI].
+    """
+    from kfgen.model.user import Acting
+
+    parameters = {
+        n: replace(p, value=float((values or {}).get(n, p.value))) for n, p in model.parameters.items()
+    }
+    acting, measurements = list(model.dynamics_effects), dict(model.measurements)
+    for p in placed:
+        effect = p.effect
+        assert isinstance(effect, PlantEffect)
+        if isinstance(effect, ParameterError):
+            old = parameters[p.where]
+            parameters[p.where] = replace(old, value=old.value + float(effect.value))
+        elif effect.acts == "channel":
+            m = measurements[p.where]
+            measurements[p.where] = replace(m, noise=replace(m.noise, terms=(*m.noise.terms, Term(effect))))
+        else:
+            same = [k for k, a in enumerate(acting) if a.where == p.where and type(a.effect) is type(effect)]
+            if same:
+                acting[same[0]] = Acting(p.where, Term(_sum(acting[same[0]].effect, effect)))
+            else:
+                acting.append(Acting(p.where, Term(effect)))
+    return replace(model, parameters=parameters, measurements=measurements, dynamics_effects=tuple(acting))
+
+
+def _sum(a: Effect, b: Effect) -> Effect:
+    """Two effects of one kind: coefficients and delays add."""
+    names = [p.name for p in a.estimated()]
+    return replace(a, **{n: float(getattr(a, n)) + float(getattr(b, n)) for n in names})

@@ -1,0 +1,74 @@
+"""A channel of a log as an even record: holes drawn over, drivers that say nothing left out, both said."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import catalogue
+from kfgen.errors import InputError
+from kfgen.identify.record import Record
+from kfgen.log import Log
+
+Array = NDArray[np.float64]
+
+MOST_MISSING = 0.5
+"""Share of the samples that may be missing."""
+UNEVEN = 0.35
+"""Of a period: root mean square of the steps' error beyond which there is no period."""
+
+
+def drivers_of(log: Log) -> tuple[dict[str, Array], list[str]]:
+    """The drivers of effects that a log has, and what is to be said of those that it seems to have."""
+    names = dict.fromkeys(cls.driver for cls in catalogue().values() if cls.driver)
+    drive, said = {}, []
+    for name in (n for n in names if n in log.channels):
+        values = log.channel(name).values
+        good = np.isfinite(values)
+        if not good.any():
+            said.append(f"channel {name} holds no number: no effect of it is looked for")
+        elif not np.ptp(values[good]) > 0.0:
+            said.append(f"channel {name} never changes: no effect of it can be seen")
+        else:
+            drive[name] = np.interp(log.t, log.t[good], values[good])
+    return drive, said
+
+
+def regular(log: Log, name: str) -> tuple[Record, Array, list[str]]:
+    """A channel as an even record, its time stamps as they are, and what is to be said.
+
+    Raises
+    ------
+    InputError
+        Most samples are missing, or time is uneven.
+    """
+    y = log.channel(name).values
+    drive, said = drivers_of(log)
+    good = np.isfinite(y)
+    stamps = log.t[good]
+    if stamps.size < 3 or stamps.size < MOST_MISSING * y.size:
+        raise InputError(
+            f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
+            where=log.source,
+            remedy="Check the sensor and the column",
+        )
+    dt = float(np.median(np.diff(stamps)))
+    steps = np.maximum(np.round(np.diff(stamps) / dt), 1.0)
+    error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
+    count = int(steps.sum()) + 1
+    if error > UNEVEN or count > stamps.size / MOST_MISSING:
+        raise InputError(
+            f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples",
+            where=log.source,
+            remedy="Cut the log at its gaps, or resample it evenly",
+        )
+    place = np.concatenate([[0.0], np.cumsum(steps)])
+    if count == y.size and good.all():
+        return Record(log.t, y, drive), log.t, said
+    dt = float(np.polyfit(place, stamps, 1)[0])
+    even = np.arange(count)
+    t = stamps[0] + dt * even
+    filled = np.interp(even, place, y[good])
+    drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
+    said.append(f"{count - stamps.size} samples of {name} are missing; straight lines are drawn over them")
+    return Record(t, filled, drive), stamps, said
