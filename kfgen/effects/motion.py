@@ -1,0 +1,351 @@
+"""Effects of a sensor that moves: errors proportional to what it should have read, to forces, to rates.
+
+Each gives the addition to one axis of a triad from what moved (`Signals`). At rest there is nothing of them
+but a constant, so a record at rest never shows them. Entries of a matrix or a vector that stand at exactly
+zero are not there: `free` names those that a fit may change.
+
+References
+----------
+.. [1] P. G. Savage, Strapdown inertial navigation integration algorithm design, part 2, J. Guidance,
+   Control, and Dynamics 21(2), 1998, sec. on inertial component errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.base import Effect, Parameter, parameter
+from kfgen.effects.form import Form, State
+
+Array = NDArray[np.float64]
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What moved, as one triad should have felt it.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Even times [s].
+    y : ndarray, shape (n, 3)
+        What the triad should have read [U].
+    omega_b, f_b : ndarray, shape (n, 3), optional
+        Rate [rad/s] and specific force [m/s^2] in body axes.
+    R_bn : ndarray, shape (n, 3, 3), optional
+        Navigation to body axes.
+    down : float
+        Direction of gravity on the third navigation axis: 1 for north-east-down, -1 for east-north-up.
+    power : ndarray, shape (n, 3), optional
+        Running variance of the specific force [m^2/s^4].
+    """
+
+    t: Array
+    y: Array
+    omega_b: Array | None = None
+    f_b: Array | None = None
+    R_bn: Array | None = None
+    down: float = 1.0
+    power: Array | None = None
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
+
+    def body(self, v_n: tuple[float, ...]) -> Array:
+        """A vector of the navigation frame in body axes, shape (n, 3); zero where attitude is unknown."""
+        if self.R_bn is None:
+            return np.zeros_like(self.y)
+        return np.asarray(self.R_bn @ np.array(v_n, dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class Motion(Effect):
+    """An effect that only motion shows."""
+
+    sensors: ClassVar[tuple[str, ...]] = ("gyro", "accel")
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """Nothing: at rest it is a constant at most, and that is the bias."""
+        return Form(A=((0,),), W=((0,),), C=(0,), x0=(0,), states=(State("motion"),))
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """The addition [U] to one axis of the triad, shape (n,)."""
+        raise NotImplementedError
+
+    def sentence(self, channel: str, unit: str) -> str:
+        """The effect in words: the entries that are there, with their units."""
+        row = self.row(unit)
+        shown = {k: f"{v:.3g} {u}" for k, (v, u) in row.items()}
+        there = [p.name for p in free(self)] or [p.name for p in self.estimated()]
+        entries = ", ".join(f"{k} = {shown[k]}" for k in there)
+        return f"{channel} {self.saying.format(entries=entries, **shown)}"
+
+
+def free(effect: Effect) -> tuple[Parameter, ...]:
+    """The parameters that a fit may change: the estimated ones, but no entries at their default of zero."""
+    held = {
+        f.name
+        for f in fields(effect)
+        if f.default is not MISSING
+        and f.metadata["kind"] != "setting"
+        and getattr(effect, f.name) == f.default
+    }
+    fitted = (p for p in effect.estimated() if p.kind not in ("solved", "place"))
+    return tuple(p for p in fitted if p.name not in held)
+
+
+@dataclass(frozen=True)
+class ScaleFactor(Motion):
+    """``y = (1 + s) u``."""
+
+    coefficient: Any = parameter("%", "signed")
+
+    name: ClassVar[str] = "scale_factor"
+    title: ClassVar[str] = "scale factor error"
+    saying: ClassVar[str] = "reads {coefficient} too much of what it should"
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``s u``."""
+        return np.asarray(self.coefficient * signals.y[:, axis])
+
+
+@dataclass(frozen=True)
+class ScaleAsymmetry(Motion):
+    """``y = u + s |u|``: other scales for positive and negative."""
+
+    coefficient: Any = parameter("%", "signed")
+
+    name: ClassVar[str] = "scale_asymmetry"
+    title: ClassVar[str] = "scale factor differs by sign"
+    saying: ClassVar[str] = "has a scale that differs by {coefficient} to either side of the mean by sign"
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``s |u|``."""
+        return np.asarray(self.coefficient * np.abs(signals.y[:, axis]))
+
+
+@dataclass(frozen=True)
+class Nonlinearity(Motion):
+    """``y = u + k2 u^2 + k3 u^3``."""
+
+    k2: Any = parameter("1/(U)", "signed", 0.0)
+    k3: Any = parameter("1/(U)^2", "signed", 0.0)
+
+    name: ClassVar[str] = "nonlinearity"
+    title: ClassVar[str] = "nonlinear scale"
+    saying: ClassVar[str] = "is nonlinear: {entries}"
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``k2 u^2 + k3 u^3``."""
+        u = signals.y[:, axis]
+        return np.asarray(self.k2 * u**2 + self.k3 * u**3)
+
+
+@dataclass(frozen=True)
+class Misalignment(Motion):
+    """``y_i = u_i + sum_j m_ij u_j``: output axis i feels input axis j."""
+
+    xy: Any = parameter("mrad", "signed", 0.0)
+    xz: Any = parameter("mrad", "signed", 0.0)
+    yx: Any = parameter("mrad", "signed", 0.0)
+    yz: Any = parameter("mrad", "signed", 0.0)
+    zx: Any = parameter("mrad", "signed", 0.0)
+    zy: Any = parameter("mrad", "signed", 0.0)
+
+    name: ClassVar[str] = "misalignment"
+    title: ClassVar[str] = "misalignment of the axes"
+    saying: ClassVar[str] = "is misaligned (output axis, input axis): {entries}"
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``sum_j m_ij u_j``."""
+        return row_of(self, signals.y, axis)
+
+
+@dataclass(frozen=True)
+class GSensitivity(Motion):
+    """``y_i = u_i + sum_j g_ij f_j``: a rate sensor feels the specific force."""
+
+    xx: Any = parameter("U/g", "signed", 0.0)
+    xy: Any = parameter("U/g", "signed", 0.0)
+    xz: Any = parameter("U/g", "signed", 0.0)
+    yx: Any = parameter("U/g", "signed", 0.0)
+    yy: Any = parameter("U/g", "signed", 0.0)
+    yz: Any = parameter("U/g", "signed", 0.0)
+    zx: Any = parameter("U/g", "signed", 0.0)
+    zy: Any = parameter("U/g", "signed", 0.0)
+    zz: Any = parameter("U/g", "signed", 0.0)
+
+    name: ClassVar[str] = "g_sensitivity"
+    title: ClassVar[str] = "sensitivity to specific force"
+    saying: ClassVar[str] = "feels the specific force (output axis, input axis): {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("gyro",)
+    needs: ClassVar[tuple[str, ...]] = ("f_b",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``sum_j g_ij f_j``."""
+        return np.zeros(signals.t.size) if signals.f_b is None else row_of(self, signals.f_b, axis)
+
+
+@dataclass(frozen=True)
+class VibrationRectification(Motion):
+    """A bias proportional to the running variance of the specific force.
+
+    An accelerometer rectifies its own axis; any other sensor the sum of all.
+    """
+
+    coefficient: Any = parameter("U/g^2", "signed")
+    own: float = parameter("", "setting", 0.0)
+
+    name: ClassVar[str] = "vibration_rectification"
+    title: ClassVar[str] = "vibration is rectified into a bias"
+    saying: ClassVar[str] = "turns vibration into a bias of {coefficient}"
+    needs: ClassVar[tuple[str, ...]] = ("power",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``k s^2``."""
+        if signals.power is None:
+            return np.zeros(signals.t.size)
+        power = signals.power[:, axis] if self.own else signals.power.sum(axis=1)
+        return np.asarray(self.coefficient * power)
+
+
+@dataclass(frozen=True)
+class LeverArm(Motion):
+    """An accelerometer at `r` from where its specific force is known: ``omega x (omega x r) + alpha x r``."""
+
+    x: Any = parameter("m", "signed", 0.0)
+    y: Any = parameter("m", "signed", 0.0)
+    z: Any = parameter("m", "signed", 0.0)
+
+    name: ClassVar[str] = "lever_arm"
+    title: ClassVar[str] = "lever arm"
+    saying: ClassVar[str] = "sits off the point of reference by {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("accel",)
+    needs: ClassVar[tuple[str, ...]] = ("omega_b",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """The acceleration by rotation."""
+        w = signals.omega_b
+        if w is None:
+            return np.zeros(signals.t.size)
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        alpha = np.gradient(w, signals.dt, axis=0)
+        r = (self.x, self.y, self.z)
+        wr = w[:, j] * r[j] + w[:, k] * r[k]
+        turning = w[:, axis] * wr - (w[:, j] ** 2 + w[:, k] ** 2) * r[axis]
+        return np.asarray(turning + alpha[:, j] * r[k] - alpha[:, k] * r[j])
+
+
+@dataclass(frozen=True)
+class Lag(Motion):
+    """An effect through which the signals pass before others add to them."""
+
+    sensors: ClassVar[tuple[str, ...]] = ("gyro", "accel", "mag")
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """What becomes of signals along the first axis, shape (n, ...)."""
+        raise NotImplementedError
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """What it alone changes."""
+        u = signals.y[:, axis]
+        return np.asarray(self.passed(u, signals.dt) - u)
+
+
+@dataclass(frozen=True)
+class TimeDelay(Lag):
+    """The reading is that of an earlier time; a negative delay is one of the reference."""
+
+    delay: Any = parameter("s", "signed")
+
+    name: ClassVar[str] = "time_delay"
+    title: ClassVar[str] = "time delay"
+    saying: ClassVar[str] = "lags by {delay}"
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """Signals, shape (n, ...), as they were `delay` earlier, by a cubic spline; held at the ends."""
+        from scipy.interpolate import CubicSpline
+
+        if self.delay == 0.0:
+            return x
+        at = np.arange(x.shape[0], dtype=np.float64)
+        then = np.clip(at - float(self.delay) / dt, 0.0, at[-1])
+        return np.asarray(CubicSpline(at, x, axis=0)(then))
+
+
+@dataclass(frozen=True)
+class Bandwidth(Lag):
+    """The reading passes a low-pass of first order."""
+
+    corner: Any = parameter("Hz", "frequency")
+
+    name: ClassVar[str] = "bandwidth"
+    title: ClassVar[str] = "finite bandwidth"
+    saying: ClassVar[str] = "follows its input up to {corner} only"
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """Signals, shape (n, ...), through ``1 / (1 + i f / corner)``, as if mirrored before the first."""
+        from scipy.fft import irfft, next_fast_len, rfft
+
+        n = x.shape[0]
+        size = next_fast_len(2 * n, real=True)
+        mirrored = np.concatenate([x, x[::-1], np.broadcast_to(x[:1], (size - 2 * n, *x.shape[1:]))])
+        f = np.arange(size // 2 + 1) / (size * dt)
+        response = (1.0 / (1.0 + 1j * f / float(self.corner))).reshape(-1, *(1,) * (x.ndim - 1))
+        return np.asarray(irfft(rfft(mirrored, axis=0) * response, n=size, axis=0)[:n])
+
+
+@dataclass(frozen=True)
+class GravityError(Motion):
+    """Gravity is greater by `value` than the truth took it to be."""
+
+    value: Any = parameter("U", "signed")
+
+    name: ClassVar[str] = "gravity_error"
+    title: ClassVar[str] = "error of gravity"
+    saying: ClassVar[str] = "feels a gravity that is greater by {value}"
+    sensors: ClassVar[tuple[str, ...]] = ("accel",)
+    needs: ClassVar[tuple[str, ...]] = ("R_bn",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``-R_bn (0, 0, value)``, the third axis being down."""
+        return np.asarray(-self.value * signals.body((0.0, 0.0, signals.down))[:, axis])
+
+
+@dataclass(frozen=True)
+class EarthRate(Motion):
+    """The turning of the earth, which the truth left out; on the axes of the navigation frame."""
+
+    x: Any = parameter("U", "signed", 0.0)
+    y: Any = parameter("U", "signed", 0.0)
+    z: Any = parameter("U", "signed", 0.0)
+
+    name: ClassVar[str] = "earth_rate"
+    title: ClassVar[str] = "rotation of the earth"
+    saying: ClassVar[str] = "feels the rotation of the earth: {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("gyro",)
+    needs: ClassVar[tuple[str, ...]] = ("R_bn",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``R_bn omega_ie``."""
+        return np.asarray(signals.body((self.x, self.y, self.z))[:, axis])
+
+
+def row_of(effect: Motion, u: Array, axis: int) -> Array:
+    """One row of an effect's matrix (entries ``xx`` ... ``zz``) times a triad, shape (n,)."""
+    out = np.zeros(u.shape[0])
+    for j in range(3):
+        entry = getattr(effect, AXES[axis] + AXES[j], 0.0)
+        if entry:
+            out += entry * u[:, j]
+    return out

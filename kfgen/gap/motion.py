@@ -1,0 +1,287 @@
+"""The motion world: sensors that move, against what they should have read.
+
+Each channel of the noise model that has a truth in the log is compared with it. Delay and bandwidth act on the
+truth, every other effect adds to it; beside them stand a constant bias for each rate and force channel (no gap)
+and, under an attitude alone, the magnetic field in space. What is left is divided by the square root
+of the noise's density, to which the noise of the reference is added; where the reference has holes, and beyond
+its bandwidth, nothing is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay
+from kfgen.errors import InputError
+from kfgen.gap.offers import Bench, offers
+from kfgen.gap.scene import Placed, Point, Unknown
+from kfgen.gap.truth import Truth, held, place, truth_of
+from kfgen.gap.whitened import Whitener
+from kfgen.log import Log
+from kfgen.noise import NoiseModel
+from kfgen.units import STANDARD_GRAVITY, parse_unit
+
+Array = NDArray[np.float64]
+
+NOTICED = 3.0
+"""Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A channel against its truth.
+
+    Parameters
+    ----------
+    name, sensor, unit : str
+    axis : int
+    y : ndarray, shape (n,)
+        What was read [SI], zero where nothing was.
+    noise : tuple of Effect
+    keep : int
+        Ordinates that are compared, from the lowest frequency on.
+    """
+
+    name: str
+    sensor: str
+    unit: str
+    axis: int
+    y: Array
+    noise: tuple[Effect, ...]
+    keep: int
+
+
+@dataclass(frozen=True)
+class MotionScene:
+    """Moving sensors against their truth; see `kfgen.gap.scene.Scene`.
+
+    Parameters
+    ----------
+    truth : Truth
+    compared : tuple of Compared
+    good : ndarray of bool, shape (n,)
+        Where both the truth and every channel are there.
+    drive : mapping of str to ndarray
+        Recorded drivers, the temperature.
+    """
+
+    truth: Truth
+    compared: tuple[Compared, ...]
+    good: NDArray[np.bool_]
+    drive: Mapping[str, Array]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that are compared."""
+        return tuple(c.name for c in self.compared)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Ordinates of each channel."""
+        return tuple(c.keep for c in self.compared)
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return self.truth.dt
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        return float(self.truth.t[0]), float(self.truth.t[-1])
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The biases and the field in space, believed as least squares has them."""
+        found = []
+        for c in self.compared:
+            if c.sensor != "mag":
+                away = (c.y - self.truth.signals(c.sensor).y[:, c.axis])[self.good]
+                found.append(Unknown(f"bias of {c.name}", parse_unit(c.unit).si, float(away.mean()), np.inf))
+        field = self.believed_field()
+        if field is not None:
+            unit = next(parse_unit(c.unit).si for c in self.compared if c.sensor == "mag")
+            found += [Unknown(f"field along {a}_n", unit, float(m), np.inf) for a, m in zip("123", field)]
+        return tuple(found)
+
+    def believed_field(self, left_out: Array | None = None) -> Array | None:
+        """The field in space [T] by least squares, shape (3,), where it is unknown.
+
+        Parameters
+        ----------
+        left_out : ndarray, shape (n, 3), optional
+            What effects add to the readings.
+        """
+        axes = [c for c in self.compared if c.sensor == "mag"]
+        if not axes or "mag" in self.truth.read or self.truth.R_bn is None:
+            return None
+        J, b = np.zeros((3, 3)), np.zeros(3)
+        for c in axes:
+            rows = self.truth.R_bn[self.good, c.axis]
+            y = c.y if left_out is None else c.y - left_out[:, c.axis]
+            J += rows.T @ rows
+            b += rows.T @ y[self.good]
+        return np.asarray(np.linalg.lstsq(J, b, rcond=1e-9)[0])
+
+    @cached_property
+    def whiteners(self) -> tuple[Whitener, ...]:
+        """What divides each channel by the square root of its density."""
+        return tuple(self._whitener(c) for c in self.compared)
+
+    def _whitener(self, c: Compared) -> Whitener:
+        n, dt = self.truth.t.size, self.dt
+        white = Whitener.of(c.noise, n, dt, constant=True)
+        if c.sensor == "gyro" and "gyro" in self.truth.bandwidth:
+            reference = self.truth.floor.density(np.arange(n) / (2.0 * n * dt))
+        elif c.sensor not in self.truth.read:
+            field = self.believed_field()
+            reference = np.full(
+                n, float(np.sum((0.0 if field is None else field) ** 2)) * self.truth.angle**2
+            )
+        else:
+            reference = np.full(n, (STANDARD_GRAVITY * self.truth.angle) ** 2 * (c.sensor == "accel"))
+        with np.errstate(divide="ignore"):
+            S = np.where(white.weight > 0.0, white.weight**-2.0, np.inf) + reference
+        return Whitener(S**-0.5)
+
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """Whitened residuals, shape (sum of lengths, points)."""
+        out = np.empty((sum(self.lengths), len(points)))
+        for k, point in enumerate(points):
+            at = 0
+            for c, white, left in zip(self.compared, self.whiteners, self.left(point)):
+                out[at : at + c.keep, k] = white.ordinates(left)[: c.keep]
+                at += c.keep
+        return out
+
+    def left(self, point: Point) -> list[Array]:
+        """What is left of each channel in time [SI], each of shape (n,); zero where nothing is compared."""
+        biased = [c for c in self.compared if c.sensor != "mag"]
+        bias = {c.name: float(b) for c, b in zip(biased, point.unknowns)}
+        m_n = point.unknowns[len(biased) :]
+        felt = {s: self.truth.signals(s, m_n) for s in {c.sensor for c in self.compared}}
+        out = []
+        for c in self.compared:
+            predicted = self._predicted(c, felt[c.sensor], point.placed) + bias.get(c.name, 0.0)
+            out.append(np.where(self.good, c.y - predicted, 0.0))
+        return out
+
+    def _predicted(self, c: Compared, felt: Signals, placed: Sequence[Placed]) -> Array:
+        """What a channel should read under effects [SI], shape (n,)."""
+        here = [p.effect for p in placed if p.where in (c.name, c.sensor)]
+        felt = delayed(felt, here)
+        y = felt.y[:, c.axis].copy()
+        for effect in here:
+            if isinstance(effect, Motion):
+                y += 0.0 if isinstance(effect, Lag) else effect.output(felt, c.axis)
+            elif effect.coefficients():
+                y += effect.mean(self.truth.t - self.truth.t[0], self.drive)
+        return y
+
+    def moving(self, c: Compared) -> bool:
+        """Whether 5 % of what a channel should have read would be noticed."""
+        field = self.believed_field()
+        u = self.truth.signals(c.sensor, field).y[:, c.axis]
+        white = self.whiteners[self.compared.index(c)]
+        z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0))[1 : c.keep]
+        return bool(0.05 * np.linalg.norm(z) > NOTICED)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every addition that the log allows beside these, with typical sizes to start from."""
+        return offers(self.bench(placed), placed)
+
+    def bench(self, placed: Sequence[Placed]) -> Bench:
+        """What the candidates are chosen by."""
+        moved = tuple((c.name, c.sensor, c.axis) for c in self.compared if self.moving(c))
+        extra = np.zeros((self.truth.t.size, 3))
+        y = np.zeros((self.truth.t.size, 3))
+        spread = 0.0
+        for c in self.compared:
+            if c.sensor == "mag":
+                felt = self.truth.signals("mag", np.zeros(3))
+                alone = felt.y[:, c.axis]
+                extra[:, c.axis] = self._predicted(c, felt, placed) - alone
+                y[:, c.axis] = c.y - (alone if "mag" in self.truth.read else 0.0)
+                middle = self._whitener(c).weight[1 : c.keep]
+                spread = max(spread, float(1.0 / np.median(middle)))
+        field = self.believed_field(extra)
+        return Bench(self.truth, moved, self.good, y - extra, spread, field, self.drive)
+
+    def part(self, start: float, stop: float) -> MotionScene:
+        """The same world from `start` to `stop` [s]."""
+        i, j = np.searchsorted(self.truth.t, [start, stop], side="left")
+        if stop >= self.truth.t[-1]:
+            j = self.truth.t.size
+        if j - i < 16:
+            raise InputError("a part of the log is too short", remedy="Give a longer log")
+        share = (j - i) / self.truth.t.size
+        kept = tuple(
+            replace(c, y=c.y[i:j], keep=min(int(j - i), max(2, round(share * c.keep)))) for c in self.compared
+        )
+        drive = {k: v[i:j] for k, v in self.drive.items()}
+        return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive)
+
+
+def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
+    """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them."""
+    lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
+    lags += [e for e in effects if isinstance(e, Bandwidth)]
+    needed = {n for e in effects if isinstance(e, Motion) for n in e.needs}
+    for lag in lags:
+        moved: dict[str, Any] = {
+            name: lag.passed(value, felt.dt)
+            for name in ("y", *sorted(needed))
+            if (value := getattr(felt, name)) is not None
+        }
+        felt = replace(felt, **moved)
+    return felt
+
+
+def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
+    """The motion world of a log; none where there is no reference or nothing moves.
+
+    Raises
+    ------
+    InputError
+        Time is uneven, a reference has no numbers, or a channel's unit does not meet its noise's.
+    """
+    if not any(name.startswith("ref_") for name in log.channels):
+        return None
+    log = log.cut(*held(log))
+    truth = truth_of(log)
+    if truth is None:
+        return None
+    compared = tuple(c for name in noise.channels if (c := _compared(log, noise, truth, name)) is not None)
+    if not compared:
+        return None
+    good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
+    drive = {}
+    if "temperature" in log.channels and np.isfinite(log.channels["temperature"].values).all():
+        drive["temperature"] = log.channels["temperature"].values
+    scene = MotionScene(truth, compared, good, drive)
+    return scene if any(scene.moving(c) for c in compared) else None
+
+
+def _compared(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared | None:
+    sensor, axis = place(name)
+    if name not in log.channels or axis not in truth.axes.get(sensor, ()):
+        return None
+    channel, believed = log.channels[name], noise.channel(name)
+    if not parse_unit(channel.unit).same_dimension(parse_unit(believed.unit)):
+        raise InputError(
+            f"{name} is in {channel.unit}, its noise in {believed.unit}",
+            where=log.source,
+            remedy="Give the unit with --columns",
+        )
+    keep = log.n
+    if sensor in truth.bandwidth:
+        keep = min(keep, int(2.0 * log.n * truth.dt * truth.bandwidth[sensor]))
+    y = np.where(np.isfinite(channel.values), channel.values, 0.0)
+    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep)

@@ -1,0 +1,196 @@
+"""What could be missing in a world that moves: the candidates that a log allows, with typical sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, Look, effect_named
+from kfgen.effects.magnetic import HardIron, MagneticDisturbance, SoftIron
+from kfgen.effects.motion import (
+    AXES,
+    Bandwidth,
+    EarthRate,
+    GravityError,
+    GSensitivity,
+    LeverArm,
+    Misalignment,
+    Nonlinearity,
+    ScaleAsymmetry,
+    ScaleFactor,
+    TimeDelay,
+    VibrationRectification,
+    free,
+)
+from kfgen.gap.scene import Placed
+from kfgen.gap.spans import best_span
+from kfgen.gap.truth import Truth
+from kfgen.units import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+SMALL = 1e-3
+"""A typical size of a relative error, from which fits start."""
+EARTH = 7.292115e-5
+"""Rate of the earth [rad/s]."""
+IN_TIME = ("temperature", "rate_ramp", "warm_up")
+"""Effects without motion that compete: they are linear in a coefficient."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What candidates are chosen by.
+
+    Parameters
+    ----------
+    truth : Truth
+    moved : tuple of (channel, sensor, axis)
+        The channels whose truth varies.
+    good : ndarray of bool, shape (n,)
+    mag : ndarray, shape (n, 3)
+        Magnetometer readings less what effects explain [T].
+    spread : float
+        Deviation of a reading's noise [T].
+    field : ndarray, shape (3,), optional
+        The field in space, where an attitude alone is known.
+    drive : mapping of str to ndarray
+    """
+
+    truth: Truth
+    moved: tuple[tuple[str, str, int], ...]
+    good: NDArray[np.bool_]
+    mag: Array
+    spread: float
+    field: Array | None
+    drive: Mapping[str, Array]
+
+    def axes(self, sensor: str) -> list[int]:
+        """The axes of a sensor that moved."""
+        return [a for _, s, a in self.moved if s == sensor]
+
+    def size(self, sensor: str) -> float:
+        """Root mean square of what a triad should have read [U]."""
+        y = self.truth.signals(sensor, self.field).y
+        return float(np.sqrt(np.mean(y[self.good] ** 2))) or 1.0
+
+
+def offers(bench: Bench, placed: Sequence[Placed]) -> list[list[Placed]]:
+    """Every addition beside those placed, each with the points from which its fit starts."""
+    found: list[list[Placed]] = []
+    sensors = list(dict.fromkeys(s for _, s, _ in bench.moved))
+    for name, sensor, axis in bench.moved:
+        if sensor != "mag":
+            found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
+        found += _in_time(bench, name)
+    for sensor in sensors:
+        found += _lags(bench, sensor)
+    if "accel" in sensors:
+        found += _forces(bench)
+    if len(bench.axes("gyro")) == 3 and bench.truth.R_bn is not None:
+        found.append([Placed(EarthRate(EARTH, EARTH, EARTH), "gyro")])
+    if "mag" in sensors:
+        found += list(_magnetic(bench, placed))
+    return [one for one in found if not _there(one[0], placed)]
+
+
+def _there(new: Placed, placed: Sequence[Placed]) -> bool:
+    """Whether an effect is placed already: of its class, at its place or that of its triad, with its entries."""
+    names = {p.name for p in free(new.effect)}
+    for old in placed:
+        meets = old.where == new.where or old.where == new.where.rpartition("_")[0]
+        if type(old.effect) is type(new.effect) and meets:
+            searched = isinstance(new.effect, HardIron | MagneticDisturbance) and new.effect.duration > 0.0
+            if searched:
+                continue  # another span is another event
+            if names <= {p.name for p in free(old.effect)}:
+                return True
+    return False
+
+
+def _alone(bench: Bench, name: str, sensor: str) -> list[list[Placed]]:
+    """Effects of one channel by itself."""
+    u = bench.size(sensor)
+    effects: list[Effect] = [
+        ScaleFactor(SMALL),
+        ScaleAsymmetry(SMALL),
+        Nonlinearity(k2=SMALL / u),
+        Nonlinearity(k3=SMALL / u**2),
+    ]
+    if bench.truth.power is not None and np.ptp(bench.truth.power) > 0.0:
+        own = float(sensor == "accel")
+        effects.append(VibrationRectification(SMALL / STANDARD_GRAVITY**2 * u, own))
+    return [[Placed(e, name)] for e in effects]
+
+
+def _rows(bench: Bench, name: str, sensor: str, axis: int) -> list[list[Placed]]:
+    """Rows of matrices and their single entries."""
+    others = [AXES[axis] + AXES[j] for j in bench.axes(sensor) if j != axis]
+    found = [Placed(Misalignment(**{e: SMALL}), name) for e in others]
+    if len(others) == 2:
+        found.append(Placed(Misalignment(**dict.fromkeys(others, SMALL)), name))
+    if sensor == "gyro" and bench.truth.f_b is not None:
+        g = SMALL * bench.size(sensor) / STANDARD_GRAVITY
+        forced = [j for j in range(3) if np.ptp(bench.truth.f_b[bench.good, j]) > 0.0]
+        entries = [AXES[axis] + AXES[j] for j in forced]
+        found += [Placed(GSensitivity(**{e: g}), name) for e in entries]
+        if len(entries) > 1:
+            found.append(Placed(GSensitivity(**dict.fromkeys(entries, g)), name))
+    return [[p] for p in found]
+
+
+def _lags(bench: Bench, sensor: str) -> list[list[Placed]]:
+    """Delay and bandwidth of a triad, and of each of its channels."""
+    names = [c for c, s, _ in bench.moved if s == sensor]
+    places = names if len(names) == 1 else [sensor, *names]
+    dt = bench.truth.dt
+    corners = [0.2 / dt, 0.05 / dt, 0.01 / dt]
+    found = [[Placed(TimeDelay(0.1 * dt), where)] for where in places]
+    return found + [[Placed(Bandwidth(f), where) for f in corners] for where in places]
+
+
+def _forces(bench: Bench) -> list[list[Placed]]:
+    """Effects of an accelerometer as a whole."""
+    found = []
+    if bench.truth.omega_b is not None and np.ptp(bench.truth.omega_b[bench.good]) > 0.0:
+        found.append([Placed(LeverArm(SMALL, SMALL, SMALL), "accel")])
+    if bench.truth.R_bn is not None:
+        found.append([Placed(GravityError(SMALL * STANDARD_GRAVITY), "accel")])
+    return found
+
+
+def _magnetic(bench: Bench, placed: Sequence[Placed]) -> Iterator[list[Placed]]:
+    """Iron, always or for a while, and disturbances in space."""
+    h = SMALL * bench.size("mag")
+    axes = bench.axes("mag")
+    entries = {AXES[i]: h for i in axes}
+    yield [Placed(HardIron(**entries), "mag")]
+    known = "mag" in bench.truth.read
+    for i in axes:
+        row = [AXES[i] + AXES[j] for j in axes]
+        for e in row:
+            yield [Placed(SoftIron(**{e: SMALL}), "mag")]
+    full = [AXES[i] + AXES[j] for i in axes for j in axes]
+    if len(axes) > 1:
+        # Of an unknown field the whole size is unknown, so the scale of the last axis is its measure.
+        yield [Placed(SoftIron(**dict.fromkeys(full if known else full[:-1], SMALL)), "mag")]
+    if len(axes) < 3:
+        return
+    for cls, in_body in ((HardIron, True), (MagneticDisturbance, False)):
+        if cls is MagneticDisturbance and bench.truth.R_bn is None:
+            continue
+        span = best_span(bench.truth.t, bench.mag, bench.good, None if known else bench.truth.R_bn, in_body)
+        if span is not None:
+            yield [Placed(cls(**entries, time=span.start, duration=span.stop - span.start), "mag")]
+
+
+def _in_time(bench: Bench, name: str) -> list[list[Placed]]:
+    """Drifts that have nothing to do with motion."""
+    empty = np.zeros(0)
+    drive = {k: np.asarray(v.mean()) for k, v in bench.drive.items()}
+    t = bench.truth.t
+    look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), {k: float(v) for k, v in drive.items()})
+    found = [effect_named(n).starts(look) for n in IN_TIME]
+    return [[Placed(e, name) for e in starts] for starts in found if starts]

@@ -1,0 +1,162 @@
+"""When something was there: a field on a magnetometer, a vibration on an accelerometer.
+
+With blocks of samples and running sums, the least squares of the field in space ``m_n`` and of the vector
+``h`` are solved for every pair of a first and a last block at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ABOVE = 5.0
+"""How far the deviation of a vibration stands above that of the sensor's noise."""
+BLOCKS = 120
+"""Blocks of the first look; the edges are then found again inside theirs."""
+FINE = 24
+
+
+@dataclass(frozen=True)
+class Span:
+    """A span of time [s], the vector in it [U], and by how much the sum of squares falls [U^2]."""
+
+    start: float
+    stop: float
+    vector: tuple[float, float, float]
+    gain: float
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Running sums over blocks: samples, what multiplies the other unknown, and readings, from zero on."""
+
+    edges: NDArray[np.int64]
+    count: Array
+    cross: Array
+    read: Array
+
+
+def best_span(
+    t: Array, m_b: Array, good: NDArray[np.bool_], R_bn: Array | None, in_body: bool
+) -> Span | None:
+    """The span in which a constant vector, in body or in space axes, lowers the sum of squares most.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times [s].
+    m_b : ndarray, shape (n, 3)
+        Readings [U]; where `R_bn` is none, less their truth.
+    good : ndarray of bool, shape (n,)
+        Which count.
+    R_bn : ndarray, shape (n, 3, 3), optional
+        Navigation to body axes; the field in space is unknown beside the vector.
+    in_body : bool
+        Whether the vector turns with the body.
+    """
+    n = t.size
+    if n < 4 * BLOCKS:
+        return None
+    edges = np.unique(np.linspace(0, n, BLOCKS + 1).astype(np.int64))
+    found = _search(m_b, good, R_bn, in_body, edges, edges)
+    if found is None:
+        return None
+    width = n // BLOCKS + 1
+    near = [
+        np.unique(np.clip(np.linspace(e - width, e + width, FINE), 0, n).astype(np.int64)) for e in found[:2]
+    ]
+    found = _search(m_b, good, R_bn, in_body, near[0], near[1]) or found
+    start, stop, h, gain = found
+    last = float(t[stop]) if stop < n else float(t[-1] + (t[-1] - t[0]) / (n - 1))
+    return Span(float(t[start]), last, (float(h[0]), float(h[1]), float(h[2])), gain)
+
+
+def _search(
+    m_b: Array,
+    good: NDArray[np.bool_],
+    R_bn: Array | None,
+    in_body: bool,
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+) -> tuple[int, int, Array, float] | None:
+    """The best pair of edges, its vector and gain."""
+    sums = _sums(m_b, good, R_bn, in_body, np.unique(np.concatenate([[0], first, last, [len(m_b)]])))
+    at, to = np.searchsorted(sums.edges, first), np.searchsorted(sums.edges, last)
+    i, j = np.repeat(at, to.size), np.tile(to, at.size)
+    whole = (sums.edges[j] - sums.edges[i]) > 0.9 * len(m_b)
+    i, j = i[(j > i) & ~whole], j[(j > i) & ~whole]
+    if not i.size:
+        return None
+    L = sums.count[j] - sums.count[i]
+    C = sums.cross[j] - sums.cross[i]
+    b = sums.read[j] - sums.read[i]
+    J = L[:, None, None] * np.eye(3)
+    if R_bn is not None:
+        N = sums.count[-1]
+        J = J - np.swapaxes(C, 1, 2) @ C / N
+        b = b - np.einsum("kmi,m->ki", C, _turned(m_b, good, R_bn)) / N
+    weak = np.linalg.eigvalsh(J)[:, 0] < 1e-3 * np.maximum(L, 1.0)
+    J[weak] = np.eye(3)
+    h = np.linalg.solve(J, b[..., None])[..., 0]
+    gain = np.where(weak, 0.0, np.einsum("ki,ki->k", b, h))
+    k = int(np.argmax(gain))
+    return int(sums.edges[i[k]]), int(sums.edges[j[k]]), h[k], float(gain[k])
+
+
+def _turned(m_b: Array, good: NDArray[np.bool_], R_bn: Array) -> Array:
+    """Sum of the readings in space, shape (3,)."""
+    return np.asarray(np.einsum("nbi,nb->i", R_bn[good], m_b[good]))
+
+
+def _sums(
+    m_b: Array, good: NDArray[np.bool_], R_bn: Array | None, in_body: bool, edges: NDArray[np.int64]
+) -> _Sums:
+    """Running sums at edges: ``cross`` multiplies ``h`` (columns) against ``m_n`` (rows)."""
+    w = good.astype(np.float64)
+    if R_bn is None:
+        cross, read = np.zeros((len(m_b), 9)), m_b * w[:, None]
+    elif in_body:
+        cross = np.swapaxes(R_bn, 1, 2).reshape(-1, 9) * w[:, None]
+        read = m_b * w[:, None]
+    else:
+        cross = np.eye(3).ravel() * w[:, None]
+        read = np.einsum("nbi,nb->ni", R_bn, m_b) * w[:, None]
+    total = [np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])[edges] for x in (cross, read)]
+    count = np.concatenate([[0.0], np.cumsum(w)])[edges]
+    return _Sums(edges, count, total[0].reshape(-1, 3, 3), total[1])
+
+
+def vibrations(
+    t: Array, f_b: Array, noise: float, corner: float, window: float = 1.0
+) -> list[tuple[float, float]]:
+    """Spans of time [s] of vibration: the high-frequency power of a specific force stands above the noise.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Even times [s].
+    f_b : ndarray, shape (n, 3)
+        Specific force [m/s^2].
+    noise : float
+        Deviation [m/s^2] of the noise of all three axes together above `corner`.
+    corner : float
+        Frequency [Hz] above which there is no motion to speak of.
+    window : float
+        Length [s] over which power is averaged; shorter spans are left out, shorter pauses bridged.
+    """
+    from scipy.fft import dct, idct
+    from scipy.ndimage import binary_closing, label, uniform_filter1d
+
+    n, dt = t.size, float((t[-1] - t[0]) / (t.size - 1))
+    X = dct(f_b, type=2, axis=0, norm="ortho")
+    X[: int(2.0 * n * dt * corner)] = 0.0
+    size = max(3, round(window / dt))
+    power = uniform_filter1d((idct(X, type=2, axis=0, norm="ortho") ** 2).sum(axis=1), size)
+    loud = binary_closing(np.pad(power > (ABOVE * noise) ** 2, size), iterations=size // 2)[size:-size]
+    marked, count = label(loud)
+    spans = [np.flatnonzero(marked == k + 1) for k in range(count)]
+    return [(float(t[at[0]]), float(t[at[-1]])) for at in spans if at.size >= size]
