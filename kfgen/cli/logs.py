@@ -265,16 +265,29 @@ def gap(
     report: Report = None,
 ) -> None:
     """Where model and record disagree, the missing effect by name, the mended model, before and after."""
+    from kfgen.cli.worlds import is_model_file, motion_gap, plant_gap
     from kfgen.gap.cross import with_pairs
     from kfgen.gap.regular import regular
     from kfgen.gap.workflow import find_gap
     from kfgen.noise import write_noise
     from kfgen.report.gap import gap_answer, mended_model
+    from kfgen.whole import write_text
 
     not_over(output, log)
     data = read(log, rate, columns)
+    if is_model_file(model):
+        answer, text = plant_gap(model, data)
+        if output:
+            write_text(output, text)
+        return deliver(answer, json, report)
     believed = _believed(model, data)
     wanted = _names(channels) or list(believed.channels)
+    moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
+    if moving is not None:
+        answer, mended = moving
+        if output:
+            write_noise(mended, output)
+        return deliver(answer, json, report)
     said, gaps = [], {}
     for name in wanted:
         record, stamps, words = regular(data, name)
@@ -285,7 +298,7 @@ def gap(
     answer = replace(answer, warnings=(*said, *answer.warnings))
     if output:
         write_noise(mended_model(believed, gaps), output)
-    deliver(answer, json, report)
+    return deliver(answer, json, report)
 
 
 @app.command()

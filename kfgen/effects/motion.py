@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, Parameter, parameter
-from kfgen.effects.form import Form, State
+from kfgen.effects.form import Form
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class Motion(Effect):
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """Nothing: at rest it is a constant at most, and that is the bias."""
-        return Form(A=((0,),), W=((0,),), C=(0,), x0=(0,), states=(State("motion"),))
+        return Form()
 
     def output(self, signals: Signals, axis: int) -> Array:
         """The addition [U] to one axis of the triad, shape (n,)."""

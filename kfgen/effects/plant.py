@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, parameter
-from kfgen.effects.form import Form, State
+from kfgen.effects.form import Form
 
 Array = NDArray[np.float64]
 
@@ -39,8 +39,8 @@ class PlantEffect(Effect):
     acts: ClassVar[str] = ""
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
-        """Nothing: a constant of zero."""
-        return Form(A=((0,),), W=((0,),), C=(0,), x0=(0,), states=(State("plant"),))
+        """Nothing is added to a channel at rest."""
+        return Form()
 
 
 @dataclass(frozen=True)

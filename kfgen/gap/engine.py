@@ -254,4 +254,4 @@ def evidence(scene: Scene, fit: Fitted) -> float:
     scaled = H / np.sqrt(np.outer(floor, floor))
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
-    return value - 0.5 * float(np.log(floor).sum())
+    return float(value - 0.5 * np.log(floor).sum())

@@ -70,12 +70,15 @@ class MotionScene:
         Where both the truth and every channel are there.
     drive : mapping of str to ndarray
         Recorded drivers, the temperature.
+    own : tuple of Placed
+        What is believed of the channels beside their noise.
     """
 
     truth: Truth
     compared: tuple[Compared, ...]
     good: NDArray[np.bool_]
     drive: Mapping[str, Array]
+    own: tuple[Placed, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -169,7 +172,7 @@ class MotionScene:
         felt = {s: self.truth.signals(s, m_n) for s in {c.sensor for c in self.compared}}
         out = []
         for c in self.compared:
-            predicted = self._predicted(c, felt[c.sensor], point.placed) + bias.get(c.name, 0.0)
+            predicted = self._predicted(c, felt[c.sensor], (*self.own, *point.placed)) + bias.get(c.name, 0.0)
             out.append(np.where(self.good, c.y - predicted, 0.0))
         return out
 
@@ -207,7 +210,7 @@ class MotionScene:
             if c.sensor == "mag":
                 felt = self.truth.signals("mag", np.zeros(3))
                 alone = felt.y[:, c.axis]
-                extra[:, c.axis] = self._predicted(c, felt, placed) - alone
+                extra[:, c.axis] = self._predicted(c, felt, (*self.own, *placed)) - alone
                 y[:, c.axis] = c.y - (alone if "mag" in self.truth.read else 0.0)
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))
@@ -226,7 +229,7 @@ class MotionScene:
             replace(c, y=c.y[i:j], keep=min(int(j - i), max(2, round(share * c.keep)))) for c in self.compared
         )
         drive = {k: v[i:j] for k, v in self.drive.items()}
-        return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive)
+        return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive, self.own)
 
 
 def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
@@ -265,7 +268,10 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     drive = {}
     if "temperature" in log.channels and np.isfinite(log.channels["temperature"].values).all():
         drive["temperature"] = log.channels["temperature"].values
-    scene = MotionScene(truth, compared, good, drive)
+    own = tuple(
+        Placed(e, c.name) for c in compared for e in c.noise if isinstance(e, Motion) or e.coefficients()
+    )
+    scene = MotionScene(truth, compared, good, drive, own)
     return scene if any(scene.moving(c) for c in compared) else None
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.effects.motion import free
 from kfgen.gap.scene import Placed, Point, Scene
 
 Array = NDArray[np.float64]
@@ -76,7 +77,7 @@ class Fitted:
 
 def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
     """The parameters that are fitted."""
-    return tuple((i, p.name) for i, x in enumerate(placed) for p in x.effect.estimated() if p.kind != "place")
+    return tuple((i, p.name) for i, x in enumerate(placed) for p in free(x.effect))
 
 
 def is_signed(effect: Effect, name: str) -> bool:

@@ -86,13 +86,14 @@ def _tail(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem
     r1, _ = _ratios(unseen, after.effects, after.likelihood.coefficients)
     rng = np.random.default_rng(0)
     chance = rng.chisquare(m, (DRAWS, m.size)) / m
-    lost0, lost1 = float(_lost(r0, m)), float(_lost(r1, m))
+    return divergence(r0, r1, m, chance, "the last 30 % of the record")
+
+
+def divergence(r0: Array, r1: Array, m: Array, chance: Array, held_out: str) -> Gap:
+    """The gap from ratios of power before and after in bands of m ordinates, with draws of their chance."""
+    lost0, lost1, n = float(_lost(r0, m)), float(_lost(r1, m)), float(m.sum())
     draws0 = _lost(r0 * chance, m) - 0.5 * m.size
     draws1 = np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0)
-    return _gap(lost0, lost1, draws0, draws1, float(m.sum()), "the last 30 % of the record")
-
-
-def _gap(lost0: float, lost1: float, draws0: Array, draws1: Array, n: float, held_out: str) -> Gap:
     closed = 1.0 - max(lost1, 0.0) / lost0 if lost0 > 0.0 else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(draws0 > 0.0, 1.0 - draws1 / draws0, 0.0)
@@ -118,9 +119,7 @@ def _masked(clean: Record, mended: Problem, blocked: Sequence[Effect]) -> Gap:
     r1, _ = _block_ratios(z - B @ theta, unseen)
     rng = np.random.default_rng(0)
     chance = rng.chisquare(m, (DRAWS, m.size)) / m
-    draws0 = _lost(r0 * chance, m) - 0.5 * m.size
-    draws1 = np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0)
-    return _gap(float(_lost(r0, m)), float(_lost(r1, m)), draws0, draws1, float(m.sum()), words)
+    return divergence(r0, r1, m, chance, words)
 
 
 def _unseen(record: Record, shapes: Sequence[Effect]) -> tuple[NDArray[np.bool_], str]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import kfgen
 from kfgen.effects import Effect
 from kfgen.gap.battery import bands
-from kfgen.gap.proof import METRIC
-from kfgen.gap.workflow import ChannelGap, Finding
+from kfgen.gap.finding import ChannelGap, Finding
+from kfgen.gap.proof import METRIC, Gap
 from kfgen.identify.allan import overlapping_variance
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means, residual_ratio
@@ -49,7 +49,7 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
     lo, hi = f.worst.band_hz
     size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
-        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {_percent(f.probability)} "
+        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "
         f"probable among all candidates; the disagreement was strongest in {lo:.2g} to {hi:.2g} Hz"
     )
     if g.gap.before > 0.0:
@@ -59,7 +59,8 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
     return words
 
 
-def _percent(p: float) -> str:
+def percent(p: float) -> str:
+    """A probability in words."""
     return "more than 99.9 %" if p > 0.999 else f"{100 * p:.3g} %"
 
 
@@ -122,22 +123,23 @@ def gap_answer(log: Log, believed: NoiseModel, gaps: Mapping[str, ChannelGap]) -
     return Answer("\n".join(lines).rstrip(), data, page)
 
 
+def gap_rows(gap: Gap, found: bool) -> list[list[str]]:
+    """The gap on held-out data, before and after."""
+
+    def nats(value: float) -> str:
+        return f"{value:.3g} nats per sample" if value > 0.0 else "none above chance"
+
+    closed = "nothing to close"
+    if gap.before > 0.0 and found:
+        lo, hi = gap.ci95
+        closed = f"{100 * gap.closed:.0f} % (95 %: {100 * lo:.0f} to {100 * hi:.0f})"
+    rows = [["held-out gap before", nats(gap.before)], ["held-out gap after", nats(gap.after)]]
+    return [*rows, ["closed", closed]]
+
+
 def _gap_rows(g: ChannelGap) -> list[list[str]]:
     return [
-        [
-            "held-out gap before",
-            f"{g.gap.before:.3g} nats per sample" if g.gap.before > 0.0 else "none above chance",
-        ],
-        [
-            "held-out gap after",
-            f"{g.gap.after:.3g} nats per sample" if g.gap.after > 0.0 else "none above chance",
-        ],
-        [
-            "closed",
-            f"{100 * g.gap.closed:.0f} % (95 %: {100 * g.gap.ci95[0]:.0f} to {100 * g.gap.ci95[1]:.0f})"
-            if g.gap.before > 0.0 and (g.findings or g.retuned)
-            else "nothing to close",
-        ],
+        *gap_rows(g.gap, bool(g.findings or g.retuned)),
         ["significant tests before", str(sum(t.significant for t in g.before))],
         ["significant tests after", str(sum(t.significant for t in g.after))],
     ]

@@ -1,0 +1,72 @@
+"""Which world a gap is looked for in: a plant from a model file, sensors that move, or a sensor at rest."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kfgen.gap.outcome import SceneGap
+    from kfgen.log import Log
+    from kfgen.noise import NoiseModel
+    from kfgen.report.page import Answer
+
+
+def is_model_file(model: str) -> bool:
+    """Whether a path is a model file, by its format."""
+    path = Path(model)
+    if not path.is_file() or path.suffix != ".toml":
+        return False
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError, OSError):
+        return False  # the reader of noise files says what is wrong
+    return document.get("format") == "kfgen-model-1"
+
+
+def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
+    """The answer for a plant, and the text of its mended model file."""
+    from kfgen.gap.outcome import find_scene_gap
+    from kfgen.gap.plant import PlantScene, mended
+    from kfgen.model.file import model_text
+    from kfgen.model.user import read_model
+    from kfgen.report.scene import scene_answer
+
+    believed = read_model(model)
+    scene = PlantScene.of(believed, log)
+    found = find_scene_gap(scene)
+    trusted = {n: v for n, (_, v) in found.unknowns.items() if n in believed.parameters}
+    after = mended(believed, [f.placed for f in found.findings], trusted if found.findings else None)
+    texts = model_text(believed), model_text(after)
+    return scene_answer(log, found, scene.unit, texts), texts[1]
+
+
+def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | None:
+    """The answer for sensors that move, and the mended noise model; None where nothing moves."""
+    from kfgen.gap.motion import motion_scene
+    from kfgen.gap.outcome import find_scene_gap
+    from kfgen.noise import noise_text
+    from kfgen.report.scene import scene_answer, units_of_channels
+
+    scene = motion_scene(log, believed)
+    if scene is None:
+        return None
+    found = find_scene_gap(scene)
+    after = _with_findings(believed, found)
+    texts = noise_text(believed), noise_text(after)
+    return scene_answer(log, found, units_of_channels(log), texts), after
+
+
+def _with_findings(believed: NoiseModel, found: SceneGap) -> NoiseModel:
+    """Every finding as a term of the channels where it acts."""
+    from kfgen.noise import Term
+
+    channels = dict(believed.channels)
+    for f in found.findings:
+        where = f.placed.where
+        for name in [c for c in channels if where in (c, c.rpartition("_")[0])]:
+            old = channels[name]
+            channels[name] = replace(old, terms=(*old.terms, Term(f.placed.effect, f.ci95)), covariance=None)
+    return replace(believed, channels=channels)

@@ -1,0 +1,225 @@
+"""What was found in a scene: effects with their places, the proof on held-out data, what would not have been seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.battery import Test, chance_of, holm, white_tests
+from kfgen.gap.engine import Added, Explained, explained
+from kfgen.gap.finding import SET
+from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
+from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
+from kfgen.gap.scene import Placed, Point, Scene, Unknown
+from kfgen.gap.whitened import Whitener
+
+Array = NDArray[np.float64]
+
+BANDS_PER_DECADE = 3
+
+
+@dataclass(frozen=True)
+class PlacedFinding:
+    """A missing effect of a scene.
+
+    Parameters
+    ----------
+    placed : Placed
+        With its fitted values.
+    ci95 : mapping
+        Intervals of its parameters [SI].
+    probability, evidence : float
+    alternatives : tuple of (name, place, probability)
+    alike : mapping
+        Squared cosine between its direction in this record and that of others, by effect and place.
+    """
+
+    placed: Placed
+    ci95: dict[str, tuple[float, float]]
+    probability: float
+    evidence: float
+    alternatives: tuple[tuple[str, str, float], ...]
+    alike: dict[tuple[str, str], float]
+
+    @property
+    def indistinguishable(self) -> tuple[str, ...]:
+        """Names that the record does not rule out."""
+        names = [n for n, _, p in self.alternatives if p > SET and n not in ("none", self.placed.effect.name)]
+        return tuple(dict.fromkeys(names))
+
+
+@dataclass(frozen=True)
+class SceneGap:
+    """The answer for a scene.
+
+    Parameters
+    ----------
+    verdict : str
+    findings : tuple of PlacedFinding
+    before, after : tuple of (channel, Test)
+    gap : Gap
+    rms : tuple of (channel, before, after)
+        Root mean square of the residuals in deviations of the noise.
+    unknowns : dict of str to float
+        What was fitted beside [SI].
+    """
+
+    scene: Scene
+    verdict: str
+    findings: tuple[PlacedFinding, ...]
+    before: tuple[tuple[str, Test], ...]
+    after: tuple[tuple[str, Test], ...]
+    gap: Gap
+    rms: tuple[tuple[str, float, float], ...]
+    believed: Fitted
+    fit: Fitted
+
+    @property
+    def unknowns(self) -> dict[str, tuple[Unknown, float]]:
+        """What was fitted beside the effects."""
+        return {u.name: (u, float(v)) for u, v in zip(self.scene.unknowns, self.fit.point.unknowns)}
+
+
+def find_scene_gap(scene: Scene) -> SceneGap:
+    """Where a scene disagrees with its log, and what is missing."""
+    found = explained(scene)
+    before, after = tests_of(scene, found.believed), tests_of(scene, found.fit)
+    findings = tuple(_finding(a, i, found) for i, a in enumerate(found.added))
+    verdict = "effects_found" if findings else "no_gap"
+    if any(t.significant for _, t in after):
+        verdict = "unknown_effect"
+    cuts = np.cumsum(scene.lengths)[:-1]
+    rms = tuple(
+        (c, float(np.sqrt(np.mean(a**2))), float(np.sqrt(np.mean(b**2))))
+        for c, a, b in zip(
+            scene.channels, np.split(found.believed.residual, cuts), np.split(found.fit.residual, cuts)
+        )
+    )
+    return SceneGap(
+        scene,
+        verdict,
+        findings,
+        tuple(before),
+        tuple(after),
+        held_out(scene, found),
+        rms,
+        found.believed,
+        found.fit,
+    )
+
+
+def _finding(added: Added, index: int, found: Explained) -> PlacedFinding:
+    """With intervals from the last fit."""
+    fit, x = found.fit, coordinates(found.fit.point)
+    placed = fit.point.placed[index]
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    ci95 = {}
+    for i, (at, name) in enumerate(fit.keys):
+        if at == index:
+            lo, hi = float(x[i] - 1.96 * deviation[i]), float(x[i] + 1.96 * deviation[i])
+            if not is_signed(placed.effect, name):
+                lo, hi = float(np.exp(lo)), float(np.exp(min(hi, 700.0)))
+            ci95[name] = (lo, hi)
+    own = added.trial.label
+    others = [(n, w, p) for (n, w), p in added.shares.items() if (n, w) != own]
+    return PlacedFinding(
+        placed,
+        ci95,
+        added.shares[own],
+        added.trial.gain,
+        tuple(sorted(others, key=lambda a: -a[2])),
+        dict(added.alike),
+    )
+
+
+def tests_of(scene: Scene, fit: Fitted) -> list[tuple[str, Test]]:
+    """All tests on the white residuals of every channel, by adjusted p value."""
+    named: list[tuple[str, Test]] = []
+    parts = np.split(fit.residual, np.cumsum(scene.lengths)[:-1])
+    t0, t1 = scene.span
+    for channel, X in zip(scene.channels, parts):
+        if X.size < 64:
+            continue
+        dt = (t1 - t0) / X.size
+        found = [*_band_tests(X, dt), *white_tests(Whitener.back(X), dt, X)]
+        named += [(channel, t) for t in found]
+    held = holm([replace(t, name=f"{channel}\n{t.name}") for channel, t in named])
+    return [(t.name.split("\n")[0], replace(t, name=t.name.split("\n")[1])) for t in held]
+
+
+def _edges(n: int) -> NDArray[np.int64]:
+    count = max(2, int(np.log10(n) * BANDS_PER_DECADE))
+    return np.unique(np.concatenate([[0.0, 1.0], np.geomspace(2.0, n, count).round()])).astype(np.int64)
+
+
+def _band_tests(X: Array, dt: float) -> list[Test]:
+    edges, n = _edges(X.size), X.size
+    out = []
+    for lo, hi in zip(edges[:-1].tolist(), edges[1:].tolist()):
+        total, m = float(X[lo:hi] @ X[lo:hi]), float(hi - lo)
+        band = (0.5 * lo / (n * dt), 0.5 * hi / (n * dt))
+        out.append(Test("power", chance_of(total, m), band, total / m))
+    return out
+
+
+def held_out(scene: Scene, found: Explained) -> Gap:
+    """The gap over the last part of the log: effects from the first part, only what is unknown fitted anew."""
+    t0, t1 = scene.span
+    cut = t0 + (1.0 - HELD_OUT) * (t1 - t0)
+    try:
+        seen, unseen = scene.part(t0, cut), scene.part(cut, t1)
+    except ValueError:
+        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: the log is too short")
+    placed = found.fit.point.placed
+    trained = fitted(seen, Point(placed, _values(seen))).point.placed if placed else ()
+    before = fitted(unseen, Point((), _values(unseen)))
+    after = fitted(_Frozen(unseen, trained), Point((), _values(unseen)))
+    r0, m = _ratios(unseen, before)
+    r1, _ = _ratios(unseen, after)
+    rng = np.random.default_rng(0)
+    chance = rng.chisquare(m, (DRAWS, m.size)) / m
+    return divergence(r0, r1, m, chance, "the last 30 % of the log")
+
+
+def _values(scene: Scene) -> Array:
+    return np.array([u.value for u in scene.unknowns])
+
+
+def _ratios(scene: Scene, fit: Fitted) -> tuple[Array, Array]:
+    """Mean power in bands, over all channels, and how many ordinates each has."""
+    z = over_levels(scene, fit.residual, np.ones(len(scene.channels)))
+    r, m = [], []
+    for X in np.split(z, np.cumsum(scene.lengths)[:-1]):
+        edges = _edges(X.size)
+        m.append(np.diff(edges).astype(float))
+        r.append(np.maximum(np.add.reduceat(X**2, edges[:-1]) / m[-1], 1e-12))
+    return np.concatenate(r), np.concatenate(m)
+
+
+@dataclass(frozen=True)
+class _Frozen:
+    """A scene in which effects stand as they are."""
+
+    scene: Scene
+    placed: tuple[Placed, ...]
+
+    channels = property(lambda self: self.scene.channels)
+    lengths = property(lambda self: self.scene.lengths)
+    dt = property(lambda self: self.scene.dt)
+    span = property(lambda self: self.scene.span)
+    unknowns = property(lambda self: self.scene.unknowns)
+
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """With the effects in place."""
+        return self.scene.residuals([Point((*self.placed, *p.placed), p.unknowns) for p in points])
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """None."""
+        return []
+
+    def part(self, start: float, stop: float) -> Scene:
+        """Not asked for."""
+        raise NotImplementedError

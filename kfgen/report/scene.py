@@ -1,0 +1,230 @@
+"""The answer of ``gap`` for a world that moves: a sensor with a reference, a plant."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import kfgen
+from kfgen.gap.battery import Test
+from kfgen.gap.outcome import PlacedFinding, SceneGap
+from kfgen.gap.proof import METRIC
+from kfgen.gap.scene import Placed
+from kfgen.gap.whitened import Whitener
+from kfgen.identify.whittle import block_means
+from kfgen.log import Log
+from kfgen.report.gap import VERDICTS, gap_rows, percent
+from kfgen.report.identify import finite, quantity
+from kfgen.report.page import Answer, Page, Part, code, columns, figure, heading, sentence, table
+from kfgen.report.plots import AFTER, BEFORE, Line, bars_picture, series_picture
+from kfgen.units import derived_unit, from_si
+
+Array = NDArray[np.float64]
+
+UnitOf = Callable[[Placed], str]
+"""The unit ``U`` of a placed effect's parameters."""
+
+
+def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str]) -> Answer:
+    """Text, JSON and page.
+
+    Parameters
+    ----------
+    texts : (str, str)
+        The model's file before and after.
+    """
+    words = [_verdict(g), *(finding_words(f, unit_of) for f in g.findings)]
+    rows = [*gap_rows(g.gap, bool(g.findings)), *_rms_rows(g)]
+    lines = [f"{w}." for w in words] + [columns(rows)]
+    diff = "\n".join(
+        difflib.unified_diff(
+            texts[0].splitlines(), texts[1].splitlines(), "believed", "mended", lineterm="", n=1
+        )
+    )
+    parts: list[Part] = [heading("The gap"), *(sentence(w + ".") for w in words), *_figures(g)]
+    parts += [table(("gap", ""), rows), table(_HEAD, _test_rows(g), _CAPTION)]
+    if diff:
+        lines += ["", "The model changes by", diff]
+        parts += [heading("What changes in the model"), code(diff)]
+    data = {
+        "format": "kfgen-gap-1",
+        "kfgen": kfgen.__version__,
+        "log": log.source,
+        "sha256": log.sha256,
+        **scene_data(g, unit_of),
+    }
+    page = Page(f"Model against {log.source.rsplit('/', 1)[-1]}", tuple(parts))
+    return Answer("\n".join(lines), data, page)
+
+
+_HEAD = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
+_CAPTION = "Tests that the believed model fails (family-wise rate 0.2 %)."
+
+
+def _verdict(g: SceneGap) -> str:
+    return f"{', '.join(g.scene.channels)}: {VERDICTS[g.verdict]}"
+
+
+def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
+    """A missing effect in words: what, where, how large, how sure, what else it could be."""
+    shown = parameters_of(f, unit_of)
+    size = ", ".join(
+        f"{k} = {quantity(v['value'], v['unit'])}"
+        + (f" (95 %: {from_si(lo, v['unit']):.3g} to {from_si(hi, v['unit']):.3g})" if ci else "")
+        for k, v in shown.items()
+        for ci in [v.get("ci95")]
+        for lo, hi in [ci or (0.0, 0.0)]
+    )
+    words = (
+        f"{f.placed.where} misses an effect of the model: {f.placed.effect.title}, {size}. "
+        f"It is {percent(f.probability)} probable among all candidates"
+    )
+    near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
+    near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
+    if f.indistinguishable:
+        words += f". This log does not rule out {' or '.join(f.indistinguishable)}"
+    if near:
+        words += f"; in this log it looks nearly like {', '.join(near[:3])}"
+    return words
+
+
+def parameters_of(f: PlacedFinding, unit_of: UnitOf) -> dict[str, dict[str, Any]]:
+    """Its parameters by name, with units and intervals [SI]."""
+    effect, out = f.placed.effect, {}
+    unit = unit_of(f.placed)
+    for p in effect.estimated():
+        value = float(getattr(effect, p.name))
+        if p.name not in f.ci95 and value == 0.0:
+            continue
+        name = f.placed.where if effect.name == "parameter_error" else p.name
+        entry: dict[str, Any] = {"value": value, "unit": derived_unit(p.unit, unit)}
+        if p.name in f.ci95:
+            entry["ci95"] = [finite(v) for v in f.ci95[p.name]]
+        out[name] = entry
+    return out
+
+
+def _rms_rows(g: SceneGap) -> list[list[str]]:
+    return [
+        [f"rms residual of {c}", f"{a:.3g} deviations of its noise before, {b:.3g} after"]
+        for c, a, b in g.rms
+    ]
+
+
+def _test_rows(g: SceneGap) -> list[list[str]]:
+    rows = [[c, *_test_cells(g, t)] for c, t in g.before if t.significant]
+    return rows[:20] or [["none significant", "", "", "", "", ""]]
+
+
+def _test_cells(g: SceneGap, t: Test) -> list[str]:
+    lo, hi = _span(g, t)
+    band = f"{t.band_hz[0]:.2g} to {t.band_hz[1]:.2g}"
+    return [t.name, f"{lo:.4g} to {hi:.4g}", band, f"{t.ratio:.3g}", f"{t.p:.2g}"]
+
+
+def _span(g: SceneGap, t: Test) -> tuple[float, float]:
+    t0, t1 = g.scene.span
+    return (t0 + t.span[0], t0 + t.span[1]) if t.span else (t0, t1)
+
+
+def _figures(g: SceneGap) -> list[Part]:
+    parts: list[Part] = []
+    cuts = np.cumsum(g.scene.lengths)[:-1]
+    pairs = zip(g.scene.channels, np.split(g.believed.residual, cuts), np.split(g.fit.residual, cuts))
+    for channel, a, b in pairs:
+        block = max(1, a.size // 600)
+        t = np.linspace(*g.scene.span, a.size)
+        lines = [Line("believed model", *_blocks(t, a, block), BEFORE)]
+        if g.findings:
+            lines.append(Line("mended model", *_blocks(t, b, block), AFTER))
+        label = f"{channel}, residual over noise"
+        parts.append(
+            figure(series_picture(lines, label, f"left-{channel}"), f"What the models leave of {channel}.")
+        )
+    for k, f in enumerate(g.findings):
+        top = [(f"{f.placed.effect.name} ({f.placed.where})", f.probability)]
+        top += [(f"{n} ({w})" if w else n, p) for n, w, p in f.alternatives[:5]]
+        names, shares = [n for n, _ in top], [p for _, p in top]
+        picture = bars_picture(names, shares, "probability", f"rank-{k}")
+        parts.append(figure(picture, f"The candidates for what {f.placed.where} misses, by probability."))
+    return parts
+
+
+def _blocks(t: Array, X: Array, block: int) -> tuple[Array, Array]:
+    z = Whitener.back(X)
+    return block_means(t, block), block_means(z, block) * np.sqrt(block)
+
+
+def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
+    """The interface's JSON."""
+    remaining = [_test(g, c, t) for c, t in g.after if t.significant]
+    return {
+        "verdict": g.verdict,
+        "localised": [_test(g, c, t) for c, t in g.before if t.significant],
+        "steps": [_step(g, f, unit_of) for f in g.findings],
+        "gap": {
+            "metric": METRIC,
+            "held_out": g.gap.held_out,
+            "channel": ", ".join(g.scene.channels),
+            "before": g.gap.before,
+            "after": g.gap.after,
+            "closed_fraction": g.gap.closed,
+            "ci95": list(g.gap.ci95),
+        },
+        "rms_in_deviations": {c: {"before": a, "after": b} for c, a, b in g.rms},
+        "remaining": {"significant": bool(remaining), "tests": remaining},
+        "unknowns": {n: {"value": v, "unit": u.unit} for n, (u, v) in g.unknowns.items()},
+        "limits": [],
+    }
+
+
+def _test(g: SceneGap, channel: str, t: Test) -> dict[str, Any]:
+    lo, hi = _span(g, t)
+    return {
+        "channel": channel,
+        "test": t.name,
+        "p": t.p,
+        "from_s": lo,
+        "to_s": hi,
+        "band_hz": list(t.band_hz),
+        "regime": "all",
+        "ratio": t.ratio,
+    }
+
+
+def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
+    effect = f.placed.effect
+    t0, t1 = g.scene.span
+    if float(getattr(effect, "duration", 0.0) or 0.0) > 0.0:
+        t0, t1 = (
+            float(getattr(effect, "time")),
+            float(getattr(effect, "time")) + float(getattr(effect, "duration")),
+        )  # noqa: B009
+    return {
+        "effect": effect.name,
+        "channel": f.placed.where,
+        "probability": f.probability,
+        "evidence_nats": f.evidence,
+        "alternatives": [{"effect": n, "channel": w, "probability": p} for n, w, p in f.alternatives],
+        "indistinguishable": list(f.indistinguishable),
+        "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
+        "parameters": parameters_of(f, unit_of),
+        "where": {"from_s": t0, "to_s": t1},
+        "sentence": finding_words(f, unit_of),
+    }
+
+
+def units_of_channels(log: Log) -> UnitOf:
+    """Units of effects placed at channels, or at a triad of them."""
+    known: Mapping[str, str] = {n: c.si for n, c in log.channels.items()}
+
+    def unit(placed: Placed) -> str:
+        if placed.where in known:
+            return known[placed.where]
+        return next((u for n, u in known.items() if n.rpartition("_")[0] == placed.where), "")
+
+    return unit
