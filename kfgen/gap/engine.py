@@ -163,7 +163,7 @@ def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[flo
     points = [Point((*base.point.placed, s), base.point.unknowns) for s in starts]
     found = scene.residuals(points)
     z0 = over_levels(scene, base.residual, base.levels)
-    Q = _basis(base.jacobian)
+    Q = basis(base.jacobian)
     best: tuple[float, Placed, Array] = (-np.inf, starts[0], np.zeros_like(z0))
     for j, point in enumerate(points):
         if not np.isfinite(found[:, j]).all():
@@ -220,7 +220,7 @@ class _Alone:
         raise NotImplementedError
 
 
-def _basis(J: Array) -> Array:
+def basis(J: Array) -> Array:
     """Orthonormal columns of what is fitted anyway."""
     if not J.shape[1]:
         return J

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.engine import Added, Explained, explained
+from kfgen.gap.engine import Added, Explained, basis, explained
 from kfgen.gap.finding import SET
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
@@ -138,13 +138,17 @@ def _finding(added: Added, index: int, found: Explained) -> PlacedFinding:
 def tests_of(scene: Scene, fit: Fitted) -> list[tuple[str, Test]]:
     """All tests on the white residuals of every channel, by adjusted p value."""
     named: list[tuple[str, Test]] = []
-    parts = np.split(fit.residual, np.cumsum(scene.lengths)[:-1])
+    cuts = np.cumsum(scene.lengths)[:-1]
+    Q = basis(fit.jacobian)
+    parts = np.split(fit.residual, cuts), np.split(1.0 - np.sum(Q**2, axis=1), cuts)
     t0, t1 = scene.span
-    for channel, X in zip(scene.channels, parts):
+    for channel, X, left in zip(scene.channels, *parts):
         if X.size < 64:
             continue
         dt = (t1 - t0) / X.size
-        found = [*_band_tests(X, dt), *white_tests(Whitener.back(X), dt, X)]
+        # What was fitted takes power away: it is given back before powers are looked at in time.
+        whole = X / np.sqrt(np.clip(left, 0.05, 1.0))
+        found = [*_band_tests(X, np.clip(left, 1e-3, 1.0), dt), *white_tests(Whitener.back(whole), dt, whole)]
         named += [(channel, t) for t in found]
     held = holm([replace(t, name=f"{channel}\n{t.name}") for channel, t in named])
     return [(t.name.split("\n")[0], replace(t, name=t.name.split("\n")[1])) for t in held]
@@ -155,11 +159,12 @@ def _edges(n: int) -> NDArray[np.int64]:
     return np.unique(np.concatenate([[0.0, 1.0], np.geomspace(2.0, n, count).round()])).astype(np.int64)
 
 
-def _band_tests(X: Array, dt: float) -> list[Test]:
+def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
+    """Power in bands, of which each ordinate has as many degrees of freedom as are left to it."""
     edges, n = _edges(X.size), X.size
     out = []
     for lo, hi in zip(edges[:-1].tolist(), edges[1:].tolist()):
-        total, m = float(X[lo:hi] @ X[lo:hi]), float(hi - lo)
+        total, m = float(X[lo:hi] @ X[lo:hi]), float(left[lo:hi].sum())
         band = (0.5 * lo / (n * dt), 0.5 * hi / (n * dt))
         out.append(Test("power", chance_of(total, m), band, total / m))
     return out

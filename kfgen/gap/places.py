@@ -28,11 +28,11 @@ Array = NDArray[np.float64]
 
 SMOOTH = 0.005
 """Share of a speed's rms over which dry friction is smooth."""
-TIMES = (1.0, 4.0, 16.0)
+TIMES = (0.05, 0.3, 1.0, 4.0, 16.0)
 """Start values of lags and delays, in sampling periods."""
 LONGEST = 0.05
 """The longest of them, in records."""
-LIMITS = (0.9, 0.6, 0.3)
+LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 """Start values of a saturation, in largest inputs."""
 PLAYS = (0.02, 0.1, 0.3)
 """Start values of a backlash, in rms of the channel."""
