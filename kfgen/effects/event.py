@@ -169,10 +169,10 @@ class Outliers(Effect):
         return np.asarray(1.0 / (1.0 + np.exp(-log_odds)))
 
     def taken(self, series: Series) -> Array:
-        """The samples less the error that each of them most likely carries."""
-        s = series.sd
-        part = self.sigma**2 / (self.sigma**2 + s**2)
-        return np.asarray(series.y - s * series.z * self.chance(series) * part)
+        """The samples with those that are outliers drawn anew from the noise: a draw from their posterior."""
+        rng = np.random.default_rng(series.n)
+        hit = rng.random(series.n) < self.chance(series)
+        return np.where(hit, series.y - series.sd * (series.z - rng.standard_normal(series.n)), series.y)
 
     def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
         """Some samples, drawn at random, with their error."""

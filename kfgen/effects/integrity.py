@@ -26,6 +26,8 @@ JITTER = 0.02
 """Of a period: root mean square of the steps' error that is said."""
 COARSE = 1.2
 """Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
+INTEGRATED = 1.04
+"""Ratio of the mean square of steps to neighbours and to next neighbours: one for samples that are rounded."""
 KNOWN = (
     ("degrees for radians", 180.0 / np.pi),
     ("g for m/s^2", 9.80665),
@@ -143,6 +145,9 @@ class CoarseQuantisation(Fault):
     def spotted(cls, raw: Raw) -> Spotted | None:
         """The lattice of values against the noise."""
         if raw.lattice < COARSE * raw.believed or raw.noise > 3.0 * raw.lattice:
+            return None
+        one, two = (float(np.mean((raw.y[k:] - raw.y[:-k]) ** 2)) for k in (1, 2))
+        if one > INTEGRATED * two:  # the lattice is that of the integral
             return None
         return Spotted(cls(raw.lattice), float(raw.n), spoils=True)
 

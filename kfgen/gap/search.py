@@ -27,6 +27,10 @@ ROUNDS = 3
 BETTER = 1.0
 """Nats by which another name must be better to take a place."""
 RETUNE = "retune"
+ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
+"""Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
+UNLIKELY = 1e-12
+"""Probability of a shape beside slow noise below which it is not followed."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,11 @@ class Search:
         """The chosen effects that alter samples."""
         return tuple(c.candidate.effect for c in self.chosen if _alters(c))
 
+    @property
+    def worth(self) -> float:
+        """Evidence of all that was chosen [nats]."""
+        return sum(c.candidate.gain for c in self.chosen)
+
     def base(self) -> Candidate:
         """The model with all that was chosen, fitted to the record without what alters samples."""
         retuned = any(c.name == RETUNE for c in self.chosen)
@@ -110,8 +119,26 @@ def _alters(chosen: Chosen) -> bool:
 
 
 def searched(start: Search) -> Search:
-    """Grown until nothing has enough evidence, pruned, and grown again where that made room."""
-    search = grown(start)
+    """The list of effects with most evidence, of two: grown freely, and grown without absorbers first."""
+    free = grown(start)
+    names = {c.name for c in free.chosen}
+    if not names & ABSORBERS or (len(names) == len(names & ABSORBERS) == 1 and _sure(free.chosen[0])):
+        return settled(free)
+    shaped = grown(replace(start, without=start.without | ABSORBERS))
+    if not shaped.chosen:
+        return settled(free)
+    shaped = grown(replace(shaped, without=start.without))
+    return settled(shaped if shaped.worth > free.worth else free)
+
+
+def _sure(chosen: Chosen) -> bool:
+    """Whether nothing without randomness comes near."""
+    rest = [p for n, p in chosen.shares.items() if n not in ABSORBERS and n not in ("none", RETUNE)]
+    return max(rest, default=0.0) < UNLIKELY
+
+
+def settled(search: Search) -> Search:
+    """Pruned, and grown again where that made room."""
     for _ in range(ROUNDS):
         if len(search.chosen) < 2:
             break

@@ -201,9 +201,9 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
     t0, t1 = g.scene.span
     if float(getattr(effect, "duration", 0.0) or 0.0) > 0.0:
         t0, t1 = (
-            float(getattr(effect, "time")),
-            float(getattr(effect, "time")) + float(getattr(effect, "duration")),
-        )  # noqa: B009
+            float(effect.time),
+            float(effect.time) + float(effect.duration),
+        )
     return {
         "effect": effect.name,
         "channel": f.placed.where,
