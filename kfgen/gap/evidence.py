@@ -27,7 +27,7 @@ from kfgen.identify.fit import Fit, Key, Prior, Problem, curvature, maximise
 from kfgen.identify.record import Record
 
 ABOVE = 3.0
-"""Nats of evidence above which an effect is named."""
+"""Nats of evidence above which one more effect is named."""
 BETWEEN = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
 """Longest time in the record, shortest in periods: beyond, one is a random walk or white, the other a ramp."""
 TIMES = 9

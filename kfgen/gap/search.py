@@ -20,8 +20,10 @@ from kfgen.gap.evidence import (
 from kfgen.identify.fit import Key, Prior, Problem, maximise
 from kfgen.identify.record import Record
 
-MOST = 12
+MOST = 8
 """Effects on one channel: beyond, what is missing is no list of effects."""
+FIRST = 1.5
+"""Nats of evidence above which a first effect is named: 200 records without a gap reached 1.43 at most."""
 ROUNDS = 3
 """Times that the whole list is gone through again."""
 BETTER = 1.0
@@ -153,7 +155,7 @@ def grown(search: Search) -> Search:
     """With every addition that has evidence, the best first."""
     while len(search.chosen) < MOST:
         ranked = search.ranked(search.base())
-        if not ranked or ranked[0].gain < ABOVE:
+        if not ranked or ranked[0].gain < (ABOVE if search.chosen else FIRST):
             break
         search = search.plus(ranked[0], ranked)
     return search
