@@ -1,7 +1,7 @@
-"""The demonstration: a simulated gyro whose bias follows the temperature, which its model does not know.
+"""The demonstration: a simulated gyro with two effects that its model does not know.
 
-A bench log at constant temperature gives the noise file. A field log, warmed by the sun, disagrees
-with it. The gap is named, the model mended, and the mended filter emitted and proven.
+A bench log at constant temperature gives the noise file. A field log, warmed by the sun and shaken by a
+fan, disagrees with it. Both effects are named, the model mended, and the mended filter emitted and proven.
 """
 
 from __future__ import annotations
@@ -50,9 +50,12 @@ def sensor() -> tuple[Effect, ...]:
     return (make("white_noise", N=6.1e-5), make("gauss_markov", sigma=3.4e-5, tau=180.0))
 
 
-def hidden() -> Effect:
-    """What the model does not know: 41 deg/h per kelvin."""
-    return make("temperature", coefficient=2e-4)
+def hidden() -> tuple[Effect, ...]:
+    """What the model does not know: 41 deg/h per kelvin, and a fan at 7.3 Hz."""
+    return (
+        make("temperature", coefficient=2e-4),
+        make("sinusoid", amplitude=4e-5, frequency=7.3, phase=0.4),
+    )
 
 
 def record_log(
@@ -71,7 +74,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     rng = np.random.default_rng(SEED)
     t = np.arange(int(HOURS * 3600 * RATE)) / RATE
     bench = record_log("bench.npz", sensor(), np.full(t.size, 298.15), t, rng)
-    field = record_log("field.npz", (*sensor(), hidden()), warming(t), t, rng)
+    field = record_log("field.npz", (*sensor(), *hidden()), warming(t), t, rng)
     for log in (bench, field):
         write_log(log, out / log.source)
     say("1 identify the bench log")
@@ -89,14 +92,14 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     identified = identify_answer([bench], found)
     page = (
         Page(
-            "A gyro whose model did not know the temperature",
+            "A gyro whose model did not know the temperature and a fan",
             (
-                *gap.page.parts[1:3],
+                *gap.page.parts[1:4],
                 text(
                     "How it was found: a bench log at constant temperature gave the model; a field "
                     "log disagreed with it; every effect that kfgen knows competed to explain why."
                 ),
-                *gap.page.parts[3:],
+                *gap.page.parts[4:],
             ),
         )
         + filter_page
@@ -127,7 +130,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
 
 def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
     """Audit, emission and proof of the mended filter."""
-    program = Program(DiscreteModel(build("gyro-static", noise), rate=RATE))
+    program = Program(DiscreteModel.stepping(build("gyro-static", noise), RATE))
     for target in ("c", "filterpy"):
         write_folder(program, target, noise, out / target)
     cores = ["host", "m4f"] if _emulator() else ["host"]

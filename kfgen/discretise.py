@@ -40,6 +40,12 @@ def series(F: sp.Matrix, Q: sp.Matrix, order: int) -> tuple[sp.Matrix, sp.Matrix
     return taylor(sp.eye(F.rows), F, Q, DT, order)
 
 
+NEGLIGIBLE = 2.0**-40
+"""Share of the largest term of a series below which a term says nothing, even in double precision of a sum."""
+LONGEST_STEP = 0.1
+"""Of a filter, where nothing else is asked for [s]."""
+
+
 def series_order(fastest: float, max_step: float) -> int:
     """Terms after which a series of rate `fastest` [1/s] is exhausted at `max_step` [s].
 
@@ -93,6 +99,24 @@ class DiscreteModel:
         if self.order not in (1, 2, 3):
             raise InputError(f"an order of {self.order} is not offered", remedy="Give 1, 2 or 3")
 
+    @staticmethod
+    def stepping(
+        model: FilterModel, rate: float, order: int = 1, max_step: float | None = None
+    ) -> DiscreteModel:
+        """With the longest step that the fastest of the effects allows, a tenth of a second at most.
+
+        Parameters
+        ----------
+        max_step : float, optional
+            The longest step [s], where it is given.
+        """
+        if max_step is None:
+            A, _ = model.effect_dynamics
+            rates = np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))) if A.rows else np.zeros(0)
+            fastest = max(float(rates.max(initial=0.0)), 1e-300)
+            max_step = min(LONGEST_STEP, max(1.0 / fastest, 1.05 / rate if rate > 0.0 else 0.0))
+        return DiscreteModel(model, order, max_step, rate)
+
     @cached_property
     def _matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
         model = self.model
@@ -112,9 +136,18 @@ class DiscreteModel:
                 )
             Phi_e, Qd_e = series(A, W, series_order(fastest, self.max_step) + 1)
             first = Phi.rows - A.rows
-            Phi[first:, first:] = Phi_e.applyfunc(_nested)
-            Qd[first:, first:] = Qd_e.applyfunc(_nested)
+            Phi[first:, first:] = Phi_e.applyfunc(self._series)
+            Qd[first:, first:] = Qd_e.applyfunc(self._series)
         return Phi, Qd
+
+    def _series(self, expression: sp.Expr) -> sp.Expr:
+        """A series in the step without the terms that a slow effect has exhausted, as nested products."""
+        if not expression.has(DT) or expression.free_symbols != {DT}:
+            return _nested(expression)
+        terms = sp.Poly(expression, DT).terms()
+        sizes = [abs(float(c)) * self.max_step ** int(k[0]) for k, c in terms]
+        kept = [(k, c) for (k, c), size in zip(terms, sizes) if size > NEGLIGIBLE * max(sizes)]
+        return _nested(sum((c * DT ** int(k[0]) for k, c in kept), sp.Integer(0)))
 
     @property
     def Phi(self) -> sp.Matrix:

@@ -98,7 +98,7 @@ def emit(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")],
     noise: Noise = None,
     order: Order = 1,
-    max_step: MaxStep = 0.1,
+    max_step: MaxStep = None,
     rate: SampleRate = 100.0,
     json: Json = None,
     report: Report = None,

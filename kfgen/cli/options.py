@@ -28,7 +28,9 @@ Json = Annotated[
 ]
 Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="The answer as a page.")]
 Order = Annotated[int, typer.Option(help="Order in the step of the motion's coupling, 1 to 3.")]
-MaxStep = Annotated[float, typer.Option(help="Longest step [s].")]
+MaxStep = Annotated[
+    float | None, typer.Option(help="Longest step [s]; 0.1, or what the fastest effect allows.")
+]
 SampleRate = Annotated[float, typer.Option("--rate", help="Rate of the sensors [Hz].")]
 
 
@@ -51,13 +53,13 @@ def noise_of(path: Path | None) -> NoiseModel | None:
 
 
 def discrete_of(
-    model: str, noise: Path | None, order: int = 1, max_step: float = 0.1, rate: float = 100.0
+    model: str, noise: Path | None, order: int = 1, max_step: float | None = None, rate: float = 100.0
 ) -> DiscreteModel:
     """A library model with its noise, ready to step."""
     from kfgen.discretise import DiscreteModel
     from kfgen.model.library import build
 
-    return DiscreteModel(build(model, noise_of(noise)), order=order, max_step=max_step, rate=rate)
+    return DiscreteModel.stepping(build(model, noise_of(noise)), rate, order, max_step)
 
 
 def not_over(output: Path | None, source: Path) -> None:

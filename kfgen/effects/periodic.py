@@ -61,13 +61,13 @@ class Sinusoid(Effect):
         return replace(self, amplitude=float(np.hypot(a, b)), phase=float(np.arctan2(b, a)))
 
     def spread(self, covariance: Array) -> dict[str, float]:
-        """Of amplitude and phase, to first order."""
+        """Of amplitude and phase, to first order; the frequency, fitted too, doubles that of the phase at the start."""
         a, b = self.values
         size = max(float(np.hypot(a, b)), 1e-300)
         along, across = np.array([a, b]) / size, np.array([-b, a]) / size**2
         return {
             "amplitude": max(float(along @ covariance @ along), 0.0) ** 0.5,
-            "phase": max(float(across @ covariance @ across), 0.0) ** 0.5,
+            "phase": 2.0 * max(float(across @ covariance @ across), 0.0) ** 0.5,
         }
 
     def log_prior(self, covariance: Array) -> float:

@@ -141,7 +141,9 @@ def _terms(
         else:
             i = next(added)
             term = terms[i] = replace(terms[i], ci95=found | dict(terms[i].ci95))
-        findings.append(_finding(chosen, term, before[0]))
+        rest = search.less(search.chosen.index(chosen))
+        worst = _tests(rest.base())[0] if len(search.chosen) > 1 else before[0]
+        findings.append(_finding(chosen, term, worst))
     if not retuned:
         terms[:kept] = noise.terms
     return findings, tuple(terms)

@@ -46,17 +46,25 @@ VERDICTS = {
 
 def finding_sentence(g: ChannelGap, f: Finding) -> str:
     """A missing effect in words: name, size, share, band, alternatives."""
-    lo, hi = f.worst.band_hz
     size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
         f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "
-        f"probable among all candidates; the disagreement was strongest in {lo:.2g} to {hi:.2g} Hz"
+        f"probable among all candidates; without it the disagreement is strongest {_where(f)}"
     )
     if g.gap.before > 0.0:
-        words += f", and on the last 30 % of the record, which the fit did not see, {100 * g.gap.closed:.0f} % of it closes"
+        words += (
+            f", and on {g.gap.held_out}, which the fit did not see, {100 * g.gap.closed:.0f} % of it closes"
+        )
     if f.indistinguishable:
         words += f". This record does not rule out {' or '.join(f.indistinguishable)}"
     return words
+
+
+def _where(f: Finding) -> str:
+    """Band, and span of time where it is not the whole record."""
+    lo, hi = f.worst.band_hz
+    words = f"at {lo:.4g} Hz" if lo == hi else f"in {lo:.2g} to {hi:.2g} Hz"
+    return words + (f" from {f.worst.span[0]:.4g} to {f.worst.span[1]:.4g} s" if f.worst.span else "")
 
 
 def percent(p: float) -> str:
@@ -270,6 +278,7 @@ def gap_data(gaps: Mapping[str, ChannelGap]) -> dict[str, Any]:
         "steps": [_step(g, f) for g in gaps.values() for f in g.findings],
         "gap": {
             "metric": METRIC,
+            "held_out": worst.gap.held_out,
             "channel": worst.channel,
             "before": worst.gap.before,
             "after": worst.gap.after,
@@ -287,10 +296,10 @@ def _test(g: ChannelGap, t: Any) -> dict[str, Any]:
         "channel": g.channel,
         "test": t.name,
         "p": t.p,
-        "from_s": float(g.record.t[0]),
-        "to_s": float(g.record.t[-1]),
+        "from_s": float(g.record.t[0]) + (t.span[0] if t.span else 0.0),
+        "to_s": float(g.record.t[0]) + t.span[1] if t.span else float(g.record.t[-1]),
         "band_hz": list(t.band_hz),
-        "regime": "whole record",
+        "regime": "a stretch" if t.span else "whole record",
         "ratio": t.ratio,
     }
 
