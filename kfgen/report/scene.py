@@ -199,11 +199,9 @@ def _test(g: SceneGap, channel: str, t: Test) -> dict[str, Any]:
 def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
     effect = f.placed.effect
     t0, t1 = g.scene.span
-    if float(getattr(effect, "duration", 0.0) or 0.0) > 0.0:
-        t0, t1 = (
-            float(effect.time),
-            float(effect.time) + float(effect.duration),
-        )
+    values = {p.name: float(getattr(effect, p.name)) for p in effect.parameters()}
+    if values.get("duration", 0.0) > 0.0:
+        t0, t1 = values["time"], values["time"] + values["duration"]
     return {
         "effect": effect.name,
         "channel": f.placed.where,
