@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 import kfgen
 from kfgen.effects import Effect
-from kfgen.gap.battery import bands
+from kfgen.gap.battery import RATE, Test, bands
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import METRIC, Gap
+from kfgen.gap.whitened import Whitener
 from kfgen.identify.allan import overlapping_variance
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means, residual_ratio
@@ -182,7 +183,9 @@ def _parts(g: ChannelGap) -> list[Part]:
         ),
     ]
     parts += [
-        figure(_driven(g, f), f"The record in blocks, and the part that {f.effect.title} explains.")
+        figure(_near_line(g, f), f"Power near the line at {f.effect.row(g.unit)['frequency'][0]:.6g} Hz.")
+        if "frequency" in f.effect.row(g.unit)
+        else figure(_driven(g, f), f"The record in blocks, and the part that {f.effect.title} explains.")
         for f in g.findings
         if f.effect.coefficients()
     ]
@@ -198,18 +201,27 @@ def _parts(g: ChannelGap) -> list[Part]:
     parts += [
         table(("gap", ""), _gap_rows(g)),
         table(
-            ("test", "band [Hz]", "power found / expected", "adjusted p"),
-            [
-                [t.name, f"{t.band_hz[0]:.2g} to {t.band_hz[1]:.2g}", f"{t.ratio:.3g}", f"{t.p:.2g}"]
-                for t in g.before
-                if t.significant
-            ]
-            or [["none significant", "", "", ""]],
-            "Tests that the believed model fails (family-wise rate 1 %).",
+            ("test", "time [s]", "band [Hz]", "power found / expected", "adjusted p"),
+            [_test_cells(g, t) for t in g.before if t.significant][:MOST_TESTS]
+            or [["none significant", "", "", "", ""]],
+            f"Tests that the believed model fails (family-wise rate {100 * RATE:g} %).",
         ),
     ]
     parts += [text(m) for m in _limit_lines(g)]
     return parts
+
+
+MOST_TESTS = 15
+"""Rows of a table of tests."""
+
+
+def _test_cells(g: ChannelGap, t: Test) -> list[str]:
+    t0 = float(g.record.t[0])
+    lo, hi = (t0 + t.span[0], t0 + t.span[1]) if t.span else (t0, float(g.record.t[-1]))
+    band = (
+        f"{t.band_hz[0]:.4g}" if t.band_hz[0] == t.band_hz[1] else f"{t.band_hz[0]:.2g} to {t.band_hz[1]:.2g}"
+    )
+    return [t.name, f"{lo:.4g} to {hi:.4g}", band, f"{t.ratio:.3g}", f"{t.p:.2g}"]
 
 
 def _without(record: Record, effects: Sequence[Effect]) -> Array:
@@ -247,6 +259,30 @@ def _spectrum(g: ChannelGap) -> str:
             np.array([data.count[lo:hi] @ ratio[lo:hi] / data.count[lo:hi].sum() for lo, hi in groups])
         )
     return spectrum_picture(f, ratios[0], ratios[1], f"gap-spectrum-{g.channel}")
+
+
+NEAR = 60
+"""Ordinates beside a line that are shown."""
+
+
+def _near_line(g: ChannelGap, f: Finding) -> str:
+    """White power of the record beside a line, with it and without."""
+    record, effects = g.record, g.mended.effects
+    whitener = Whitener.of(effects, record.n, record.dt)
+    others = tuple(e for e in effects if e.coefficients() and e != f.effect)
+    at = round(2.0 * float(f.effect.row("")["frequency"][0]) * record.duration)
+    keep = slice(max(at - NEAR, 1), at + NEAR)
+    frequency = np.arange(record.n)[keep] / (2.0 * record.duration)
+    lines = [
+        Line("record", frequency, whitener.ordinates(_without(record, others))[keep] ** 2, MEASURED),
+        Line(
+            "without the line",
+            frequency,
+            whitener.ordinates(_without(record, (*others, f.effect)))[keep] ** 2,
+            AFTER,
+        ),
+    ]
+    return series_picture(lines, "power over noise", f"line-{g.channel}-{at}", "frequency [Hz]")
 
 
 def _driven(g: ChannelGap, f: Finding) -> str:

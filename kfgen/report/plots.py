@@ -117,7 +117,7 @@ def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) ->
     return _svg(fig, key)
 
 
-def series_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
+def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "time [s]") -> str:
     """Curves over time, with bands."""
     fig, (ax,) = _figure(7.4, 3.0)
     for line in lines:
@@ -131,7 +131,7 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
             label=line.label,
             linestyle="--" if line.dashed else "-",
         )
-    ax.set(xlabel="time [s]", ylabel=ylabel)
+    ax.set(xlabel=xlabel, ylabel=ylabel)
     ax.legend(frameon=False, fontsize=8.5)
     return _svg(fig, key)
 
