@@ -199,11 +199,9 @@ def _test(g: SceneGap, channel: str, t: Test) -> dict[str, Any]:
 def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
     effect = f.placed.effect
     t0, t1 = g.scene.span
-    if float(getattr(effect, "duration", 0.0) or 0.0) > 0.0:
-        t0, t1 = (
-            float(effect.time),
-            float(effect.time) + float(effect.duration),
-        )
+    start, length = (float(getattr(effect, name, 0.0) or 0.0) for name in ("time", "duration"))
+    if length > 0.0:
+        t0, t1 = start, start + length
     return {
         "effect": effect.name,
         "channel": f.placed.where,
