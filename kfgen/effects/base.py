@@ -22,6 +22,9 @@ from kfgen.units import derived_unit, from_si, parse_quantity
 
 Array = NDArray[np.float64]
 
+POSITIVE = ("size", "time", "frequency", "ratio", "width")
+"""Kinds of parameters that are not below zero."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -264,8 +267,8 @@ class Effect:
             number = parse_quantity(
                 value, derived_unit(template, unit), where=f"{where}.{key}", offset="U" not in template
             )
-            zero_is_wrong = key in others or known[key].kind == "time"
-            if known[target].kind in ("size", "time") and (number < 0 or (number == 0 and zero_is_wrong)):
+            zero_is_wrong = key in others or known[key].kind != "size"
+            if known[target].kind in POSITIVE and (number < 0 or (number == 0 and zero_is_wrong)):
                 raise InputError(f"{key} = {value!r} is not positive", where=where)
             (values if key in known else aliases)[key] = number
         missing = [f.name for f in fields(cls) if f.name not in said and f.default is f.default_factory]
@@ -314,8 +317,9 @@ class Effect:
         return law.mean(self.form(drive), t)
 
     def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None) -> Array:
-        """One random output [U], shape (n,), at even times `t` [s]."""
-        return law.simulate(self.form(drive), t, rng)
+        """One random output [U], shape (n,), at even times `t` [s]; the mean of what is not random."""
+        form = self.form(drive)
+        return self.mean(t, drive) if form.deterministic else law.simulate(form, t, rng)
 
     def row(self, unit: str) -> dict[str, tuple[float, str]]:
         """Report row: each parameter in the user's unit, as (value, unit)."""

@@ -68,7 +68,7 @@ class Mixture:
         base = minimize(one, [0.0], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-7})
         best = None
         for kappa in (2.0, 4.0, 12.0):
-            start = [0.0, np.log(max(np.mean(size > 2.0 * kappa), 2.0 / z.size, 1e-5)), np.log(kappa)]
+            start = [0.0, np.log(max(float(np.mean(size > 2.0 * kappa)), 2.0 / z.size, 1e-5)), np.log(kappa)]
             found = minimize(
                 two, start, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-6, "maxiter": 600}
             )

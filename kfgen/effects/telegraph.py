@@ -62,7 +62,7 @@ class RandomTelegraph(Effect):
         """Levels with exponential dwell times, shape (n,)."""
         t = np.asarray(t)
         dt = float(t[-1] - t[0]) / max(t.size - 1, 1)
-        flips = rng.random(t.size) < -np.expm1(-dt / float(self.dwell))
+        flips = rng.random(t.size) < -0.5 * np.expm1(-2.0 * dt / float(self.dwell))  # an odd number of jumps
         return np.asarray(0.5 * float(self.size) * (1.0 - 2.0 * ((np.cumsum(flips) + rng.integers(2)) % 2)))
 
     @classmethod
