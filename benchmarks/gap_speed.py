@@ -136,7 +136,9 @@ def main() -> None:
     for name in sys.argv[1:] or WORLDS:
         n, found, seconds = WORLDS[name]()
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-        print(f"{name}: {n} samples, {seconds:.1f} s, {', '.join(found) or 'nothing'} named, {memory:.0f} MiB")
+        print(
+            f"{name}: {n} samples, {seconds:.1f} s, {', '.join(found) or 'nothing'} named, {memory:.0f} MiB"
+        )
 
 
 if __name__ == "__main__":

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from kfgen.effects import catalogue
 from kfgen.errors import InputError
 from kfgen.identify.record import Record
+from kfgen.identify.whittle import block_means
 from kfgen.log import Log
 
 Array = NDArray[np.float64]
 
 MOST_MISSING = 0.5
 """Share of the samples that may be missing."""
+SHORT = 51
+"""Samples of a window that is smoothed as it is."""
 UNEVEN = 0.35
 """Of a period: root mean square of the steps' error beyond which there is no period."""
 
@@ -39,19 +42,29 @@ def smoothed(values: Array) -> Array:
 
     A noisy regressor explains less than the quantity that it stands for.
     """
-    from scipy.signal import savgol_filter
-
     # The mean square of third differences of white noise is 20 times its variance.
     noise2 = float(np.mean(np.diff(values, 3) ** 2)) / 20.0 if values.size > 8 else 0.0
     best, window = values, 5
     while 8 * window < values.size:
-        trial = savgol_filter(values, window, 2, mode="interp")
+        trial = _parabolas(values, window)
         # A parabola takes up about 2.25 / window of the noise.
         left = float(np.mean((values - trial) ** 2)) / max(1.0 - 2.25 / window, 0.1)
         if left > noise2 * (1.02 + 4.0 * float(np.sqrt(2.0 / values.size))):
             break
         best, window = trial, 2 * window + 1
     return np.asarray(best)
+
+
+def _parabolas(values: Array, window: int) -> Array:
+    """Local parabolas over windows, shape (n,); long ones on means of short blocks."""
+    from scipy.signal import savgol_filter
+
+    block = max(1, window // SHORT)
+    if block == 1:
+        return np.asarray(savgol_filter(values, window, 2, mode="interp"))
+    smooth = savgol_filter(block_means(values, block), 2 * (window // block // 2) + 1, 2, mode="interp")
+    middle = (np.arange(smooth.size) + 0.5) * block
+    return np.asarray(np.interp(np.arange(values.size) + 0.5, middle, smooth))
 
 
 def regular(log: Log, name: str) -> tuple[Record, Array, list[str]]:

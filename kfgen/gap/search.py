@@ -26,6 +26,10 @@ FIRST = 1.5
 """Nats of evidence above which a first effect is named: 200 records without a gap reached 1.43 at most."""
 ROUNDS = 3
 """Times that the whole list is gone through again."""
+SURE = 0.9999
+"""Probability of a name that had no rival."""
+PLENTY = 40.0
+"""Nats of evidence that a name keeps beside the others, above which it is not judged anew."""
 BETTER = 1.0
 """Nats by which another name must be better to take a place."""
 RETUNE = "retune"
@@ -161,13 +165,26 @@ def grown(search: Search) -> Search:
     return search
 
 
+def _stands(search: Search, chosen: Chosen, below: Candidate) -> bool:
+    """Whether an effect that had no rival is still worth much: then nothing needs to be ranked again."""
+    if _alters(chosen) or search.altering or chosen.name == RETUNE or chosen.shares[chosen.name] < SURE:
+        return False
+    base = search.base()
+    worth = log_evidence(base.problem, base.fit) - log_evidence(below.problem, below.fit)
+    return worth > PLENTY
+
+
 def reconsidered(search: Search) -> Search:
     """Each effect judged anew beside all others: kept, taken out, or replaced by a better name."""
     index = 0
     while index < len(search.chosen):
         rest = search.less(index)
         old = search.chosen[index]
-        ranked = rest.ranked(rest.base())
+        below = rest.base()
+        if _stands(search, old, below):
+            index += 1
+            continue
+        ranked = rest.ranked(below)
         same = next((c for c in ranked if c.name == old.name), None)
         best = ranked[0]
         if best.gain < ABOVE:
