@@ -87,6 +87,8 @@ def verdict_sentence(g: ChannelGap) -> str:
         return f"{g.channel}: {VERDICTS[g.verdict]} as far as {g.record.duration:.0f} s can tell"
     if g.retuned and not g.findings and g.verdict == "effects_found":
         return f"{g.channel}: the structure of the model holds, its numbers do not; they are fitted anew"
+    if g.verdict == "effects_found" and len(g.findings) > 1:
+        return f"{g.channel}: {len(g.findings)} effects are missing from the model, and they are named"
     return f"{g.channel}: {VERDICTS[g.verdict]}"
 
 
