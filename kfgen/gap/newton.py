@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 
 TRUST = 0.1
 """Deviation of the logarithm of a channel's noise level."""
-ROUNDS = 25
-CLOSE = 1e-4
+ROUNDS = 15
+CLOSE = 3e-3
 """Gain [nats] below which the maximum is reached."""
 VISIBLE = 0.1
 """Change of the residuals [deviations] by which they are differentiated."""

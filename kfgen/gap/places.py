@@ -26,7 +26,7 @@ from kfgen.model.user import UserModel
 
 Array = NDArray[np.float64]
 
-SMOOTH = 0.005
+SMOOTH = 0.01
 """Share of a speed's rms over which dry friction is smooth."""
 TIMES = (0.05, 0.3, 1.0, 4.0, 16.0)
 """Start values of lags and delays, in sampling periods."""

@@ -156,9 +156,38 @@ class PlantScene:
         for j, point in enumerate(points):
             groups.setdefault(_kinds(point.placed), []).append(j)
         for members in groups.values():
-            run = self._run([points[j] for j in members])
-            out[:, members] = self._whitened(run)
+            out[:, members] = self._whitened(self._shown([points[j] for j in members]))
         return out
+
+    def _shown(self, points: Sequence[Point]) -> Mapping[str, Array]:
+        """The simulated channels at points, each of shape (n, points).
+
+        Segments do not know of one another: points that differ only in where segments start share
+        simulations, each segment of which starts at another of the wanted places.
+        """
+        segs, states = len(self.starts), len(self.model.states)
+        alike: dict[tuple[object, bytes], list[int]] = {}
+        for j, p in enumerate(points):
+            alike.setdefault((p.placed, p.unknowns[segs * states :].tobytes()), []).append(j)
+        if segs == 1 or len(alike) == len(points):
+            return self._run(points).channels
+        columns: list[Point] = []
+        source = np.zeros((len(points), segs), dtype=np.intp)
+        for members in alike.values():
+            first = points[members[0]]
+            starts = np.array([points[j].unknowns[: segs * states] for j in members])
+            starts = starts.reshape(len(members), segs, states)
+            wanted = [np.unique(starts[:, s], axis=0, return_inverse=True) for s in range(segs)]
+            source[members] = len(columns) + np.column_stack([np.ravel(w[1]) for w in wanted])
+            for c in range(max(len(w[0]) for w in wanted)):
+                initial = np.concatenate([w[0][min(c, len(w[0]) - 1)] for w in wanted])
+                columns.append(
+                    Point(first.placed, np.concatenate([initial, first.unknowns[segs * states :]]))
+                )
+        run = self._run(columns)
+        segment = np.searchsorted(np.asarray(self.starts), np.arange(self.log.n), side="right") - 1
+        rows = np.arange(self.log.n)[:, None]
+        return {n: v[rows, source.T[segment]] for n, v in run.channels.items()}
 
     def simulated(self, point: Point) -> Run:
         """The simulation at a point."""
@@ -208,10 +237,10 @@ class PlantScene:
                 effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
         return Batch(parameters, tuple(effects), initial)
 
-    def _whitened(self, run: Run) -> Array:
+    def _whitened(self, channels: Mapping[str, Array]) -> Array:
         parts = []
         for name, recorded in self.recorded.items():
-            parts.append(recorded.whitener.ordinates(_left(recorded, run.channels[name])))
+            parts.append(recorded.whitener.ordinates(_left(recorded, channels[name])))
         return np.concatenate(parts)
 
     @property
