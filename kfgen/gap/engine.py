@@ -36,6 +36,8 @@ MOST = 10
 """Effects in one scene."""
 BETTER = 1.0
 """Nats by which another name must be better to take a place."""
+DETECTABLE = 8.0
+"""Nats that an effect must be worth on average to be named."""
 LOST = 0.02
 """Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
 
@@ -183,6 +185,24 @@ def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[flo
         if gain > best[0]:
             best = (gain, starts[j], direction)
     return best
+
+
+def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
+    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats."""
+    Q = basis(fit.jacobian)
+    out = []
+    for starts in scene.candidates(fit.point.placed):
+        point = Point((*fit.point.placed, starts[0]), fit.point.unknowns)
+        residual = scene.residuals([point])[:, 0]
+        if not np.isfinite(residual).all():
+            continue
+        column = _new_columns(scene, fit, point, residual)[:, 0]
+        own = float(np.linalg.norm(column - Q @ (Q.T @ column)))
+        effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
+        scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
+        if own > LOST * float(np.linalg.norm(column)):
+            out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
+    return out
 
 
 def _new_columns(scene: Scene, base: Fitted, point: Point, residual: Array) -> Array:
