@@ -141,6 +141,7 @@ class Effect:
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
     filters: ClassVar[bool] = False
+    weakens: ClassVar[bool] = False
     alters: ClassVar[bool] = False
     meanings: ClassVar[tuple[Meaning, ...]] = ()
 

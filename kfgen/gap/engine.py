@@ -192,6 +192,8 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
     Q = basis(fit.jacobian)
     out = []
     for starts in scene.candidates(fit.point.placed):
+        if starts[0].effect.weakens:
+            continue  # the larger its parameter, the less it does
         point = Point((*fit.point.placed, starts[0]), fit.point.unknowns)
         residual = scene.residuals([point])[:, 0]
         if not np.isfinite(residual).all():
