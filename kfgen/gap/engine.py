@@ -41,6 +41,9 @@ DETECTABLE = 8.0
 LOST = 0.02
 """Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
 
+BLIND = 1e-6
+"""Share of the information on an unknown that must be left."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -77,7 +80,7 @@ class Explained:
 
 def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
-    start = Point((), np.array([u.value for u in scene.unknowns]))
+    start = Point((), np.array([u.start for u in scene.unknowns]))
     believed = fitted(scene, start)
     added = _grown(scene, believed, [])
     for _ in range(3):
@@ -155,9 +158,20 @@ def ranked(scene: Scene, base: Fitted) -> list[Trial]:
             continue
         point = Point((*base.point.placed, start), base.point.unknowns)
         fit = fitted(scene, point)
+        if _blind(base, fit):
+            continue
         value = evidence(scene, fit) - reference - cost
         trials.append(Trial(fit.point.placed[-1], fit, value, direction))
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _blind(base: Fitted, fit: Fitted) -> bool:
+    """Whether the data no longer say what they said of the unknowns: there the simulation has diverged."""
+    count = base.point.unknowns.size
+    if not np.isfinite(fit.information).all():
+        return True
+    before, after = (np.diag(f.information)[f.information.shape[0] - count :] for f in (base, fit))
+    return bool((after < BLIND * before).any())
 
 
 def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[float, Placed, Array]:
@@ -272,8 +286,8 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
     value -= float(np.log(widths[:k]).sum())
     # What the data do not bound is bounded by its prior.
-    floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, 1e-12 * np.maximum(np.diag(H), 1e-300))
-    scaled = H / np.sqrt(np.outer(floor, floor))
+    floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
+    scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())

@@ -192,7 +192,7 @@ def held_out(scene: Scene, found: Explained) -> Gap:
 
 
 def _values(scene: Scene) -> Array:
-    return np.array([u.value for u in scene.unknowns])
+    return np.array([u.start for u in scene.unknowns])
 
 
 def _ratios(scene: Scene, fit: Fitted) -> tuple[Array, Array]:
