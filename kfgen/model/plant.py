@@ -261,7 +261,9 @@ class Plant:
             for i in range(k):
                 J[:, :, i, j] = (sides[0][i] - sides[1][i]) / (2.0 * step[j])
         largest = np.nan_to_num(np.abs(X).max(axis=(0, 1)), nan=np.inf)
-        with_others = largest <= DIVERGED * largest.min()  # what diverges where others do not needs no accuracy
+        with_others = (
+            largest <= DIVERGED * largest.min()
+        )  # what diverges where others do not needs no accuracy
         flat = J[:, with_others].reshape(-1, k, k)
         return np.asarray(np.linalg.eigvals(flat[np.isfinite(flat).all(axis=(1, 2))]), dtype=np.complex128)
 

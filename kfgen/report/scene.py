@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
-from kfgen.gap.battery import Test
+from kfgen.gap.battery import RATE, Test
 from kfgen.gap.outcome import PlacedFinding, SceneGap
 from kfgen.gap.proof import METRIC
 from kfgen.gap.scene import Placed
@@ -75,7 +75,7 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
 
 
 _HEAD = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
-_CAPTION = "Tests that the believed model fails (family-wise rate 0.2 %)."
+_CAPTION = f"Tests that the believed model fails (family-wise rate {100 * RATE:g} %)."
 
 
 def _verdict(g: SceneGap) -> str:
