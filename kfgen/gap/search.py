@@ -31,6 +31,9 @@ SURE = 0.9999
 """Probability of a name that had no rival."""
 PLENTY = 40.0
 """Nats of evidence that a name keeps beside the others, above which it is not judged anew."""
+LINE = "sinusoid"
+BESIDE = 40.0
+"""Inverse lengths of the record within which two lines may be one that wanders."""
 BETTER = 1.0
 """Nats by which another name must be better to take a place."""
 RETUNE = "retune"
@@ -162,8 +165,27 @@ def grown(search: Search) -> Search:
         ranked = search.ranked(search.base())
         if not ranked or ranked[0].gain < (ABOVE if search.chosen else FIRST):
             break
-        search = search.plus(ranked[0], ranked)
+        search = _wandering(search, ranked[0]) or search.plus(ranked[0], ranked)
     return search
+
+
+def _wandering(search: Search, line: Candidate) -> Search | None:
+    """Where a second line stands beside a first: both as one resonance, if that is worth more."""
+    if line.name != LINE:
+        return None
+    reach = BESIDE / search.record.duration
+    for index, chosen in enumerate(search.chosen):
+        near = chosen.name == LINE and abs(_frequency(chosen.candidate) - _frequency(line)) < reach
+        if near:
+            rest = replace(search.less(index), without=search.without | {LINE})
+            ranked = rest.ranked(rest.base())
+            if ranked and ranked[0].gain > chosen.candidate.gain + line.gain:
+                return replace(rest.plus(ranked[0], ranked), without=search.without)
+    return None
+
+
+def _frequency(line: Candidate) -> float:
+    return float(line.effect.row("")["frequency"][0])
 
 
 def _stands(search: Search, chosen: Chosen, below: Candidate) -> bool:

@@ -96,7 +96,9 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | 
 def _checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Checks:
     sizes = {
         f.effect.name: [
-            p.name for p in f.effect.estimated() if p.kind in ("size", "signed", "solved", "ratio")
+            p.name
+            for p in f.effect.estimated()
+            if p.kind in ("size", "signed", "solved", "ratio", "frequency")
         ]
         for f in findings
     }
