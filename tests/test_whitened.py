@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -57,7 +59,7 @@ def test_coloured_noise_becomes_white() -> None:
     y = x + 0.3 / np.sqrt(DT) * rng.standard_normal(n) + np.diff(0.01 * rng.standard_normal(n + 1)) / DT
     X = Whitener.of(SLOW, n, DT).ordinates(y)
     edges = 2 ** np.arange(3, 15)
-    for lo, hi in zip(edges[:-1], edges[1:]):
+    for lo, hi in itertools.pairwise(edges):
         assert abs(np.mean(X[lo:hi] ** 2) - 1.0) < 4.5 * np.sqrt(2.0 / (hi - lo)), (lo, hi)
 
 
