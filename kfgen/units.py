@@ -332,7 +332,8 @@ def derived_unit(template: str, unit: str) -> str:
     text = re.sub(r"\(\(([^()]*)\)\)", r"(\1)", re.sub(r"\bU\b", text, template))
     if "U*" in template and parse_unit(text).factor == 1.0:
         return parse_unit(text).si  # rad instead of rad/s*s
-    return text
+    text = re.sub(r"(?<!sqrt)\(([A-Za-z%]+)\)", r"\1", text)
+    return text[1:-1] if re.fullmatch(r"\([^()]*\)", text) else text
 
 
 _SHOWN = {"rad/s": "deg/s", "m/s^2": "mg", "T": "uT", "K": "K", "rad": "deg"}

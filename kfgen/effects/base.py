@@ -141,6 +141,8 @@ class Effect:
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
     filters: ClassVar[bool] = False
+    weakens: ClassVar[bool] = False
+    rare: ClassVar[float] = 0.0
     alters: ClassVar[bool] = False
     meanings: ClassVar[tuple[Meaning, ...]] = ()
 
@@ -206,6 +208,10 @@ class Effect:
     def sought(cls, series: Series) -> list[Sought]:
         """Where it shows in a series that should be white: for effects that no start value finds."""
         return []
+
+    def is_itself(self, duration: float) -> bool:
+        """Whether in a record of that length [s] it is not a mere double of another effect."""
+        return True
 
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:

@@ -68,6 +68,9 @@ class RepeatedSamples(Fault):
         least = 3.0 / raw.n + 5.0 * np.sqrt(chance / raw.n) + 0.25 * chance
         if raw.lattice > COARSE * raw.believed or equal - chance < max(least, 0.005):
             return None
+        one, two = raw.steps
+        if one > (1.0 - 0.25 * share) * two:  # samples that repeat make steps to neighbours small
+            return None
         return Spotted(cls(share), equal * raw.n, spoils=True)
 
 
@@ -146,7 +149,7 @@ class CoarseQuantisation(Fault):
         """The lattice of values against the noise."""
         if raw.lattice < COARSE * raw.believed or raw.noise > 3.0 * raw.lattice:
             return None
-        one, two = (float(np.mean((raw.y[k:] - raw.y[:-k]) ** 2)) for k in (1, 2))
+        one, two = raw.steps
         if one > INTEGRATED * two:  # the lattice is that of the integral
             return None
         return Spotted(cls(raw.lattice), float(raw.n), spoils=True)

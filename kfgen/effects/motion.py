@@ -290,6 +290,7 @@ class Bandwidth(Lag):
     corner: Any = parameter("Hz", "frequency")
 
     name: ClassVar[str] = "bandwidth"
+    weakens: ClassVar[bool] = True
     title: ClassVar[str] = "finite bandwidth"
     saying: ClassVar[str] = "follows its input up to {corner} only"
 

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 SLOWEST = 2.5
 """Periods of the slowest line in the record: a slower one is a drift."""
+NARROW = 3.0
+"""Width of a resonance, in inverse lengths of the record, below which it is a line."""
 FINE = 4
 """Frequencies looked at, over the record's own."""
 WIDTHS = (0.005, 0.02, 0.06, 0.2)
@@ -103,6 +105,8 @@ class Sinusoid(Effect):
         keep = (f > SLOWEST / (series.n * series.dt)) & (f < 0.5 / series.dt * (1.0 - 2.0 / series.n))
         gain, f = np.abs(Z[keep]) ** 2 / series.n, f[keep]
         w = gain - np.log(np.maximum(2.0 * gain, 1.0) * 0.5 * OF_A_COEFFICIENT)
+        # Half of the prior is uniform in frequency, half in its logarithm.
+        w = w + np.log(0.5 + 0.5 * f.size / (f * np.sum(1.0 / f)))
         k = int(np.argmax(w))
         at = f[k]
         if 0 < k < f.size - 1:  # the top of a parabola through three points
@@ -144,6 +148,10 @@ class Resonance(Effect):
             x0=(0, 0),
             states=(State("resonance"), State("resonance_rate", "U/s")),
         )
+
+    def is_itself(self, duration: float) -> bool:
+        """Whether its peak is wide enough to be told from a line."""
+        return 2.0 * float(self.damping) * float(self.frequency) * duration > NARROW
 
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:

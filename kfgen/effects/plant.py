@@ -262,6 +262,7 @@ class Saturation(InputChange):
     limit: Any = parameter("U", "size")
 
     name: ClassVar[str] = "saturation"
+    weakens: ClassVar[bool] = True
     title: ClassVar[str] = "saturation of an actuator"
     saying: ClassVar[str] = "acts no stronger than {limit}"
 

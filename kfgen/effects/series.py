@@ -185,6 +185,12 @@ class Raw:
         return 1.4826 * middle / float(np.sqrt(2.0))
 
     @cached_property
+    def steps(self) -> tuple[float, float]:
+        """Mean square of the steps to the next sample and to the one after it [SI]."""
+        one, two = (float(np.mean((self.y[k:] - self.y[:-k]) ** 2)) for k in (1, 2))
+        return one, two
+
+    @cached_property
     def lattice(self) -> float:
         """Distance of neighbouring values [SI], zero where they lie on no lattice."""
         values = np.unique(self.y[:50_000])

@@ -88,6 +88,7 @@ class ThermalHysteresis(Effect):
     coefficient: Any = parameter("U/K", "signed")
 
     name: ClassVar[str] = "thermal_hysteresis"
+    rare: ClassVar[float] = 1.0
     title: ClassVar[str] = "thermal hysteresis"
     saying: ClassVar[str] = "follows the temperature by {coefficient} with a play of {width} either way"
     driver: ClassVar[str] = "temperature"

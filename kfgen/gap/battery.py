@@ -29,7 +29,7 @@ from kfgen.identify.whittle import Ordinates, residual_ratio
 
 Array = NDArray[np.float64]
 
-RATE = 0.002
+RATE = 0.001
 """Family-wise false alarm rate of the battery."""
 BANDS_PER_DECADE = 3
 STRETCHES = 8

@@ -36,8 +36,13 @@ MOST = 10
 """Effects in one scene."""
 BETTER = 1.0
 """Nats by which another name must be better to take a place."""
+DETECTABLE = 8.0
+"""Nats that an effect must be worth on average to be named."""
 LOST = 0.02
 """Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
+
+BLIND = 1e-6
+"""Share of the information on an unknown that must be left."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,7 @@ class Explained:
 
 def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
-    start = Point((), np.array([u.value for u in scene.unknowns]))
+    start = Point((), np.array([u.start for u in scene.unknowns]))
     believed = fitted(scene, start)
     added = _grown(scene, believed, [])
     for _ in range(3):
@@ -153,9 +158,20 @@ def ranked(scene: Scene, base: Fitted) -> list[Trial]:
             continue
         point = Point((*base.point.placed, start), base.point.unknowns)
         fit = fitted(scene, point)
+        if _blind(base, fit):
+            continue
         value = evidence(scene, fit) - reference - cost
         trials.append(Trial(fit.point.placed[-1], fit, value, direction))
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _blind(base: Fitted, fit: Fitted) -> bool:
+    """Whether the data no longer say what they said of the unknowns: there the simulation has diverged."""
+    count = base.point.unknowns.size
+    if not np.isfinite(fit.information).all():
+        return True
+    before, after = (np.diag(f.information)[f.information.shape[0] - count :] for f in (base, fit))
+    return bool((after < BLIND * before).any())
 
 
 def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[float, Placed, Array]:
@@ -183,6 +199,26 @@ def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[flo
         if gain > best[0]:
             best = (gain, starts[j], direction)
     return best
+
+
+def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
+    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats."""
+    Q = basis(fit.jacobian)
+    out = []
+    for starts in scene.candidates(fit.point.placed):
+        if starts[0].effect.weakens:
+            continue  # the larger its parameter, the less it does
+        point = Point((*fit.point.placed, starts[0]), fit.point.unknowns)
+        residual = scene.residuals([point])[:, 0]
+        if not np.isfinite(residual).all():
+            continue
+        column = _new_columns(scene, fit, point, residual)[:, 0]
+        own = float(np.linalg.norm(column - Q @ (Q.T @ column)))
+        effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
+        scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
+        if own > LOST * float(np.linalg.norm(column)):
+            out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
+    return out
 
 
 def _new_columns(scene: Scene, base: Fitted, point: Point, residual: Array) -> Array:
@@ -250,8 +286,8 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
     value -= float(np.log(widths[:k]).sum())
     # What the data do not bound is bounded by its prior.
-    floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, 1e-12 * np.maximum(np.diag(H), 1e-300))
-    scaled = H / np.sqrt(np.outer(floor, floor))
+    floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
+    scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())

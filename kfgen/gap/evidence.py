@@ -6,7 +6,8 @@ hardly bounds numerically, over places (an onset, a frequency) by the scan that 
 times have log-uniform priors, the believed model's numbers keep the priors that trust in them gives,
 and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
 competes openly: the same structure with the trust taken away. Each addition costs the
-logarithm of the number of candidates, and `ABOVE` nats are asked for before anything is named.
+logarithm of the number of candidates (and what its class says that it is rarer than others, ``rare``), and
+`ABOVE` nats are asked for before one more is named.
 
 References
 ----------
@@ -154,7 +155,8 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
     allowed = additions(base, series_of(base), without)
     cost = float(np.log(len(allowed) + 1))
     reference = log_evidence(base.problem, base.fit) + cost
-    found = [_added(found, base, reference, cost) for found in allowed]
+    found = [_added(f, base, reference + f[0].effect.rare, cost + f[0].effect.rare) for f in allowed]
+    found = [c for c in found if np.isfinite(c.gain)]
     if "retune" not in without:
         found.append(_retuned(base, reference))
     return sorted(found, key=lambda c: -c.gain)
@@ -211,6 +213,8 @@ def _added(starts: Sequence[Sought], base: Candidate, reference: float, cost: fl
     times = [key for key in fit.free if key[0] == at and _kind(problem, key) == "time"]
     if times and not _is_closed(problem, fit, times[0]):
         value = _integrated(problem, fit, times[0])
+    if not fit.effects[-1].is_itself(base.problem.record.duration):
+        value = -np.inf
     return Candidate(name, fit, problem, value + sought.located - reference, sought)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.battery import Test
+from kfgen.gap.checks import Checks
 from kfgen.gap.proof import Gap
 from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise
@@ -64,6 +65,8 @@ class ChannelGap:
         What would not have been seen.
     white : ndarray, shape (n,)
         What the mended model leaves, fast part: white and of unit variance.
+    checks : Checks, optional
+        Of what was added.
     """
 
     channel: str
@@ -79,3 +82,4 @@ class ChannelGap:
     record: Record
     retuned: bool = False
     white: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    checks: Checks | None = None

@@ -28,6 +28,8 @@ TRUST = 0.1
 ROUNDS = 15
 CLOSE = 3e-3
 """Gain [nats] below which the maximum is reached."""
+SHARE = 1e-5
+"""Or this share of what the fit gained in all."""
 VISIBLE = 0.1
 """Change of the residuals [deviations] by which they are differentiated."""
 LONGEST = 1.0
@@ -147,9 +149,15 @@ def derivative(scene: Scene, point: Point, residual: Array, steps: Array) -> tup
     x = coordinates(point)
     if not x.size:
         return np.zeros((residual.size, 0)), steps
-    for _ in range(2):
+
+    def changed(steps: Array) -> Array:
+        # The point itself once more: a simulation is as fine as all its columns ask for.
         shifted = [moved(point, x + h * e) for h, e in zip(steps, np.eye(x.size))]
-        change = scene.residuals(shifted) - residual[:, None]
+        found = scene.residuals([point, *shifted])
+        return np.asarray(found[:, 1:] - found[:, :1])
+
+    for _ in range(2):
+        change = changed(steps)
         size = np.linalg.norm(change, axis=0)
         good = (size > 0.01 * VISIBLE) & (size < 100.0 * VISIBLE)
         if good.all():
@@ -159,8 +167,7 @@ def derivative(scene: Scene, point: Point, residual: Array, steps: Array) -> tup
         better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
         steps = np.where(good, steps, better)
     else:
-        shifted = [moved(point, x + h * e) for h, e in zip(steps, np.eye(x.size))]
-        change = scene.residuals(shifted) - residual[:, None]
+        change = changed(steps)
     return np.asarray(change / steps), steps
 
 
@@ -176,7 +183,7 @@ def fitted(scene: Scene, start: Point, steps: Array | None = None) -> Fitted:
     steps = first_steps(start) if steps is None else steps
     residual = scene.residuals([point])[:, 0]
     value = log_posterior(scene, residual, point.unknowns)
-    damping, keys = 1e-6, keys_of(point.placed)
+    damping, keys, begun = 1e-6, keys_of(point.placed), value
     k = len(keys)
     for _ in range(ROUNDS):
         levels = levels_of(scene, residual)
@@ -188,7 +195,7 @@ def fitted(scene: Scene, start: Point, steps: Array | None = None) -> Fitted:
         g[k:] += _pulls(scene, point.unknowns) * _weights(scene)
         H = _information(scene, J, k)
         gain, point, residual, value, damping = _stepped(scene, (point, residual, value), g, H, damping)
-        if gain < CLOSE:
+        if gain < max(CLOSE, SHARE * (value - begun)):
             break
     levels = levels_of(scene, residual)
     J, steps = derivative(scene, point, residual, steps)

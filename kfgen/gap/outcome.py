@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.engine import Added, Explained, basis, explained
+from kfgen.gap.engine import Added, Explained, basis, explained, limits
 from kfgen.gap.finding import SET
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
@@ -63,8 +63,8 @@ class SceneGap:
     gap : Gap
     rms : tuple of (channel, before, after)
         Root mean square of the residuals in deviations of the noise.
-    unknowns : dict of str to float
-        What was fitted beside [SI].
+    limits : tuple of (Placed, parameter, value)
+        What would not have been seen [SI].
     """
 
     scene: Scene
@@ -76,6 +76,7 @@ class SceneGap:
     rms: tuple[tuple[str, float, float], ...]
     believed: Fitted
     fit: Fitted
+    limits: tuple[tuple[Placed, str, float], ...] = ()
 
     @property
     def unknowns(self) -> dict[str, tuple[Unknown, float]]:
@@ -108,6 +109,7 @@ def find_scene_gap(scene: Scene) -> SceneGap:
         rms,
         found.believed,
         found.fit,
+        tuple(limits(scene, found.fit)),
     )
 
 
@@ -190,7 +192,7 @@ def held_out(scene: Scene, found: Explained) -> Gap:
 
 
 def _values(scene: Scene) -> Array:
-    return np.array([u.value for u in scene.unknowns])
+    return np.array([u.start for u in scene.unknowns])
 
 
 def _ratios(scene: Scene, fit: Fitted) -> tuple[Array, Array]:

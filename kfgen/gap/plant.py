@@ -66,6 +66,8 @@ class PlantScene:
         Where they start, by a fit of the model as it is believed [SI].
     hidden : tuple of bool, (states,)
         Those that no channel shows: their prior is wide, but finite.
+    begun : mapping of str to float
+        Parameters that are not trusted, as that fit has them [SI].
     """
 
     model: UserModel
@@ -74,6 +76,7 @@ class PlantScene:
     starts: tuple[int, ...] = (0,)
     initial: Array = field(default_factory=lambda: np.zeros((1, 0)))
     hidden: tuple[bool, ...] = ()
+    begun: Mapping[str, float] = field(default_factory=dict)
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 
@@ -99,8 +102,10 @@ class PlantScene:
             )
         bare = PlantScene(model, log, recorded)
         shooting = bare._shooting
-        starts, initial = segments(shooting)
-        return replace(bare, starts=starts, initial=initial, hidden=shooting.hidden(initial[0]))
+        starts, initial, parameters = segments(shooting)
+        begun = dict(zip(shooting.free, parameters.tolist()))
+        hidden = shooting.hidden(initial[0])
+        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -141,7 +146,7 @@ class PlantScene:
                 out.append(Unknown(label, unit, value, state.sd if known else unseen))
         for name, p in self.model.parameters.items():
             if p.sd > 0.0:
-                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd))
+                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, self.begun.get(name)))
         return tuple(out)
 
     def unit(self, placed: Placed) -> str:

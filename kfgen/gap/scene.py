@@ -37,12 +37,20 @@ class Unknown:
         What is believed [SI].
     sd : float
         Deviation of a Gaussian prior [SI]; infinite for none.
+    begun : float, optional
+        Where fits begin, if not there [SI].
     """
 
     name: str
     unit: str
     value: float
     sd: float
+    begun: float | None = None
+
+    @property
+    def start(self) -> float:
+        """Where fits begin [SI]."""
+        return self.value if self.begun is None else self.begun
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """How long one simulation can follow a record, and where the plant was: initial states by least squares.
 
-A window grows from the first sample by doubling. It ends where the model, as it is believed, no longer follows the
-data, or where the initial state would have to be known too well; there the next segment begins.
+A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is believed
+as that allows, no longer follows the data, or where the initial state would have to be known too well; there the next
+segment begins.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ FIRST = 24
 """Samples of the first window at least."""
 SEGMENTS = 40
 """Segments at most."""
-FOLLOWED = 0.25
+FOLLOWED = 0.5
 """Share of a channel's deviation that may be left where the model follows."""
 NOISE = 2.0
 """Or this many deviations of its noise."""
@@ -53,6 +54,8 @@ class Shooting:
         By channel [SI].
     weights : mapping of str to float
         Inverse deviation of the noise of a sample [1/SI].
+
+    A column of what is fitted has the initial states first, then the parameters that are not trusted.
     """
 
     plant: Plant
@@ -71,10 +74,36 @@ class Shooting:
             out[name][at] = values
         return out
 
+    @cached_property
+    def free(self) -> dict[str, tuple[float, float]]:
+        """The parameters that are not trusted: value and deviation [SI]."""
+        return {n: (p.value, p.sd) for n, p in self.plant.model.parameters.items() if p.sd > 0.0}
+
+    @property
+    def states(self) -> int:
+        """How many."""
+        return len(self.plant.states)
+
+    @cached_property
+    def trusted(self) -> Array:
+        """The values of those parameters [SI]."""
+        return np.array([v for v, _ in self.free.values()])
+
+    def _pulls(self, X0: Array) -> Array:
+        """How far parameters are from what is believed, in deviations, shape (parameters, batch)."""
+        deviations = np.array([sd for _, sd in self.free.values()])
+        return np.asarray((X0[self.states :] - self.trusted[:, None]) / deviations[:, None])
+
+    def cost(self, X0: Array, a: int, b: int) -> Array:
+        """Sums of squares over samples a to b, and of what is believed, shape (batch,)."""
+        return np.asarray((self.left(X0, a, b) ** 2).sum(axis=(0, 1)) + (self._pulls(X0) ** 2).sum(axis=0))
+
     def _simulated(self, X0: Array, a: int, b: int) -> tuple[Array, Array]:
-        """Weighted residuals (channels, b - a, batch) and last states (states, batch) of initial states."""
-        size = X0.shape[1]
+        """Weighted residuals (channels, b - a, batch) and last states (states, batch) of what is fitted."""
+        size, k = X0.shape[1], self.states
         parameters = {n: np.full(size, p.value) for n, p in self.plant.model.parameters.items()}
+        parameters |= dict(zip(self.free, X0[k:]))
+        X0 = X0[:k]
         effects = tuple((w, stacked([e] * size)) for w, e in self.effects)
         inputs = {n: u[a:b] for n, u in self.inputs.items()}
         run = self.plant.simulate(self.t[a:b], inputs, Batch(parameters, effects, X0[None]))
@@ -86,12 +115,12 @@ class Shooting:
         return np.array(out), run.states[-1]
 
     def left(self, X0: Array, a: int, b: int) -> Array:
-        """Weighted residuals in samples a to b, shape (channels, b - a, batch), of initial states (states, batch)."""
+        """Weighted residuals in samples a to b, shape (channels, b - a, batch), of columns of what is fitted."""
         return self._simulated(X0, a, b)[0]
 
     def last(self, x0: Array, a: int, b: int) -> Array:
-        """The states at sample b - 1, shape (states,), from those at sample a."""
-        return np.asarray(self._simulated(x0[:, None], a, b)[1][:, 0])
+        """What is fitted, its states at sample b - 1, from those at sample a."""
+        return np.concatenate([self._simulated(x0[:, None], a, b)[1][:, 0], x0[self.states :]])
 
     def guess(self, start: int, length: int) -> Array:
         """Initial states from the channels that show a state or its integral, shape (states,)."""
@@ -124,18 +153,23 @@ class Shooting:
         return np.where(found > 0.0, found, 1.0)
 
     def slope(self, x0: Array, a: int, b: int) -> tuple[Array, Array]:
-        """Residuals, shape (channels, m), and their derivatives, (channels, m, states), by the initial states."""
-        step = 1e-5 * np.maximum(np.abs(x0), self.scale)
+        """Residuals, shape (channels, m), and their derivatives by what is fitted, shape (channels, m, fitted)."""
+        sizes = np.concatenate([self.scale, [sd for _, sd in self.free.values()]])
+        step = 1e-5 * np.maximum(np.abs(x0), sizes)
         R = self.left(np.column_stack([x0, x0[:, None] + np.diag(step)]), a, b)
         return R[:, :, 0], (R[:, :, 1:] - R[:, :, :1]) / step
 
     def fit(self, x0: Array, a: int, b: int) -> Array:
-        """Initial states by damped least squares over samples a to b, shape (states,)."""
+        """What is fitted by damped least squares over samples a to b."""
+        deviations = np.array([sd for _, sd in self.free.values()])
+        prior = np.eye(x0.size)[self.states :] / deviations[:, None]
         for _ in range(ITERATIONS):
             r, J = self.slope(x0, a, b)
-            cost, k = float(np.sum(r**2)), x0.size
-            tried = x0[:, None] + _damped(J.reshape(-1, k), r.ravel())
-            costs = (self.left(tried, a, b) ** 2).sum(axis=(0, 1))
+            pulls = self._pulls(x0[:, None])[:, 0]
+            cost = float(np.sum(r**2) + pulls @ pulls)
+            J = np.concatenate([J.reshape(-1, x0.size), prior])
+            tried = x0[:, None] + _damped(J, np.concatenate([r.ravel(), pulls]))
+            costs = self.cost(tried, a, b)
             best = int(np.argmin(costs))
             if costs[best] >= cost:
                 break
@@ -154,15 +188,16 @@ class Shooting:
             spread = float(np.std(full[a:b][good])) * self.weights[name]
             if float(np.sqrt(np.mean(part[good] ** 2))) > max(FOLLOWED * spread, NOISE):
                 return False
-        tenth = max(1, (b - a) // 10)
+        tenth, J = max(1, (b - a) // 10), J[:, :, : self.states]
         early, late = (np.abs(part).max(axis=(0, 1)) for part in (J[:, :tenth], J[:, -tenth:]))
         return not bool((late > GROWTH * np.maximum(early, 1e-300)).any())
 
     def hidden(self, x0: Array) -> tuple[bool, ...]:
-        """Which initial states change no channel as the model is believed."""
+        """Which initial states, shape (states,), change no channel as the model is believed."""
         if not x0.size:
             return ()
-        shown = np.abs(self.slope(x0, 0, self.t.size)[1]).max(axis=(0, 1)) * self.scale
+        J = self.slope(np.concatenate([x0, self.trusted]), 0, self.t.size)[1][:, :, : self.states]
+        shown = np.abs(J).max(axis=(0, 1)) * self.scale
         return tuple(bool(v < HIDDEN) for v in shown)
 
 
@@ -176,11 +211,11 @@ def _damped(J: Array, r: Array) -> Array:
     return np.array(steps).T
 
 
-def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array]:
-    """Where segments start, and their initial states, shape (segments, states)."""
-    n, k = shooting.t.size, len(shooting.plant.states)
+def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
+    """Where segments start, their initial states, shape (segments, states), and the untrusted parameters."""
+    n, k = shooting.t.size, shooting.states
     if k == 0:
-        return (0,), np.zeros((1, 0))
+        return (0,), np.zeros((1, 0)), shooting.trusted
     least = min(n, max(FIRST, -(-n // SEGMENTS)))
     starts, initial, a = [0], [], 0
     before: Array | None = None
@@ -188,20 +223,32 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array]:
         x0, b = _segment(shooting, a, least, before)
         initial.append(x0)
         if b == n:
-            return tuple(starts), np.array(initial)
+            return tuple(starts), *_agreed(shooting, (*starts, n), np.array(initial))
         before = shooting.last(x0, a, b + 1)
         starts.append(b)
         a = b
 
 
+def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[Array, Array]:
+    """Initial states of all segments under the parameters of the longest one, and those."""
+    k = shooting.states
+    parameters = found[int(np.argmax(np.diff(edges))), k:]
+    initial = []
+    for x0, a, b in zip(found, edges[:-1], edges[1:]):
+        guesses = np.array([x0[:k], shooting.guess(a, min(b - a, FIRST))])
+        tried = np.column_stack([guesses, np.tile(parameters, (2, 1))]).T
+        initial.append(guesses[int(np.argmin(shooting.cost(tried, a, b)))])
+    return np.array(initial), parameters
+
+
 def _segment(shooting: Shooting, a: int, least: int, before: Array | None) -> tuple[Array, int]:
-    """Initial states at sample a, and the sample up to which they are followed; at least so many."""
+    """What is fitted at sample a, and the sample up to which it is followed; at least so many."""
     n = shooting.t.size
     window = min(n - a, max(FIRST, least // 4))
-    guesses = [shooting.guess(a, window)]
+    guesses = [np.concatenate([shooting.guess(a, window), shooting.trusted])]
     if before is not None and np.isfinite(before).all():
-        guesses.append(before)
-    costs = (shooting.left(np.array(guesses).T, a, a + window) ** 2).sum(axis=(0, 1))
+        guesses += [np.concatenate([guesses[0][: shooting.states], before[shooting.states :]]), before]
+    costs = shooting.cost(np.array(guesses).T, a, a + window)
     x0 = shooting.fit(guesses[int(np.argmin(costs))], a, a + window)
     while a + window < n:
         longer = min(n - a, 2 * window)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.battery import Test, battery
+from kfgen.gap.checks import Checks, checks_of
 from kfgen.gap.evidence import Candidate, additions, series_of
 from kfgen.gap.faults import said_of, spoilt, spotted_in
 from kfgen.gap.finding import SET, ChannelGap, Finding
@@ -69,6 +70,7 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | 
     if not findings and not retuned and any(t.significant for t in before):
         retuned = moved(first.fit, priors)
         terms = _terms(search, base, random, retuned, before)[1] if retuned else terms
+    checks = _checked(search, base, findings) if findings else None
     findings = [*(said_of(f, record) for f in faults), *findings]
     clean = base.problem.record
     assert isinstance(clean, Record)
@@ -87,7 +89,21 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | 
         whole,
         retuned,
         series_of(base).fast,
+        checks,
     )
+
+
+def _checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Checks:
+    sizes = {
+        f.effect.name: [
+            p.name for p in f.effect.estimated() if p.kind in ("size", "signed", "solved", "ratio")
+        ]
+        for f in findings
+    }
+    intervals = [
+        (f.effect.name, n, *f.ci95[n]) for f in findings for n in sizes[f.effect.name][:1] if n in f.ci95
+    ]
+    return checks_of(search, base.fit.effects, intervals)
 
 
 def _written(record: Record, effects: tuple[Effect, ...]) -> Candidate:

@@ -87,6 +87,8 @@ def verdict_sentence(g: ChannelGap) -> str:
         return f"{g.channel}: {VERDICTS[g.verdict]} as far as {g.record.duration:.0f} s can tell"
     if g.retuned and not g.findings and g.verdict == "effects_found":
         return f"{g.channel}: the structure of the model holds, its numbers do not; they are fitted anew"
+    if g.verdict == "effects_found" and len(g.findings) > 1:
+        return f"{g.channel}: {len(g.findings)} effects are missing from the model, and they are named"
     return f"{g.channel}: {VERDICTS[g.verdict]}"
 
 
@@ -115,7 +117,9 @@ def gap_answer(log: Log, believed: NoiseModel, gaps: Mapping[str, ChannelGap]) -
     lines, parts = [], []
     for g in gaps.values():
         words = [verdict_sentence(g), *(finding_sentence(g, f) for f in g.findings)]
-        lines += [f"{w}." for w in words] + [columns(_gap_rows(g)), *(f"  {m}" for m in _limit_lines(g)), ""]
+        checked = [f"  check: {w}" for w in g.checks.words] if g.checks else []
+        lines += [f"{w}." for w in words] + [columns(_gap_rows(g)), *checked]
+        lines += [*(f"  {m}" for m in _limit_lines(g)), ""]
         parts += _parts(g)
     diff = model_diff(believed, mended_model(believed, gaps))
     if diff:
@@ -207,6 +211,7 @@ def _parts(g: ChannelGap) -> list[Part]:
             f"Tests that the believed model fails (family-wise rate {100 * RATE:g} %).",
         ),
     ]
+    parts += [text(f"Check: {w}.") for w in (g.checks.words if g.checks else ())]
     parts += [text(m) for m in _limit_lines(g)]
     return parts
 
@@ -322,6 +327,15 @@ def gap_data(gaps: Mapping[str, ChannelGap]) -> dict[str, Any]:
             "ci95": list(worst.gap.ci95),
         },
         "remaining": {"significant": bool(remaining), "tests": remaining},
+        "checks": {
+            g.channel: {
+                "nested_nats": g.checks.nested,
+                "seen": dict(g.checks.seen),
+                "found_again": list(g.checks.again) if g.checks.again is not None else None,
+            }
+            for g in gaps.values()
+            if g.checks
+        },
         "retuned": [g.channel for g in gaps.values() if g.retuned],
         "limits": [_limit(g, *limit) for g in gaps.values() for limit in g.limits],
     }

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
-from kfgen.gap.battery import Test
+from kfgen.gap.battery import RATE, Test
 from kfgen.gap.outcome import PlacedFinding, SceneGap
 from kfgen.gap.proof import METRIC
 from kfgen.gap.scene import Placed
@@ -19,7 +19,18 @@ from kfgen.identify.whittle import block_means
 from kfgen.log import Log
 from kfgen.report.gap import VERDICTS, gap_rows, percent
 from kfgen.report.identify import finite, quantity
-from kfgen.report.page import Answer, Page, Part, code, columns, figure, heading, sentence, table
+from kfgen.report.page import (
+    Answer,
+    Page,
+    Part,
+    code,
+    columns,
+    figure,
+    heading,
+    sentence,
+    table,
+    text,
+)
 from kfgen.report.plots import AFTER, BEFORE, Line, bars_picture, series_picture
 from kfgen.units import derived_unit, from_si
 
@@ -39,7 +50,8 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
     """
     words = [_verdict(g), *(finding_words(f, unit_of) for f in g.findings)]
     rows = [*gap_rows(g.gap, bool(g.findings)), *_rms_rows(g)]
-    lines = [f"{w}." for w in words] + [columns(rows)]
+    unseen = _limit_lines(g, unit_of)
+    lines = [f"{w}." for w in words] + [columns(rows), *(f"  {w}" for w in unseen)]
     diff = "\n".join(
         difflib.unified_diff(
             texts[0].splitlines(), texts[1].splitlines(), "believed", "mended", lineterm="", n=1
@@ -47,6 +59,7 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
     )
     parts: list[Part] = [heading("The gap"), *(sentence(w + ".") for w in words), *_figures(g)]
     parts += [table(("gap", ""), rows), table(_HEAD, _test_rows(g), _CAPTION)]
+    parts += [text(w) for w in unseen]
     if diff:
         lines += ["", "The model changes by", diff]
         parts += [heading("What changes in the model"), code(diff)]
@@ -62,7 +75,7 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
 
 
 _HEAD = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
-_CAPTION = "Tests that the believed model fails (family-wise rate 0.2 %)."
+_CAPTION = f"Tests that the believed model fails (family-wise rate {100 * RATE:g} %)."
 
 
 def _verdict(g: SceneGap) -> str:
@@ -178,8 +191,28 @@ def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
         "rms_in_deviations": {c: {"before": a, "after": b} for c, a, b in g.rms},
         "remaining": {"significant": bool(remaining), "tests": remaining},
         "unknowns": {n: {"value": v, "unit": u.unit} for n, (u, v) in g.unknowns.items()},
-        "limits": [],
+        "limits": [
+            {
+                "effect": p.effect.name,
+                "channel": p.where,
+                "parameter": name,
+                "would_not_see_below": finite(value),
+                "unit": _unit(p, name, unit_of),
+            }
+            for p, name, value in g.limits
+        ],
     }
+
+
+def _unit(placed: Placed, name: str, unit_of: UnitOf) -> str:
+    return derived_unit({p.name: p.unit for p in placed.effect.parameters()}[name], unit_of(placed))
+
+
+def _limit_lines(g: SceneGap, unit_of: UnitOf) -> list[str]:
+    return [
+        f"would not have been seen: {p.effect.name} of {p.where}, {n} below {quantity(v, _unit(p, n, unit_of))}"
+        for p, n, v in g.limits
+    ]
 
 
 def _test(g: SceneGap, channel: str, t: Test) -> dict[str, Any]:

@@ -1,0 +1,120 @@
+"""Three checks of every addition: it nests the believed model, the log shows it, and it is found again.
+
+The last simulates a record from the mended model, with the log's own time and drivers, and looks for the
+gap between that and what was believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.gap.search import RETUNE, Search, grown
+from kfgen.identify.record import Record
+
+Array = NDArray[np.float64]
+
+SEED = 1
+LONG = 200_000
+"""Samples beyond which no record is simulated."""
+SAME = 1e-6
+"""Nats by which a model without the addition's size may differ from the believed one."""
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What the checks gave.
+
+    Parameters
+    ----------
+    nested : float
+        Largest change of log-likelihood when an addition's size is taken to zero [nats].
+    seen : dict of str to bool
+        Whether the interval of each addition's size leaves zero out.
+    again : tuple of str, optional
+        What was found in a record simulated from the mended model; None where none was simulated.
+    """
+
+    nested: float
+    seen: dict[str, bool]
+    again: tuple[str, ...] | None
+
+    @property
+    def words(self) -> list[str]:
+        """Sentences."""
+        out = [
+            "without its size each addition gives back the believed likelihood"
+            if self.nested < SAME
+            else f"without its size an addition changes the likelihood by {self.nested:.2g} nats"
+        ]
+        hidden = [n for n, ok in self.seen.items() if not ok]
+        out.append(
+            f"this log does not bound the size of {', '.join(hidden)} away from zero"
+            if hidden
+            else "the interval of every addition's size leaves zero out: this log shows it"
+        )
+        if self.again is None:
+            out.append("no record was simulated from the mended model: the log is long")
+        else:
+            found = ", ".join(self.again) or "nothing"
+            out.append(f"in a record simulated from the mended model the same search finds {found}")
+        return out
+
+
+def checks_of(
+    search: Search, effects: Sequence[Effect], ci95: Sequence[tuple[str, str, float, float]]
+) -> Checks:
+    """The checks of a finished search.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Of the mended model, fitted.
+    ci95 : sequence of (effect, parameter, lo, hi)
+        Intervals of what was added.
+    """
+    seen: dict[str, bool] = {}
+    for name, _, lo, hi in ci95:
+        seen[name] = seen.get(name, False) or lo > 0.0 or hi < 0.0
+    again = None
+    if search.record.n <= LONG:
+        record = replace(search.record, y=simulated(search.record, effects, search.altering))
+        found = grown(replace(search, record=record, chosen=()))
+        again = tuple(c.name for c in found.chosen if c.name != RETUNE)
+    return Checks(_nested(search, effects), seen, again)
+
+
+def _nested(search: Search, effects: Sequence[Effect]) -> float:
+    """Change of the likelihood when what was added is there with a size of nothing."""
+    k = len(search.effects)
+    known = list(effects[:k])
+    base = search.record.likelihood(known).log_likelihood(known, np.zeros(0)).value
+    worst = 0.0
+    for effect in effects[k:]:
+        none = effect.shape if effect.coefficients() else _without_size(effect)
+        if none is None:
+            continue
+        both = [*known, none]
+        zeros = np.zeros(len(none.coefficients()))
+        value = search.record.likelihood(both).log_likelihood(both, zeros).value
+        worst = max(worst, abs(value - base))
+    return worst
+
+
+def _without_size(effect: Effect) -> Effect | None:
+    sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+    return replace(effect, **dict.fromkeys(sizes, 0.0)) if sizes and not effect.filters else None
+
+
+def simulated(record: Record, effects: Sequence[Effect], altering: Sequence[Effect]) -> Array:
+    """A record of the model on the same times and drivers, shape (n,)."""
+    rng = np.random.default_rng(SEED)
+    t = record.elapsed
+    y = sum((e.simulate(t, rng, record.drive) for e in effects), np.zeros(record.n))
+    for e in [*altering, *(e for e in effects if e.filters)]:
+        y = e.applied(y + (e.simulate(t, rng) if e.alters else 0.0), t, rng)
+    return np.asarray(y)
