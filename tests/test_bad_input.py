@@ -101,18 +101,29 @@ LOGS = {
 
 
 HOLES = {
-    "nan in a channel": (changed(5, "0.03,nan"), ["gyro_x", "sample 4"]),
-    "inf in a channel": (changed(5, "0.03,inf"), ["gyro_x", "sample 4"]),
+    "nan in a channel": (changed(5, "0.03,nan"), ["gyro_x", "1 samples", "missing"]),
+    "inf in a channel": (changed(5, "0.03,inf"), ["gyro_x", "1 samples", "missing"]),
     "hole in time": ([*rows(), "9.0,1"], ["uneven", "t = 2.99 s"]),
 }
 
 
-@pytest.mark.parametrize("case", HOLES)
-def test_the_gap_asks_for_a_whole_log(case: str, refused: Callable[..., str]) -> None:
+@pytest.mark.parametrize("case", ["nan in a channel", "inf in a channel"])
+def test_the_gap_draws_over_a_hole_and_says_so(case: str, kfgen: Cli) -> None:
+    """It asked for a whole log before dropped samples were an effect: one that is missing is a finding now."""
     lines, words = HOLES[case]
+    done = kfgen("gap", put(lines), "--model", noise(), "--json", "answer.json")
+    assert done.exit_code == 0, done.output
+    for word in words:
+        assert word in done.stderr
+    steps = json.loads(Path("answer.json").read_text(encoding="utf-8"))["steps"]
+    assert "dropped_samples" in [s["effect"] for s in steps]
+
+
+def test_the_gap_asks_for_one_log(refused: Callable[..., str]) -> None:
+    """More is missing than there is."""
+    lines, words = HOLES["hole in time"]
     path = put(lines)
-    model = noise()
-    said = refused("gap", path, "--model", model, "-o", "better.toml", "--json", "answer.json")
+    said = refused("gap", path, "--model", noise(), "-o", "better.toml", "--json", "answer.json")
     for word in [path, *words]:
         assert word in said
 

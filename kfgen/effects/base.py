@@ -351,5 +351,5 @@ class Effect:
 
     def sentence(self, channel: str, unit: str) -> str:
         """The effect on a channel in words, with sizes in the user's unit."""
-        shown = {k: f"{v:.3g} {u}" for k, (v, u) in self.row(unit).items()}
+        shown = {k: f"{v:.3g} {u}".rstrip() for k, (v, u) in self.row(unit).items()}
         return f"{channel} {self.saying.format(**shown)}"

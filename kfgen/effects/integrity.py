@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, parameter
 from kfgen.effects.form import Form
-from kfgen.effects.series import Raw, Spotted
+from kfgen.effects.series import Raw, Spotted, periods
 
 Array = NDArray[np.float64]
 
@@ -87,8 +87,7 @@ class DroppedSamples(Fault):
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
         """Steps of time of more than one and a half periods."""
-        steps = np.round(np.diff(raw.t) / raw.dt)
-        lost = float(np.sum(steps[steps > 1.0] - 1.0))
+        lost = float(np.sum(periods(raw.t, raw.dt) - 1.0))
         if lost < 1.0:
             return None
         return Spotted(cls(lost / (lost + raw.n)), lost, spoils=lost > 0.2 * (lost + raw.n))
@@ -107,9 +106,7 @@ class TimestampJitter(Fault):
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
         """Steps of time that differ by more than a few percent of a period."""
-        steps = np.diff(raw.t)
-        near = steps[np.abs(steps / raw.dt - np.round(steps / raw.dt)) < 0.5]
-        error = near / raw.dt - np.maximum(np.round(near / raw.dt), 1.0)
+        error = np.diff(raw.t) / raw.dt - periods(raw.t, raw.dt)
         rms = float(np.sqrt(0.5 * np.mean(error**2)))
         return Spotted(cls(rms * raw.dt), float(raw.n)) if rms > JITTER else None
 
@@ -193,15 +190,19 @@ class DeadZone(Fault):
 
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
-        """Far more zeros than values near them."""
+        """Zeros in place of the values about them: none stands next to zero, and no fewer than are missing are zero."""
         zero = raw.y == 0.0
         share = float(np.mean(zero))
         away = np.abs(raw.y[~zero])
         if share < 0.02 or away.size < 100 or raw.lattice > 0.25 * raw.noise:
             return None
         width = float(np.quantile(away, 0.001))
-        next_to = float(np.mean((away > width) & (away < 2.0 * width))) if width > 0.0 else 1.0
-        return Spotted(cls(width), share * raw.n, spoils=True) if share > 5.0 * next_to else None
+        if width < max(
+            1.5 * raw.lattice, 0.02 * raw.believed
+        ):  # the lattice itself; or zeros that were put in
+            return None
+        next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
+        return Spotted(cls(width), share * raw.n, spoils=True) if share > 0.2 * next_to else None
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class Motion(Effect):
     def sentence(self, channel: str, unit: str) -> str:
         """The effect in words: the entries that are there, with their units."""
         row = self.row(unit)
-        shown = {k: f"{v:.3g} {u}" for k, (v, u) in row.items()}
+        shown = {k: f"{v:.3g} {u}".rstrip() for k, (v, u) in row.items()}
         there = [p.name for p in free(self)] or [p.name for p in self.estimated()]
         entries = ", ".join(f"{k} = {shown[k]}" for k in there)
         return f"{channel} {self.saying.format(entries=entries, **shown)}"

@@ -23,6 +23,8 @@ DECADES = float(np.log(1e2))
 """Width of the log-uniform prior of a size."""
 OF_A_COEFFICIENT = float(2.0 * np.log(1e4))
 """Normalisation of the log-uniform prior of a coefficient of either sign."""
+SAME = 1e-9
+"""Of the range: distance of values below which they are one."""
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,10 @@ class Raw:
     def lattice(self) -> float:
         """Distance of neighbouring values [SI], zero where they lie on no lattice."""
         values = np.unique(self.y[:50_000])
+        apart = np.diff(values) > SAME * float(
+            np.ptp(values)
+        )  # values that are computed differ in their last digits
+        values = values[np.concatenate([[True], apart])]
         if values.size < 2 or values.size > 0.5 * min(self.n, 50_000):
             return 0.0
         steps = np.diff(values)
@@ -209,3 +215,15 @@ class Spotted:
     effect: Effect
     samples: float
     spoils: bool = False
+
+
+def periods(t: Array, dt: float) -> Array:
+    """Whole periods from each time stamp to the next, at least one, shape (n - 1,).
+
+    A long step beside a short one is jitter; a sample is missing where the three steps about it are long together.
+    """
+    d = np.diff(t) / dt
+    whole = np.maximum(np.round(d), 1.0)
+    three = np.convolve(np.concatenate([[1.0], d, [1.0]]), np.ones(3), "valid")
+    beside = np.concatenate([[1.0], whole[:-1]]) + np.concatenate([whole[1:], [1.0]])
+    return np.where(whole > 1.0, np.clip(np.round(three - beside), 1.0, whole), whole)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import catalogue
+from kfgen.effects.series import periods
 from kfgen.errors import InputError
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means
@@ -86,12 +87,13 @@ def regular(log: Log, name: str) -> tuple[Record, Array, list[str]]:
             remedy="Check the sensor and the column",
         )
     dt = float(np.median(np.diff(stamps)))
-    steps = np.maximum(np.round(np.diff(stamps) / dt), 1.0)
+    steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
     count = int(steps.sum()) + 1
     if error > UNEVEN or count > stamps.size / MOST_MISSING:
         raise InputError(
-            f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples",
+            f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
+            f"t = {stamps[int(np.argmax(np.diff(stamps)))]:.6g} s",
             where=log.source,
             remedy="Cut the log at its gaps, or resample it evenly",
         )

@@ -72,7 +72,7 @@ def expected_deviation(record: Evidence, effects: tuple[Effect, ...]) -> Array:
 
 def quantity(value: float, unit: str) -> str:
     """An SI value in a unit, three digits."""
-    return f"{from_si(value, unit):.3g} {unit}" if np.isfinite(value) else "unbounded"
+    return f"{from_si(value, unit):.3g} {unit}".rstrip() if np.isfinite(value) else "unbounded"
 
 
 def identify_answer(logs: Sequence[Log | StoredLog], found: Mapping[str, Identified]) -> Answer:
