@@ -116,7 +116,8 @@ def identify(
         str | None,
         typer.Option(
             help="ml (maximum likelihood; the default), kalman (the same, exact at any times), "
-            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments)."
+            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments), "
+            "asymptotes (of the Allan plot), arma (equivalent ARMA model), ekf and em (its state space)."
         ),
     ] = None,
     columns: Columns = None,

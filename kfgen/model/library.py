@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.model.filter import FilterModel
+from kfgen.model.hemerly import hemerly
 from kfgen.model.motion import Motion, Rest, Rotating, Strapdown
 from kfgen.model.sensors import AtRest, GnssPosition, GnssVelocity, GravityDirection, MagneticField
 from kfgen.noise import NoiseModel, canonical
@@ -97,6 +98,7 @@ LIBRARY: dict[str, Entry] = {
         "position, velocity, attitude, accelerometer and gyro bias, with GNSS",
         _moving(Strapdown(), GnssPosition, GnssVelocity),
     ),
+    "hemerly-ekf": Entry("one sensor axis at rest: N known, B, K and beta as states (Hemerly 2017)", hemerly),
 }
 
 
