@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -75,7 +75,7 @@ def load(program: Program) -> ModuleType:
     return module
 
 
-def run(program: Program, log: Log) -> FilterRun:
+def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | None = None) -> FilterRun:
     """Run a filter over a log from its alignment on.
 
     Parameters
@@ -83,6 +83,8 @@ def run(program: Program, log: Log) -> FilterRun:
     program : Program
     log : Log
         With the model's inputs and drivers; sensors whose channels it lacks are left out.
+    wrap : callable, optional
+        Makes another class of the emitted one, as `kfgen.adaptive.wrapper.adapted` does.
 
     Raises
     ------
@@ -91,7 +93,8 @@ def run(program: Program, log: Log) -> FilterRun:
     """
     discrete = program.discrete
     model, module = discrete.model, load(program)
-    kf = getattr(module, class_name(program))()
+    emitted = getattr(module, class_name(program))
+    kf = (wrap(emitted) if wrap else emitted)()
     inputs = {
         i.name: log.values(i.name) if i.scalar else np.column_stack([log.values(c) for c in i.channels])
         for i in model.motion.inputs

@@ -197,6 +197,9 @@ def run(
     model: ModelName,
     log: LogPath,
     noise: Noise = None,
+    adaptive: Annotated[
+        str | None, typer.Option(help="Adapt P, Q or R by a rule: see 'kfgen denoise --filter'.")
+    ] = None,
     rate: Rate = None,
     columns: Columns = None,
     json: Json = None,
@@ -205,6 +208,8 @@ def run(
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
     import numpy as np
 
+    from kfgen.adaptive.rules import rule_named
+    from kfgen.adaptive.wrapper import adapted
     from kfgen.emit.routines import Program
     from kfgen.report.filter import run_answer
     from kfgen.run import attitude_error
@@ -212,7 +217,9 @@ def run(
 
     data = read(log, rate, columns)
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
-    result = ran(Program(discrete_of(model, noise, max_step=longest, rate=1.0 / data.dt)), data)
+    program = Program(discrete_of(model, noise, max_step=longest, rate=1.0 / data.dt))
+    rule = rule_named(adaptive) if adaptive else None
+    result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 
 
