@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 STEP = 20.0
 """Deviations of the channel: the step of the rate that is put on it."""
+HIDDEN = 0.5
+"""The same for a rate that noise hides: an adaptive filter may keep the one and lose the other."""
 FULL = 0.9
 """Share of a constant rate below which a filter takes the signal away."""
 SAME = 0.25
@@ -57,7 +59,9 @@ class Cost:
     Parameters
     ----------
     dc : float
-        What a constant rate becomes, as a share of it.
+        What a constant rate of `STEP` deviations of the channel becomes, as a share of it.
+    hidden : float
+        The same of one of `HIDDEN` deviations.
     delay : float
         Time [s] from a step to half of its final response.
     bandwidth : float
@@ -68,6 +72,7 @@ class Cost:
     """
 
     dc: float
+    hidden: float
     delay: float
     bandwidth: float
     attenuation: float
@@ -79,6 +84,8 @@ class Cost:
             alike = abs(self.attenuation / max(self.dc, 1e-300) - 1.0) < SAME
             same = "; its gain in slow noise is no more than that" if alike else ""
             return f"it scales a constant rate by {self.dc:.3g}, the noise with the motion{same}: no denoiser"
+        if self.hidden < FULL:
+            return f"it keeps a rate that stands out of the noise and scales one that does not by {self.hidden:.3g}"
         if self.attenuation > 1.0 - SAME:
             return f"it only low-passes: slow noise stays as it is, a step comes {self.delay:.3g} s late"
         return f"it keeps a constant rate and lowers slow noise to {self.attenuation:.3g}"
@@ -124,14 +131,19 @@ def cost_of(z: Array, dt: float, model: LinearModel, rule: type[Rule], window: i
     found : Filtered
         The filter on them.
     """
-    half, size = z.size // 2, STEP * float(np.std(z))
-    stepped = z + size * (np.arange(z.size) >= half)
-    change = (run_filter(stepped, model, rule, window).estimate - found.estimate)[half:] / size
-    dc = float(change[-max(1, change.size // 4) :].mean())
-    late = np.flatnonzero(np.abs(change) >= 0.5 * abs(dc))
+    half, deviation = z.size // 2, float(np.std(z))
+
+    def change(size: float) -> Array:
+        stepped = z + size * (np.arange(z.size) >= half)
+        return (run_filter(stepped, model, rule, window).estimate - found.estimate)[half:] / size
+
+    step, small = change(STEP * deviation), change(HIDDEN * deviation)
+    last = slice(-max(1, step.size // 4), None)
+    dc = float(step[last].mean())
+    late = np.flatnonzero(np.abs(step) >= 0.5 * abs(dc))
     before, after = noise_of(z, dt), noise_of(found.estimate, dt)
     known = before.curve.edf >= min(KNOWN, float(before.curve.edf.max()))
-    last = np.flatnonzero(known)[-3:]
-    ratio = np.exp(np.mean(np.log(after.curve.deviation[last] / before.curve.deviation[last])))
-    delay = float(late[0]) * dt if late.size else float(change.size) * dt
-    return Cost(dc, delay, bandwidth(model, found.gain, dt), float(ratio))
+    longest = np.flatnonzero(known)[-3:]
+    ratio = np.exp(np.mean(np.log(after.curve.deviation[longest] / before.curve.deviation[longest])))
+    delay = float(late[0]) * dt if late.size else float(step.size) * dt
+    return Cost(dc, float(small[last].mean()), delay, bandwidth(model, found.gain, dt), float(ratio))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import kfgen
+from kfgen.adaptive.cost import HIDDEN, STEP
 from kfgen.adaptive.denoise import Denoised, Settings
 from kfgen.adaptive.rules import rule_named
 from kfgen.arma.process import Arma
@@ -46,7 +47,8 @@ def cost_words(found: Denoised) -> str:
     """The price in one line."""
     c = found.cost
     return (
-        f"under motion: a constant rate becomes {c.dc:.3g} of itself, half of a step comes after {c.delay:.3g} s, "
+        f"under motion: a constant rate of {STEP:g} deviations becomes {c.dc:.3g} of itself, one of {HIDDEN:g} "
+        f"{c.hidden:.3g}; half of a step comes after {c.delay:.3g} s, "
         f"-3 dB at {c.bandwidth:.3g} Hz"
     )
 
@@ -113,7 +115,7 @@ def _channel(one: Denoised, si: str) -> dict[str, Any]:
         "level": one.rest.level,
         "before": {"N": one.before.N, "B": one.before.B, "drift": one.before.drift},
         "after": {"N": one.after.N, "B": one.after.B, "drift": one.after.drift},
-        "cost": {"dc": c.dc, "delay_s": c.delay, "bandwidth_hz": c.bandwidth, "attenuation": c.attenuation,
+        "cost": {"dc": c.dc, "dc_hidden": c.hidden, "delay_s": c.delay, "bandwidth_hz": c.bandwidth, "attenuation": c.attenuation,
                  "sentence": c.words},
         "mean_nis": float(np.mean(one.filtered.nis[used])) if used.any() else None,
         "tests": {v.name: {"p": v.p, "rejected": v.rejected} for v in one.rest.tests.verdicts},
