@@ -15,7 +15,7 @@ from kfgen.arma.process import Arma
 from kfgen.log import Log
 from kfgen.report.identify import quantity
 from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, allan_picture, series_picture, thin
+from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Panel, panels_picture, series_picture, thin
 from kfgen.units import display_unit, parse_unit
 
 NOISE_HEAD = ("", "before", "after", "share")
@@ -85,17 +85,19 @@ def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[Part]:
         Line("before", log.t[keep], log.channel(name).values[keep] / factor, BEFORE),
         Line("after", log.t[keep], one.values[keep] / factor, AFTER),
     ]
-    after = one.after.curve
-    curve = allan_picture(
-        one.before.curve, [Line("after", after.tau, after.deviation, AFTER)], unit, factor, f"denoise-{name}"
-    )
+    panels = [
+        Panel(c, [], unit, factor, title)
+        for c, title in ((one.before.curve, "before"), (one.after.curve, "after"))
+    ]
+    curve = panels_picture(panels, f"denoise-{name}")
     nis = [Line("factor on R", log.t[keep], one.filtered.r[keep], MEASURED)]
     return [
         heading(name),
         sentence(f"{name}: {one.cost.words}."),
-        text(f"{process_words(one.rest.process, unit)}. {cost_words(one).capitalize()}."),
+        text(f"{process_words(one.rest.process, unit)}."),
+        text(f"{cost_words(one)[0].upper()}{cost_words(one)[1:]}."),
         table(NOISE_HEAD, noise_rows(one, unit)),
-        figure(curve, f"Allan deviation of {name} before (points, 95 % band) and after (line)."),
+        figure(curve, f"Allan deviation of {name} before and after; mind the scales."),
         figure(series_picture(series, f"{name} [{unit}]", f"series-{name}"), "The channel before and after."),
         figure(series_picture(nis, "factor on R", f"factor-{name}"), "What the rule makes of R."),
         table(
