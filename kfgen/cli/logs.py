@@ -174,7 +174,7 @@ def simulate(
     duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0,
     rate: SampleRate = 100.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
-    manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
+    manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
     noise: Noise = None,
     json: Json = None,
     report: Report = None,

@@ -28,10 +28,10 @@ def list_(json: Json = None, report: Report = None) -> None:
     from kfgen.consumers import consumers
     from kfgen.effects import catalogue
     from kfgen.emit import targets
+    from kfgen.manoeuvre.library import LIBRARY as MANOEUVRES
     from kfgen.model.library import LIBRARY
     from kfgen.model.sensors import sensors
     from kfgen.report.model import list_answer
-    from kfgen.simulate import MANOEUVRES
     from kfgen.verify.compare import cores
 
     answer = list_answer(

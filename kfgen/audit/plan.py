@@ -1,0 +1,202 @@
+"""`Plan`: a filter's error system written as graphs, once for every manoeuvre and every ring.
+
+Along a manoeuvre the attitude and the velocity are given; the inputs (gyros, accelerometers) are what the model's own
+rates need for it, and all else that moves follows its own rates. The errors of effects and of biases are looked at
+around zero: the true motion is what is given, not what a biased sensor shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import sympy as sp
+
+from kfgen.audit.graph import Graph, decimal
+from kfgen.model.blocks import Vector
+from kfgen.model.filter import FilterModel
+from kfgen.model.sensors import Sensor
+
+Entry = tuple[int, int, int]
+"""Row, column, place."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """Equations ``target = J u + b`` for inputs.
+
+    Parameters
+    ----------
+    targets : tuple of str
+        Blocks whose rates are given.
+    channels : tuple of str
+        The inputs that they determine.
+    J : tuple of tuple of int
+        Places in `graph`, shape (r, r).
+    b : tuple of int
+    graph : Graph
+    """
+
+    targets: tuple[str, ...]
+    channels: tuple[str, ...]
+    J: tuple[tuple[int, ...], ...]
+    b: tuple[int, ...]
+    graph: Graph
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A model's graphs.
+
+    Parameters
+    ----------
+    model : FilterModel
+    sensors : tuple of Sensor
+        Those in use.
+    """
+
+    model: FilterModel
+    sensors: tuple[Sensor, ...]
+
+    @property
+    def size(self) -> int:
+        """Error states."""
+        return len(self.model.states)
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """The inputs' channels."""
+        return tuple(c for i in self.model.motion.inputs for c in i.channels)
+
+    @cached_property
+    def rotation(self) -> tuple[sp.Symbol, ...]:
+        """The nine atoms of the attitude that flies, row by row; none where there is none."""
+        return tuple(self.model.attitude.nominal) if self.model.attitude is not None else ()
+
+    @cached_property
+    def vectors(self) -> tuple[Vector, ...]:
+        """The other blocks."""
+        return tuple(b for b in self.model.blocks if isinstance(b, Vector))
+
+    @cached_property
+    def variables(self) -> tuple[sp.Symbol, ...]:
+        """What changes with time: attitude, other blocks, inputs, drivers."""
+        flat = [s for b in self.vectors for s in b.nominal]
+        others = [sp.Symbol(c, real=True) for c in (*self.channels, *self.model.drivers)]
+        return (*self.rotation, *flat, *others)
+
+    def fresh(self) -> Graph:
+        """A graph in the variables, with constants as numbers and the states of effects at zero."""
+        graph = Graph(self.variables)
+        for c in self.model.constants:
+            graph.known[c.symbol] = graph.place(sp.Rational(repr(float(c.value))))
+        for s in self.model.states:
+            if s.symbol not in graph.known:
+                graph.known[s.symbol] = graph.place(sp.Integer(0))
+        return graph
+
+    @cached_property
+    def _rates(self) -> Mapping[str, sp.Matrix]:
+        return self.model.rates(False)
+
+    @cached_property
+    def control(self) -> Control | None:
+        """How inputs follow from a manoeuvre; None where they do not."""
+        wanted = [self.model.attitude.name] if self.model.attitude is not None else []
+        velocity = [b.name for b in self.vectors if b.name == "v" and len(b.axes) == 3]
+        for targets in ([*wanted, *velocity], wanted, velocity):
+            found = self._control(targets)
+            if found is not None:
+                return found
+        return None
+
+    def _control(self, targets: Sequence[str]) -> Control | None:
+        if not targets or not self.channels:
+            return None
+        rows = sp.Matrix.vstack(*(self._rates[n] for n in targets))
+        symbols = [sp.Symbol(c, real=True) for c in self.channels]
+        J = rows.jacobian(symbols)
+        used = [j for j in range(J.cols) if any(e != 0 for e in J.col(j))]
+        J = J.extract(list(range(J.rows)), used)
+        if J.rows != J.cols or J.free_symbols & set(symbols):
+            return None
+        b = rows.subs(dict.fromkeys(symbols, 0))
+        graph = self.fresh()
+        return Control(
+            tuple(targets),
+            tuple(self.channels[j] for j in used),
+            tuple(tuple(graph.place(e) for e in J.row(i)) for i in range(J.rows)),
+            tuple(graph.place(e) for e in b),
+            graph,
+        )
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The blocks whose rates a manoeuvre gives."""
+        return self.control.targets if self.control else ()
+
+    @cached_property
+    def _main(self) -> tuple[Graph, dict[str, tuple[int, ...]], tuple[Entry, ...], tuple[Entry, ...]]:
+        graph = self.fresh()
+        rates = {n: tuple(graph.place(e) for e in r) for n, r in self._rates.items() if n not in self.given}
+        F = self.model.F
+        H = sp.Matrix.vstack(sp.zeros(0, self.size), *(self.model.H(s) for s in self.sensors))
+        return graph, rates, _entries(graph, F), _entries(graph, H)
+
+    @property
+    def graph(self) -> Graph:
+        """Rates of the free blocks, F and H."""
+        return self._main[0]
+
+    @property
+    def rates(self) -> Mapping[str, tuple[int, ...]]:
+        """Places of the rates of the free blocks."""
+        return self._main[1]
+
+    @property
+    def F(self) -> tuple[Entry, ...]:
+        """The entries of the dynamics that are not zero."""
+        return self._main[2]
+
+    @property
+    def H(self) -> tuple[Entry, ...]:
+        """The entries of the measurement."""
+        return self._main[3]
+
+    @cached_property
+    def start(self) -> dict[sp.Symbol, Fraction]:
+        """Where the blocks start that no manoeuvre places: near their declared start, at no special point."""
+        out, draw = {}, _draws()
+        for b in self.vectors:
+            placed = b.name in ("p", "v") and self.control is not None
+            for s, declared in zip(b.nominal, b.start):
+                near = Fraction(repr(float(declared))) + decimal(sp.Float(_round(b.prior))) * next(draw)
+                out[s] = Fraction(0) if placed else near
+        return out
+
+
+def _round(x: float) -> float:
+    return float(f"{x:.2g}")
+
+
+def _draws() -> Draws:
+    return Draws()
+
+
+class Draws:
+    """Fractions between a third and one, of either sign, always the same."""
+
+    def __init__(self) -> None:
+        self.k = 0
+
+    def __next__(self) -> Fraction:
+        self.k += 1
+        size = Fraction(37 + (self.k * 61) % 97, 137)
+        return size if self.k % 2 else -size
+
+
+def _entries(graph: Graph, M: sp.Matrix) -> tuple[Entry, ...]:
+    """The entries of a matrix that are not zero."""
+    return tuple((i, j, graph.place(M[i, j])) for i in range(M.rows) for j in range(M.cols) if M[i, j] != 0)
