@@ -14,7 +14,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +25,7 @@ from kfgen.audit.course import Course, start_of
 from kfgen.audit.modular import Echelon, coefficient, product
 from kfgen.audit.plan import Plan
 from kfgen.audit.ring import PRIMES, Degenerate, Ring
+from kfgen.errors import InputError
 from kfgen.manoeuvre.manoeuvre import Manoeuvre, Segment
 
 DIGITS = 24
@@ -70,60 +71,90 @@ class Hidden:
         return all(sum(int(a) * v for a, v in zip(row, vector)) % m == 0 for row in self._kernel.T)
 
 
-class Search:
-    """Audits a plan along manoeuvres; first segments that manoeuvres share are done once."""
+@dataclass(frozen=True)
+class Point:
+    """Where a plan is looked at: a prime, digits, and whether its own blocks stand at no special point."""
 
-    def __init__(self, plan: Plan, p: int = PRIMES[0], digits: int = DIGITS) -> None:
-        self.plan = plan
-        self.p = p
-        self.digits = digits
-        self._first: dict[Any, tuple[Hidden, int]] = {}
+    p: int
+    generic: bool
+    digits: int = DIGITS
 
-    def hidden(self, manoeuvre: Manoeuvre, length: float | None = None) -> Hidden:
-        """What a manoeuvre hides of the error at its start.
 
-        Parameters
-        ----------
-        length : float, optional
-            Of the manoeuvre [s]: rates that are written with it depend on it.
-        """
-        length = manoeuvre.length if length is None else length
-        n = self.plan.size
-        ring = Ring(self.p, self.digits)
-        columns = self._quick(manoeuvre, length)
-        start = np.zeros((n, len(columns)), dtype=object)
-        for k, c in enumerate(columns):
-            start[c, k] = 1
-        B = image = start
-        state = start_of(self.plan, manoeuvre, ring)
-        for k, segment in enumerate(manoeuvre.segments):
-            if not B.shape[1]:
-                break
-            course = Course(self.plan, ring, segment, length, state)
-            course.extend(self.digits)
-            V = _transition(course, image, self.digits)
-            C, ring_left = null_space(_shown(course, V), B.shape[1], ring)
-            B = (B.dot(C)) % ring_left.m
-            if k + 1 == len(manoeuvre.segments) or not C.shape[1]:
-                return Hidden(ring_left, B)
-            T = self.p * DURATION * (k + 2) % ring.m
-            image = _value([v.dot(C) for v in V], T, ring_left)
-            state = {s: v % ring_left.m for s, v in course.at(T).items()}
-            ring = ring_left
-        return Hidden(ring, B)
+def along(
+    plan: Plan,
+    manoeuvres: Sequence[Manoeuvre],
+    length: float | None = None,
+    *,
+    generic: bool = True,
+    first: int = 0,
+) -> list[Hidden]:
+    """What each manoeuvre hides of the error at its start, all modulo powers of one prime.
 
-    def _quick(self, manoeuvre: Manoeuvre, length: float) -> list[int]:
-        """The states that the first segment may hide, modulo p."""
-        ring = Ring(self.p, 1)
+    Parameters
+    ----------
+    length : float, optional
+        Of the manoeuvres [s]: rates that are written with it depend on it.
+    generic : bool
+        As in `Plan.start`.
+    first : int
+        The first of the primes to be tried.
+
+    Raises
+    ------
+    InputError
+        The model has no value where it starts.
+    """
+    for p in PRIMES[first:]:
         try:
-            state = start_of(self.plan, manoeuvre, ring)
-            return quick(self.plan, ring, manoeuvre.segments[0], length, state).hidden
-        except Degenerate:
-            return list(range(self.plan.size))
+            return [hidden(plan, m, length, Point(p, generic)) for m in manoeuvres]
+        except Degenerate as error:
+            why = error
+    raise InputError(
+        f"{plan.model.name} has no value where the motion starts ({why})",
+        remedy="Give its states another initial value",
+    )
 
 
-def quick(plan: Plan, ring: Ring, segment: Segment, length: float, state: dict[sp.Symbol, int]) -> Echelon:
-    """The row space of a segment modulo p."""
+def hidden(plan: Plan, manoeuvre: Manoeuvre, length: float | None, point: Point) -> Hidden:
+    """What a manoeuvre hides, at a point; raises `Degenerate` where that has no value."""
+    length = manoeuvre.length if length is None else length
+    ring = Ring(point.p, point.digits)
+    columns, orders = _first_look(plan, manoeuvre, length, point)
+    B = np.zeros((plan.size, len(columns)), dtype=object)
+    B[columns, range(len(columns))] = 1
+    image, state = B, start_of(plan, manoeuvre, ring, generic=point.generic)
+    for k, segment in enumerate(manoeuvre.segments, 1):
+        if not B.shape[1]:
+            break
+        course = Course(plan, ring, segment, length, state)
+        course.extend(orders)
+        V = _transition(course, image, orders)
+        C, ring = null_space(_shown(course, V), B.shape[1], ring)
+        B = B.dot(C) % ring.m
+        if k < len(manoeuvre.segments):
+            T = point.p * DURATION * (k + 1) % ring.m
+            image = _value([v.dot(C) for v in V], T, ring)
+            state = {s: v % ring.m for s, v in course.at(T).items()}
+    if 3 * ring.digits < point.digits:
+        return hidden(plan, manoeuvre, length, replace(point, digits=2 * point.digits))
+    return Hidden(ring, B)
+
+
+def _first_look(plan: Plan, manoeuvre: Manoeuvre, length: float, point: Point) -> tuple[list[int], int]:
+    """The states that the first segment may hide, modulo p; the orders of the power series that matter."""
+    ring = Ring(point.p, 1)
+    try:
+        state = start_of(plan, manoeuvre, ring, generic=point.generic)
+        rows, gained = quick(plan, ring, manoeuvre.segments[0], length, state)
+    except Degenerate:
+        return list(range(plan.size)), max(point.digits, plan.size)
+    return rows.hidden, max(point.digits, gained + 2)
+
+
+def quick(
+    plan: Plan, ring: Ring, segment: Segment, length: float, state: dict[sp.Symbol, int]
+) -> tuple[Echelon, int]:
+    """The row space of a segment modulo p, and the last order at which it grew."""
     n, p = plan.size, ring.p
     course = Course(plan, ring, segment, length, state)
     m = 1 + max((i for i, _, _ in plan.H), default=0)
@@ -140,7 +171,7 @@ def quick(plan: Plan, ring: Ring, segment: Segment, length: float, state: dict[s
             break
         step = _convolution(F, Phi, k, p)
         Phi.append(product(step, np.eye(n, dtype=np.int64) * ring.inverse(k + 1), p))
-    return echelon
+    return echelon, gained
 
 
 def _convolution(A: list[Any], B: list[Any], k: int, p: int) -> Any:

@@ -18,9 +18,9 @@ State = Mapping[sp.Symbol, int]
 """Residues of the attitude's atoms and of the blocks at a segment's start."""
 
 
-def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring) -> dict[sp.Symbol, int]:
-    """Where a manoeuvre starts."""
-    out = {s: ring.of(v) for s, v in plan.start.items()}
+def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> dict[sp.Symbol, int]:
+    """Where a manoeuvre starts; `generic` as in `Plan.start`."""
+    out = {s: ring.of(v) for s, v in plan.start(generic=generic).items()}
     if plan.rotation:
         q = [Fraction(repr(float(c))) for c in manoeuvre.attitude]
         out |= {s: ring.of(v) for s, v in zip(plan.rotation, rotation(q))}

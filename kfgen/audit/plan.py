@@ -132,6 +132,10 @@ class Plan:
             graph,
         )
 
+    def slope(self, block: str) -> sp.Matrix:
+        """The model's own rate of a block."""
+        return self._rates.get(block, sp.zeros(0, 1))
+
     @property
     def given(self) -> tuple[str, ...]:
         """The blocks whose rates a manoeuvre gives."""
@@ -166,23 +170,32 @@ class Plan:
         return self._main[3]
 
     @cached_property
-    def start(self) -> dict[sp.Symbol, Fraction]:
-        """Where the blocks start that no manoeuvre places: near their declared start, at no special point."""
-        out, draw = {}, _draws()
+    def own(self) -> tuple[sp.Symbol, ...]:
+        """Components of the blocks that no manoeuvre places: an arm, a feature, the states of a plant."""
+        return tuple(s for b in self.vectors if not self._placed(b) for s in b.nominal)
+
+    def _placed(self, b: Vector) -> bool:
+        return b.name in ("p", "v") and self.control is not None
+
+    def start(self, *, generic: bool) -> dict[sp.Symbol, Fraction]:
+        """Where the blocks start, those that a manoeuvre places at zero.
+
+        Parameters
+        ----------
+        generic : bool
+            The others near their declared start, at no special point; else at the declared one.
+        """
+        out, draw = {}, Draws()
         for b in self.vectors:
-            placed = b.name in ("p", "v") and self.control is not None
             for s, declared in zip(b.nominal, b.start):
-                near = Fraction(repr(float(declared))) + decimal(sp.Float(_round(b.prior))) * next(draw)
-                out[s] = Fraction(0) if placed else near
+                off = decimal(sp.Float(_round(b.prior))) * next(draw) if generic else Fraction(0)
+                near = Fraction(repr(float(declared))) + off
+                out[s] = Fraction(0) if self._placed(b) else near
         return out
 
 
 def _round(x: float) -> float:
     return float(f"{x:.2g}")
-
-
-def _draws() -> Draws:
-    return Draws()
 
 
 class Draws:

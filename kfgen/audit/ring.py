@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-PRIMES = (536870909, 536870879)
-"""Below 2^29: sums of 127 products of residues stay within 64 bits."""
+PRIMES = (536870909, 536870879, 536870869, 536870849, 536870839, 536870837, 536870819, 536870813)
+"""Below 2^29: sums of 127 products of residues stay within 64 bits. One may lack a root that a model needs."""
 
 
 class Degenerate(ArithmeticError):
