@@ -16,9 +16,9 @@ from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.log import Channel, Log
 from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
+from kfgen.manoeuvre.flight import Flight, warming
 from kfgen.manoeuvre.manoeuvre import Manoeuvre, plant_input
-from kfgen.manoeuvre.truth import Truth, truth
-from kfgen.model.blocks import Attitude
+from kfgen.manoeuvre.truth import Truth
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
 
@@ -65,14 +65,14 @@ def simulate(
     model, t = discrete.model, np.arange(n) / discrete.rate
     if isinstance(model.motion, Equations):
         return _plant_log(discrete, model.motion, flown, t, rng, drive)
-    true = truth(flown, t)
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
-    clean = _clean(model, true)
+    flight = Flight(model, flown, t, drive)
+    clean = _clean(model, flight)
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
         channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
-    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
+    return Log(t, channels | _references(model, flight.truth), source=f"simulated {model.name}, {manoeuvre}")
 
 
 def _plant_log(
@@ -126,31 +126,18 @@ def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Gen
     return np.zeros(n)
 
 
-def _clean(model: FilterModel, true: Truth) -> dict[str, Array]:
+def _clean(model: FilterModel, flight: Flight) -> dict[str, Array]:
     """What every channel would read without its effects."""
-    triads = {"gyro": true.omega_b, "accel": true.f_b}
-    out = {c: triads[i.name][:, k] for i in model.motion.inputs for k, c in enumerate(i.channels)}
+    values, n = flight.values, flight.t.size
+    out = {
+        c: np.broadcast_to(np.asarray(values[sp.Symbol(c, real=True)], dtype=np.float64), (n,))
+        for i in model.motion.inputs
+        for c in i.channels
+    }
     for sensor in model.sensors:
         h = sensor.predict({b.name: b.value for b in model.blocks})
-        symbols, values = _substitution(model, true)
-        rows = sp.lambdify(symbols, list(h), "numpy")(*values)
-        for channel, row in zip(sensor.channels, rows):
-            out[channel] = np.broadcast_to(np.asarray(row, float), true.t.shape)
+        out |= dict(zip(sensor.channels, flight.rows(list(h))))
     return out
-
-
-def _substitution(model: FilterModel, true: Truth) -> tuple[list[sp.Symbol], list[Array | float]]:
-    vectors = {"p": true.p_n, "v": true.v_n}
-    symbols: list[sp.Symbol] = [c.symbol for c in model.constants]
-    values: list[Array | float] = [c.value for c in model.constants]
-    for b in model.blocks:
-        if isinstance(b, Attitude):
-            symbols += list(b.nominal)
-            values += [true.R_nb[:, i, j] for i in range(3) for j in range(3)]
-        else:
-            symbols += list(b.nominal)
-            values += [vectors[b.name][:, k] for k in range(3)]
-    return symbols, values
 
 
 def _references(model: FilterModel, true: Truth) -> dict[str, Channel]:
@@ -165,9 +152,3 @@ def _references(model: FilterModel, true: Truth) -> dict[str, Channel]:
         if name in names:
             out |= {f"ref_{name}_{a}": Channel(values[:, k], unit) for k, a in enumerate("NED")}
     return out
-
-
-def warming(t: Array) -> Array:
-    """A temperature [K] that warms up by 12 K and then swings by 4 K, shape (n,)."""
-    T = float(t[-1] - t[0]) or 1.0
-    return np.asarray(293.15 + 12.0 * (1.0 - np.exp(-6.0 * t / T)) + 4.0 * np.sin(4.5 * np.pi * t / T))

@@ -107,11 +107,11 @@ class _Space:
             if row[c]:
                 f = row[c]
                 row = [(a - f * b) % m for a, b in zip(row, other)]
-        c = next((k for k, e in enumerate(row) if e % self.ring.p), None)
-        if c is None:
+        at = next((k for k, e in enumerate(row) if e % self.ring.p), None)
+        if at is None:
             return False
-        scale = self.ring.inverse(row[c])
-        self.rows.append((c, [e * scale % m for e in row]))
+        scale = self.ring.inverse(row[at])
+        self.rows.append((at, [e * scale % m for e in row]))
         return True
 
 
@@ -137,7 +137,8 @@ def _circuits(hidden: Hidden, moving: set[int]) -> list[Vector]:
 
 def _echelon(rows: list[list[int]], order: Sequence[int], ring: Ring) -> list[list[int]]:
     """The reduced echelon form with pivots where an order of the states first finds them."""
-    rows, done = [list(r) for r in rows], []
+    rows = [list(r) for r in rows]
+    done: list[list[int]] = []
     for c in order:
         r = next((i for i, row in enumerate(rows) if row[c] % ring.p), None)
         if r is None:

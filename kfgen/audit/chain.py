@@ -87,6 +87,7 @@ def along(
     *,
     generic: bool = True,
     first: int = 0,
+    p: int | None = None,
 ) -> list[Hidden]:
     """What each manoeuvre hides of the error at its start, all modulo powers of one prime.
 
@@ -98,15 +99,19 @@ def along(
         As in `Plan.start`.
     first : int
         The first of the primes to be tried.
+    p : int, optional
+        The prime; raises `Degenerate` where it cannot be had.
 
     Raises
     ------
     InputError
         The model has no value where it starts.
     """
-    for p in PRIMES[first:]:
+    if p is not None:
+        return [hidden(plan, m, length, Point(p, generic)) for m in manoeuvres]
+    for prime in PRIMES[first:]:
         try:
-            return [hidden(plan, m, length, Point(p, generic)) for m in manoeuvres]
+            return [hidden(plan, m, length, Point(prime, generic)) for m in manoeuvres]
         except Degenerate as error:
             why = error
     raise InputError(

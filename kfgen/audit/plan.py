@@ -7,7 +7,7 @@ around zero: the true motion is what is given, not what a biased sensor shows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -15,6 +15,7 @@ from functools import cached_property
 import sympy as sp
 
 from kfgen.audit.graph import Graph, decimal
+from kfgen.manoeuvre.control import Control, control
 from kfgen.model.blocks import Vector
 from kfgen.model.filter import FilterModel
 from kfgen.model.sensors import Sensor
@@ -24,26 +25,22 @@ Entry = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
-class Control:
-    """Equations ``target = J u + b`` for inputs.
+class Solved:
+    """A `Control` in places of a graph.
 
     Parameters
     ----------
-    targets : tuple of str
-        Blocks whose rates are given.
-    channels : tuple of str
-        The inputs that they determine.
-    J : tuple of tuple of int
-        Places in `graph`, shape (r, r).
-    b : tuple of int
     graph : Graph
+    targets, channels : tuple of str
+    J : tuple of tuple of int, shape (r, r)
+    b : tuple of int
     """
 
+    graph: Graph
     targets: tuple[str, ...]
     channels: tuple[str, ...]
     J: tuple[tuple[int, ...], ...]
     b: tuple[int, ...]
-    graph: Graph
 
 
 @dataclass(frozen=True)
@@ -102,35 +99,19 @@ class Plan:
         return self.model.rates(False)
 
     @cached_property
-    def control(self) -> Control | None:
-        """How inputs follow from a manoeuvre; None where they do not."""
-        wanted = [self.model.attitude.name] if self.model.attitude is not None else []
-        velocity = [b.name for b in self.vectors if b.name == "v" and len(b.axes) == 3]
-        for targets in ([*wanted, *velocity], wanted, velocity):
-            found = self._control(targets)
-            if found is not None:
-                return found
-        return None
+    def equations(self) -> Control | None:
+        """How inputs follow from a manoeuvre, in symbols; None where they do not."""
+        return control(self.model)
 
-    def _control(self, targets: Sequence[str]) -> Control | None:
-        if not targets or not self.channels:
+    @cached_property
+    def control(self) -> Solved | None:
+        """The same in places of a graph."""
+        found = self.equations
+        if found is None:
             return None
-        rows = sp.Matrix.vstack(*(self._rates[n] for n in targets))
-        symbols = [sp.Symbol(c, real=True) for c in self.channels]
-        J = rows.jacobian(symbols)
-        used = [j for j in range(J.cols) if any(e != 0 for e in J.col(j))]
-        J = J.extract(list(range(J.rows)), used)
-        if J.rows != J.cols or J.free_symbols & set(symbols):
-            return None
-        b = rows.subs(dict.fromkeys(symbols, 0))
-        graph = self.fresh()
-        return Control(
-            tuple(targets),
-            tuple(self.channels[j] for j in used),
-            tuple(tuple(graph.place(e) for e in J.row(i)) for i in range(J.rows)),
-            tuple(graph.place(e) for e in b),
-            graph,
-        )
+        graph, r = self.fresh(), len(found.channels)
+        J = tuple(tuple(graph.place(found.J[i, j]) for j in range(r)) for i in range(r))
+        return Solved(graph, found.targets, found.channels, J, tuple(graph.place(e) for e in found.b))
 
     def slope(self, block: str) -> sp.Matrix:
         """The model's own rate of a block."""
@@ -175,7 +156,7 @@ class Plan:
         return tuple(s for b in self.vectors if not self._placed(b) for s in b.nominal)
 
     def _placed(self, b: Vector) -> bool:
-        return b.name in ("p", "v") and self.control is not None
+        return self.equations is not None and b.name in self.equations.placed
 
     def start(self, *, generic: bool) -> dict[sp.Symbol, Fraction]:
         """Where the blocks start, those that a manoeuvre places at zero.

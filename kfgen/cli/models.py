@@ -18,6 +18,7 @@ from kfgen.cli.options import (
     SampleRate,
     deliver,
     discrete_of,
+    hashes,
     noise_of,
 )
 
@@ -73,22 +74,36 @@ def derive(
 def audit(
     model: ModelName,
     noise: Noise = None,
-    manoeuvre: Annotated[list[str] | None, typer.Option(help="The motion: static.")] = None,
+    manoeuvre: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A manoeuvre of 'kfgen list' or a file (.toml); may be repeated. At rest when left out."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Seconds looked at; each manoeuvre's own when left out.")
+    ] = None,
+    rate: SampleRate = 100.0,
+    want: Annotated[
+        list[str] | None,
+        typer.Option(help="How long until a state is known: 'phi_D=0.1 deg'; may be repeated."),
+    ] = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """What cannot be seen, in words."""
+    """What cannot be seen, in words; what would free it; how well the rest shows."""
     from kfgen.audit.audit import audit as audited
-    from kfgen.errors import InputError
+    from kfgen.audit.degree import Horizon
+    from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
     from kfgen.model.library import build
-    from kfgen.report.model import audit_answer
+    from kfgen.report.audit import audit_answer
 
-    for name in manoeuvre or ():
-        if name != "static":
-            raise InputError(
-                f"the audit knows no manoeuvre '{name}'", where="--manoeuvre", remedy="Known is static"
-            )
-    deliver(audit_answer([audited(build(model, noise_of(noise)))]), json, report)
+    names = list(dict.fromkeys(manoeuvre or ()))
+    flown = [manoeuvre_of(name) for name in names]
+    built = build(model, noise_of(noise))
+    answer = audited(built, flown, Horizon(duration, rate))
+    files = [Path(f) for f in (model, str(noise) if noise else "", *names) if f.endswith(".toml")]
+    deliver(audit_answer(answer, want or (), hashes(files)), json, report)
 
 
 @app.command()

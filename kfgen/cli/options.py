@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,6 +62,11 @@ def discrete_of(
     from kfgen.model.library import build
 
     return DiscreteModel.stepping(build(model, noise_of(noise)), rate, order, max_step)
+
+
+def hashes(files: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of the files that were read, by name."""
+    return {str(f): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
 
 
 def not_over(output: Path | None, source: Path) -> None:

@@ -84,7 +84,7 @@ def parse_manoeuvre(text: str, path: str) -> Manoeuvre:
         raise InputError("its name is no text", where=path)
     velocity = _numbers(document.get("velocity", [0, 0, 0]), "m/s", f"{path}: velocity")
     angles = _numbers(document.get("attitude", [0, 0, 0]), "rad", f"{path}: attitude")
-    return Manoeuvre(name, title, tuple(segments), velocity, quaternion(*angles), path)
+    return Manoeuvre(name, title, tuple(segments), velocity, quaternion(*angles), path=path)
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

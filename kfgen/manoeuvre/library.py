@@ -43,11 +43,13 @@ _ENTRIES = (
         "yaw-turn",
         "half a turn about the vertical",
         (_part("T/3"), _part("T/3", ("0", "0", "3*pi/T")), _part("T/3")),
+        usual=30.0,
     ),
     Manoeuvre(
         "two-position",
         "two rests, a quarter turn about the vertical between them",
         (_part("0.45*T"), _part("0.1*T", ("0", "0", "5*pi/T")), _part("0.45*T")),
+        usual=60.0,
     ),
     Manoeuvre(
         "six-position",
@@ -59,9 +61,15 @@ _ENTRIES = (
             ("0", "0", _QUARTER),
             ("0", "0", "11*pi/T"),
         ),
+        usual=120.0,
     ),
-    Manoeuvre("hover", "on the spot, turning slowly about the vertical", (_part("T", ("0", "0", "0.2")),)),
-    Manoeuvre("cruise", "straight and level at 20 m/s", (_part("T"),), velocity=(20.0, 0.0, 0.0)),
+    Manoeuvre(
+        "hover",
+        "on the spot, turning slowly about the vertical",
+        (_part("T", ("0", "0", "0.2")),),
+        usual=30.0,
+    ),
+    Manoeuvre("cruise", "straight and level at 20 m/s", (_part("T"),), velocity=(20.0, 0.0, 0.0), usual=30.0),
     Manoeuvre(
         "accelerate",
         "north from rest, and braking again",
@@ -70,6 +78,7 @@ _ENTRIES = (
             _part("T/3", acceleration=("1", "0", "0")),
             _part("T/3", acceleration=("-1", "0", "0")),
         ),
+        usual=15.0,
     ),
     Manoeuvre(
         "s-turn",
@@ -79,6 +88,7 @@ _ENTRIES = (
             _part("T/2", ("0", "0", f"-2*{_ARC}/T"), body=("0", f"-20*{_ARC}/T", "0")),
         ),
         velocity=(10.0, 0.0, 0.0),
+        usual=20.0,
     ),
     Manoeuvre(
         "figure-8",
@@ -88,6 +98,7 @@ _ENTRIES = (
             _part("T/2", ("0", "0", f"-{_CIRCLE}"), body=("0", f"-10*{_CIRCLE}", "0")),
         ),
         velocity=(10.0, 0.0, 0.0),
+        usual=40.0,
     ),
     Manoeuvre(
         "drive",
@@ -100,6 +111,7 @@ _ENTRIES = (
             ),
         ),
         velocity=(10.0, 0.0, 0.0),
+        usual=30.0,
     ),
     # Bank of cosine 0.8 and sine 0.6: in a steady turn its tangent is the centripetal acceleration over gravity.
     Manoeuvre(
@@ -108,6 +120,7 @@ _ENTRIES = (
         (_part("T", ("0", "0.15", "0.2"), body=("0", "0.6*g", "-0.45*g")),),
         velocity=(29.41995, 0.0, 0.0),
         attitude=(3.0, 1.0, 0.0, 0.0),
+        usual=30.0,
     ),
     Manoeuvre(
         "generic",
@@ -119,6 +132,7 @@ _ENTRIES = (
                 ("sin(2*pi*0.05*t)", "1.5*sin(2*pi*0.083*t)", "0.7*sin(2*pi*0.13*t)"),
             ),
         ),
+        usual=60.0,
     ),
 )
 

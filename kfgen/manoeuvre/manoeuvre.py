@@ -90,6 +90,8 @@ class Manoeuvre:
         At the start, in navigation axes [m/s].
     attitude : tuple of 4 float
         ``q_nb`` at the start, scalar first, of any length.
+    usual : float
+        Its length where its segments do not say their own [s].
     path : str
         Said in errors.
 
@@ -104,6 +106,7 @@ class Manoeuvre:
     segments: tuple[Segment, ...]
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     attitude: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    usual: float = USUAL
     path: str = ""
 
     def __post_init__(self) -> None:
@@ -124,7 +127,7 @@ class Manoeuvre:
     def length(self) -> float:
         """The length that it has by itself, or the usual one [s]."""
         if any(LENGTH in s.duration.value.free_symbols for s in self.segments):
-            return USUAL
+            return self.usual
         return sum(s.lasts(USUAL) for s in self.segments)
 
     def starts(self, length: float) -> Array:
