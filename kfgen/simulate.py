@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
@@ -16,11 +15,12 @@ from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.log import Channel, Log
 from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
-from kfgen.manoeuvre.flight import Flight, warming
-from kfgen.manoeuvre.manoeuvre import Manoeuvre, plant_input
-from kfgen.manoeuvre.truth import Truth
+from kfgen.manoeuvre.flight import plant_input, wanted, warming
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
+from kfgen.model.truth import along, drawn, numeric
 
 Array = NDArray[np.float64]
 
@@ -65,14 +65,14 @@ def simulate(
     model, t = discrete.model, np.arange(n) / discrete.rate
     if isinstance(model.motion, Equations):
         return _plant_log(discrete, model.motion, flown, t, rng, drive)
+    true = along(model, wanted(flown, t), drawn(model, rng))
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
-    flight = Flight(model, flown, t, drive)
-    clean = _clean(model, flight)
+    clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
         channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
-    return Log(t, channels | _references(model, flight.truth), source=f"simulated {model.name}, {manoeuvre}")
+    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
 
 
 def _plant_log(
@@ -126,29 +126,26 @@ def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Gen
     return np.zeros(n)
 
 
-def _clean(model: FilterModel, flight: Flight) -> dict[str, Array]:
+def _clean(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Array]:
     """What every channel would read without its effects."""
-    values, n = flight.values, flight.t.size
-    out = {
-        c: np.broadcast_to(np.asarray(values[sp.Symbol(c, real=True)], dtype=np.float64), (n,))
-        for i in model.motion.inputs
-        for c in i.channels
-    }
+    out = {c: true[c] for i in model.motion.inputs for c in i.channels}
+    n = next(iter(true.values())).size
     for sensor in model.sensors:
-        h = sensor.predict({b.name: b.value for b in model.blocks})
-        out |= dict(zip(sensor.channels, flight.rows(list(h))))
+        rows = numeric(list(model.clean(sensor)), true)
+        out |= {c: np.broadcast_to(row, n) for c, row in zip(sensor.channels, rows)}
     return out
 
 
-def _references(model: FilterModel, true: Truth) -> dict[str, Channel]:
+def _references(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Channel]:
+    """The true blocks as ``ref_`` channels, the attitude as a quaternion."""
     from scipy.spatial.transform import Rotation
 
-    if model.attitude is None:
-        return {}
-    q = Rotation.from_matrix(true.R_nb).as_quat(scalar_first=True, canonical=True)
-    out = {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
-    names = {b.name for b in model.blocks}
-    for name, unit, values in (("p", "m", true.p_n), ("v", "m/s", true.v_n)):
-        if name in names:
-            out |= {f"ref_{name}_{a}": Channel(values[:, k], unit) for k, a in enumerate("NED")}
+    out: dict[str, Channel] = {}
+    for b in model.blocks:
+        if isinstance(b, Attitude):
+            R = np.stack([true[s.name] for s in b.nominal], axis=1).reshape(-1, 3, 3)
+            q = Rotation.from_matrix(R).as_quat(scalar_first=True, canonical=True)
+            out |= {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
+        else:
+            out |= {f"ref_{name}": Channel(true[name], b.unit) for name in b.nominal_names}
     return out

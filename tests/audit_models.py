@@ -56,11 +56,13 @@ class CoriolisStrapdown(EarthStrapdown):
 class ScaledStrapdown(Strapdown):
     """Strapdown navigation whose gyros and accelerometers have unknown scale factors."""
 
-    blocks = (
-        *Strapdown.blocks,
-        Vector("sg", BODY, "1", "gyro scale", 1e-2),
-        Vector("sa", BODY, "1", "accelerometer scale", 1e-2),
-    )
+    def __init__(self) -> None:
+        super().__init__()
+        scales = (
+            Vector("sg", BODY, "1", "gyro scale", 1e-2),
+            Vector("sa", BODY, "1", "accelerometer scale", 1e-2),
+        )
+        self.blocks = (*self.blocks, *scales)
 
     def rates(self, x: Mapping[str, sp.Matrix], u: Mapping[str, sp.Matrix]) -> dict[str, sp.Matrix]:
         one = sp.eye(3)
@@ -75,6 +77,7 @@ class Misaligned(Motion):
     """Attitude and velocity from triads with a full matrix of scale and misalignment errors of the accelerometers."""
 
     blocks = (
+        Vector("p", NED, "m", "position", 10.0),
         Vector("v", NED, "m/s", "velocity", 1.0),
         Attitude(),
         Vector("m", tuple("012345678"), "1", "accelerometer matrix", 1e-2),
@@ -85,6 +88,7 @@ class Misaligned(Motion):
     def rates(self, x: Mapping[str, sp.Matrix], u: Mapping[str, sp.Matrix]) -> dict[str, sp.Matrix]:
         M = sp.eye(3) + x["m"].reshape(3, 3)
         return {
+            "p": x["v"],
             "v": x["phi"] * M * u["accel"] + sp.Matrix([0, 0, GRAVITY.symbol]),
             "phi": u["gyro"],
             "m": sp.zeros(9, 1),
@@ -118,11 +122,11 @@ class Shows(Sensor):
     """A sensor of one expression."""
 
     def __init__(self, name: str, needs: Sequence[str], size: int, predict: Any, constants: Any = ()) -> None:
-        self.name = name  # type: ignore[misc]
-        self.title = name  # type: ignore[misc]
+        self.name = name
+        self.title = name
         self.channels = tuple(f"{name}_{k}" for k in range(size))
-        self.needs = tuple(needs)  # type: ignore[misc]
-        self.constants = constants  # type: ignore[misc]
+        self.needs = tuple(needs)
+        self.constants = constants
         self.sd = 0.1
         self._predict = predict
 

@@ -261,9 +261,9 @@ FACTS: dict[str, tuple[FilterModel, Manoeuvre, int, tuple[dict[str, Any], ...]]]
     # An unknown field in the navigation frame turns with the heading, which gravity does not show.
     "earth field, static": (model(With(Rotating(), NAV_FIELD), gravity, own_field), STATIC, 1, ()),
     "earth field, generic": (model(With(Rotating(), NAV_FIELD), gravity, own_field), GENERIC, 1, ()),
-    "misalignment matrix, generic": (model(Misaligned(), GnssVelocity()), GENERIC, 0, ()),
+    "misalignment matrix, generic": (model(Misaligned(), GnssPosition()), GENERIC, 0, ()),
     # At rest one specific force is seen: of the nine entries only the third column acts, as the biases do.
-    "misalignment matrix, static": (model(Misaligned(), GnssVelocity()), STATIC, 13, ()),
+    "misalignment matrix, static": (model(Misaligned(), GnssPosition()), STATIC, 13, ()),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,30 @@ import pytest
 
 from kfgen.errors import InputError
 from kfgen.manoeuvre.file import manoeuvre, parse_manoeuvre, quaternion
+from kfgen.manoeuvre.flight import wanted
 from kfgen.manoeuvre.library import LIBRARY
-from kfgen.manoeuvre.truth import truth
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.library import build
+from kfgen.model.truth import along
 
 HEAD = 'format = "kfgen-manoeuvre-1"\n'
 G = 9.80665
+
+
+@dataclass
+class Truth:
+    f_b: np.ndarray
+    v_n: np.ndarray
+    p_n: np.ndarray
+    R_nb: np.ndarray
+
+
+def truth(m: Manoeuvre, t: np.ndarray) -> Truth:
+    found = along(build("ins15"), wanted(m, t), {})
+    rows = [[f"accel_{a}" for a in "xyz"], [f"v_{a}" for a in "NED"], [f"p_{a}" for a in "NED"]]
+    f_b, v_n, p_n = (np.column_stack([found[n] for n in row]) for row in rows)
+    R = np.column_stack([found[f"R_nb_{i}{j}"] for i in range(3) for j in range(3)]).reshape(-1, 3, 3)
+    return Truth(f_b, v_n, p_n, R)
 
 
 def parsed(text: str) -> Any:

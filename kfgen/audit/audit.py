@@ -15,9 +15,10 @@ from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
 from kfgen.audit.lint import lint
 from kfgen.audit.numeric import Numeric, numeric
 from kfgen.audit.plan import Plan
+from kfgen.audit.ring import PRIMES, Degenerate
 from kfgen.audit.symbolic import at_rest, null_of
 from kfgen.audit.values import in_numbers
-from kfgen.audit.words import called, sentence
+from kfgen.audit.words import called, sentence, words
 from kfgen.discretise import DiscreteModel
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
@@ -177,7 +178,7 @@ def audit(
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
         run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity) if horizon else None
         audits.append(Audit(model, m, directions, names, generic, run))
-    return Audited(tuple(audits), table, _lint(plan, horizon, generic=generic))
+    return Audited(tuple(audits), table, _lint(plan, horizon))
 
 
 def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:
@@ -185,20 +186,28 @@ def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tup
     found = along(plan, flown, length, generic=True)
     if not plan.own:
         return False, found
-    try:
-        declared = along(plan, flown, length, generic=False, p=found[0].ring.p)
-    except ArithmeticError:
-        return True, found
-    same = [h.nullity for h in declared] == [h.nullity for h in found]
+    at_zero, declared = _declared(plan, flown, length, found[0].ring.p)
+    same = at_zero and [h.nullity for h in declared] == [h.nullity for h in found]
     return (False, declared) if same else (True, found)
 
 
-def _lint(plan: Plan, horizon: Horizon | None, *, generic: bool) -> tuple[str, ...]:
+def _declared(
+    plan: Plan, flown: Sequence[Manoeuvre], length: float | None = None, p: int = PRIMES[0]
+) -> tuple[bool, list[Hidden]]:
+    """What is hidden at the declared start, and True; at a generic one, and False, where the model has no value there."""
+    try:
+        return True, along(plan, flown, length, generic=False, p=p)
+    except Degenerate:
+        return False, along(plan, flown, length, generic=True)
+
+
+def _lint(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
+    """What a model has too much of; errors of calibration are looked at where they are declared, around zero."""
     rich = LIBRARY["generic"]
     nulls: list[Null] = []
     if plan.channels:
-        (h,) = along(plan, [rich], generic=True)
-        nulls = readable(plan, rich, h, generic=True)
+        at_zero, (h,) = _declared(plan, [rich])
+        nulls = readable(plan, rich, h, generic=not at_zero)
     names = [frozenset(plan.model.states[k].name for k in v.support) for v in nulls if not v.gauge]
     return lint(plan.model, horizon.duration if horizon else None, names)
 
@@ -223,7 +232,7 @@ def _directions(
             Direction(
                 {n: value for n, _, value in parts},
                 {n: s.unit for n, s, _ in parts},
-                sentence(parts, v.gauge),
+                sentence([(words(model, n, st, manoeuvre), st, a) for n, st, a in parts], v.gauge),
                 {n: str(v.values[k]) for (n, _, _), k in zip(parts, v.support)} if exact else {},
                 {n: formula[k] for (n, _, _), k in zip(parts, v.support)} if formula else {},
                 free,

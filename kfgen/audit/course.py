@@ -21,13 +21,23 @@ State = Mapping[sp.Symbol, int]
 def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> dict[sp.Symbol, int]:
     """Where a manoeuvre starts; `generic` as in `Plan.start`."""
     out = {s: ring.of(v) for s, v in plan.start(generic=generic).items()}
-    if plan.rotation:
-        q = [Fraction(repr(float(c))) for c in manoeuvre.attitude]
-        out |= {s: ring.of(v) for s, v in zip(plan.rotation, rotation(q))}
+    if not plan.rotation:
+        return out
+    level = turn_of(plan)
+    own = rotation([Fraction(repr(float(c))) for c in manoeuvre.attitude])
+    R = [sum(level[3 * i + k] * own[3 * k + j] for k in range(3)) for i in range(3) for j in range(3)]
+    out |= {s: ring.of(Fraction(v)) for s, v in zip(plan.rotation, R)}
+    v_l = [Fraction(repr(float(v))) for v in manoeuvre.velocity]
     for b in plan.vectors:
         if b.name == "v" and b.name in plan.given:
-            out |= {s: ring.of(Fraction(repr(float(v)))) for s, v in zip(b.nominal, manoeuvre.velocity)}
+            v_n = [sum((level[3 * i + k] * v_l[k] for k in range(3)), Fraction(0)) for i in range(3)]
+            out |= {s: ring.of(v) for s, v in zip(b.nominal, v_n)}
     return out
+
+
+def turn_of(plan: Plan) -> list[Fraction]:
+    """The rotation from north-east-down at the start to navigation axes, exactly a rotation."""
+    return rotation([Fraction(repr(c)) for c in plan.frame])
 
 
 def rotation(q: list[Fraction]) -> list[Fraction]:
@@ -74,6 +84,7 @@ class Course:
         given = [self.series[s] for s in plan.variables]
         self._control = Runner(plan.control.graph, ring, given) if plan.control else None
         self._main = Runner(plan.graph, ring, given)
+        self._level = [ring.of(e) for e in turn_of(plan)] if plan.rotation else [1, 0, 0, 0, 1, 0, 0, 0, 1]
         self._acceleration: list[Coefficients] = [[], [], []]
         self._J0: list[list[int]] = []
         self._free = self._free_inputs()
@@ -117,7 +128,7 @@ class Course:
         """Acceleration in navigation axes: its own part, and the body's turned by the attitude."""
         R = [self.series[s] for s in self.plan.rotation]
         for i in range(3):
-            total = self._motion[3 + i][k]
+            total = sum(self._level[3 * i + j] * self._motion[3 + j][k] for j in range(3))
             for j in range(3) if R else ():
                 total += convolved(self._motion[6 + j], R[3 * i + j], k)
             self._acceleration[i].append(total % self.ring.m)

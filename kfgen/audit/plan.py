@@ -19,6 +19,7 @@ from kfgen.manoeuvre.control import Control, control
 from kfgen.model.blocks import Vector
 from kfgen.model.filter import FilterModel
 from kfgen.model.sensors import Sensor
+from kfgen.model.truth import level_at
 
 Entry = tuple[int, int, int]
 """Row, column, place."""
@@ -155,23 +156,34 @@ class Plan:
         """Components of the blocks that no manoeuvre places: an arm, a feature, the states of a plant."""
         return tuple(s for b in self.vectors if not self._placed(b) for s in b.nominal)
 
+    @cached_property
+    def frame(self) -> tuple[float, float, float, float]:
+        """The quaternion that takes north-east-down at the start to navigation axes, scalar first."""
+        from scipy.spatial.transform import Rotation
+
+        values = {c.name: c.value for c in self.model.constants}
+        values |= {n: v for b in self.vectors for n, v in zip(b.nominal_names, b.start)}
+        level = level_at(self.model, values)
+        w, x, y, z = (float(e) for e in Rotation.from_matrix(level.T).as_quat(scalar_first=True))
+        return w, x, y, z
+
     def _placed(self, b: Vector) -> bool:
-        return self.equations is not None and b.name in self.equations.placed
+        return self.control is not None and b.name in ("p", "v")
 
     def start(self, *, generic: bool) -> dict[sp.Symbol, Fraction]:
-        """Where the blocks start, those that a manoeuvre places at zero.
+        """Where the blocks start.
 
         Parameters
         ----------
         generic : bool
-            The others near their declared start, at no special point; else at the declared one.
+            Near their declared start, at no special point; else at the declared one, as position and velocity always.
         """
         out, draw = {}, Draws()
         for b in self.vectors:
             for s, declared in zip(b.nominal, b.start):
-                off = decimal(sp.Float(_round(b.prior))) * next(draw) if generic else Fraction(0)
-                near = Fraction(repr(float(declared))) + off
-                out[s] = Fraction(0) if self._placed(b) else near
+                off = decimal(sp.Float(_round(b.prior))) * next(draw)
+                moved = generic and not self._placed(b)
+                out[s] = Fraction(repr(float(declared))) + (off if moved else 0)
         return out
 
 

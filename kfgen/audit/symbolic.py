@@ -18,6 +18,7 @@ from kfgen.manoeuvre.control import control
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.blocks import Vector
 from kfgen.model.filter import FilterModel
+from kfgen.model.motion import NED
 
 
 def rational(expression: sp.Expr) -> sp.Expr:
@@ -82,10 +83,12 @@ def at_rest(model: FilterModel, manoeuvre: Manoeuvre) -> tuple[sp.Matrix, sp.Mat
         point |= dict(zip(model.attitude.nominal, sp.eye(3)))
     for b in model.blocks:
         if isinstance(b, Vector):
-            still = found is not None and b.name in found.placed
-            if not still and any(r != 0 for r in model.rates(False).get(b.name, ())):
+            placed = found is not None and b.name in ("p", "v")
+            if placed and (any(b.start) or tuple(b.axes) != NED):
                 return None
-            point |= dict.fromkeys(b.nominal, sp.Integer(0)) if still else {}
+            if not placed and any(r != 0 for r in model.rates(False).get(b.name, ())):
+                return None
+            point |= dict.fromkeys(b.nominal, sp.Integer(0)) if placed else {}
     own = {s for b in model.blocks for s in b.nominal}
     point |= {s.symbol: sp.Integer(0) for s in model.states if s.symbol not in own}
     channels = [sp.Symbol(c, real=True) for i in model.motion.inputs for c in i.channels]

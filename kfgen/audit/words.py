@@ -34,12 +34,15 @@ def called(model: FilterModel, state: StateInfo, manoeuvre: Manoeuvre) -> str:
     return f"{stem}_{NAVIGATION[axis]}" if navigated else state.name
 
 
-def words(name: str, state: StateInfo) -> str:
+def words(model: FilterModel, name: str, state: StateInfo, manoeuvre: Manoeuvre) -> str:
     """A state in words."""
     stem, _, axis = name.rpartition("_")
+    attitude = model.attitude
+    if attitude is not None and stem == attitude.convention.letter:
+        along = NAVIGATION.get(axis, axis) if attitude.convention.side.body and level(manoeuvre) else axis
+        return "heading" if along == "D" else f"{WORDS.get(along, along)} tilt"
     where = WORDS.get(axis, axis)
     nouns = {
-        "phi": f"{where} tilt" if axis != "D" else "heading",
         "bg": f"{where} gyro bias",
         "ba": f"{where} accelerometer bias",
         "p": f"{where} position",
@@ -59,16 +62,18 @@ def listed(parts: Sequence[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def sentence(parts: Sequence[tuple[str, StateInfo, float]], gauge: str = "") -> str:
+Part = tuple[str, StateInfo, float]
+"""Words, state, amount [SI]."""
+
+
+def sentence(parts: Sequence[Part], gauge: str = "") -> str:
     """A direction: its first state is hidden by the others."""
     if gauge:
         return f"{gauge} changes no measurement"
-    (name, state, value), *others = parts
+    (noun, state, value), *others = parts
     if not others:
-        noun = words(name, state)
-        known = noun == state.title
-        return f"{noun if known else noun[0].upper() + noun[1:]} changes no measurement"
+        return f"{noun if noun == state.title else noun[0].upper() + noun[1:]} changes no measurement"
     size = NATURAL.get(state.unit, (1.0, state.unit))[0]
-    head = f"{amount(value * size, state.unit)} of {words(name, state)}"
-    tail = [f"{amount(v * size, s.unit)} of {words(n, s)}" for n, s, v in others]
+    head = f"{amount(value * size, state.unit)} of {noun}"
+    tail = [f"{amount(v * size, s.unit)} of {n}" for n, s, v in others]
     return f"{head} is hidden by {listed(tail)}"

@@ -27,15 +27,12 @@ class Control:
         The inputs that they determine.
     J : Matrix, shape (r, r)
     b : Matrix, shape (r, 1)
-    placed : tuple of str
-        The blocks whose path a manoeuvre gives: the velocity, and a position whose rate it is.
     """
 
     targets: tuple[str, ...]
     channels: tuple[str, ...]
     J: sp.Matrix
     b: sp.Matrix
-    placed: tuple[str, ...] = ()
 
 
 def control(model: FilterModel) -> Control | None:
@@ -62,12 +59,4 @@ def _control(model: FilterModel, targets: Sequence[str]) -> Control | None:
     if J.rows != J.cols or J.free_symbols & set(symbols):
         return None
     b = rows.subs(dict.fromkeys(symbols, 0))
-    return Control(tuple(targets), tuple(channels[j] for j in used), J, b, _placed(model, targets))
-
-
-def _placed(model: FilterModel, targets: Sequence[str]) -> tuple[str, ...]:
-    if "v" not in targets:
-        return ()
-    velocity = next(b for b in model.blocks if b.name == "v")
-    rate = model.rates(False).get("p")
-    return ("v", "p") if rate is not None and rate == velocity.value else ("v",)
+    return Control(tuple(targets), tuple(channels[j] for j in used), J, b)

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.manoeuvre.control import Control, control
-from kfgen.manoeuvre.manoeuvre import Manoeuvre, plant_input
-from kfgen.manoeuvre.truth import Truth, truth
-from kfgen.model.blocks import Vector
+from kfgen.manoeuvre.manoeuvre import SIGNALS, Manoeuvre
 from kfgen.model.filter import FilterModel
 from kfgen.model.tape import Tape, tape
+from kfgen.model.truth import Wanted, along, attitudes
 
 Array = NDArray[np.float64]
 
@@ -24,6 +23,27 @@ def warming(t: Array) -> Array:
     """A temperature [K] that warms up by 12 K and then swings by 4 K, shape (n,)."""
     T = float(t[-1] - t[0]) or 1.0
     return np.asarray(293.15 + 12.0 * (1.0 - np.exp(-6.0 * t / T)) + 4.0 * np.sin(4.5 * np.pi * t / T))
+
+
+def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
+    """Input number `k` of a plant at times (n,) [SI]: as named, else the manoeuvre's own signals as plain numbers."""
+    named = manoeuvre.input(name, t)
+    if named is not None:
+        return named
+    rate, acceleration, _ = manoeuvre.values(t)
+    return np.asarray(np.hstack([rate, acceleration])[:, SIGNALS[k % len(SIGNALS)]])
+
+
+def wanted(manoeuvre: Manoeuvre, t: Array) -> Wanted:
+    """A manoeuvre at times (n,), from its start at the origin."""
+    from scipy.spatial.transform import Rotation
+
+    omega_b, a_l, a_b = manoeuvre.values(t)
+    R_lb = Rotation.from_quat(manoeuvre.attitude, scalar_first=True).as_matrix()
+    if a_b.any():
+        dt = float(t[1] - t[0]) if t.size > 1 else 1.0
+        a_l = a_l + np.einsum("kij,kj->ki", attitudes(R_lb, omega_b, dt), a_b)
+    return Wanted(t, omega_b, a_l, R_lb, np.array(manoeuvre.velocity))
 
 
 @dataclass(frozen=True)
@@ -46,78 +66,45 @@ class Flight:
     drive: Mapping[str, Array]
 
     @cached_property
-    def truth(self) -> Truth:
-        """The body's motion."""
-        return truth(self.manoeuvre, self.t)
-
-    @cached_property
-    def control(self) -> Control | None:
-        """How the inputs follow from it."""
-        return control(self.model)
-
-    @cached_property
-    def values(self) -> dict[sp.Symbol, Array | float]:
-        """Every symbol of F, G, H and of the expected measurements: numbers, or arrays of shape (n,)."""
-        true, model = self.truth, self.model
-        values: dict[sp.Symbol, Array | float] = {c.symbol: c.value for c in model.constants}
-        values |= {s.symbol: 0.0 for s in model.states if s.symbol not in values}
-        values |= {sp.Symbol(d, real=True): self.drive.get(d, warming(self.t)) for d in model.drivers}
-        if model.attitude is not None:
-            atoms = list(model.attitude.nominal)
-            values |= {s: true.R_nb[:, k // 3, k % 3] for k, s in enumerate(atoms)}
-        flown = {"v": true.v_n, "p": true.p_n}
-        for b in self._vectors:
-            columns = flown[b.name].T if b.name in self._placed else b.start
-            values |= dict(zip(b.nominal, columns))
-        self._inputs(values)
-        self._free(values)
-        return values
-
-    @property
-    def _vectors(self) -> list[Vector]:
-        return [b for b in self.model.blocks if isinstance(b, Vector)]
-
-    @property
-    def _placed(self) -> tuple[str, ...]:
-        return self.control.placed if self.control is not None else ()
-
-    def _inputs(self, values: dict[sp.Symbol, Array | float]) -> None:
-        """What the inputs read."""
-        found = self.control
+    def values(self) -> dict[str, Array]:
+        """Every symbol of F, G, H and of the expected measurements by name, each of shape (n,)."""
+        drive = {d: self.drive.get(d, warming(self.t)) for d in self.model.drivers}
+        if self.model.attitude is not None:
+            return along(self.model, wanted(self.manoeuvre, self.t), {}) | drive
+        values: dict[str, Any] = {c.name: c.value for c in self.model.constants}
+        values |= {s.name: 0.0 for s in self.model.states} | drive
+        for b in self.model.blocks:
+            values |= dict(zip(b.nominal_names, b.start))
         channels = [c for i in self.model.motion.inputs for c in i.channels]
-        determined = found.channels if found else ()
-        for k, c in enumerate(c for c in channels if c not in determined):
-            values[sp.Symbol(c, real=True)] = plant_input(self.manoeuvre, c, k, self.t)
-        if found is None:
-            return
-        n, r = self.t.size, len(found.channels)
-        rows = evaluate([*found.J, *found.b], values, n)
-        J, b = rows[: r * r].T.reshape(n, r, r), rows[r * r :].T
-        rates = {"v": self.truth.a_n}
-        targets = np.hstack([rates.get(name, self.truth.omega_b) for name in found.targets])
-        u = np.linalg.solve(J, (targets - b)[:, :, None])[:, :, 0]
-        values |= {sp.Symbol(c, real=True): u[:, k] for k, c in enumerate(found.channels)}
+        values |= {c: plant_input(self.manoeuvre, c, k, self.t) for k, c in enumerate(channels)}
+        values |= self._moving(values)
+        return {n: np.broadcast_to(np.asarray(v, dtype=np.float64), self.t.shape) for n, v in values.items()}
 
-    def _free(self, values: dict[sp.Symbol, Array | float]) -> None:
-        """The blocks that follow their own rates, where these are not zero (classical Runge-Kutta)."""
+    def _moving(self, values: Mapping[str, Any]) -> dict[str, Array]:
+        """The blocks by their own rates (classical Runge-Kutta)."""
         rates = self.model.rates(False)
-        placed = ("v", "p") if self.control else ()
-        free = [
-            b for b in self._vectors if b.name not in placed and any(r != 0 for r in rates.get(b.name, ()))
-        ]
-        if not free:
-            return
-        symbols = [s for b in free for s in b.nominal]
-        others = [s for s in values if s not in symbols]
-        program = tape([e for b in free for e in rates[b.name]], [*symbols, *others])
-        known = np.array([np.broadcast_to(values[s], self.t.shape) for s in others]).reshape(-1, self.t.size)
-        start = np.array([c for b in free for c in b.start])
-        path = _integrated(program, start, known, float(self.t[1] - self.t[0]) if self.t.size > 1 else 1.0)
-        values |= {s: path[:, k] for k, s in enumerate(symbols)}
+        blocks = [b for b in self.model.blocks if b.name in rates and any(r != 0 for r in rates[b.name])]
+        if not blocks:
+            return {}
+        names = [n for b in blocks for n in b.nominal_names]
+        others = [n for n in values if n not in names]
+        symbols = [sp.Symbol(n, real=True) for n in (*names, *others)]
+        program = tape([e for b in blocks for e in rates[b.name]], symbols)
+        known = np.array([np.broadcast_to(values[n], self.t.shape) for n in others], dtype=np.float64)
+        start = np.array([c for b in blocks for c in b.start], dtype=np.float64)
+        dt = float(self.t[1] - self.t[0]) if self.t.size > 1 else 1.0
+        path = _integrated(program, start, known.reshape(-1, self.t.size), dt)
+        return {n: path[:, k] for k, n in enumerate(names)}
 
     def rows(self, expressions: Sequence[sp.Expr]) -> Array:
         """Expressions at every time, shape (expressions, n)."""
-        return evaluate(expressions, self.values, self.t.size)
+        symbols = sorted({s for e in expressions for s in e.free_symbols}, key=str)
+        out = np.zeros((len(expressions), self.t.size))
+        if len(expressions):
+            found = tape(list(expressions), symbols).values([self.values[s.name] for s in symbols])
+            for row, value in zip(out, found):
+                row[:] = value
+        return out
 
     def matrix(self, M: sp.Matrix) -> Array:
         """A matrix at every time, shape (n, rows, columns)."""
@@ -126,15 +113,6 @@ class Flight:
         for (i, j), row in zip(places, self.rows([M[p] for p in places])):
             out[:, i, j] = row
         return out
-
-
-def evaluate(expressions: Sequence[sp.Expr], values: Mapping[sp.Symbol, Array | float], n: int) -> Array:
-    """Expressions at every time, shape (expressions, n)."""
-    symbols = sorted({s for e in expressions for s in e.free_symbols}, key=str)
-    if not expressions:
-        return np.zeros((0, n))
-    rows = tape(list(expressions), symbols).values([values[s] for s in symbols])
-    return np.array([np.broadcast_to(np.asarray(r, dtype=np.float64), (n,)) for r in rows])
 
 
 def _integrated(program: Tape, x: Array, known: Array, dt: float) -> Array:

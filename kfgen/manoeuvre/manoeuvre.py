@@ -178,12 +178,3 @@ class Manoeuvre:
 
 SIGNALS = (3, 4, 5, 0, 1, 2)
 """Which of a manoeuvre's formulas drives a plant's first, second, ... input where no segment names it."""
-
-
-def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
-    """Input number `k` of a plant at times (n,) [SI]: as named, else the manoeuvre's own signals as plain numbers."""
-    named = manoeuvre.input(name, t)
-    if named is not None:
-        return named
-    rate, acceleration, _ = manoeuvre.values(t)
-    return np.asarray(np.hstack([rate, acceleration])[:, SIGNALS[k % len(SIGNALS)]])
