@@ -20,8 +20,10 @@ from kfgen.cli.options import (
     Rate,
     Report,
     SampleRate,
+    Sensors,
+    Set,
     deliver,
-    discrete_of,
+    model_of,
     noise_of,
     not_over,
     read,
@@ -175,19 +177,23 @@ def simulate(
     duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0,
     rate: SampleRate = 100.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
-    manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
+    manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """A log from a model."""
     import numpy as np
 
+    from kfgen.discretise import DiscreteModel
     from kfgen.readers import write_log
     from kfgen.report.filter import simulate_answer
     from kfgen.simulate import simulate as simulated
 
-    log = simulated(discrete_of(model, noise, rate=rate), manoeuvre, duration, np.random.default_rng(seed))
+    discrete = DiscreteModel.stepping(model_of(model, noise, set_, sensor), rate)
+    log = simulated(discrete, manoeuvre, duration, np.random.default_rng(seed))
     write_log(log, output)
     deliver(simulate_answer(log, str(output)), json, report)
 
@@ -200,6 +206,8 @@ def run(
     adaptive: Annotated[
         str | None, typer.Option(help="Adapt P, Q or R by a rule: see 'kfgen denoise --filter'.")
     ] = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     rate: Rate = None,
     columns: Columns = None,
     json: Json = None,
@@ -210,6 +218,7 @@ def run(
 
     from kfgen.adaptive.rules import rule_named
     from kfgen.adaptive.wrapper import adapted
+    from kfgen.discretise import DiscreteModel
     from kfgen.emit.routines import Program
     from kfgen.report.filter import run_answer
     from kfgen.run import attitude_error
@@ -217,7 +226,8 @@ def run(
 
     data = read(log, rate, columns)
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
-    program = Program(discrete_of(model, noise, max_step=longest, rate=1.0 / data.dt))
+    built = model_of(model, noise, set_, sensor)
+    program = Program(DiscreteModel.stepping(built, 1.0 / data.dt, max_step=longest))
     rule = rule_named(adaptive) if adaptive else None
     result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)

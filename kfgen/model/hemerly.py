@@ -25,8 +25,8 @@ from kfgen.noise import NoiseModel
 
 TITLES = ("integrated noise", "noise", "bias instability", "random walk", "inverse correlation time")
 UNITS = ("s^1.5", "s^0.5", "rad/s^0.5", "rad/s^1.5", "1/s")
-USUAL = (0.0, 0.0, float(np.deg2rad(1.55e-2)), float(np.deg2rad(9e-4)), 0.01)
-"""B, K and beta of sec. 2.2 of [1]_, where the filter starts."""
+USUAL = (1000.0, 7.0, float(np.deg2rad(1.55e-2)), float(np.deg2rad(9e-4)), 0.01)
+"""Where the filter starts: B, K and beta of sec. 2.2 of [1]_, x1 and x2 at no special point, about a deviation off zero."""
 PRIORS = (1e3, 10.0, *USUAL[2:])
 """Deviations before the first sample: of the parameters as large as they are."""
 N = float(np.deg2rad(5.75e-2))

@@ -1,18 +1,15 @@
-"""The answers of ``derive``, ``audit`` and ``list``."""
+"""The answers of ``derive`` and ``list``."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
 
 import sympy as sp
 
 import kfgen
-from kfgen.audit.audit import Audit
 from kfgen.discretise import DiscreteModel
-from kfgen.report.identify import finite
-from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table, text
+from kfgen.report.page import Answer, Page, Part, columns, heading, math, table
 
 
 def mathml(expression: sp.Basic) -> str:
@@ -101,38 +98,6 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
         ),
     )
     return Answer("\n".join(body).rstrip(), data, page)
-
-
-def audit_answer(audits: list[Audit]) -> Answer:
-    """What cannot be seen, in words."""
-    lines, parts, manoeuvres = [], [], {}
-    for a in audits:
-        head = f"{a.model}, {a.manoeuvre}: rank {a.rank} of {a.states}, {a.nullity} hidden"
-        words = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
-        beside = (
-            f"python-control and numpy: rank {a.numeric.rank}, condition number {a.numeric.condition:.2g} "
-            "in floating point, units mixed"
-        )
-        lines += [head, *(f"  {w}." for w in words), f"  {beside}."]
-        parts += [heading(head), *(sentence(f"{w}.") for w in words), text(f"{beside}.")]
-        manoeuvres[a.manoeuvre] = {
-            "states": a.states,
-            "rank": a.rank,
-            "nullity": a.nullity,
-            "condition": {"raw": finite(a.numeric.condition)},
-            "numeric_rank": a.numeric.rank,
-            "directions": [
-                {"vector": d.vector, "units": d.units, "sentence": d.sentence, "freed_by": []}
-                for d in a.directions
-            ],
-        }
-    data: dict[str, Any] = {
-        "format": "kfgen-audit-1",
-        "kfgen": kfgen.__version__,
-        "model": audits[0].model,
-        "manoeuvres": manoeuvres,
-    }
-    return Answer("\n".join(lines), data, Page(f"What {audits[0].model} cannot see", tuple(parts)))
 
 
 def list_answer(groups: dict[str, list[tuple[str, str]]]) -> Answer:

@@ -136,6 +136,16 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "
     return _svg(fig, key)
 
 
+def curves_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
+    """Curves over time on a logarithmic scale, in the colors of the default cycle."""
+    fig, (ax,) = _figure(7.4, 3.0)
+    for line in lines:
+        ax.plot(line.x[1:], line.y[1:], linewidth=1.3, label=line.label)
+    ax.set(xlabel="time [s]", ylabel=ylabel, yscale="log")
+    ax.legend(frameon=False, fontsize=8.5, ncols=-(-len(lines) // 6))
+    return _svg(fig, key)
+
+
 def bound_picture(lines: Sequence[Line], key: str) -> str:
     """Relative bounds against hours of record."""
     fig, (ax,) = _figure(7.4, 3.4)
