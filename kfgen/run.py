@@ -98,7 +98,9 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
     emitted = getattr(module, class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
     inputs = {
-        i.name: log.values(i.name) if i.scalar else np.column_stack([log.values(c) for c in i.channels])
+        i.name: _input(log, i.channels, quiet=i.quiet)[:, 0]
+        if i.scalar
+        else _input(log, i.channels, quiet=i.quiet)
         for i in model.motion.inputs
     }
     drive = {d: log.values(d) for d in model.drivers}
@@ -138,6 +140,13 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
         for name, rows in seen.items()
     }
     return FilterRun(model.name, np.asarray(log.t), discrete.nominal_names, estimate, deviation, sensors)
+
+
+def _input(log: Log, channels: tuple[str, ...], *, quiet: bool) -> Array:
+    """The channels of an input, shape (n, channels); zeros where a quiet one is not in the log."""
+    if quiet and not any(c in log.channels for c in channels):
+        return np.zeros((log.n, len(channels)))
+    return np.column_stack([log.values(c) for c in channels])
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:

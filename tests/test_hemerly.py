@@ -318,3 +318,12 @@ def test_a_curve_has_no_samples(kfgen: Call, tmp_path: Path) -> None:
     result = kfgen("identify", path, "--method", "em")
     assert result.exit_code == 2
     assert isinstance(result.exception, InputError)
+
+
+def test_the_model_runs_on_a_log_without_its_driver(kfgen: Call, tmp_path: Path) -> None:
+    """The driver is noise alone; simulating along a manoeuvre is refused in words."""
+    log = write(tmp_path / "log.csv", noises(2, 500, 0.1, 0.1, 0.1, 5.0, 0.01))
+    assert kfgen("run", "hemerly-ekf", log).exit_code == 0
+    refused = kfgen("simulate", "hemerly-ekf", "-o", tmp_path / "s.csv")
+    assert refused.exit_code == 2
+    assert "driver" in str(refused.exception)

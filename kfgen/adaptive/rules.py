@@ -195,11 +195,11 @@ def rules() -> dict[str, type[Rule]]:
     return {cls.name: cls for cls in Rule.__subclasses__()}
 
 
-def rule_named(name: str) -> type[Rule]:
-    """The rule of that name; raises `InputError` where there is none."""
+def rule_named(name: str, where: str = "--filter") -> type[Rule]:
+    """The rule of that name; raises `InputError`, which says where it was asked for, where there is none."""
     if name not in rules():
         raise InputError(
-            f"there is no filter '{name}'", where="--filter", remedy=f"Known are {', '.join(rules())}"
+            f"there is no filter '{name}'", where=where, remedy=f"Known are {', '.join(rules())}"
         )
     return rules()[name]
 

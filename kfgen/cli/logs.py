@@ -228,7 +228,7 @@ def run(
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
     built = model_of(model, noise, set_, sensor)
     program = Program(DiscreteModel.stepping(built, 1.0 / data.dt, max_step=longest))
-    rule = rule_named(adaptive) if adaptive else None
+    rule = rule_named(adaptive, "--adaptive") if adaptive else None
     result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 

@@ -32,7 +32,7 @@ PRIORS = (1e3, 10.0, *USUAL[2:])
 N = float(np.deg2rad(5.75e-2))
 """White noise of sec. 2.2 [rad/s/sqrt(Hz)]."""
 DRIVER = Input(
-    "driver", "s^-0.5", "white noise that drives x2: a channel of zeros", "bd", 0.0, 1.0, scalar=True
+    "driver", "s^-0.5", "what drives x2 beside noise: zero", "bd", 0.0, 1.0, scalar=True, quiet=True
 )
 
 
