@@ -31,12 +31,18 @@ from kfgen.identify.series import stated
 
 Array = NDArray[np.float64]
 
-NEAR = 0.15
+NEAR = 0.25
 """How far a local slope may be from its asymptote's."""
-LEAST = 3
-"""Points, a quarter of a decade, that make a slope."""
+LEAST = 2
+"""Points that make a slope."""
+LEVEL, FLAT = 0.15, 6
+"""Slope of a floor, and points (half a decade) that it spans where the curve does not rise behind it."""
+SHORTEST = 4
+"""Points that a curve has."""
+SEEN = 2.0
+"""Degrees of freedom that a point of a slope has."""
 KNOWN = 8.0
-"""Degrees of freedom below which a point is too uncertain to be read: of many, one is low by chance."""
+"""Degrees of freedom below which a point is too uncertain to be the lowest: of many, one is low by chance."""
 BY_CHANCE = 2.0
 """Deviations by which a floor must lie above that of N and K to be one of its own."""
 SHORT = 6000
@@ -64,28 +70,34 @@ class Reading:
     crossing : float
         The lowest point [SI] that N and K alone give on the same averaging times; where the curve does not
         rise, with the walk through its last point; zero without N.
+    flat : int
+        Well known points at which the curve is level.
     """
 
     N: Asymptote | None
     B: Asymptote
     K: Asymptote | None
     crossing: float
+    flat: int
 
     @property
     def B_is_own(self) -> bool:
-        """Whether the floor lies above what N and K alone give."""
+        """Whether the floor lies above what N and K alone give; without a rise it must be level for long."""
+        if self.K is None and self.flat < FLAT:
+            return False
         return self.B.size * FLICKER_FLOOR > self.crossing * (1.0 + BY_CHANCE * self.B.deviation)
 
 
 def read_asymptotes(curve: AllanCurve) -> Reading:
     """Read N, B and K off an Allan curve, where it is known well enough; raises `InputError` for too few points."""
-    known = curve.edf >= min(KNOWN, float(curve.edf.max()))
+    seen = curve.edf >= min(SEEN, float(curve.edf.max()))
     parts = (curve.tau, curve.deviation, curve.lo, curve.hi, curve.edf)
-    curve = AllanCurve(*(v[known] for v in parts))
-    if curve.tau.size <= LEAST:
+    curve = AllanCurve(*(v[seen] for v in parts))
+    if curve.tau.size < SHORTEST:
         raise InputError("the Allan curve has too few points to read", remedy="Give a longer log")
     slope = np.gradient(np.log(curve.deviation), np.log(curve.tau))
-    lowest = int(np.argmin(curve.deviation))
+    known = curve.edf >= min(KNOWN, float(curve.edf.max()))
+    lowest = int(np.argmin(np.where(known, curve.deviation, np.inf)))
     at = np.arange(curve.tau.size)
     N = _asymptote(curve, make("white_noise", N=1.0), (np.abs(slope + 0.5) < NEAR) & (at <= lowest))
     K = _asymptote(curve, make("rate_random_walk", K=1.0), (np.abs(slope - 0.5) < NEAR) & (at > lowest))
@@ -93,7 +105,8 @@ def read_asymptotes(curve: AllanCurve) -> Reading:
     B = Asymptote(
         float(curve.deviation[lowest]) / FLICKER_FLOOR, float(np.sqrt(0.5 / curve.edf[lowest])), (tau, tau)
     )
-    return Reading(N, B, K, _crossing(curve, N, K))
+    flat = int(np.sum(known & (np.abs(slope) < LEVEL)))
+    return Reading(N, B, K, _crossing(curve, N, K), flat)
 
 
 def _asymptote(curve: AllanCurve, unit: Effect, near: NDArray[np.bool_]) -> Asymptote | None:
