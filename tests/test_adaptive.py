@@ -333,3 +333,16 @@ def test_run_adapts_from_the_command_line(kfgen: Call, tmp_path: Path) -> None:
     assert mean["kf"] > 50.0
     assert mean["iae"] == pytest.approx(1.0, abs=0.1)
     assert kfgen("run", "gyro-static", log, "--adaptive", "magic").exit_code == 2
+
+
+def test_the_order_is_chosen_by_akaike(kfgen: Call, tmp_path: Path) -> None:
+    """An AR(2) far from an AR(1): every order that has it in it is better than those that lack it."""
+    y = lfilter([1.0], [1.0, -0.5, 0.4], np.random.default_rng(3).standard_normal(3000))
+    js = tmp_path / "a.json"
+    result = kfgen("denoise", write(tmp_path / "log.csv", y), "--filter", "kf", "--order", "auto", "--json", js,
+                   "--report", tmp_path / "p.html")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    answer = json.loads(js.read_text())["channels"]["gyro_x"]
+    assert answer["aic"]["2,0"] < answer["aic"]["1,0"] - 0.1
+    assert min(answer["aic"].values()) > answer["aic"]["2,0"] - 10.0 / 3000
+    assert "partial autocorrelation" in (tmp_path / "p.html").read_text()

@@ -17,7 +17,15 @@ from kfgen.adaptive.loop import RATIO, WINDOW, Filtered, LinearModel, run_filter
 from kfgen.adaptive.rules import rule_named
 from kfgen.arma.estimate import estimate
 from kfgen.arma.process import Arma
-from kfgen.arma.series import LONGEST, SeriesTests, series_tests
+from kfgen.arma.series import (
+    LONGEST,
+    Correlations,
+    Order,
+    SeriesTests,
+    correlations,
+    orders,
+    series_tests,
+)
 from kfgen.errors import InputError
 
 Array = NDArray[np.float64]
@@ -34,8 +42,8 @@ class Settings:
     ----------
     filter : str
         A key of `kfgen.adaptive.rules.rules`.
-    order : tuple of int
-        ``(p, q)`` of the process.
+    order : tuple of int, optional
+        ``(p, q)`` of the process; by Akaike's criterion where left out.
     estimator : str
         A key of `kfgen.arma.estimate.estimators`.
     window : int
@@ -45,7 +53,7 @@ class Settings:
     """
 
     filter: str = "shafkf-r"
-    order: tuple[int, int] = ORDER
+    order: tuple[int, int] | None = ORDER
     estimator: str = "ml"
     window: int = WINDOW
     ratio: float = RATIO
@@ -62,12 +70,17 @@ class Rest:
     process : Arma
         Of what is left.
     tests : SeriesTests
+    correlations : Correlations
+    orders : tuple of Order
+        What was tried, the best first, where the order was left out.
     warnings : tuple of str
     """
 
     level: float
     process: Arma
     tests: SeriesTests
+    correlations: Correlations
+    orders: tuple[Order, ...] = ()
     warnings: tuple[str, ...] = ()
 
 
@@ -127,10 +140,16 @@ def at_rest(y: Array, settings: Settings) -> Rest:
             "the channel is not stationary (its power has a trend or comes and goes): a straight line is taken out "
             "before the ARMA process is estimated; give a log at rest with --at-rest if it moves"
         )
-    if settings.order == (0, 0) or min(settings.order) < 0:
-        raise InputError(f"an order of {settings.order} is none", remedy="Give --order 2,1")
-    process = estimate(series[:LONGEST], *settings.order, settings.estimator)
-    return Rest(level, process, tests, tuple(said))
+    series = series[:LONGEST]
+    tried: tuple[Order, ...] = ()
+    if settings.order is None:
+        tried = tuple(orders(series, method=settings.estimator))
+        process = tried[0].model
+    elif settings.order == (0, 0):
+        raise InputError("an order of 0,0 is none", remedy="Give --order 2,1")
+    else:
+        process = estimate(series, *settings.order, settings.estimator)
+    return Rest(level, process, tests, correlations(series), tried, tuple(said))
 
 
 def denoise(y: Array, dt: float, settings: Settings, rest: Rest | None = None) -> Denoised:

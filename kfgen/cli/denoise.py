@@ -12,12 +12,14 @@ from kfgen.cli.app import app
 from kfgen.cli.options import Columns, Json, LogPath, Rate, Report, deliver, not_over, read
 
 
-def _order(text: str) -> tuple[int, int]:
+def _order(text: str) -> tuple[int, int] | None:
     from kfgen.errors import InputError
 
+    if text == "auto":
+        return None
     parts = text.split(",")
     if len(parts) != 2 or not all(p.strip().isdigit() for p in parts) or max(map(int, parts)) > 20:
-        raise InputError(f"'{text}' is no order", where="--order", remedy="Write it like 2,1")
+        raise InputError(f"'{text}' is no order", where="--order", remedy="Write it like 2,1, or auto")
     return int(parts[0]), int(parts[1])
 
 
@@ -32,7 +34,7 @@ def denoise(
         typer.Option(metavar="LOG", help="A log at rest that tells the noise; this one when left out."),
     ] = None,
     channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
-    order: Annotated[str, typer.Option(help="Of the ARMA process, p,q.")] = "2,1",
+    order: Annotated[str, typer.Option(help="Of the ARMA process, p,q; auto by Akaike's criterion.")] = "2,1",
     estimator: Annotated[
         str, typer.Option(help="ml, least-squares, modified-yule-walker, burg, yule-walker, ...")
     ] = "ml",

@@ -100,6 +100,10 @@ def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[Part]:
         figure(curve, f"Allan deviation of {name} before and after; mind the scales."),
         figure(series_picture(series, f"{name} [{unit}]", f"series-{name}"), "The channel before and after."),
         figure(series_picture(nis, "factor on R", f"factor-{name}"), "What the rule makes of R."),
+        figure(
+            _correlations(one, name), "Autocorrelation and partial autocorrelation, with their 95 % band."
+        ),
+        *_orders(one),
         table(
             TEST_HEAD,
             rows,
@@ -107,6 +111,22 @@ def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[Part]:
         ),
         *(text(w) for w in one.rest.warnings),
     ]
+
+
+def _correlations(one: Denoised, name: str) -> str:
+    c = one.rest.correlations
+    lag = np.arange(1.0, c.acf.size)
+    band = np.full(lag.size, c.band)
+    lines = [
+        Line("autocorrelation", lag, c.acf[1:], AFTER, -band, band),
+        Line("partial autocorrelation", lag, c.pacf[1:], BEFORE, dashed=True),
+    ]
+    return series_picture(lines, "correlation", f"correlation-{name}", "lag [samples]")
+
+
+def _orders(one: Denoised) -> list[Part]:
+    rows = [[str(o.model.order), f"{o.aic:.5g}", f"{o.model.sigma:.4g}"] for o in one.rest.orders]
+    return [table(("order (p, q)", "AIC per sample", "noise [SI]"), rows)] if rows else []
 
 
 def _channel(one: Denoised, si: str) -> dict[str, Any]:
@@ -121,6 +141,7 @@ def _channel(one: Denoised, si: str) -> dict[str, Any]:
                  "sentence": c.words},
         "mean_nis": float(np.mean(one.filtered.nis[used])) if used.any() else None,
         "tests": {v.name: {"p": v.p, "rejected": v.rejected} for v in one.rest.tests.verdicts},
+        "aic": {f"{o.model.order[0]},{o.model.order[1]}": o.aic for o in one.rest.orders},
         "skewness": one.rest.tests.skewness,
         "kurtosis": one.rest.tests.kurtosis,
     }  # fmt: skip
