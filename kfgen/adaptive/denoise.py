@@ -140,6 +140,8 @@ def at_rest(y: Array, settings: Settings) -> Rest:
             "the channel is not stationary (its power has a trend or comes and goes): a straight line is taken out "
             "before the ARMA process is estimated; give a log at rest with --at-rest if it moves"
         )
+    if not tests.named("Ljung-Box").rejected:
+        said.append("its samples are not correlated: an ARMA process has nothing to predict in white noise")
     series = series[:LONGEST]
     tried: tuple[Order, ...] = ()
     if settings.order is None:

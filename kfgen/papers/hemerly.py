@@ -16,7 +16,7 @@ from kfgen.arma.estimate import estimate
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.identify.allan import allan_curve
-from kfgen.identify.arma import solve, unit_variance
+from kfgen.identify.arma import Solved, solve, unit_variance
 from kfgen.identify.asymptotes import read_asymptotes, short_white
 from kfgen.identify.bounds import relative_bound
 from kfgen.identify.ekf import run_ekf
@@ -103,6 +103,12 @@ def section_2_2(seeds: int) -> list[Row]:
     rows.append(over_seeds("ARMA: N", "0.0574", N))
     rows.append(over_seeds("ARMA: K", "useless", [_size(f.effects, "rate_random_walk") for f in found],
                            "true 9e-4; none for B in any seed"))  # fmt: skip
+    printed = [_by_printed_16(f) for f in found]
+    rows.append(
+        over_seeds("ARMA: K by eq. (16) as printed", "off by orders of magnitude", [v[1] for v in printed])
+    )
+    rows.append(over_seeds("ARMA: sigma_1 by eq. (16) as printed", "off by orders of magnitude",
+                           [v[0] for v in printed], f"true {np.sqrt(variances[0]):.2g}: its sign error does this"))  # fmt: skip
     with_B = [read_asymptotes(allan_curve(record(effects, k), T)) for k in range(seeds)]
     without = [read_asymptotes(allan_curve(record(effects[::2], k), T)) for k in range(seeds)]
     rows.append(over_seeds("Allan: N", "0.056", [r.N.size if r.N else np.nan for r in with_B]))
@@ -117,6 +123,15 @@ def section_2_2(seeds: int) -> list[Row]:
     bound = relative_bound(effects, T, SAMPLES)
     rows.append(exact("bound of ln sigma", "-", bound[1, "sigma"], "no method can tell this B in 16 minutes"))
     return rows
+
+
+def _by_printed_16(found: Solved) -> tuple[float, float]:
+    """sigma_1 and K [deg, s] by eq. (16) with the sign as printed; no number where a variance is negative."""
+    a, e = found.alpha, found.model.sigma * found.model.ma
+    s2 = e[0] * e[2] / a
+    right = [-e[1] * (e[0] + e[2]) + (1 + a) ** 2 * s2, float(e @ e) - 2 * (1 + a + a**2) * s2]
+    s1, s3 = np.linalg.solve([[1.0, a], [2.0, 1.0 + a**2]], right).tolist()
+    return (float(np.sqrt(s1)) if s1 > 0 else np.nan), (float(np.sqrt(s3 / T)) if s3 > 0 else np.nan)
 
 
 def _size(effects: Sequence[Effect], name: str) -> float:

@@ -125,8 +125,9 @@ def _correlations(one: Denoised, name: str) -> str:
 
 
 def _orders(one: Denoised) -> list[Part]:
-    rows = [[str(o.model.order), f"{o.aic:.5g}", f"{o.model.sigma:.4g}"] for o in one.rest.orders]
-    return [table(("order (p, q)", "AIC per sample", "noise [SI]"), rows)] if rows else []
+    tried = one.rest.orders
+    rows = [[str(o.model.order), f"{o.aic:.6g}", f"{o.aic - tried[0].aic:.2g}"] for o in tried]
+    return [table(("order (p, q)", "AIC per sample", "above the least"), rows)] if rows else []
 
 
 def _channel(one: Denoised, si: str) -> dict[str, Any]:
