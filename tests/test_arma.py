@@ -233,14 +233,14 @@ def test_unknown_estimator() -> None:
 
 
 def test_false_alarms() -> None:
-    """Of 100 white series each test of a true null rejects about 1 %: at most 6 (99.99 % of the binomial)."""
+    """Of 60 white series each test of a true null rejects about 1 %: at most 5 (99.99 % of the binomial)."""
     names = ["runs", "Ljung-Box", "zero mean", "normality", "reverse arrangements", "runs of power"]
-    found = [series_tests(np.random.default_rng(k).standard_normal(1000)) for k in range(100)]
-    most = binom.ppf(0.9999, 100, LEVEL)
+    found = [series_tests(np.random.default_rng(k).standard_normal(500)) for k in range(60)]
+    most = binom.ppf(0.9999, 60, LEVEL)
     counts = {n: sum(t.named(n).rejected for t in found) for n in names}
     assert max(counts.values()) <= most, counts
     assert all(not t.unit_root for t in found)
-    assert np.mean([t.kurtosis for t in found]) == pytest.approx(3.0, abs=0.05)
+    assert np.mean([t.kurtosis for t in found]) == pytest.approx(3.0, abs=0.15)
 
 
 def test_what_is_wrong_with_a_series_is_seen() -> None:

@@ -47,6 +47,7 @@ def test_condition_numbers_and_pictures() -> None:
     assert "not public" in html
 
 
+@pytest.mark.long
 def test_comparison_of_methods_in_short() -> None:
     one = scores(1)
     assert one["ml"].given["N"] == 1
