@@ -187,6 +187,23 @@ def test_em_finds_a_strong_process() -> None:
     assert np.log(found.fit.effects[0].N / N) == pytest.approx(0.0, abs=5 * found.bounds[0, "N"] + 0.02)
 
 
+def test_what_is_nothing_is_left_out() -> None:
+    """White noise alone: no parameter stands with an interval of no width, and N is right (5 bounds, 6e-7)."""
+    y = 0.1 * np.random.default_rng(0).standard_normal(20_000)
+    for method in ("em", "ekf"):
+        found = identify(Record(np.arange(y.size) * 0.01, y), None, method)
+        for lo, hi in found.intervals.values():
+            assert hi > 1.001 * lo
+        if method == "em":
+            assert pytest.approx(0.01, rel=5 * 0.005) == found.fit.effects[0].N
+    for end in (
+        Parameters(1.0, 0.0, 1e-3, 0.1),
+        Parameters(1.0, 0.1, 0.0, 0.1),
+        Parameters(1.0, 0.0, 0.0, 0.1),
+    ):
+        assert len(end.effects()) == 1 + (end.B > 0) + (end.K > 0)
+
+
 # The extended filter.
 
 

@@ -117,7 +117,7 @@ def by_ekf(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
     y = samples(record, "ekf")
     found = run_ekf(y - y.mean(), record.dt, first_guess(record, y))
     scale = float(np.std(y))
-    size = np.array([found.end.B / scale, found.end.K / scale, found.end.beta])
+    size = np.maximum([found.end.B / scale, found.end.K / scale, found.end.beta], 1e-300)
     D = found.covariance[2:, 2:] / np.outer(size, size)  # of ln B, ln K, ln beta
     # N, sigma = B sqrt(beta / 2), tau = 1 / beta, K
     J = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -127,4 +127,5 @@ def by_ekf(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
         "B, K and beta follow the values at which the filter starts: of its five states the output shows three "
         "(kfgen audit hemerly-ekf); the intervals are the filter's own",
     )
-    return stated(record, found.end.effects(), said, C)
+    kept = [0, *((1, 2) if found.end.has_markov else ()), *((3,) if found.end.has_walk else ())]
+    return stated(record, found.end.effects(), said, C[np.ix_(kept, kept)])

@@ -161,6 +161,8 @@ def by_em(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
     said = [] if block == 1 else [f"the samples were averaged in blocks of {block} first"]
     if len(found.values) == ROUNDS:
         said.append(f"{ROUNDS} rounds have not ended the search: the likelihood is nearly flat")
-    if not found.end.B > 0.0:
+    if not found.end.has_walk:
+        said.append("no random walk fits beside the Gauss-Markov process (K ends at zero), left out")
+    if not found.end.has_markov:
         said.append("no Gauss-Markov process fits beside the random walk (B^2 comes out negative), left out")
     return stated(record, found.end.effects(), said)

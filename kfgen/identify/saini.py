@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 TERMS = ("white_noise", "gauss_markov", "rate_random_walk")
 """What the state space has, no more and no less."""
+NEGLIGIBLE = 1e-6
+"""Share of N below which B, or K over a correlation time, is none."""
 FIRST_TAU = 0.1
 """Of the record: the correlation time at which a search begins."""
 
@@ -46,14 +48,24 @@ class Parameters:
         """In a unit of the output that is smaller by `factor`."""
         return Parameters(self.N * factor, self.B * factor, self.K * factor, self.beta)
 
+    @property
+    def has_markov(self) -> bool:
+        """Whether B is of any size."""
+        return self.B > NEGLIGIBLE * self.N
+
+    @property
+    def has_walk(self) -> bool:
+        """Whether K is of any size."""
+        return self.K / self.beta > NEGLIGIBLE * self.N
+
     def effects(self) -> tuple[Effect, ...]:
         """The same as effects, in the order of `TERMS`; those of no size are left out."""
         tau = 1.0 / self.beta
         saini = {m.name: m for m in effect_named("gauss_markov").meanings}["B_saini"]
         made = [make("white_noise", N=self.N)]
-        if self.B > 0.0:
+        if self.has_markov:
             made.append(make("gauss_markov", sigma=saini.to(self.B, {"tau": tau}), tau=tau))
-        if self.K > 0.0:
+        if self.has_walk:
             made.append(make("rate_random_walk", K=self.K))
         return tuple(made)
 

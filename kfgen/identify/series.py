@@ -17,6 +17,8 @@ from kfgen.identify.whittle import Fitted
 
 Array = NDArray[np.float64]
 
+BLIND = 1e-6
+"""Information of a logarithm below which nothing is known of it."""
 WIDEST = 300.0
 """Half width in a logarithm beyond which an interval is without bounds."""
 
@@ -58,9 +60,18 @@ def stated(
     problem = Problem(record, tuple(effects))
     keys = problem.free
     point = np.log([float(getattr(effects[i], name)) for i, name in keys])
-    C = inverse(problem.information(point)) if covariance is None else covariance
+    C = _covariance(problem, point) if covariance is None else covariance
     fit = Fit(tuple(effects), 0.0, Fitted(0.0, np.zeros(0), np.zeros((0, 0))), keys, point)
     return Estimate(fit, frozenset(), log_intervals(keys, point, C), (), C, (*warnings, *warned(record)))
+
+
+def _covariance(problem: Problem, point: Array) -> Array:
+    """The inverse of the information, endless where there is none."""
+    J = problem.information(point)
+    C, blind = inverse(J), np.diag(J) < BLIND
+    C[blind] = C[:, blind] = 0.0
+    C[blind, blind] = WIDEST**2
+    return C
 
 
 def log_intervals(keys: Sequence[Key], point: Array, C: Array) -> dict[Key, tuple[float, float]]:
