@@ -102,12 +102,12 @@ class Table:
     Parameters
     ----------
     manoeuvres : tuple of Manoeuvre
-    freed : tuple of tuple of bool
-        One row a direction, one column a manoeuvre.
+    freed : tuple of tuple of bool or None
+        One row a direction, one column a manoeuvre; None where it is not known.
     """
 
     manoeuvres: tuple[Manoeuvre, ...]
-    freed: tuple[tuple[bool, ...], ...]
+    freed: tuple[tuple[bool | None, ...], ...]
 
     @property
     def shortest(self) -> Manoeuvre | None:
@@ -167,9 +167,9 @@ def audit(
     freed: list[tuple[str, ...]] = [()] * found[0].nullity
     if found[0].nullity:
         others = [m for m in candidates(plan) if m.name not in {f.name for f in flown}]
-        seen = along(plan, others, generic=generic, p=found[0].ring.p) + found[1:]
+        seen = [along(plan, [m], generic=generic)[0] for m in others] + found[1:]
         columns = (*others, *flown[1:])
-        rows = tuple(tuple(not h.contains(v.residues, found[0].ring) for h in seen) for v in nulls[0])
+        rows = tuple(tuple(_freed(h, v, found[0]) for h in seen) for v in nulls[0])
         table = Table(columns, rows) if columns else None
         freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
     audits = []
@@ -179,6 +179,16 @@ def audit(
         run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity) if horizon else None
         audits.append(Audit(model, m, directions, names, generic, run))
     return Audited(tuple(audits), table, _lint(plan, horizon))
+
+
+def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:
+    """Whether a direction of the first manoeuvre shows along another; None where it cannot be carried over."""
+    if h.ring.p == first.ring.p:
+        return not h.contains(v.residues, first.ring)
+    known = [e for e in v.values if e is not None]
+    if len(known) < len(v.values):
+        return None
+    return not h.contains([h.ring.of(e) for e in known], h.ring)
 
 
 def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:
@@ -222,10 +232,10 @@ def _directions(
     generic: bool,
 ) -> tuple[Direction, ...]:
     model = plan.model
-    constant = at_rest(model, manoeuvre) if nulls else None
+    constant = at_rest(model, manoeuvre) if nulls and not generic else None
     out = []
-    for v, free in zip(nulls, freed):
-        values, exact = in_numbers(plan, manoeuvre, v, length, generic=generic)
+    amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
+    for v, free, (values, exact) in zip(nulls, freed, amounts):
         parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in v.support]
         formula = _formula(constant, v)
         out.append(

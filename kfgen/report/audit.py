@@ -13,12 +13,13 @@ from kfgen.audit.audit import Audit, Audited, Table
 from kfgen.audit.degree import Degree
 from kfgen.audit.words import amount, called
 from kfgen.errors import InputError
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import Line, curves_picture
 from kfgen.units import parse_quantity, parse_unit
 
-FREED, HIDDEN = "freed", "hidden"
+FREED, HIDDEN, UNKNOWN = "freed", "hidden", "unknown"
 AT_ONCE = 6
 """Manoeuvres beside each other on a terminal."""
 STATE_HEAD = ("state", "prior", "at the end", "bits per minute", "verdict")
@@ -190,8 +191,8 @@ def _amounts(vector: Mapping[str, Any], units: Mapping[str, str] | None = None) 
     )
 
 
-def _cells(row: Sequence[bool]) -> list[str]:
-    return [FREED if free else HIDDEN for free in row]
+def _cells(row: Sequence[bool | None]) -> list[str]:
+    return [UNKNOWN if free is None else FREED if free else HIDDEN for free in row]
 
 
 def _table_lines(first: Audit, t: Table) -> list[str]:
@@ -214,11 +215,16 @@ def _table_part(first: Audit, t: Table) -> Part:
 def _shortest(t: Table) -> str:
     if t.shortest is not None:
         return f"The shortest manoeuvre that frees all: {t.shortest.name} ({t.shortest.title}), {t.shortest.length:g} s"
-    best = max(t.manoeuvres, key=lambda m: sum(row[t.manoeuvres.index(m)] for row in t.freed))
-    count = sum(row[t.manoeuvres.index(best)] for row in t.freed)
+    best = max(t.manoeuvres, key=lambda m: _count(t, m))
+    count = _count(t, best)
     if not count:
         return "No manoeuvre here frees any of them"
     return f"No manoeuvre here frees all; {best.name} frees {count} of {len(t.freed)}"
+
+
+def _count(t: Table, m: Manoeuvre) -> int:
+    """How many directions a manoeuvre frees."""
+    return sum(bool(row[t.manoeuvres.index(m)]) for row in t.freed)
 
 
 def _table_data(first: Audit, t: Table | None) -> dict[str, Any] | None:
