@@ -11,6 +11,8 @@ import sympy as sp
 import kfgen
 from kfgen.audit.audit import Audit
 from kfgen.discretise import DiscreteModel
+from kfgen.model.motion import Input
+from kfgen.model.sensor import Sensor
 from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table, text
 
@@ -68,6 +70,10 @@ def state_rows(discrete: DiscreteModel) -> list[list[str]]:
     return [[str(i), s.name, s.unit, s.title, f"{s.prior:.3g}"] for i, s in enumerate(discrete.model.states)]
 
 
+def _parts(discrete: DiscreteModel) -> list[Input | Sensor]:
+    return [*discrete.model.motion.inputs, *discrete.model.sensors]
+
+
 def assumptions(discrete: DiscreteModel) -> list[str]:
     """What a reader must know beside the matrices: frame, convention, and what is left out."""
     model, said = discrete.model, []
@@ -75,7 +81,7 @@ def assumptions(discrete: DiscreteModel) -> list[str]:
         axes = ", ".join(model.motion.axes)
         said.append(f"Navigation axes {axes}; R_nb takes body to navigation axes")
         said.append(f"Error: {model.convention.title}; {model.convention.equation}")
-    for part in (*model.motion.inputs, *model.sensors):
+    for part in _parts(discrete):
         if part.left_out:
             said.append(
                 f"{part.name}: {part.left_out:g} {part.unit}/sqrt(Hz) is added to its noise for what the model "
@@ -109,7 +115,7 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
         "equation": model.convention.equation if model.attitude else None,
         "left_out": {
             p.name: {"value": p.left_out, "unit": f"{p.unit}/sqrt(Hz)"}
-            for p in (*model.motion.inputs, *model.sensors)
+            for p in _parts(discrete)
             if p.left_out
         },
         "matrices": {
