@@ -11,7 +11,7 @@ import kfgen
 from kfgen.discretise import DiscreteModel
 from kfgen.model.motion import Input
 from kfgen.model.sensor import Sensor
-from kfgen.report.page import Answer, Page, Part, columns, heading, math, table
+from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table
 
 
 def mathml(expression: sp.Basic) -> str:
