@@ -71,13 +71,13 @@ def audit_answer(
     lines: list[str] = []
     parts: list[Part] = []
     for a in audited.audits:
-        own, shown = _one(a, wants)
-        lines += own
-        parts += shown
-    if audited.table is not None:
-        lines += [*_table_lines(first, audited.table), f"  {_shortest(audited.table)}."]
-        parts += [heading("What frees them"), _table_part(first, audited.table)]
-        parts.append(sentence(f"{_shortest(audited.table)}."))
+        for own, shown in (
+            _said(a),
+            _freeing(first, audited.table) if a is first and audited.table else ([], []),
+            _shown(a, a.degree, wants) if a.degree is not None else ([], []),
+        ):
+            lines += own
+            parts += shown
     lines += [f"  note: {w}." for w in audited.lint]
     parts += [sentence(f"Note: {w}.") for w in audited.lint]
     data: dict[str, Any] = {
@@ -115,8 +115,12 @@ def _scaled(a: Audit) -> str:
     )
 
 
-def _one(a: Audit, wants: Sequence[Wanted]) -> tuple[list[str], list[Part]]:
-    """One manoeuvre on the terminal and on the page."""
+Said = tuple[list[str], list[Part]]
+"""Lines of the terminal, parts of the page."""
+
+
+def _said(a: Audit) -> Said:
+    """What a manoeuvre hides."""
     head = f"{a.model.name}, {a.manoeuvre.name}: rank {a.rank} of {a.states}, {a.nullity} hidden"
     said = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
     lines = [head, *(f"  {w}." for w in said), f"  {_beside(a)}."]
@@ -127,16 +131,29 @@ def _one(a: Audit, wants: Sequence[Wanted]) -> tuple[list[str], list[Part]]:
             for d in a.directions
         ]
         parts.append(table(("hidden together", "amounts", "exactly"), rows))
-    parts.append(text(f"{_beside(a)}."))
-    if a.degree is None:
-        return lines, parts
-    rows = _state_rows(a, a.degree)
-    words = [_scaled(a), *(_reached(a, a.degree, w) for w in wants)] if a.rank else []
-    lines += [*(f"  {w}." for w in words), columns([list(STATE_HEAD), *rows])]
-    parts += [text(f"{_scaled(a)}.")] if a.rank else []
-    parts += [sentence(f"{_reached(a, a.degree, w)}.") for w in wants]
-    parts += [table(STATE_HEAD, rows, f"After {a.degree.t[-1]:g} s"), *_pictures(a, a.degree)]
-    return lines, parts
+    return lines, [*parts, text(f"{_beside(a)}.")]
+
+
+def _freeing(first: Audit, t: Table) -> Said:
+    """Which manoeuvre frees which direction."""
+    parts = [heading("What frees them"), _table_part(first, t), sentence(f"{_shortest(t)}.")]
+    return [*_table_lines(first, t), f"  {_shortest(t)}."], parts
+
+
+def _shown(a: Audit, run: Degree, wants: Sequence[Wanted]) -> Said:
+    """How well each state shows."""
+    rows = _state_rows(a, run)
+    scaled = [f"{_scaled(a)}."] if a.rank else []
+    reached = [f"{_reached(a, run, w)}." for w in wants]
+    lines = [*(f"  {w}" for w in (*scaled, *reached)), columns([list(STATE_HEAD), *rows])]
+    caption = f"After {run.t[-1]:g} s of {a.manoeuvre.name}"
+    parts = [heading(f"How well states show along {a.manoeuvre.name}"), *(text(w) for w in scaled)]
+    return lines, [
+        *parts,
+        *(sentence(w) for w in reached),
+        table(STATE_HEAD, rows, caption),
+        _picture(a, run),
+    ]
 
 
 def _state_rows(a: Audit, run: Degree) -> list[list[str]]:
@@ -161,22 +178,19 @@ def _reached(a: Audit, run: Degree, w: Wanted) -> str:
     return f"{_names(a)[k]} reaches {w.written} after {seconds / 60:.3g} min"
 
 
-def _pictures(a: Audit, run: Degree) -> list[Part]:
-    """Deviations against time in units of their priors, a picture for each unit."""
-    units = dict.fromkeys(s.unit for s in a.model.states)
-    names, out = _names(a), []
-    for unit in units:
+def _picture(a: Audit, run: Degree) -> Part:
+    """Deviations against time, a panel for each unit; hidden states are dashed."""
+    names, panels = _names(a), []
+    for unit in dict.fromkeys(s.unit for s in a.model.states):
         lines = [
-            Line(names[k], run.t, run.sigma[:, k], "")
+            Line(names[k], run.t, run.sigma[:, k], "", dashed=s.name in a.hidden_states)
             for k, s in enumerate(a.model.states)
             if s.unit == unit and s.prior > 0.0
         ]
         if lines:
-            key = f"{a.model.name}-{a.manoeuvre.name}-{unit}"
-            out.append(
-                figure(curves_picture(lines, f"deviation [{unit}]", key), f"Deviations, {a.manoeuvre.name}")
-            )
-    return out
+            panels.append((f"deviation [{unit}]", lines))
+    picture = curves_picture(panels, f"{a.model.name}-{a.manoeuvre.name}")
+    return figure(picture, f"Deviations along {a.manoeuvre.name}; dashed: exactly unobservable")
 
 
 def _label(vector: Mapping[str, float]) -> str:
