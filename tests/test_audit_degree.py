@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from audit_models import DELAY, LEVER, With, antenna, ins, late, model, plant
+from audit_models import DELAY, LEVER, With, antenna, flown, ins, late, model, part, plant
 from scipy.integrate import solve_ivp
 
 from kfgen.audit.audit import audit
@@ -208,6 +208,59 @@ def test_state_that_nothing_shows_is_said() -> None:
     answer = audit(plant(IDLE))
     assert [d.sentence for d in answer.first.directions] == ["state spare changes no measurement"]
     assert [n for n in answer.lint if n.startswith("spare has no noise")]
+
+
+DRIFTING = """
+name = "drifting"
+[states]
+place = "m"
+speed = "m/s"
+drift = "m/s^2"
+[inputs]
+u = "1"
+[dynamics]
+place = "u*speed"
+speed = "(1 - u)*drift"
+drift = "0"
+[measurements.shown]
+unit = "m"
+expression = "place"
+effects = [ { effect = "white_noise", N = "0.01 m/sqrt(Hz)" } ]
+"""
+
+
+def test_direction_that_depends_on_durations() -> None:
+    """A speed that drifts for 3 s unseen, then is seen and drifts no more: hidden is drift = -speed / 3."""
+    wait = flown(part("3", u="0"), part("2", u="1"))
+    (d,) = audit(plant(DRIFTING), (wait,)).first.directions
+    assert d.exact == {}
+    assert d.vector == pytest.approx({"speed": 1.0, "drift": -1.0 / 3.0}, rel=1e-3)
+
+
+ROOTS = """
+name = "roots"
+[states]
+gain = "1"
+level = "1"
+[inputs]
+u = "1"
+[dynamics]
+gain = "0"
+level = "0"
+[measurements.shown]
+unit = "1"
+expression = "sqrt(1 + gain**2)*exp(sin(level))"
+effects = [ { effect = "white_noise", N = "0.01 1/sqrt(Hz)" } ]
+"""
+
+
+def test_direction_at_a_point_of_roots_and_sines() -> None:
+    """Only one product is seen: ``gain / (1 + gain^2)`` of gain against ``cos(level)`` of level."""
+    answer = audit(plant(ROOTS)).first
+    (d,) = answer.directions
+    start = Plan(answer.model, answer.model.sensors).numbers(generic=answer.generic)
+    slope = start["gain"] / (1.0 + start["gain"] ** 2)
+    assert d.vector == pytest.approx({"gain": 1.0, "level": -slope / math.cos(start["level"])}, rel=1e-6)
 
 
 PENDULUM = """

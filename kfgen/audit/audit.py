@@ -22,6 +22,7 @@ from kfgen.audit.words import called, sentence, words
 from kfgen.discretise import DiscreteModel
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
 
 UNDETERMINED = "unobservable"
@@ -133,8 +134,6 @@ class Audited:
 
 def usual(model: FilterModel) -> Manoeuvre:
     """The manoeuvre at which a model is looked at first: a plant moves, anything else rests."""
-    from kfgen.model.equations import Equations
-
     plant = isinstance(model.motion, Equations) and bool(model.motion.inputs)
     return LIBRARY["generic" if plant else "static"]
 
@@ -176,7 +175,10 @@ def audit(
     for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
         directions = _directions(plan, m, vs, freed if k == 0 else [()] * len(vs), length, generic=generic)
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
-        run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity) if horizon else None
+        run = None
+        if horizon is not None:
+            discrete = DiscreteModel.stepping(model, horizon.rate)
+            run = degree(discrete, m, horizon, h.nullity, plan.numbers(generic=generic))
         audits.append(Audit(model, m, directions, names, generic, run))
     return Audited(tuple(audits), table, _lint(plan, horizon))
 
@@ -196,6 +198,8 @@ def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tup
     found = along(plan, flown, length, generic=True)
     if not plan.own:
         return False, found
+    if isinstance(plan.model.motion, Equations) and any(map(plan.model.motion.starts_unknown, plan.own)):
+        return True, found
     at_zero, declared = _declared(plan, flown, length, found[0].ring.p)
     same = at_zero and [h.nullity for h in declared] == [h.nullity for h in found]
     return (False, declared) if same else (True, found)

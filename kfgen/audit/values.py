@@ -36,7 +36,11 @@ def in_numbers(
     for v in nulls:
         known = [e for e in v.values if e is not None]
         exact = len(known) == len(v.values) and _agreed(other, known)
-        amounts = [float(e) for e in known] if exact else floating(plan, manoeuvre, v.support, length)
+        amounts = (
+            [float(e) for e in known]
+            if exact
+            else floating(plan, manoeuvre, v.support, length, generic=generic)
+        )
         out.append((amounts, exact))
     return out
 
@@ -46,12 +50,14 @@ def _agreed(other: Hidden | None, values: Sequence[Fraction]) -> bool:
     return other is None or other.contains([other.ring.of(e) for e in values], other.ring)
 
 
-def floating(plan: Plan, manoeuvre: Manoeuvre, support: Sequence[int], length: float | None) -> list[float]:
+def floating(
+    plan: Plan, manoeuvre: Manoeuvre, support: Sequence[int], length: float | None, *, generic: bool
+) -> list[float]:
     """The direction in some states that the measurements see least, one in the first of them."""
     model = plan.model
     T = manoeuvre.length if length is None else length
     t = np.linspace(0.0, T, STEPS + 1)
-    flight = Flight(model, manoeuvre, t, {})
+    flight = Flight(model, manoeuvre, t, start=plan.numbers(generic=generic))
     F = flight.matrix(model.F)
     H = flight.matrix(sp.Matrix.vstack(sp.zeros(0, plan.size), *(model.H(s) for s in plan.sensors)))
     V = np.eye(plan.size)[:, list(support)]
