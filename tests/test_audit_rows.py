@@ -42,6 +42,7 @@ from audit_models import (
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.filter import FilterModel
+from kfgen.model.library import build
 from kfgen.model.motion import Rotating, Strapdown
 from kfgen.model.sensors import GnssPosition, GnssVelocity
 
@@ -223,6 +224,7 @@ def test_row_1_parameters_of_a_gyro_as_states_leave_two_hidden() -> None:
     assert hidden(plant(HEMERLY), STATIC).nullity == 2
 
 
+WHEELS = build("ins15", None, {"sensors": "odometer,non_holonomic"})
 FACTS: dict[str, tuple[FilterModel, Manoeuvre, int, tuple[dict[str, Any], ...]]] = {
     # In a steady turn about the vertical a tilt that turns with the body is hidden by biases of the body.
     "hovering": (
@@ -236,6 +238,14 @@ FACTS: dict[str, tuple[FilterModel, Manoeuvre, int, tuple[dict[str, Any], ...]]]
             {"phi_E": 1, "ba_x": -G, "bg_x": Fraction(1, 5)},
         ),
     ),
+    # Wheels show speed along the body only: place and heading stay free, on a plane and at any speed.
+    "wheels, on a plane": (
+        WHEELS,
+        PLANE,
+        4,
+        ({"p_N": 1}, {"p_E": 1}, {"p_D": 1}, {"phi_D": 1, "v_E": 10}),
+    ),
+    "wheels, at rest": (WHEELS, STATIC, 7, ({"p_N": 1}, {"p_E": 1}, {"p_D": 1}, *MEMS)),
     "steady turn": (ins(), LIBRARY["coordinated-turn"], 3, ()),
     # At rest the arm adds to position; nothing tells them apart, beside the four of row 4.
     "lever arm, static": (model(With(Strapdown(), LEVER), antenna), STATIC, 7, ()),

@@ -180,7 +180,7 @@ def audit(
             discrete = DiscreteModel.stepping(model, horizon.rate)
             run = degree(discrete, m, horizon, h.nullity, plan.numbers(generic=generic))
         audits.append(Audit(model, m, directions, names, generic, run))
-    return Audited(tuple(audits), table, _lint(plan, horizon))
+    return Audited(tuple(audits), table, notes(plan, horizon))
 
 
 def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:
@@ -215,7 +215,7 @@ def _declared(
         return False, along(plan, flown, length, generic=True)
 
 
-def _lint(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
+def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
     """What a model has too much of; errors of calibration are looked at where they are declared, around zero."""
     rich = LIBRARY["generic"]
     nulls: list[Null] = []
