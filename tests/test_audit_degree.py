@@ -341,6 +341,14 @@ BAD = {
 }
 
 
+def test_manoeuvre_without_a_value_says_when(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+    path = tmp_path / "pole.toml"
+    path.write_text('format = "kfgen-manoeuvre-1"\n[[segment]]\nduration = 9\nrate = [0, 0, "1/t"]\n')
+    done = kfgen("audit", "ahrs6", "--manoeuvre", path)
+    assert done.exit_code == 2
+    assert "0 s after the start" in str(done.exception)
+
+
 @pytest.mark.parametrize(("words", "said"), BAD.values(), ids=BAD)
 def test_bad_options_say_what(words: list[str], said: str, kfgen: Callable[..., Any]) -> None:
     done = kfgen("audit", "ahrs6", *words)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from kfgen.audit.basis import Null, readable
@@ -28,6 +29,8 @@ from kfgen.model.filter import FilterModel
 UNDETERMINED = "unobservable"
 FAINT = "practically_unobservable"
 SEEN = "observable"
+LOOKS = 1000
+"""Times at which a manoeuvre is looked at before it is flown."""
 
 
 @dataclass(frozen=True)
@@ -58,19 +61,20 @@ class Direction:
 
 @dataclass(frozen=True)
 class Audit:
-    """What one manoeuvre hides; `degree` is how well states show."""
+    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start."""
 
     model: FilterModel
     manoeuvre: Manoeuvre
     directions: tuple[Direction, ...]
     hidden_states: frozenset[str]
     generic: bool
+    start: Mapping[str, float] = field(default_factory=dict)
     degree: Degree | None = None
 
     @cached_property
     def numeric(self) -> Numeric:
         """What floating point says where the manoeuvre starts."""
-        return numeric(self.model, self.manoeuvre)
+        return numeric(self.model, self.manoeuvre, self.start)
 
     @property
     def states(self) -> int:
@@ -160,6 +164,8 @@ def audit(
     plan = Plan(model, tuple(model.sensors))
     flown = tuple(manoeuvres) or (usual(model),)
     length = horizon.duration if horizon else None
+    for m in manoeuvres:
+        m.values(np.linspace(0.0, m.length if length is None else length, LOOKS))
     generic, found = _hidden(plan, flown, length)
     nulls = [readable(plan, m, h, generic=generic) for m, h in zip(flown, found)]
     table = None
@@ -175,11 +181,10 @@ def audit(
     for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
         directions = _directions(plan, m, vs, freed if k == 0 else [()] * len(vs), length, generic=generic)
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
-        run = None
+        run, start = None, plan.numbers(generic=generic)
         if horizon is not None:
-            discrete = DiscreteModel.stepping(model, horizon.rate)
-            run = degree(discrete, m, horizon, h.nullity, plan.numbers(generic=generic))
-        audits.append(Audit(model, m, directions, names, generic, run))
+            run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity, start)
+        audits.append(Audit(model, m, directions, names, generic, start, run))
     return Audited(tuple(audits), table, notes(plan, horizon))
 
 

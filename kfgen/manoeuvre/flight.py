@@ -105,7 +105,8 @@ class Flight:
         symbols = sorted({s for e in expressions for s in e.free_symbols}, key=str)
         out = np.zeros((len(expressions), self.t.size))
         if len(expressions):
-            found = tape(list(expressions), symbols).values([self.values[s.name] for s in symbols])
+            with np.errstate(all="ignore"):
+                found = tape(list(expressions), symbols).values([self.values[s.name] for s in symbols])
             for row, value in zip(out, found):
                 row[:] = value
         return out
@@ -128,7 +129,8 @@ def _integrated(program: Tape, x: Array, known: Array, dt: float) -> Array:
         u = known[:, k]
 
         def rate(state: Array, u: Array = u) -> Array:
-            return np.array(program.values([*state, *u]), dtype=np.float64)
+            with np.errstate(all="ignore"):
+                return np.array(program.values([*state, *u]), dtype=np.float64)
 
         a = rate(x)
         b = rate(x + dt / 2 * a)
