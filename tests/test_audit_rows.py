@@ -39,6 +39,8 @@ from audit_models import (
     plant,
 )
 
+from kfgen.audit.chain import along
+from kfgen.audit.plan import Plan
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.filter import FilterModel
@@ -148,6 +150,14 @@ def test_row(
     assert h.nullity == nullity
     for d in directions:
         assert holds(m, h, **d), d
+
+
+def test_row_18_on_a_plane_the_down_accelerometer_has_one_sum() -> None:
+    """Specific force down is always -g: its scale and its bias show as one, ``ba_z = -g sa_z`` around zero."""
+    (h,) = along(Plan(SCALED, SCALED.sensors), [PLANE], generic=False)
+    assert h.nullity == 3
+    for direction in ({"sg_x": 1}, {"sg_y": 1}, {"sa_z": 1, "ba_z": -G}):
+        assert holds(SCALED, h, **direction)
 
 
 ALIGNMENT = """
