@@ -341,6 +341,29 @@ BAD = {
 }
 
 
+def test_log_says_what_its_motion_has_shown(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+    """At rest heading keeps its prior; in turns it does not; gravity alone never shows it."""
+    verdicts = {}
+    for name in ("static", "s-turn"):
+        log, out = tmp_path / f"{name}.npz", tmp_path / f"{name}.json"
+        words = ("--manoeuvre", name, "--duration", 20, "--rate", 10, "-o", log)
+        assert kfgen("simulate", "ins15", *words).exit_code == 0
+        assert kfgen("audit", "ins15", "--log", log, "--json", out).exit_code == 0
+        data = json.loads(out.read_text())
+        (found,) = data["manoeuvres"].values()
+        assert found["recorded"]
+        assert len(data["inputs"][str(log)]) == 64
+        verdicts[name] = {n: s["verdict"] for n, s in found["state"].items()}
+    assert verdicts["static"]["phi_D"] == "practically_unobservable"
+    assert verdicts["s-turn"]["phi_D"] == "observable"
+    assert {"ba_x", "bg_z"} < set(verdicts["s-turn"])
+    done = kfgen("audit", "ahrs6", "--sensor", "accel", "--log", tmp_path / "s-turn.npz")
+    assert "1 of 6 hidden whatever is flown" in done.stdout
+    assert "Heading changes no measurement" in done.stdout
+    assert kfgen("audit", "ahrs6", "--log", tmp_path / "gone.npz").exit_code == 2
+    assert kfgen("audit", "ahrs6", "--log", log, "--manoeuvre", "static").exit_code == 2
+
+
 def test_manoeuvre_without_a_value_says_when(kfgen: Callable[..., Any], tmp_path: Path) -> None:
     path = tmp_path / "pole.toml"
     path.write_text('format = "kfgen-manoeuvre-1"\n[[segment]]\nduration = 9\nrate = [0, 0, "1/t"]\n')

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from kfgen.audit.basis import Null, readable
 from kfgen.audit.chain import Hidden, along
@@ -61,7 +62,10 @@ class Direction:
 
 @dataclass(frozen=True)
 class Audit:
-    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start."""
+    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start.
+
+    Of a log (`recorded`) the manoeuvre is generic: what that hides, no motion shows.
+    """
 
     model: FilterModel
     manoeuvre: Manoeuvre
@@ -70,6 +74,7 @@ class Audit:
     generic: bool
     start: Mapping[str, float] = field(default_factory=dict)
     degree: Degree | None = None
+    recorded: bool = False
 
     @cached_property
     def numeric(self) -> Numeric:
@@ -186,6 +191,29 @@ def audit(
             run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity, start)
         audits.append(Audit(model, m, directions, names, generic, start, run))
     return Audited(tuple(audits), table, notes(plan, horizon))
+
+
+def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDArray[np.float64]) -> Audited:
+    """What a log shows of a model, from a filter that has run over it.
+
+    Parameters
+    ----------
+    model : FilterModel
+        With the sensors that the log has.
+    name : str
+        Of the log.
+    t : ndarray, shape (n,)
+        [s]
+    deviation : ndarray, shape (n, states)
+        Of the filter [SI].
+    """
+    # How a log starts is not asked: at no special attitude body axes keep their own names.
+    motion = replace(LIBRARY["generic"], name=name, title="as recorded", attitude=(3.0, 1.0, -1.0, 2.0))
+    any_motion = audit(model, (motion,))
+    sigma = np.vstack([[s.prior for s in model.states], deviation])
+    step = (t[-1] - t[0]) / max(t.size - 1, 1)
+    run = Degree(np.concatenate([[0.0], t - t[0] + step]), sigma, np.zeros(0), ())
+    return replace(any_motion, audits=(replace(any_motion.first, degree=run, recorded=True),), table=None)
 
 
 def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:

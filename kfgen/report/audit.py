@@ -16,7 +16,7 @@ from kfgen.errors import InputError
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import Line, curves_picture
+from kfgen.report.plots import Line, curves_picture, thin
 from kfgen.units import parse_quantity, parse_unit
 
 FREED, HIDDEN, UNKNOWN = "freed", "hidden", "unknown"
@@ -122,8 +122,13 @@ Said = tuple[list[str], list[Part]]
 def _said(a: Audit) -> Said:
     """What a manoeuvre hides."""
     head = f"{a.model.name}, {a.manoeuvre.name}: rank {a.rank} of {a.states}, {a.nullity} hidden"
-    said = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
-    lines = [head, *(f"  {w}." for w in said), f"  {_beside(a)}."]
+    none = "Every state shows in the measurements"
+    if a.recorded:
+        head = f"{a.model.name}, {a.manoeuvre.name}: {a.nullity} of {a.states} hidden whatever is flown"
+        none = "Some motion shows every state; how well this one did, the filter's own covariance says"
+    said = [d.sentence for d in a.directions] or [none]
+    beside = [] if a.recorded else [f"{_beside(a)}."]
+    lines = [head, *(f"  {w}." for w in said), *(f"  {w}" for w in beside)]
     parts = [heading(head), *(sentence(f"{w}.") for w in said)]
     if a.directions:
         rows = [
@@ -131,7 +136,7 @@ def _said(a: Audit) -> Said:
             for d in a.directions
         ]
         parts.append(table(("hidden together", "amounts", "exactly"), rows))
-    return lines, [*parts, text(f"{_beside(a)}.")]
+    return lines, [*parts, *map(text, beside)]
 
 
 def _freeing(first: Audit, t: Table) -> Said:
@@ -143,7 +148,7 @@ def _freeing(first: Audit, t: Table) -> Said:
 def _shown(a: Audit, run: Degree, wants: Sequence[Wanted]) -> Said:
     """How well each state shows."""
     rows = _state_rows(a, run)
-    scaled = [f"{_scaled(a)}."] if a.rank else []
+    scaled = [f"{_scaled(a)}."] if run.singular.size else []
     reached = [f"{_reached(a, run, w)}." for w in wants]
     lines = [*(f"  {w}" for w in (*scaled, *reached)), columns([list(STATE_HEAD), *rows])]
     caption = f"After {run.t[-1]:g} s of {a.manoeuvre.name}"
@@ -180,10 +185,10 @@ def _reached(a: Audit, run: Degree, w: Wanted) -> str:
 
 def _picture(a: Audit, run: Degree) -> Part:
     """Deviations against time, a panel for each unit; hidden states are dashed."""
-    names, panels = _names(a), []
+    names, panels, some = _names(a), [], thin(run.t)
     for unit in dict.fromkeys(s.unit for s in a.model.states):
         lines = [
-            Line(names[k], run.t, run.sigma[:, k], "", dashed=s.name in a.hidden_states)
+            Line(names[k], run.t[some], run.sigma[some, k], "", dashed=s.name in a.hidden_states)
             for k, s in enumerate(a.model.states)
             if s.unit == unit and s.prior > 0.0
         ]
@@ -260,6 +265,7 @@ def _data(a: Audit, wants: Sequence[Wanted]) -> dict[str, Any]:
         "states": a.states,
         "rank": a.rank,
         "nullity": a.nullity,
+        "recorded": a.recorded,
         "point": "generic" if a.generic else "declared",
         "condition": condition,
         "numeric_rank": a.numeric.rank,
@@ -277,7 +283,7 @@ def _data(a: Audit, wants: Sequence[Wanted]) -> dict[str, Any]:
         "state": {n: _state(a, k) for k, n in enumerate(_names(a))},
     }
     if run is not None:
-        condition["scaled"] = finite(run.condition)
+        condition["scaled"] = finite(run.condition) if run.singular.size else None
         out["weakest"] = [_names(a)[k] for k, _ in run.weakest]
         out["sigmas_of_information"] = [finite(float(s)) for s in run.singular]
         out["duration_s"] = float(run.t[-1])
