@@ -19,7 +19,7 @@ from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.log import Log
 from kfgen.model.equations import Equations, Shown
-from kfgen.model.motion import Constant, Input
+from kfgen.model.motion import AFTER, AT, BEFORE, Constant, Input
 from kfgen.model.sensors import Sensor
 from kfgen.model.truth import level_at
 
@@ -97,12 +97,8 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
     model, module = discrete.model, load(program)
     emitted = getattr(module, class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
-    inputs = {
-        i.name: _input(log, i.channels, quiet=i.quiet)[:, 0]
-        if i.scalar
-        else _input(log, i.channels, quiet=i.quiet)
-        for i in model.motion.inputs
-    }
+    inputs = {i.name: _input(log, i) for i in model.motion.inputs}
+    acting = {n: _over_steps(v, model.motion.chosen.get("samples", AFTER)) for n, v in inputs.items()}
     drive = {d: log.values(d) for d in model.drivers}
     present = {
         s.name: np.column_stack([log.channel(c).values for c in s.channels])
@@ -131,7 +127,7 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
                 seen[name].append((log.t[k], kf.y.ravel().copy(), float((kf.y.T @ kf.SI @ kf.y).item())))
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
         if steps[k] > 0.0:
-            given: dict[str, Any] = {n: v[k] for n, v in (inputs | drive).items() if n in stepping}
+            given: dict[str, Any] = {n: v[k] for n, v in (acting | drive).items() if n in stepping}
             kf.predict(**given, dt=steps[k])
     sensors = {
         name: SensorRun(
@@ -142,11 +138,20 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
     return FilterRun(model.name, np.asarray(log.t), discrete.nominal_names, estimate, deviation, sensors)
 
 
-def _input(log: Log, channels: tuple[str, ...], *, quiet: bool) -> Array:
-    """The channels of an input, shape (n, channels); zeros where a quiet one is not in the log."""
-    if quiet and not any(c in log.channels for c in channels):
-        return np.zeros((log.n, len(channels)))
-    return np.column_stack([log.values(c) for c in channels])
+def _input(log: Log, given: Input) -> Array:
+    """An input, shape (n,) or (n, 3); zeros where a quiet one is not in the log."""
+    if given.quiet and not any(c in log.channels for c in given.channels):
+        values = np.zeros((log.n, len(given.channels)))
+    else:
+        values = np.column_stack([log.values(c) for c in given.channels])
+    return values[:, 0] if given.scalar else values
+
+
+def _over_steps(values: Array, samples: str) -> Array:
+    """What acts from each sample to the next, by what a sample stands for."""
+    later = np.concatenate([values[1:], values[-1:]])
+    over: dict[str, Array] = {AFTER: values, BEFORE: later, AT: 0.5 * (values + later)}
+    return over[samples]
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:

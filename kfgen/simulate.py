@@ -20,7 +20,7 @@ from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
-from kfgen.model.truth import along, drawn, numeric
+from kfgen.model.truth import Wanted, along, drawn, numeric
 
 Array = NDArray[np.float64]
 
@@ -65,14 +65,26 @@ def simulate(
     model, t = discrete.model, np.arange(n) / discrete.rate
     if isinstance(model.motion, Equations):
         return _plant_log(discrete, model.motion, flown, t, rng, drive)
-    true = along(model, wanted(flown, t), drawn(model, rng))
+    return simulate_motion(discrete, wanted(flown, t), rng, drive, flown.name)
+
+
+def simulate_motion(
+    discrete: DiscreteModel,
+    motion: Wanted,
+    rng: np.random.Generator,
+    drive: Mapping[str, Array] | None = None,
+    name: str = "own motion",
+) -> Log:
+    """A log along any motion; parameters as of `simulate`, `name` is said in the log's source."""
+    model, t = discrete.model, motion.t
+    true = along(model, motion, drawn(model, rng))
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
-        channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
-    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
+        channels[channel] = Channel(values + _own_noise(discrete, channel, t.size, rng), unit)
+    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {name}")
 
 
 def _plant_log(

@@ -261,17 +261,18 @@ def test_unknown_manoeuvre_is_bad_usage(kfgen: Callable[..., Any]) -> None:
 
 def test_row_1_linearised_at_a_point_keeps_its_parameters() -> None:
     """Hemerly's filter with its matrices held (eqs 19-22): the rank is 3 of 5 for every parameter value."""
-    x1, x2, B, K, beta = sp.symbols("x1 x2 B K beta", positive=True)
-    r = sp.sqrt(K**2 + beta**2 * B**2)
-    state, rate = sp.Matrix([x1, x2, B, K, beta]), sp.Matrix([x2, -beta * x2, 0, 0, 0])
-    F, H = rate.jacobian(state), sp.Matrix([K * beta * x1 + r * x2]).jacobian(state)
+    x1, x2, B, K, beta, r = sp.symbols("x1 x2 B K beta r", positive=True)  # r = sqrt(K^2 + beta^2 B^2)
+    F = sp.Matrix([x2, -beta * x2, 0, 0, 0]).jacobian([x1, x2, B, K, beta])
+    H = sp.Matrix(
+        [[K * beta, r, beta**2 * B * x2 / r, beta * x1 + K * x2 / r, K * x1 + beta * B**2 * x2 / r]]
+    )
     basis = null_of(F, H)
     assert len(basis) == 2
     expected = [
         sp.Matrix([-B * beta * x2 / (K * r), 0, 1, 0, 0]),
         sp.Matrix([-(K * x2 + r * beta * x1) / (K * r * beta), 0, 0, 1, 0]),
     ]
-    at = {x1: 7, x2: -3, B: 2, K: 3, beta: 2}
+    at = {x1: 7, x2: -3, B: 2, K: 3, beta: 2, r: 5}
     for v in expected:
         together = sp.Matrix.hstack(*basis, v).subs(at)
         assert (rows_of(F, H, range(5)) * v).subs(at).is_zero_matrix

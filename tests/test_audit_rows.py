@@ -39,9 +39,12 @@ from audit_models import (
     plant,
 )
 
+from kfgen.audit.chain import along
+from kfgen.audit.plan import Plan
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.filter import FilterModel
+from kfgen.model.library import build
 from kfgen.model.motion import Rotating, Strapdown
 from kfgen.model.sensors import GnssPosition, GnssVelocity
 
@@ -149,6 +152,14 @@ def test_row(
         assert holds(m, h, **d), d
 
 
+def test_row_18_on_a_plane_the_down_accelerometer_has_one_sum() -> None:
+    """Specific force down is always -g: its scale and its bias show as one, ``ba_z = -g sa_z`` around zero."""
+    (h,) = along(Plan(SCALED, SCALED.sensors), [PLANE], generic=False)
+    assert h.nullity == 3
+    for direction in ({"sg_x": 1}, {"sg_y": 1}, {"sa_z": 1, "ba_z": -G}):
+        assert holds(SCALED, h, **direction)
+
+
 ALIGNMENT = """
 name = "alignment"
 [parameters]
@@ -223,6 +234,7 @@ def test_row_1_parameters_of_a_gyro_as_states_leave_two_hidden() -> None:
     assert hidden(plant(HEMERLY), STATIC).nullity == 2
 
 
+WHEELS = build("ins15", None, {"sensors": "odometer,non_holonomic"})
 FACTS: dict[str, tuple[FilterModel, Manoeuvre, int, tuple[dict[str, Any], ...]]] = {
     # In a steady turn about the vertical a tilt that turns with the body is hidden by biases of the body.
     "hovering": (
@@ -236,6 +248,14 @@ FACTS: dict[str, tuple[FilterModel, Manoeuvre, int, tuple[dict[str, Any], ...]]]
             {"phi_E": 1, "ba_x": -G, "bg_x": Fraction(1, 5)},
         ),
     ),
+    # Wheels show speed along the body only: place and heading stay free, on a plane and at any speed.
+    "wheels, on a plane": (
+        WHEELS,
+        PLANE,
+        4,
+        ({"p_N": 1}, {"p_E": 1}, {"p_D": 1}, {"phi_D": 1, "v_E": 10}),
+    ),
+    "wheels, at rest": (WHEELS, STATIC, 7, ({"p_N": 1}, {"p_E": 1}, {"p_D": 1}, *MEMS)),
     "steady turn": (ins(), LIBRARY["coordinated-turn"], 3, ()),
     # At rest the arm adds to position; nothing tells them apart, beside the four of row 4.
     "lever arm, static": (model(With(Strapdown(), LEVER), antenna), STATIC, 7, ()),

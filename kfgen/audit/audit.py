@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from kfgen.audit.basis import Null, readable
 from kfgen.audit.chain import Hidden, along
@@ -22,11 +24,14 @@ from kfgen.audit.words import called, sentence, words
 from kfgen.discretise import DiscreteModel
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
 
 UNDETERMINED = "unobservable"
 FAINT = "practically_unobservable"
 SEEN = "observable"
+LOOKS = 1000
+"""Times at which a manoeuvre is looked at before it is flown."""
 
 
 @dataclass(frozen=True)
@@ -57,19 +62,24 @@ class Direction:
 
 @dataclass(frozen=True)
 class Audit:
-    """What one manoeuvre hides; `degree` is how well states show."""
+    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start.
+
+    Of a log (`recorded`) the manoeuvre is generic: what that hides, no motion shows.
+    """
 
     model: FilterModel
     manoeuvre: Manoeuvre
     directions: tuple[Direction, ...]
     hidden_states: frozenset[str]
     generic: bool
+    start: Mapping[str, float] = field(default_factory=dict)
     degree: Degree | None = None
+    recorded: bool = False
 
     @cached_property
     def numeric(self) -> Numeric:
         """What floating point says where the manoeuvre starts."""
-        return numeric(self.model, self.manoeuvre)
+        return numeric(self.model, self.manoeuvre, self.start)
 
     @property
     def states(self) -> int:
@@ -102,12 +112,12 @@ class Table:
     Parameters
     ----------
     manoeuvres : tuple of Manoeuvre
-    freed : tuple of tuple of bool
-        One row a direction, one column a manoeuvre.
+    freed : tuple of tuple of bool or None
+        One row a direction, one column a manoeuvre; None where it is not known.
     """
 
     manoeuvres: tuple[Manoeuvre, ...]
-    freed: tuple[tuple[bool, ...], ...]
+    freed: tuple[tuple[bool | None, ...], ...]
 
     @property
     def shortest(self) -> Manoeuvre | None:
@@ -133,8 +143,6 @@ class Audited:
 
 def usual(model: FilterModel) -> Manoeuvre:
     """The manoeuvre at which a model is looked at first: a plant moves, anything else rests."""
-    from kfgen.model.equations import Equations
-
     plant = isinstance(model.motion, Equations) and bool(model.motion.inputs)
     return LIBRARY["generic" if plant else "static"]
 
@@ -161,24 +169,61 @@ def audit(
     plan = Plan(model, tuple(model.sensors))
     flown = tuple(manoeuvres) or (usual(model),)
     length = horizon.duration if horizon else None
+    for m in manoeuvres:
+        m.values(np.linspace(0.0, m.length if length is None else length, LOOKS))
     generic, found = _hidden(plan, flown, length)
     nulls = [readable(plan, m, h, generic=generic) for m, h in zip(flown, found)]
     table = None
     freed: list[tuple[str, ...]] = [()] * found[0].nullity
     if found[0].nullity:
         others = [m for m in candidates(plan) if m.name not in {f.name for f in flown}]
-        seen = along(plan, others, generic=generic, p=found[0].ring.p) + found[1:]
+        seen = [along(plan, [m], generic=generic)[0] for m in others] + found[1:]
         columns = (*others, *flown[1:])
-        rows = tuple(tuple(not h.contains(v.residues, found[0].ring) for h in seen) for v in nulls[0])
+        rows = tuple(tuple(_freed(h, v, found[0]) for h in seen) for v in nulls[0])
         table = Table(columns, rows) if columns else None
         freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
     audits = []
     for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
         directions = _directions(plan, m, vs, freed if k == 0 else [()] * len(vs), length, generic=generic)
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
-        run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity) if horizon else None
-        audits.append(Audit(model, m, directions, names, generic, run))
-    return Audited(tuple(audits), table, _lint(plan, horizon))
+        run, start = None, plan.numbers(generic=generic)
+        if horizon is not None:
+            run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity, start)
+        audits.append(Audit(model, m, directions, names, generic, start, run))
+    return Audited(tuple(audits), table, notes(plan, horizon))
+
+
+def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDArray[np.float64]) -> Audited:
+    """What a log shows of a model, from a filter that has run over it.
+
+    Parameters
+    ----------
+    model : FilterModel
+        With the sensors that the log has.
+    name : str
+        Of the log.
+    t : ndarray, shape (n,)
+        [s]
+    deviation : ndarray, shape (n, states)
+        Of the filter [SI].
+    """
+    # How a log starts is not asked: at no special attitude body axes keep their own names.
+    motion = replace(LIBRARY["generic"], name=name, title="as recorded", attitude=(3.0, 1.0, -1.0, 2.0))
+    any_motion = audit(model, (motion,))
+    sigma = np.vstack([[s.prior for s in model.states], deviation])
+    step = (t[-1] - t[0]) / max(t.size - 1, 1)
+    run = Degree(np.concatenate([[0.0], t - t[0] + step]), sigma, np.zeros(0), ())
+    return replace(any_motion, audits=(replace(any_motion.first, degree=run, recorded=True),), table=None)
+
+
+def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:
+    """Whether a direction of the first manoeuvre shows along another; None where it cannot be carried over."""
+    if h.ring.p == first.ring.p:
+        return not h.contains(v.residues, first.ring)
+    known = [e for e in v.values if e is not None]
+    if len(known) < len(v.values):
+        return None
+    return not h.contains([h.ring.of(e) for e in known], h.ring)
 
 
 def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:
@@ -186,6 +231,8 @@ def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tup
     found = along(plan, flown, length, generic=True)
     if not plan.own:
         return False, found
+    if isinstance(plan.model.motion, Equations) and any(map(plan.model.motion.starts_unknown, plan.own)):
+        return True, found
     at_zero, declared = _declared(plan, flown, length, found[0].ring.p)
     same = at_zero and [h.nullity for h in declared] == [h.nullity for h in found]
     return (False, declared) if same else (True, found)
@@ -201,7 +248,7 @@ def _declared(
         return False, along(plan, flown, length, generic=True)
 
 
-def _lint(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
+def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
     """What a model has too much of; errors of calibration are looked at where they are declared, around zero."""
     rich = LIBRARY["generic"]
     nulls: list[Null] = []
@@ -222,10 +269,10 @@ def _directions(
     generic: bool,
 ) -> tuple[Direction, ...]:
     model = plan.model
-    constant = at_rest(model, manoeuvre) if nulls else None
+    constant = at_rest(model, manoeuvre) if nulls and not generic else None
     out = []
-    for v, free in zip(nulls, freed):
-        values, exact = in_numbers(plan, manoeuvre, v, length, generic=generic)
+    amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
+    for v, free, (values, exact) in zip(nulls, freed, amounts):
         parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in v.support]
         formula = _formula(constant, v)
         out.append(

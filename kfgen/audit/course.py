@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import lru_cache
 
 import sympy as sp
 
@@ -42,17 +43,17 @@ def turn_of(plan: Plan) -> list[Fraction]:
 
 def rotation(q: list[Fraction]) -> list[Fraction]:
     """The nine entries of ``R_nb`` of a quaternion of any length, exactly."""
+    return list(_rotation(tuple(q)))
+
+
+@lru_cache(maxsize=64)
+def _rotation(q: tuple[Fraction, ...]) -> tuple[Fraction, ...]:
     from kfgen.model.rotation import matrix_of
 
-    symbols = sp.symbols("w x y z")
-    size = sum(c * c for c in q)
-    values = dict(zip(symbols, (sp.Rational(c.numerator, c.denominator) for c in q)))
-    matrix = matrix_of(sp.Matrix(symbols))
-    # The entries are one less or zero plus squares: scaled by the length, exact for any quaternion.
-    unit = sp.Rational(size.numerator, size.denominator)
-    one = sp.eye(3)
-    entries = [((matrix - one)[i, j]).subs(values) / unit + one[i, j] for i in range(3) for j in range(3)]
-    return [Fraction(int(e.p), int(e.q)) for e in entries]
+    # The entries are one less or zero plus squares: over the length, exact for any quaternion.
+    length, one = sum(c * c for c in q), sp.eye(3)
+    squares = [Fraction(int(e.p), int(e.q)) / length for e in matrix_of(q) - one]
+    return tuple(e + int(o) for e, o in zip(squares, one))
 
 
 class Course:

@@ -11,6 +11,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,7 +96,13 @@ class Degree:
         return float(self.t[below[0]]) if below.size else None
 
 
-def degree(discrete: DiscreteModel, manoeuvre: Manoeuvre, horizon: Horizon, hidden: int) -> Degree:
+def degree(
+    discrete: DiscreteModel,
+    manoeuvre: Manoeuvre,
+    horizon: Horizon,
+    hidden: int,
+    start: Mapping[str, float] | None = None,
+) -> Degree:
     """Run the covariance.
 
     Parameters
@@ -104,13 +111,15 @@ def degree(discrete: DiscreteModel, manoeuvre: Manoeuvre, horizon: Horizon, hidd
         Its rate is the sensors'.
     hidden : int
         Dimension of what is exactly hidden.
+    start : mapping of str to float, optional
+        As of `Flight`.
     """
     model = discrete.model
     seconds = manoeuvre.length if horizon.duration is None else horizon.duration
     steps = int(min(STEPS, max(1, np.ceil(seconds * horizon.rate))))
     dt = seconds / steps
     t: Array = np.linspace(0.0, seconds, steps + 1)
-    flight = Flight(model, manoeuvre, t, {})
+    flight = Flight(model, manoeuvre, t, start=start or {})
     scale = np.array([s.prior if s.prior > 0.0 else 1.0 for s in model.states])
     F = flight.matrix(model.F) * (scale / scale[:, None])
     G = flight.matrix(model.G) / scale[:, None]

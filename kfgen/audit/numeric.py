@@ -6,6 +6,7 @@ have a tolerance, and see one instant of a motion, so they may differ from the e
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +25,12 @@ class Numeric:
     condition: float
 
 
-def numeric(model: FilterModel, manoeuvre: Manoeuvre) -> Numeric:
-    """Rank and condition number in floating point where a manoeuvre starts; drivers at one."""
+def numeric(model: FilterModel, manoeuvre: Manoeuvre, start: Mapping[str, float]) -> Numeric:
+    """Rank and condition number in floating point where a manoeuvre starts, `start` as of `Flight`; drivers at one."""
     import control
 
     t = np.array([0.0, 1e-2, 2e-2])
-    flight = Flight(model, manoeuvre, t, {d: np.ones(t.size) for d in model.drivers})
+    flight = Flight(model, manoeuvre, t, {d: np.ones(t.size) for d in model.drivers}, start)
     H = sp.Matrix.vstack(sp.zeros(0, len(model.states)), *(model.H(s) for s in model.sensors))
     O = np.asarray(control.obsv(flight.matrix(model.F)[0], flight.matrix(H)[0]))
     if not O.size or not np.isfinite(O).all():

@@ -156,6 +156,11 @@ class Plan:
         """Components of the blocks that no manoeuvre places: an arm, a feature, the states of a plant."""
         return tuple(s for b in self.vectors if not self._placed(b) for s in b.nominal)
 
+    def numbers(self, *, generic: bool) -> dict[str, float]:
+        """Where the plan's own components start, by name [SI]."""
+        start = self.start(generic=generic)
+        return {s.name: float(start[s]) for s in self.own}
+
     @cached_property
     def frame(self) -> tuple[float, float, float, float]:
         """The quaternion that takes north-east-down at the start to navigation axes, scalar first."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from operator import mul
 
 from kfgen.audit.graph import Graph
 from kfgen.audit.ring import Ring
@@ -102,7 +103,7 @@ _TAYLOR: Mapping[str, Callable[[int], list[Fraction]]] = {
 
 def convolved(a: Coefficients, b: Coefficients, k: int, first: int = 0) -> int:
     """``sum_j a_j b_(k-j)`` for j from `first` to k."""
-    return sum(a[j] * b[k - j] for j in range(first, k + 1) if a[j])
+    return sum(map(mul, a[first : k + 1], b[k - first :: -1])) if k >= first else 0
 
 
 def _slope(a: Coefficients, b: Coefficients, k: int) -> int:

@@ -16,7 +16,24 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-PRIMES = (536870909, 536870879, 536870869, 536870849, 536870839, 536870837, 536870819, 536870813)
+PRIMES = (
+    536870909,
+    536870879,
+    536870869,
+    536870849,
+    536870839,
+    536870837,
+    536870819,
+    536870813,
+    536870791,
+    536870779,
+    536870767,
+    536870743,
+    536870729,
+    536870723,
+    536870717,
+    536870701,
+)
 """Below 2^29: sums of 127 products of residues stay within 64 bits. One may lack a root that a model needs."""
 
 

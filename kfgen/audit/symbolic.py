@@ -71,7 +71,7 @@ def null_of(F: sp.Matrix, H: sp.Matrix, columns: Sequence[int] | None = None) ->
 
 
 def at_rest(model: FilterModel, manoeuvre: Manoeuvre) -> tuple[sp.Matrix, sp.Matrix] | None:
-    """F and H in symbols where nothing changes with time; None where something does."""
+    """F and H in the parameters, at the declared start, where nothing changes with time; None where something does."""
     moves = any(f != 0 for s in manoeuvre.segments for f in s.formulas(manoeuvre.length))
     if moves or len(manoeuvre.segments) > 1 or any(manoeuvre.attitude[1:]) or any(manoeuvre.velocity):
         return None
@@ -88,7 +88,7 @@ def at_rest(model: FilterModel, manoeuvre: Manoeuvre) -> tuple[sp.Matrix, sp.Mat
                 return None
             if not placed and any(r != 0 for r in model.rates(False).get(b.name, ())):
                 return None
-            point |= dict.fromkeys(b.nominal, sp.Integer(0)) if placed else {}
+            point |= {s: sp.Rational(repr(float(c))) for s, c in zip(b.nominal, b.start)}
     own = {s for b in model.blocks for s in b.nominal}
     point |= {s.symbol: sp.Integer(0) for s in model.states if s.symbol not in own}
     channels = [sp.Symbol(c, real=True) for i in model.motion.inputs for c in i.channels]

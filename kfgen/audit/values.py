@@ -8,12 +8,13 @@ exactly, so one singular vector of few columns is wanted.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 
 import numpy as np
 import sympy as sp
 
 from kfgen.audit.basis import Null
-from kfgen.audit.chain import along
+from kfgen.audit.chain import Hidden, along
 from kfgen.audit.plan import Plan
 from kfgen.audit.ring import PRIMES
 from kfgen.linear import van_loan
@@ -25,28 +26,38 @@ STEPS = 1500
 
 
 def in_numbers(
-    plan: Plan, manoeuvre: Manoeuvre, v: Null, length: float | None, *, generic: bool
-) -> tuple[Sequence[float], bool]:
-    """The amounts of a direction [SI], one a state, and whether they are the exact fractions."""
-    if all(e is not None for e in v.values) and _agreed(plan, manoeuvre, v, length, generic=generic):
-        return [float(e) for e in v.values if e is not None], True
-    return floating(plan, manoeuvre, v.support, length), False
+    plan: Plan, manoeuvre: Manoeuvre, nulls: Sequence[Null], length: float | None, *, generic: bool
+) -> list[tuple[Sequence[float], bool]]:
+    """The amounts of directions [SI], one a state, and whether they are the exact fractions."""
+    other = None
+    if nulls and (len(manoeuvre.segments) > 1 or plan.own):
+        (other,) = along(plan, [manoeuvre], length, generic=generic, first=len(PRIMES) // 2)
+    out: list[tuple[Sequence[float], bool]] = []
+    for v in nulls:
+        known = [e for e in v.values if e is not None]
+        exact = len(known) == len(v.values) and _agreed(other, known)
+        amounts = (
+            [float(e) for e in known]
+            if exact
+            else floating(plan, manoeuvre, v.support, length, generic=generic)
+        )
+        out.append((amounts, exact))
+    return out
 
 
-def _agreed(plan: Plan, manoeuvre: Manoeuvre, v: Null, length: float | None, *, generic: bool) -> bool:
+def _agreed(other: Hidden | None, values: Sequence[Fraction]) -> bool:
     """Whether another prime, and so other durations, hide the same direction."""
-    if len(manoeuvre.segments) == 1 and not plan.own:
-        return True
-    (other,) = along(plan, [manoeuvre], length, generic=generic, first=len(PRIMES) // 2)
-    return other.contains([other.ring.of(e) for e in v.values if e is not None], other.ring)
+    return other is None or other.contains([other.ring.of(e) for e in values], other.ring)
 
 
-def floating(plan: Plan, manoeuvre: Manoeuvre, support: Sequence[int], length: float | None) -> list[float]:
+def floating(
+    plan: Plan, manoeuvre: Manoeuvre, support: Sequence[int], length: float | None, *, generic: bool
+) -> list[float]:
     """The direction in some states that the measurements see least, one in the first of them."""
     model = plan.model
     T = manoeuvre.length if length is None else length
     t = np.linspace(0.0, T, STEPS + 1)
-    flight = Flight(model, manoeuvre, t, {})
+    flight = Flight(model, manoeuvre, t, start=plan.numbers(generic=generic))
     F = flight.matrix(model.F)
     H = flight.matrix(sp.Matrix.vstack(sp.zeros(0, plan.size), *(model.H(s) for s in plan.sensors)))
     V = np.eye(plan.size)[:, list(support)]

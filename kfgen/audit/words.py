@@ -48,7 +48,13 @@ def words(model: FilterModel, name: str, state: StateInfo, manoeuvre: Manoeuvre)
         "p": f"{where} position",
         "v": f"{where} velocity",
     }
-    return nouns.get(stem, state.title)
+    return nouns.get(stem, _once(state.title))
+
+
+def _once(title: str) -> str:
+    """A title whose last word stands there once: a state of one component is called by its block."""
+    head, _, last = title.rpartition(" ")
+    return head if head.endswith(f" {last}") else title
 
 
 def amount(value: float, unit: str) -> str:
@@ -72,7 +78,7 @@ def sentence(parts: Sequence[Part], gauge: str = "") -> str:
         return f"{gauge} changes no measurement"
     (noun, state, value), *others = parts
     if not others:
-        return f"{noun if noun == state.title else noun[0].upper() + noun[1:]} changes no measurement"
+        return f"{noun if noun == _once(state.title) else noun[0].upper() + noun[1:]} changes no measurement"
     size = NATURAL.get(state.unit, (1.0, state.unit))[0]
     head = f"{amount(value * size, state.unit)} of {noun}"
     tail = [f"{amount(v * size, s.unit)} of {n}" for n, s, v in others]

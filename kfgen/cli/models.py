@@ -9,6 +9,7 @@ import typer
 
 from kfgen.cli.app import app
 from kfgen.cli.options import (
+    Columns,
     Json,
     MaxStep,
     ModelName,
@@ -22,6 +23,8 @@ from kfgen.cli.options import (
     hashes,
     model_of,
     noise_of,
+    ran_over,
+    read,
 )
 
 
@@ -101,21 +104,36 @@ def audit(
         list[str] | None,
         typer.Option(help="How long until a state is known: 'phi_D=0.1 deg'; may be repeated."),
     ] = None,
+    log: Annotated[
+        Path | None, typer.Option(metavar="LOG", help="How well each state shows in this log.")
+    ] = None,
+    columns: Columns = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """What cannot be seen, in words; what would free it; how well the rest shows."""
     from kfgen.audit.audit import audit as audited
+    from kfgen.audit.audit import in_log
     from kfgen.audit.degree import Horizon
+    from kfgen.errors import InputError
     from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
     from kfgen.report.audit import audit_answer
 
+    if log is not None:
+        if manoeuvre:
+            raise InputError(
+                "a log has its own motion", where="--manoeuvre", remedy="Give --log or --manoeuvre"
+            )
+        data = read(log, None, columns)
+        built, t, deviation = ran_over(model_of(model, noise, set_, sensor), data)
+        answer = in_log(built, Path(data.source).name or str(log), t, deviation)
+        return deliver(audit_answer(answer, want or (), {str(log): data.sha256}), json, report)
     names = list(dict.fromkeys(manoeuvre or ()))
     flown = [manoeuvre_of(name) for name in names]
     built = model_of(model, noise, set_, sensor)
     answer = audited(built, flown, Horizon(duration, rate))
     files = [Path(f) for f in (model, str(noise) if noise else "", *names) if f.endswith(".toml")]
-    deliver(audit_answer(answer, want or (), hashes(files)), json, report)
+    return deliver(audit_answer(answer, want or (), hashes(files)), json, report)
 
 
 @app.command()

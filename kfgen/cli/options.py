@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from kfgen.log import Log
     from kfgen.model.filter import FilterModel
     from kfgen.noise import NoiseModel
     from kfgen.report.page import Answer
+
+    Array = NDArray[np.float64]
 
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="A log: CSV or NPZ.")]
 ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="A library model, see 'kfgen list'.")]
@@ -76,6 +81,22 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
             "the sensors are given twice", where="--sensor", remedy="Give --sensor or --set sensors"
         )
     return build(model, noise_of(noise), options | ({"sensors": ",".join(sensor)} if sensor else {}))
+
+
+def ran_over(model: FilterModel, log: Log) -> tuple[FilterModel, Array, Array]:
+    """A filter over a log: the model with the sensors that the log has, times [s], deviations (n, states) [SI]."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from kfgen.discretise import DiscreteModel
+    from kfgen.emit.routines import Program
+    from kfgen.run import run
+
+    longest = max(0.1, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
+    result = run(Program(DiscreteModel.stepping(model, 1.0 / log.dt, max_step=longest)), log)
+    present = tuple(s for s in model.sensors if s.name in result.sensors)
+    return replace(model, sensors=present), log.t, result.deviation
 
 
 def hashes(files: Iterable[Path]) -> dict[str, str]:

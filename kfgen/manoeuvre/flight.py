@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -58,23 +58,27 @@ class Flight:
         Even times [s].
     drive : mapping of str to ndarray
         Drivers of effects [SI].
+    start : mapping of str to float
+        Where components of blocks start [SI], where it is not as declared.
     """
 
     model: FilterModel
     manoeuvre: Manoeuvre
     t: Array
-    drive: Mapping[str, Array]
+    drive: Mapping[str, Array] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def values(self) -> dict[str, Array]:
         """Every symbol of F, G, H and of the expected measurements by name, each of shape (n,)."""
         drive = {d: self.drive.get(d, warming(self.t)) for d in self.model.drivers}
         if self.model.attitude is not None:
-            return along(self.model, wanted(self.manoeuvre, self.t), {}) | drive
+            return along(self.model, wanted(self.manoeuvre, self.t), self.start) | drive
         values: dict[str, Any] = {c.name: c.value for c in self.model.constants}
         values |= {s.name: 0.0 for s in self.model.states} | drive
         for b in self.model.blocks:
             values |= dict(zip(b.nominal_names, b.start))
+        values |= self.start
         channels = [c for i in self.model.motion.inputs for c in i.channels]
         values |= {c: plant_input(self.manoeuvre, c, k, self.t) for k, c in enumerate(channels)}
         values |= self._moving(values)
@@ -91,7 +95,7 @@ class Flight:
         symbols = [sp.Symbol(n, real=True) for n in (*names, *others)]
         program = tape([e for b in blocks for e in rates[b.name]], symbols)
         known = np.array([np.broadcast_to(values[n], self.t.shape) for n in others], dtype=np.float64)
-        start = np.array([c for b in blocks for c in b.start], dtype=np.float64)
+        start = np.array([values[n] for n in names], dtype=np.float64)
         dt = float(self.t[1] - self.t[0]) if self.t.size > 1 else 1.0
         path = _integrated(program, start, known.reshape(-1, self.t.size), dt)
         return {n: path[:, k] for k, n in enumerate(names)}
@@ -101,7 +105,8 @@ class Flight:
         symbols = sorted({s for e in expressions for s in e.free_symbols}, key=str)
         out = np.zeros((len(expressions), self.t.size))
         if len(expressions):
-            found = tape(list(expressions), symbols).values([self.values[s.name] for s in symbols])
+            with np.errstate(all="ignore"):
+                found = tape(list(expressions), symbols).values([self.values[s.name] for s in symbols])
             for row, value in zip(out, found):
                 row[:] = value
         return out
@@ -124,7 +129,8 @@ def _integrated(program: Tape, x: Array, known: Array, dt: float) -> Array:
         u = known[:, k]
 
         def rate(state: Array, u: Array = u) -> Array:
-            return np.array(program.values([*state, *u]), dtype=np.float64)
+            with np.errstate(all="ignore"):
+                return np.array(program.values([*state, *u]), dtype=np.float64)
 
         a = rate(x)
         b = rate(x + dt / 2 * a)

@@ -63,7 +63,7 @@ def along(model: FilterModel, wanted: Wanted, constants: Mapping[str, float]) ->
     """
     n = wanted.t.size
     values: dict[str, Any] = {c.name: c.value for c in model.constants}
-    values |= {s.name: 0.0 for s in model.states}
+    values |= {s.name: 0.0 for s in model.states} | dict.fromkeys(model.drivers, 0.0)
     for b in model.motion.blocks:
         if isinstance(b, Vector):
             values |= dict(zip(b.nominal_names, b.start))

@@ -13,12 +13,13 @@ from kfgen.audit.audit import Audit, Audited, Table
 from kfgen.audit.degree import Degree
 from kfgen.audit.words import amount, called
 from kfgen.errors import InputError
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import Line, curves_picture
+from kfgen.report.plots import Line, curves_picture, thin
 from kfgen.units import parse_quantity, parse_unit
 
-FREED, HIDDEN = "freed", "hidden"
+FREED, HIDDEN, UNKNOWN = "freed", "hidden", "unknown"
 AT_ONCE = 6
 """Manoeuvres beside each other on a terminal."""
 STATE_HEAD = ("state", "prior", "at the end", "bits per minute", "verdict")
@@ -70,13 +71,13 @@ def audit_answer(
     lines: list[str] = []
     parts: list[Part] = []
     for a in audited.audits:
-        own, shown = _one(a, wants)
-        lines += own
-        parts += shown
-    if audited.table is not None:
-        lines += [*_table_lines(first, audited.table), f"  {_shortest(audited.table)}."]
-        parts += [heading("What frees them"), _table_part(first, audited.table)]
-        parts.append(sentence(f"{_shortest(audited.table)}."))
+        for own, shown in (
+            _said(a),
+            _freeing(first, audited.table) if a is first and audited.table else ([], []),
+            _shown(a, a.degree, wants) if a.degree is not None else ([], []),
+        ):
+            lines += own
+            parts += shown
     lines += [f"  note: {w}." for w in audited.lint]
     parts += [sentence(f"Note: {w}.") for w in audited.lint]
     data: dict[str, Any] = {
@@ -114,11 +115,20 @@ def _scaled(a: Audit) -> str:
     )
 
 
-def _one(a: Audit, wants: Sequence[Wanted]) -> tuple[list[str], list[Part]]:
-    """One manoeuvre on the terminal and on the page."""
+Said = tuple[list[str], list[Part]]
+"""Lines of the terminal, parts of the page."""
+
+
+def _said(a: Audit) -> Said:
+    """What a manoeuvre hides."""
     head = f"{a.model.name}, {a.manoeuvre.name}: rank {a.rank} of {a.states}, {a.nullity} hidden"
-    said = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
-    lines = [head, *(f"  {w}." for w in said), f"  {_beside(a)}."]
+    none = "Every state shows in the measurements"
+    if a.recorded:
+        head = f"{a.model.name}, {a.manoeuvre.name}: {a.nullity} of {a.states} hidden whatever is flown"
+        none = "Some motion shows every state; how well this one did, the filter's own covariance says"
+    said = [d.sentence for d in a.directions] or [none]
+    beside = [] if a.recorded else [f"{_beside(a)}."]
+    lines = [head, *(f"  {w}." for w in said), *(f"  {w}" for w in beside)]
     parts = [heading(head), *(sentence(f"{w}.") for w in said)]
     if a.directions:
         rows = [
@@ -126,16 +136,29 @@ def _one(a: Audit, wants: Sequence[Wanted]) -> tuple[list[str], list[Part]]:
             for d in a.directions
         ]
         parts.append(table(("hidden together", "amounts", "exactly"), rows))
-    parts.append(text(f"{_beside(a)}."))
-    if a.degree is None:
-        return lines, parts
-    rows = _state_rows(a, a.degree)
-    words = [_scaled(a), *(_reached(a, a.degree, w) for w in wants)] if a.rank else []
-    lines += [*(f"  {w}." for w in words), columns([list(STATE_HEAD), *rows])]
-    parts += [text(f"{_scaled(a)}.")] if a.rank else []
-    parts += [sentence(f"{_reached(a, a.degree, w)}.") for w in wants]
-    parts += [table(STATE_HEAD, rows, f"After {a.degree.t[-1]:g} s"), *_pictures(a, a.degree)]
-    return lines, parts
+    return lines, [*parts, *map(text, beside)]
+
+
+def _freeing(first: Audit, t: Table) -> Said:
+    """Which manoeuvre frees which direction."""
+    parts = [heading("What frees them"), _table_part(first, t), sentence(f"{_shortest(t)}.")]
+    return [*_table_lines(first, t), f"  {_shortest(t)}."], parts
+
+
+def _shown(a: Audit, run: Degree, wants: Sequence[Wanted]) -> Said:
+    """How well each state shows."""
+    rows = _state_rows(a, run)
+    scaled = [f"{_scaled(a)}."] if run.singular.size else []
+    reached = [f"{_reached(a, run, w)}." for w in wants]
+    lines = [*(f"  {w}" for w in (*scaled, *reached)), columns([list(STATE_HEAD), *rows])]
+    caption = f"After {run.t[-1]:g} s of {a.manoeuvre.name}"
+    parts = [heading(f"How well states show along {a.manoeuvre.name}"), *(text(w) for w in scaled)]
+    return lines, [
+        *parts,
+        *(sentence(w) for w in reached),
+        table(STATE_HEAD, rows, caption),
+        _picture(a, run),
+    ]
 
 
 def _state_rows(a: Audit, run: Degree) -> list[list[str]]:
@@ -160,22 +183,19 @@ def _reached(a: Audit, run: Degree, w: Wanted) -> str:
     return f"{_names(a)[k]} reaches {w.written} after {seconds / 60:.3g} min"
 
 
-def _pictures(a: Audit, run: Degree) -> list[Part]:
-    """Deviations against time in units of their priors, a picture for each unit."""
-    units = dict.fromkeys(s.unit for s in a.model.states)
-    names, out = _names(a), []
-    for unit in units:
+def _picture(a: Audit, run: Degree) -> Part:
+    """Deviations against time, a panel for each unit; hidden states are dashed."""
+    names, panels, some = _names(a), [], thin(run.t)
+    for unit in dict.fromkeys(s.unit for s in a.model.states):
         lines = [
-            Line(names[k], run.t, run.sigma[:, k], "")
+            Line(names[k], run.t[some], run.sigma[some, k], "", dashed=s.name in a.hidden_states)
             for k, s in enumerate(a.model.states)
             if s.unit == unit and s.prior > 0.0
         ]
         if lines:
-            key = f"{a.model.name}-{a.manoeuvre.name}-{unit}"
-            out.append(
-                figure(curves_picture(lines, f"deviation [{unit}]", key), f"Deviations, {a.manoeuvre.name}")
-            )
-    return out
+            panels.append((f"deviation [{unit}]", lines))
+    picture = curves_picture(panels, f"{a.model.name}-{a.manoeuvre.name}")
+    return figure(picture, f"Deviations along {a.manoeuvre.name}; dashed: exactly unobservable")
 
 
 def _label(vector: Mapping[str, float]) -> str:
@@ -190,8 +210,8 @@ def _amounts(vector: Mapping[str, Any], units: Mapping[str, str] | None = None) 
     )
 
 
-def _cells(row: Sequence[bool]) -> list[str]:
-    return [FREED if free else HIDDEN for free in row]
+def _cells(row: Sequence[bool | None]) -> list[str]:
+    return [UNKNOWN if free is None else FREED if free else HIDDEN for free in row]
 
 
 def _table_lines(first: Audit, t: Table) -> list[str]:
@@ -214,11 +234,16 @@ def _table_part(first: Audit, t: Table) -> Part:
 def _shortest(t: Table) -> str:
     if t.shortest is not None:
         return f"The shortest manoeuvre that frees all: {t.shortest.name} ({t.shortest.title}), {t.shortest.length:g} s"
-    best = max(t.manoeuvres, key=lambda m: sum(row[t.manoeuvres.index(m)] for row in t.freed))
-    count = sum(row[t.manoeuvres.index(best)] for row in t.freed)
+    best = max(t.manoeuvres, key=lambda m: _count(t, m))
+    count = _count(t, best)
     if not count:
         return "No manoeuvre here frees any of them"
     return f"No manoeuvre here frees all; {best.name} frees {count} of {len(t.freed)}"
+
+
+def _count(t: Table, m: Manoeuvre) -> int:
+    """How many directions a manoeuvre frees."""
+    return sum(bool(row[t.manoeuvres.index(m)]) for row in t.freed)
 
 
 def _table_data(first: Audit, t: Table | None) -> dict[str, Any] | None:
@@ -240,6 +265,7 @@ def _data(a: Audit, wants: Sequence[Wanted]) -> dict[str, Any]:
         "states": a.states,
         "rank": a.rank,
         "nullity": a.nullity,
+        "recorded": a.recorded,
         "point": "generic" if a.generic else "declared",
         "condition": condition,
         "numeric_rank": a.numeric.rank,
@@ -257,7 +283,7 @@ def _data(a: Audit, wants: Sequence[Wanted]) -> dict[str, Any]:
         "state": {n: _state(a, k) for k, n in enumerate(_names(a))},
     }
     if run is not None:
-        condition["scaled"] = finite(run.condition)
+        condition["scaled"] = finite(run.condition) if run.singular.size else None
         out["weakest"] = [_names(a)[k] for k, _ in run.weakest]
         out["sigmas_of_information"] = [finite(float(s)) for s in run.singular]
         out["duration_s"] = float(run.t[-1])

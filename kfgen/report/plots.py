@@ -136,13 +136,19 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "
     return _svg(fig, key)
 
 
-def curves_picture(lines: Sequence[Line], ylabel: str, key: str) -> str:
-    """Curves over time on a logarithmic scale, in the colors of the default cycle."""
-    fig, (ax,) = _figure(7.4, 3.0)
-    for line in lines:
-        ax.plot(line.x[1:], line.y[1:], linewidth=1.3, label=line.label)
-    ax.set(xlabel="time [s]", ylabel=ylabel, yscale="log")
-    ax.legend(frameon=False, fontsize=8.5, ncols=-(-len(lines) // 6))
+def curves_picture(panels: Sequence[tuple[str, Sequence[Line]]], key: str) -> str:
+    """Curves over time on logarithmic scales, a panel for each label of an axis, two to a row."""
+    columns = min(len(panels), 2)
+    rows = -(-len(panels) // columns)
+    fig, axes = _figure(3.7 * columns, 2.5 * rows, columns, rows)
+    for ax, (ylabel, lines) in zip(axes, panels):
+        for line in lines:
+            style = "--" if line.dashed else "-"
+            ax.plot(line.x, line.y, linewidth=1.3, linestyle=style, label=line.label)
+        ax.set(xlabel="time [s]", ylabel=ylabel, yscale="log")
+        ax.legend(frameon=False, fontsize=7, ncols=-(-len(lines) // 6))
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
     return _svg(fig, key)
 
 
