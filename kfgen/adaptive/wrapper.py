@@ -67,7 +67,7 @@ def adapted(
         def __init__(self, dim_x: int, dim_z: int) -> None:
             super().__init__(dim_x=dim_x, dim_z=dim_z)
             self.memories: dict[tuple[float, ...], Memory] = {}
-            self.scale_q = 1.0
+            self.scale_q, self.adapted_nis = 1.0, 0.0
 
         def predict(self) -> None:
             """Predict with Q scaled."""
@@ -98,5 +98,13 @@ def adapted(
             memory.factors, memory.count, self.scale_q = f, memory.count + 1, f.q
             self.P = f.fade * self.P
             super().update(z, HJacobian=HJacobian, Hx=Hx, R=f.r * f.once * R)
+            self.adapted_nis += float((self.y.T @ self.SI @ self.y).item())
 
-    return type(f"Adapted{emitted.__name__}", (emitted, Scaled), {"__doc__": emitted.__doc__})
+    def fuse(self: Any, z: Array, h: Array, H: Array, variances: list[float]) -> Any:
+        """As emitted; ``nis`` is that of the scaled covariances, of all rows together."""
+        self.adapted_nis = 0.0
+        status = vars(emitted)["_fuse"](self, z, h, H, variances)
+        self.nis = self.adapted_nis
+        return status
+
+    return type(f"Adapted{emitted.__name__}", (emitted, Scaled), {"__doc__": emitted.__doc__, "_fuse": fuse})
