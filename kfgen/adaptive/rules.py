@@ -21,6 +21,7 @@ References
 
 from __future__ import annotations
 
+from functools import cache
 from typing import ClassVar, NamedTuple
 
 from kfgen.errors import InputError
@@ -204,6 +205,7 @@ def rule_named(name: str, where: str = "--filter") -> type[Rule]:
     return rules()[name]
 
 
+@cache
 def by_chance(window: int, rows: int = 1) -> float:
     """The 95 % point of the mean of `window` normalised squared innovations of `rows` rows, over its expectation."""
     from scipy.stats import chi2
