@@ -8,11 +8,12 @@ the residuals. It costs a few evaluations of the scene, all additions at once.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.motion import free
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.evidence import ABOVE
 from kfgen.gap.newton import (
@@ -82,50 +83,74 @@ def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
     start = Point((), np.array([u.start for u in scene.unknowns]))
     believed = fitted(scene, start)
-    added = _grown(scene, believed, [])
+    added, fit = _grown(scene, [], believed)
     for _ in range(3):
         if len(added) < 2:
             break
-        kept = _reconsidered(scene, believed, added)
-        if [a.trial.label for a in kept] == [a.trial.label for a in added]:
-            added = kept
+        before = [a.trial.label for a in added]
+        added, fit = _reconsidered(scene, added, fit)
+        if [a.trial.label for a in added] == before:
             break
-        added = _grown(scene, believed, kept)
-    return Explained(believed, tuple(added), _fit(scene, believed, added))
+        added, fit = _grown(scene, added, fit)
+    return Explained(believed, tuple(added), fit)
 
 
-def _fit(scene: Scene, believed: Fitted, added: Sequence[Added]) -> Fitted:
-    if not added:
-        return believed
-    placed = tuple(a.trial.placed for a in added)
-    return fitted(scene, Point(placed, believed.point.unknowns))
-
-
-def _grown(scene: Scene, believed: Fitted, added: Sequence[Added]) -> list[Added]:
+def _grown(scene: Scene, added: Sequence[Added], fit: Fitted) -> tuple[list[Added], Fitted]:
+    """More additions, and the fit with all of them."""
     out = list(added)
-    base = _fit(scene, believed, out)
     while len(out) < MOST:
-        trials = ranked(scene, base)
+        trials = ranked(scene, fit)
         if not trials or trials[0].gain < ABOVE:
             break
-        out.append(_chosen(trials[0], trials))
-        base = trials[0].fit
-    return out
+        fit = trials[0].fit
+        out = _moved([*out, _chosen(trials[0], trials)], fit)
+    return out, fit
 
 
-def _reconsidered(scene: Scene, believed: Fitted, added: Sequence[Added]) -> list[Added]:
+def _moved(added: Sequence[Added], fit: Fitted) -> list[Added]:
+    """The additions with the values that they have in a fit of all of them."""
+    pairs = zip(added, fit.point.placed)
+    return [replace(a, trial=replace(a.trial, placed=p)) for a, p in pairs]
+
+
+def _reconsidered(scene: Scene, added: Sequence[Added], fit: Fitted) -> tuple[list[Added], Fitted]:
+    """Each addition against others in its place, and against nothing."""
     out, index = list(added), 0
     while index < len(out):
         rest = out[:index] + out[index + 1 :]
-        trials = ranked(scene, _fit(scene, believed, rest))
+        placed = tuple(p for i, p in enumerate(fit.point.placed) if i != index)
+        without = fitted(scene, Point(placed, fit.point.unknowns))
+        same = _last(fit, index)
+        trials = ranked(scene, without, replace(out[index].trial, placed=same.point.placed[-1], fit=same))
         if not trials or trials[0].gain < ABOVE:
-            out = rest
+            out, fit = _moved(rest, without), without
             continue
-        same = next((t for t in trials if t.label == out[index].trial.label), None)
-        keep = same if same is not None and trials[0].gain - same.gain < BETTER else trials[0]
-        out = [*rest[:index], _chosen(keep, trials), *rest[index:]]
+        own = next((t for t in trials if t.fit is same), None)
+        keep = own if own is not None and trials[0].gain - own.gain < BETTER else trials[0]
+        out, fit = _moved([*rest, _chosen(keep, trials)], keep.fit), keep.fit
+        out, fit = [*out[:index], out[-1], *out[index:-1]], _last(fit, index, back=True)
         index += 1
-    return out
+    return out, fit
+
+
+def _last(fit: Fitted, index: int, *, back: bool = False) -> Fitted:
+    """A fit with the effect at `index` put last; or the last one put there."""
+    n = len(fit.point.placed)
+    order = [*range(index), *range(index + 1, n), index]
+    if back:
+        order = [*range(index), n - 1, *range(index, n - 1)]
+    place = {old: new for new, old in enumerate(order)}
+    k = len(fit.keys)
+    columns = sorted(range(k), key=lambda i: (place[fit.keys[i][0]], i))
+    every = np.array([*columns, *range(k, fit.steps.size)], dtype=np.intp)
+    return replace(
+        fit,
+        point=Point(tuple(fit.point.placed[i] for i in order), fit.point.unknowns),
+        information=fit.information[np.ix_(every, every)],
+        keys=tuple((place[fit.keys[i][0]], fit.keys[i][1]) for i in columns),
+        steps=fit.steps[every],
+        jacobian=fit.jacobian[:, every],
+    )
 
 
 def _chosen(best: Trial, trials: Sequence[Trial]) -> Added:
@@ -144,16 +169,26 @@ def _cos2(a: Array, b: Array) -> float:
     return float((a @ b) ** 2) / power if power > 0.0 else 0.0
 
 
-def ranked(scene: Scene, base: Fitted) -> list[Trial]:
-    """The most promising additions, fitted, by evidence."""
+def ranked(scene: Scene, base: Fitted, known: Trial | None = None) -> list[Trial]:
+    """The most promising additions, fitted, by evidence.
+
+    Parameters
+    ----------
+    known : Trial, optional
+        An addition that is fitted already: half as many others are held against it.
+    """
     groups = scene.candidates(base.point.placed)
-    if not groups:
+    if known is not None:
+        groups = [g for g in groups if not _alike(g[0], known.placed)]
+    if not groups and known is None:
         return []
-    cost = float(np.log(len(groups) + 1))
+    cost = float(np.log(len(groups) + (2 if known else 1)))
     reference = evidence(scene, base)
     screened = sorted((_screened(scene, base, g) for g in groups), key=lambda s: -s[0])
     trials = []
-    for gain, start, direction in screened[:PROMISING]:
+    if known is not None:
+        trials.append(replace(known, gain=evidence(scene, known.fit) - reference - cost))
+    for gain, start, direction in screened[: PROMISING if known is None else PROMISING // 2]:
         if gain < 1.0:
             continue
         point = Point((*base.point.placed, start), base.point.unknowns)
@@ -163,6 +198,14 @@ def ranked(scene: Scene, base: Fitted) -> list[Trial]:
         value = evidence(scene, fit) - reference - cost
         trials.append(Trial(fit.point.placed[-1], fit, value, direction))
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _alike(a: Placed, b: Placed) -> bool:
+    """Whether two additions are the same but for their values: of a span, another span."""
+    spans = [float(getattr(x.effect, "duration", 0.0)) > 0.0 for x in (a, b)]
+    names = [{p.name for p in free(x.effect)} for x in (a, b)]
+    same = type(a.effect) is type(b.effect) and a.where == b.where
+    return same and spans[0] == spans[1] and names[0] == names[1]
 
 
 def _blind(base: Fitted, fit: Fitted) -> bool:
@@ -284,10 +327,17 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             kind = {p.name: p.kind for p in effect.parameters()}[name]
             span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
-    value -= float(np.log(widths[:k]).sum())
+    value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
     # What the data do not bound is bounded by its prior.
     floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
     scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())
+
+
+def _searched(scene: Scene, placed: Sequence[Placed]) -> float:
+    """What spans cost that were found by looking at every pair of edges [nats]."""
+    spans = sum(float(getattr(p.effect, "duration", 0.0)) > 0.0 for p in placed)
+    samples = max((scene.span[1] - scene.span[0]) / scene.dt, 2.0)
+    return 2.0 * float(np.log(samples)) * spans

@@ -170,16 +170,28 @@ class MotionScene:
         bias = {c.name: float(b) for c, b in zip(biased, point.unknowns)}
         m_n = point.unknowns[len(biased) :]
         felt = {s: self.truth.signals(s, m_n) for s in {c.sensor for c in self.compared}}
-        out = []
+        out, lagged = [], {}
         for c in self.compared:
-            predicted = self._predicted(c, felt[c.sensor], (*self.own, *point.placed)) + bias.get(c.name, 0.0)
+            here = self._acting(c, (*self.own, *point.placed))
+            late = (c.sensor, *(e for e in here if isinstance(e, Lag)), *_needs(here))
+            if late not in lagged:  # the axes of a triad mostly lag alike
+                lagged[late] = delayed(felt[c.sensor], here)
+            predicted = self._shown(c, lagged[late], here) + bias.get(c.name, 0.0)
             out.append(np.where(self.good, c.y - predicted, 0.0))
         return out
 
     def _predicted(self, c: Compared, felt: Signals, placed: Sequence[Placed]) -> Array:
         """What a channel should read under effects [SI], shape (n,)."""
-        here = [p.effect for p in placed if p.where in (c.name, c.sensor)]
-        felt = delayed(felt, here)
+        here = self._acting(c, placed)
+        return self._shown(c, delayed(felt, here), here)
+
+    @staticmethod
+    def _acting(c: Compared, placed: Sequence[Placed]) -> list[Effect]:
+        """The effects on a channel."""
+        return [p.effect for p in placed if p.where in (c.name, c.sensor)]
+
+    def _shown(self, c: Compared, felt: Signals, here: Sequence[Effect]) -> Array:
+        """What a channel should read of what its triad felt, late already [SI], shape (n,)."""
         y = felt.y[:, c.axis].copy()
         for effect in here:
             if isinstance(effect, Motion):
@@ -232,15 +244,20 @@ class MotionScene:
         return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive, self.own)
 
 
+def _needs(effects: Sequence[Effect]) -> tuple[str, ...]:
+    """The drivers that effects need."""
+    return tuple(sorted({n for e in effects if isinstance(e, Motion) for n in e.needs}))
+
+
 def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
     """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them."""
     lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
     lags += [e for e in effects if isinstance(e, Bandwidth)]
-    needed = {n for e in effects if isinstance(e, Motion) for n in e.needs}
+    needed = _needs(effects)
     for lag in lags:
         moved: dict[str, Any] = {
             name: lag.passed(value, felt.dt)
-            for name in ("y", *sorted(needed))
+            for name in ("y", *needed)
             if (value := getattr(felt, name)) is not None
         }
         felt = replace(felt, **moved)
