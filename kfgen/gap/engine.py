@@ -337,7 +337,7 @@ def evidence(scene: Scene, fit: Fitted) -> float:
 
 
 def _searched(scene: Scene, placed: Sequence[Placed]) -> float:
-    """What spans cost that were found by looking at every pair of edges [nats]."""
-    spans = sum(float(getattr(p.effect, "duration", 0.0)) > 0.0 for p in placed)
+    """What spans cost that were found by looking at every pair of edges, and how wide these are [nats]."""
+    found = [float(getattr(p.effect, name, 0.0)) > 0.0 for p in placed for name in ("duration", "edge")]
     samples = max((scene.span[1] - scene.span[0]) / scene.dt, 2.0)
-    return 2.0 * float(np.log(samples)) * spans
+    return float(np.log(samples)) * (2.0 * sum(found[::2]) + sum(found[1::2]))

@@ -30,6 +30,8 @@ from kfgen.units import STANDARD_GRAVITY, parse_unit
 
 Array = NDArray[np.float64]
 
+BESIDE = 32
+"""Samples on either side of a stretch that is not compared to which its noise is joined."""
 NOTICED = 3.0
 """Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
 
@@ -177,8 +179,33 @@ class MotionScene:
             if late not in lagged:  # the axes of a triad mostly lag alike
                 lagged[late] = delayed(felt[c.sensor], here)
             predicted = self._shown(c, lagged[late], here) + bias.get(c.name, 0.0)
-            out.append(np.where(self.good, c.y - predicted, 0.0))
+            left = np.where(self.good, c.y - predicted, 0.0)
+            out.append(self._believed_within(c, left, edges_of(here)))
         return out
+
+    def _believed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
+        """What is left, with noise as it is believed where nobody knows what should have been read."""
+        for start, stop in edges:
+            i, j = np.searchsorted(self.truth.t, [start, stop])
+            beside = [left[max(i - BESIDE, 0) : i], left[j : j + BESIDE]]
+            if j - i < 2 or not all(b.size for b in beside):
+                continue
+            noise = self.made_up[self.compared.index(c)][i:j]
+            loud = np.sqrt(sum(np.sum(np.diff(b) ** 2) for b in beside) / sum(b.size for b in beside))
+            noise = noise * (loud / max(float(np.sqrt(np.mean(np.diff(noise) ** 2))), 1e-300))
+            ends = [float(b.mean()) for b in beside]
+            own = [float(noise[:BESIDE].mean()), float(noise[-BESIDE:].mean())]
+            left = left.copy()
+            left[i:j] = noise + np.linspace(ends[0] - own[0], ends[1] - own[1], j - i)
+        return left
+
+    @cached_property
+    def made_up(self) -> tuple[Array, ...]:
+        """Noise of each channel as it is believed, always the same [SI]."""
+        rng = np.random.default_rng(0)
+        z = rng.standard_normal((len(self.compared), self.truth.t.size))
+        weights = [np.where(w.weight > 0.0, w.weight, np.inf) for w in self.whiteners]
+        return tuple(Whitener.back(x / w) for x, w in zip(z, weights))
 
     def _predicted(self, c: Compared, felt: Signals, placed: Sequence[Placed]) -> Array:
         """What a channel should read under effects [SI], shape (n,)."""
@@ -227,7 +254,10 @@ class MotionScene:
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))
         field = self.believed_field(extra)
-        return Bench(self.truth, moved, self.good, y - extra, spread, field, self.drive)
+        good = self.good.copy()
+        for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
+            good[(self.truth.t >= start) & (self.truth.t < stop)] = False
+        return Bench(self.truth, moved, good, y - extra, spread, field, self.drive)
 
     def part(self, start: float, stop: float) -> MotionScene:
         """The same world from `start` to `stop` [s]."""
@@ -247,6 +277,17 @@ class MotionScene:
 def _needs(effects: Sequence[Effect]) -> tuple[str, ...]:
     """The drivers that effects need."""
     return tuple(sorted({n for e in effects if isinstance(e, Motion) for n in e.needs}))
+
+
+def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:
+    """Times [s] within which effects come or go, and nobody knows how."""
+    out = []
+    for e in effects:
+        edge = float(getattr(e, "edge", 0.0))
+        if edge > 0.0:
+            first, last = float(getattr(e, "time", 0.0)), float(getattr(e, "duration", 0.0))
+            out += [(first, first + edge), (first + last - edge, first + last)]
+    return out
 
 
 def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
