@@ -22,6 +22,8 @@ SMOOTH = 0.2
 """Length [s] of means that show whether a field is there, or not, or on its way."""
 ON_ITS_WAY = 0.25
 """Share of a field that such a mean is off while it is on its way."""
+ABOVE_NOISE = 2.5
+"""Or so many medians of what such means are off elsewhere: one in a thousand of noise is."""
 PAUSE = 1.0
 """Pauses [s] on the way that are bridged, distance from the sharp edge at which it is looked for."""
 
@@ -110,7 +112,10 @@ def _edges(start: int, stop: int, off: Array, dt: float, size: float) -> tuple[i
 
     n, window, near = len(off), max(1, round(SMOOTH / dt)), max(1, round(PAUSE / dt))
     d = np.linalg.norm(uniform_filter1d(off, window, axis=0), axis=1)
-    between = d > max(ON_ITS_WAY * size, 4.0 * float(np.median(d)))
+    noise = ABOVE_NOISE * float(np.median(d))
+    if ON_ITS_WAY * size < 0.4 * noise:  # too small a field for its edges to be seen
+        return start, stop, 0
+    between = d > max(ON_ITS_WAY * size, noise)
     marked, _ = label(binary_closing(np.pad(between, near), iterations=max(1, near // 2))[near:-near])
     ends = []
     for at in (start, stop):
