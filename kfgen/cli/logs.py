@@ -292,7 +292,7 @@ def gap(
     for name in wanted:
         record, stamps, words = regular(data, name)
         said += [w for w in words if w not in said]
-        gaps[name] = find_gap(name, record, believed.channel(name), stamps)
+        gaps[name] = find_gap(name, record, believed.channel(name), stamps, data.stated)
     gaps = with_pairs(gaps)
     answer = gap_answer(data, believed, gaps)
     answer = replace(answer, warnings=(*said, *answer.warnings))

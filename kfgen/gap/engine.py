@@ -1,8 +1,7 @@
 """Finding the gap of a scene: screen every addition, fit the promising ones, compare, add, again.
 
 The currency is that of `kfgen.gap.evidence`: marginal likelihood by Laplace's method with the same
-priors. The screen is linear: how much an addition's direction, freed of what is fitted anyway, explains of
-the residuals. It costs a few evaluations of the scene, all additions at once.
+priors. What is promising says the screen, see `kfgen.gap.screen`.
 """
 
 from __future__ import annotations
@@ -19,15 +18,13 @@ from kfgen.gap.evidence import ABOVE
 from kfgen.gap.newton import (
     Fitted,
     coordinates,
-    derivative,
-    first_steps,
     fitted,
     is_signed,
     keys_of,
     log_posterior,
-    over_levels,
 )
 from kfgen.gap.scene import Placed, Point, Scene
+from kfgen.gap.screen import LOST, Screened, basis, freed, new_columns, screen
 
 Array = NDArray[np.float64]
 
@@ -39,9 +36,10 @@ BETTER = 1.0
 """Nats by which another name must be better to take a place."""
 DETECTABLE = 8.0
 """Nats that an effect must be worth on average to be named."""
-LOST = 0.02
-"""Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
-
+SURE = 20.0
+"""Nats of an effect that nothing else resembles, with which it is not put to the test again."""
+RESEMBLING = 0.2
+"""Share cos^2 of a direction from which on another addition might be what an effect is."""
 BLIND = 1e-6
 """Share of the information on an unknown that must be left."""
 
@@ -83,28 +81,31 @@ def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
     start = Point((), np.array([u.start for u in scene.unknowns]))
     believed = fitted(scene, start)
-    added, fit = _grown(scene, [], believed)
+    added, fit, others = _grown(scene, [], believed)
     for _ in range(3):
         if len(added) < 2:
             break
         before = [a.trial.label for a in added]
-        added, fit = _reconsidered(scene, added, fit)
+        added, fit = _reconsidered(scene, added, fit, others)
         if [a.trial.label for a in added] == before:
             break
-        added, fit = _grown(scene, added, fit)
+        added, fit, others = _grown(scene, added, fit)
     return Explained(believed, tuple(added), fit)
 
 
-def _grown(scene: Scene, added: Sequence[Added], fit: Fitted) -> tuple[list[Added], Fitted]:
-    """More additions, and the fit with all of them."""
-    out = list(added)
+def _grown(
+    scene: Scene, added: Sequence[Added], fit: Fitted
+) -> tuple[list[Added], Fitted, Sequence[Screened]]:
+    """More additions, the fit with all of them, and what was not added."""
+    out, others = list(added), screen(scene, fit)
     while len(out) < MOST:
-        trials = ranked(scene, fit)
+        trials = ranked(scene, fit, others)
         if not trials or trials[0].gain < ABOVE:
             break
         fit = trials[0].fit
         out = _moved([*out, _chosen(trials[0], trials)], fit)
-    return out, fit
+        others = screen(scene, fit)
+    return out, fit, others
 
 
 def _moved(added: Sequence[Added], fit: Fitted) -> list[Added]:
@@ -113,17 +114,25 @@ def _moved(added: Sequence[Added], fit: Fitted) -> list[Added]:
     return [replace(a, trial=replace(a.trial, placed=p)) for a, p in pairs]
 
 
-def _reconsidered(scene: Scene, added: Sequence[Added], fit: Fitted) -> tuple[list[Added], Fitted]:
-    """Each addition against others in its place, and against nothing."""
+def _reconsidered(
+    scene: Scene, added: Sequence[Added], fit: Fitted, others: Sequence[Screened]
+) -> tuple[list[Added], Fitted]:
+    """Each addition that is in doubt against others in its place, and against nothing."""
+    doubtful = [_doubtful(added, fit, others, i) for i in range(len(added))]
     out, index = list(added), 0
     while index < len(out):
+        if not doubtful[index]:
+            index += 1
+            continue
         rest = out[:index] + out[index + 1 :]
         placed = tuple(p for i, p in enumerate(fit.point.placed) if i != index)
         without = fitted(scene, Point(placed, fit.point.unknowns))
         same = _last(fit, index)
-        trials = ranked(scene, without, replace(out[index].trial, placed=same.point.placed[-1], fit=same))
+        known = replace(out[index].trial, placed=same.point.placed[-1], fit=same)
+        trials = ranked(scene, without, screen(scene, without), known)
         if not trials or trials[0].gain < ABOVE:
             out, fit = _moved(rest, without), without
+            doubtful.pop(index)
             continue
         own = next((t for t in trials if t.fit is same), None)
         keep = own if own is not None and trials[0].gain - own.gain < BETTER else trials[0]
@@ -131,6 +140,19 @@ def _reconsidered(scene: Scene, added: Sequence[Added], fit: Fitted) -> tuple[li
         out, fit = [*out[:index], out[-1], *out[index:-1]], _last(fit, index, back=True)
         index += 1
     return out, fit
+
+
+def _doubtful(added: Sequence[Added], fit: Fitted, others: Sequence[Screened], index: int) -> bool:
+    """Whether an effect may be something else, or nothing beside those that were added since."""
+    if any(o.claims[index] > RESEMBLING for o in others):
+        return True
+    J = fit.jacobian
+    mine = [c for c, (i, _) in enumerate(fit.keys) if i == index]
+    unknowns = J[:, len(fit.keys) :]
+    left = np.sum(freed(J[:, mine], basis(unknowns)) ** 2, axis=0)
+    alone = np.sum(freed(J[:, mine], basis(np.delete(J, mine, axis=1))) ** 2, axis=0)
+    kept = float((alone / np.maximum(left, 1e-300)).min(initial=1.0))
+    return added[index].trial.gain * kept < SURE
 
 
 def _last(fit: Fitted, index: int, *, back: bool = False) -> Fitted:
@@ -169,34 +191,33 @@ def _cos2(a: Array, b: Array) -> float:
     return float((a @ b) ** 2) / power if power > 0.0 else 0.0
 
 
-def ranked(scene: Scene, base: Fitted, known: Trial | None = None) -> list[Trial]:
+def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial | None = None) -> list[Trial]:
     """The most promising additions, fitted, by evidence.
 
     Parameters
     ----------
+    others : sequence of Screened
+        Beside `base`, the best first.
     known : Trial, optional
         An addition that is fitted already: half as many others are held against it.
     """
-    groups = scene.candidates(base.point.placed)
     if known is not None:
-        groups = [g for g in groups if not _alike(g[0], known.placed)]
-    if not groups and known is None:
+        others = [o for o in others if not _alike(o.start, known.placed)]
+    if not others and known is None:
         return []
-    cost = float(np.log(len(groups) + (2 if known else 1)))
+    cost = float(np.log(len(others) + (2 if known else 1)))
     reference = evidence(scene, base)
-    screened = sorted((_screened(scene, base, g) for g in groups), key=lambda s: -s[0])
     trials = []
     if known is not None:
         trials.append(replace(known, gain=evidence(scene, known.fit) - reference - cost))
-    for gain, start, direction in screened[: PROMISING if known is None else PROMISING // 2]:
-        if gain < 1.0:
+    for o in others[: PROMISING if known is None else PROMISING // 2]:
+        if o.gain < 1.0:
             continue
-        point = Point((*base.point.placed, start), base.point.unknowns)
-        fit = fitted(scene, point)
+        fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
         if _blind(base, fit):
             continue
         value = evidence(scene, fit) - reference - cost
-        trials.append(Trial(fit.point.placed[-1], fit, value, direction))
+        trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
 
 
@@ -217,33 +238,6 @@ def _blind(base: Fitted, fit: Fitted) -> bool:
     return bool((after < BLIND * before).any())
 
 
-def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[float, Placed, Array]:
-    """The linear gain [nats] of the best start of an addition, and its direction."""
-    points = [Point((*base.point.placed, s), base.point.unknowns) for s in starts]
-    found = scene.residuals(points)
-    z0 = over_levels(scene, base.residual, base.levels)
-    Q = basis(base.jacobian)
-    best: tuple[float, Placed, Array] = (-np.inf, starts[0], np.zeros_like(z0))
-    for j, point in enumerate(points):
-        if not np.isfinite(found[:, j]).all():
-            continue
-        columns = _new_columns(scene, base, point, found[:, j])
-        z1 = over_levels(scene, found[:, j], base.levels)
-        A = columns - Q @ (Q.T @ columns)
-        size = np.linalg.norm(A, axis=0)
-        own = size > LOST * np.linalg.norm(columns, axis=0)
-        rest = z1 - Q @ (Q.T @ z1)
-        if own.any():
-            B = A[:, own] / size[own]
-            rest = rest - B @ np.linalg.lstsq(B, rest, rcond=1e-10)[0]
-        before = z0 - Q @ (Q.T @ z0)
-        gain = 0.5 * float(before @ before - rest @ rest)
-        direction = A[:, int(np.argmax(size))]
-        if gain > best[0]:
-            best = (gain, starts[j], direction)
-    return best
-
-
 def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
     """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats."""
     Q = basis(fit.jacobian)
@@ -255,57 +249,13 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
         residual = scene.residuals([point])[:, 0]
         if not np.isfinite(residual).all():
             continue
-        column = _new_columns(scene, fit, point, residual)[:, 0]
-        own = float(np.linalg.norm(column - Q @ (Q.T @ column)))
+        column = new_columns(scene, fit, point, residual)[:, 0]
+        own = float(np.linalg.norm(freed(column, Q)))
         effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
             out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
     return out
-
-
-def _new_columns(scene: Scene, base: Fitted, point: Point, residual: Array) -> Array:
-    """Derivatives in the parameters of the last effect only, over the levels, shape (N, k)."""
-    alone = _Alone(scene, point)
-    last = Point((point.placed[-1],), np.zeros(0))
-    J, _ = derivative(alone, last, residual, first_steps(last))
-    return over_levels(scene, J, base.levels)
-
-
-@dataclass(frozen=True)
-class _Alone:
-    """A scene in which only the last effect of a point moves."""
-
-    scene: Scene
-    point: Point
-
-    channels = property(lambda self: self.scene.channels)
-    lengths = property(lambda self: self.scene.lengths)
-    dt = property(lambda self: self.scene.dt)
-    span = property(lambda self: self.scene.span)
-    unknowns = ()
-
-    def residuals(self, points: Sequence[Point]) -> Array:
-        """Of the whole point with its last effect exchanged."""
-        whole = [Point((*self.point.placed[:-1], p.placed[0]), self.point.unknowns) for p in points]
-        return self.scene.residuals(whole)
-
-    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
-        """None."""
-        return []
-
-    def part(self, start: float, stop: float) -> Scene:
-        """Not asked for."""
-        raise NotImplementedError
-
-
-def basis(J: Array) -> Array:
-    """Orthonormal columns of what is fitted anyway."""
-    if not J.shape[1]:
-        return J
-    scale = np.linalg.norm(J, axis=0)
-    U, s, _ = np.linalg.svd(J[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
-    return np.asarray(U[:, s > 1e-9 * s.max(initial=1.0)])
 
 
 def evidence(scene: Scene, fit: Fitted) -> float:

@@ -84,7 +84,9 @@ def best_span(
     found = _search(m_b, good, R_bn, in_body, near[0], near[1]) or found
     start, stop, h, gain = found
     dt = float((t[-1] - t[0]) / (n - 1))
-    start, stop, edge = _edges(start, stop, _off(m_b, good, R_bn, in_body, found), dt, float(np.linalg.norm(h)))
+    start, stop, edge = _edges(
+        start, stop, _off(m_b, good, R_bn, in_body, found), dt, float(np.linalg.norm(h))
+    )
     vector = (float(h[0]), float(h[1]), float(h[2]))
     return Span(float(t[0] + start * dt), float(t[0] + stop * dt), vector, gain, edge * dt)
 

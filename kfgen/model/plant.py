@@ -255,8 +255,8 @@ class Plant:
                 sides.append(self.rates.values([*x, *u, *task.given]))
             for i in range(k):
                 J[:, :, i, j] = (sides[0][i] - sides[1][i]) / (2.0 * step[j])
-        good = np.isfinite(J).all(axis=(2, 3))
-        return np.asarray(np.linalg.eigvals(np.where(good[:, :, None, None], J, 0.0)), dtype=np.complex128)
+        good = np.isfinite(J).all(axis=(2, 3), keepdims=True)
+        return np.asarray(np.linalg.eigvals(np.where(good, J, 0.0)), dtype=np.complex128)
 
     def _channels(self, task: _Task, X: Array) -> dict[str, Array]:
         """What every channel shows, each of shape (n, batch)."""

@@ -126,8 +126,9 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> Table:
     if fs.dtype.kind not in "fiu" or not 0.0 < float(fs) < np.inf:
         raise InputError(f"its rate fs is {fs}", where=str(path), remedy="Give a positive number of hertz")
     header = meta.get("header")
-    _, warnings = stated_rate([f"Fs,{float(fs)}", *map(str, header if isinstance(header, list) else ())], n)
-    return Table(str(path), columns, float(fs), warnings)
+    lines = [f"Fs,{float(fs)}", *map(str, header if isinstance(header, list) else ())]
+    _, stated, warnings = stated_rate(lines, n)
+    return Table(str(path), columns, float(fs), warnings, stated)
 
 
 def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
