@@ -81,7 +81,7 @@ def test_an_event_is_named_with_its_numbers(name: str) -> None:
         assert lo <= float(getattr(found.effect, parameter)) <= hi
         half = 0.5 * (hi - lo) + DT * (parameter == "time")  # a time is one of the samples'
         assert abs(value - 0.5 * (lo + hi)) < 2.5 * half, parameter
-        assert half < 0.3 * value
+        assert half < 0.4 * value
 
 
 @pytest.mark.parametrize("name", ["noise_change", "outliers", "random_telegraph"])
@@ -115,7 +115,7 @@ def test_what_is_taken_out_leaves_white_normal_samples(name: str) -> None:
         power = float(np.mean(means**2)) * block
         assert abs(power - 1.0) < 4.5 * np.sqrt(2.0 / means.size) + 0.03
     raw = y - y.mean()
-    assert kstest(raw, "norm").pvalue < 1e-6 or name == "outliers"
+    assert kstest(raw, "norm").pvalue < 1e-3 or name == "outliers"
 
 
 def test_outliers_have_a_chance_each() -> None:

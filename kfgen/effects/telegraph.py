@@ -81,7 +81,7 @@ class RandomTelegraph(Effect):
                 cells.loss,
                 start,
                 method="Nelder-Mead",
-                options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 240},
+                options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 400},
             )
             if best is None or found.fun < best.fun:
                 best = found
@@ -91,10 +91,13 @@ class RandomTelegraph(Effect):
         H = _second(cells.loss, best.x)
         values = np.maximum(np.linalg.eigvalsh(H), 1e-3)
         evidence = -float(best.fun) + 1.5 * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
+        # The level of the noise is free in either model.
+        evidence += 0.5 * float(np.log(2.0 * series.n + 1.0 / series.level[1] ** 2))
         # The constant is a nuisance of either model: what it leaves open without levels is taken off.
         evidence -= 0.5 * float(np.log(2.0 * np.pi)) + float(np.log(cells.sd / np.sqrt(cells.mean.size)))
         evidence -= float(np.log(DECADES)) + float(np.log(np.log(cells.mean.size / SEVERAL)))
-        spread = np.exp(1.96 * np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True)))))
+        deviation = np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True))))
+        spread = np.exp(np.minimum(1.96 * deviation, 300.0))
         ci95 = {
             "size": (size / float(spread[0]), size * float(spread[0])),
             "dwell": (dwell / float(spread[1]), dwell * float(spread[1])),
@@ -112,12 +115,23 @@ class RandomTelegraph(Effect):
 
 @dataclass(frozen=True)
 class Cells:
-    """Means of cells of a record [SI], their white deviation, their length."""
+    """Means of cells of a record [SI], their white deviation, their length.
+
+    Parameters
+    ----------
+    power : float
+        Sum of squares of the faster ordinates, of which there are `rest`.
+    level : (mean, deviation)
+        What is believed of the logarithm of the noise's level over that of the fit.
+    """
 
     mean: Array
     sd: float
     block: int
     dt: float
+    power: float
+    rest: int
+    level: tuple[float, float]
 
     @staticmethod
     def of(series: Series) -> Cells:
@@ -126,48 +140,56 @@ class Cells:
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
         level = 1.0 / float(np.mean(series.weight[1 : m + 1]))
-        return Cells(mean - mean.mean(), level / float(np.sqrt(block)), block, series.dt * block)
+        power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
+        rest = series.n - m if block > 1 else 0
+        sd = level / float(np.sqrt(block))
+        return Cells(mean - mean.mean(), sd, block, series.dt * block, power, rest, series.level)
 
     def starts(self) -> list[Array]:
-        """Size, dwell (logarithms) and middle from where the means stand, smoothed over several widths."""
+        """Size, dwell (logarithms), middle, level from where the means stand, smoothed over several widths."""
         from scipy.ndimage import uniform_filter1d
 
         out = []
+        loud = 0.5 * float(np.log(self.power / self.rest)) if self.rest else 0.0
         for width in (4, 16, 64):
             if self.mean.size < 8 * width:
                 continue
             smooth = uniform_filter1d(self.mean, width, mode="nearest")
             excess = max(float(np.var(smooth)) - self.sd**2 / width, 1e-2 * self.sd**2 / width)
-            out.append(np.array([np.log(2.0 * np.sqrt(excess)), np.log(3.0 * width * self.dt), 0.0]))
+            out.append(np.array([np.log(2.0 * np.sqrt(excess)), np.log(3.0 * width * self.dt), 0.0, loud]))
         return out
 
     def loss(self, point: Array) -> float:
-        """Minus the gain of log-likelihood over no levels [nats], at log size, log dwell, middle."""
+        """Minus the gain of log-likelihood over no levels [nats], at log size, log dwell, middle, log level."""
         size, dwell, middle = float(np.exp(point[0])), float(np.exp(point[1])), float(point[2])
+        loud, (mean, deviation) = float(point[3]), self.level
         if (
             not 1e-4 * self.sd < size < 1e4 * self.sd
             or not self.dt < dwell < self.mean.size * self.dt / SEVERAL
         ):
             return 1e6 + abs(float(point[0])) + abs(float(point[1]))
         none = -0.5 * (self.mean / self.sd) ** 2
-        return -(_log_forward(self._emission(size, middle), self._stay(dwell)) - float(none.sum()))
+        gain = _log_forward(self._emission(size, middle, loud), self._stay(dwell)) - float(none.sum())
+        gain -= (self.mean.size + self.rest) * loud + 0.5 * self.power * float(np.expm1(-2.0 * loud))
+        return -gain + 0.5 * (((loud - mean) / deviation) ** 2 - (mean / deviation) ** 2)
 
-    def _emission(self, size: float, middle: float) -> Array:
+    def _emission(self, size: float, middle: float, loud: float) -> Array:
         levels = middle + size * np.array([-0.5, 0.5])
-        return np.asarray(-0.5 * ((self.mean[:, None] - levels) / self.sd) ** 2)
+        return np.asarray(-0.5 * ((self.mean[:, None] - levels) / (self.sd * float(np.exp(loud)))) ** 2)
 
     def _stay(self, dwell: float) -> float:
         return 0.5 + 0.5 * float(np.exp(-2.0 * self.dt / dwell))
 
     def smoothed(self, size: float, dwell: float) -> Array:
         """Probability of the upper level in each cell, given all, shape (m,)."""
-        from scipy.optimize import minimize_scalar
+        from scipy.optimize import minimize
 
-        def off(middle: float) -> float:
-            return self.loss(np.array([np.log(size), np.log(dwell), middle]))
+        def off(x: Array) -> float:
+            return self.loss(np.array([np.log(size), np.log(dwell), size * x[0], x[1]]))
 
-        middle = float(minimize_scalar(off, bounds=(-0.5 * size, 0.5 * size), method="bounded").x)
-        e, stay = self._emission(size, middle), self._stay(dwell)
+        loud = 0.5 * float(np.log(self.power / self.rest)) if self.rest else 0.0
+        best = minimize(off, [0.0, loud], method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2}).x
+        e, stay = self._emission(size, size * float(best[0]), float(best[1])), self._stay(dwell)
         e = np.exp(e - e.max(axis=1, keepdims=True))
         forward, backward = _pass(e, stay), _pass(e[::-1], stay)[::-1]
         both = forward * backward / np.maximum(e, 1e-300)
@@ -203,10 +225,10 @@ def _log_forward(e: Array, stay: float) -> float:
 
 
 def _second(f: Any, x: Array) -> Array:
-    """Second derivatives by central differences, shape (3, 3)."""
-    steps = np.diag([0.02, 0.02, 0.02 * float(np.exp(x[0]))])
-    H = np.zeros((3, 3))
-    for i in range(3):
+    """Second derivatives by central differences, shape (4, 4)."""
+    steps = np.diag([0.02, 0.02, 0.02 * float(np.exp(x[0])), 0.005])
+    H = np.zeros((4, 4))
+    for i in range(4):
         for j in range(i + 1):
             a, b = steps[i], steps[j]
             H[i, j] = H[j, i] = (f(x + a + b) - f(x + a - b) - f(x - a + b) + f(x - a - b)) / (
