@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.effects.axes import axis_faults
 from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay
 from kfgen.errors import InputError
 from kfgen.gap.offers import Bench, offers
@@ -32,6 +33,8 @@ Array = NDArray[np.float64]
 
 BESIDE = 32
 """Samples on either side of a stretch that is not compared to which its noise is joined."""
+UNLIKE = 0.2
+"""Share of a channel's power that may be no motion of the triad where its axes are looked at."""
 NOTICED = 3.0
 """Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
 
@@ -259,6 +262,16 @@ class MotionScene:
             good[(self.truth.t >= start) & (self.truth.t < stop)] = False
         return Bench(self.truth, moved, good, y - extra, spread, field, self.drive)
 
+    def faults(self) -> tuple[Placed, ...]:
+        """Channels that read another axis, the opposite, or another unit than they should."""
+        found = []
+        for c in self.compared:
+            if c.sensor in self.truth.read or c.sensor != "mag":
+                X, y = self.truth.signals(c.sensor).y[self.good], c.y[self.good]
+                row = combination(X - X.mean(axis=0), y - y.mean())
+                found += [Placed(e, c.name) for e in axis_faults(row, c.axis)]
+        return tuple(found)
+
     def part(self, start: float, stop: float) -> MotionScene:
         """The same world from `start` to `stop` [s]."""
         i, j = np.searchsorted(self.truth.t, [start, stop], side="left")
@@ -277,6 +290,13 @@ class MotionScene:
 def _needs(effects: Sequence[Effect]) -> tuple[str, ...]:
     """The drivers that effects need."""
     return tuple(sorted({n for e in effects if isinstance(e, Motion) for n in e.needs}))
+
+
+def combination(X: Array, y: Array) -> Array:
+    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not."""
+    row = np.linalg.lstsq(np.nan_to_num(X), y, rcond=1e-6)[0]
+    left = y - np.nan_to_num(X) @ row
+    return np.asarray(row if left @ left < UNLIKE * float(y @ y) else np.zeros(3))
 
 
 def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:

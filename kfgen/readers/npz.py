@@ -142,7 +142,7 @@ def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
 def _columns(name: str, values: NDArray[np.float64], text: str) -> dict[str, Column]:
     channel, unit = _USUAL.get(name, (name, None))
     if unit:
-        stated = re.search(rf"\b{name}\s+([A-Za-z][\w/^]*)", text)
+        stated = re.search(rf"\b{name}(?:\[[^\]]*\])?\s+([A-Za-z][\w/^]*)", text)
         unit = stated.group(1) if stated else unit
     if values.ndim == 1:
         return {channel: Column(values, unit)}

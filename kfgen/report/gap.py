@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import kfgen
 from kfgen.effects import Effect
+from kfgen.effects.integrity import Fault
 from kfgen.gap.battery import RATE, Test, bands
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import METRIC, Gap
@@ -46,7 +47,9 @@ VERDICTS = {
 
 
 def finding_sentence(g: ChannelGap, f: Finding) -> str:
-    """A missing effect in words: name, size, share, band, alternatives."""
+    """A missing effect in words: name, size, share, band, alternatives; of a fault, what is wrong."""
+    if isinstance(f.effect, Fault):
+        return f.effect.sentence(g.channel, g.unit)
     size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
         f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.effects.integrity import Fault
 from kfgen.gap.battery import RATE, Test
 from kfgen.gap.outcome import PlacedFinding, SceneGap
 from kfgen.gap.proof import METRIC
@@ -84,6 +85,8 @@ def _verdict(g: SceneGap) -> str:
 
 def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     """A missing effect in words: what, where, how large, how sure, what else it could be."""
+    if isinstance(f.placed.effect, Fault):
+        return f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
     shown = parameters_of(f, unit_of)
     size = ", ".join(
         f"{k} = {quantity(v['value'], v['unit'])}"
