@@ -124,7 +124,7 @@ def test_a_magnet_on_a_magnetometer(
 ) -> None:
     """Within 1 uT of what the sensor's difference to the undisturbed field over the minute gives."""
     text = line_of(said("magnet", case, f"dynamic/broad_{file}.npz"), "hard iron")
-    found = [number(text, f"{a} = ") * 1e6 for a in "xyz"]
+    found = [number(text, f"{a} = ") for a in "xyz"]
     assert found == pytest.approx(iron, abs=1.0)
 
 
