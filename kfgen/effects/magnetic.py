@@ -36,6 +36,7 @@ class HardIron(Motion):
 
     name: ClassVar[str] = "hard_iron"
     title: ClassVar[str] = "hard iron"
+    separator: ClassVar[str] = "a turn in place about every axis"
     saying: ClassVar[str] = "carries a field of its own: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
 
@@ -64,6 +65,7 @@ class SoftIron(Motion):
 
     name: ClassVar[str] = "soft_iron"
     title: ClassVar[str] = "soft iron"
+    separator: ClassVar[str] = "a turn in place about every axis"
     saying: ClassVar[str] = "distorts the field (output axis, input axis): {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
 
@@ -85,6 +87,7 @@ class MagneticDisturbance(Motion):
 
     name: ClassVar[str] = "magnetic_disturbance"
     title: ClassVar[str] = "magnetic disturbance fixed in space"
+    separator: ClassVar[str] = "a turn in place about every axis"
     saying: ClassVar[str] = "meets another field in space: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)

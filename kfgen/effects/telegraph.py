@@ -45,6 +45,7 @@ class RandomTelegraph(Effect):
 
     name: ClassVar[str] = "random_telegraph"
     title: ClassVar[str] = "random telegraph noise"
+    separator: ClassVar[str] = "a record with more of its jumps"
     saying: ClassVar[str] = "jumps between two levels {size} apart, staying for {dwell} on average"
     alters: ClassVar[bool] = True
 

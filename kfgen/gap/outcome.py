@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, explained, limits
-from kfgen.gap.finding import SET
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
 from kfgen.gap.scene import Inspected, Placed, Point, Scene, Unknown
 from kfgen.gap.screen import basis
+from kfgen.gap.search import SET
 from kfgen.gap.whitened import Whitener
 
 Array = NDArray[np.float64]

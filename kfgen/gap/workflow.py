@@ -13,9 +13,9 @@ from kfgen.gap.battery import Test, battery
 from kfgen.gap.checks import Checks, checks_of
 from kfgen.gap.evidence import Candidate, additions, series_of
 from kfgen.gap.faults import said_of, spoilt, spotted_in
-from kfgen.gap.finding import SET, ChannelGap, Finding
+from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import held_out_gap
-from kfgen.gap.search import RETUNE, Chosen, Search, searched
+from kfgen.gap.search import RETUNE, SET, Chosen, Search, searched
 from kfgen.gap.trust import check, merged, moved, priors_of, taken_out
 from kfgen.identify.channel import LONG
 from kfgen.identify.fit import Problem, maximise
@@ -174,7 +174,13 @@ def _terms(
 def _finding(chosen: Chosen, term: Term, worst: Test) -> Finding:
     others = sorted(((n, p) for n, p in chosen.shares.items() if n != chosen.name), key=lambda a: -a[1])
     return Finding(
-        term.effect, term.ci95, chosen.shares[chosen.name], chosen.candidate.gain, tuple(others), worst
+        term.effect,
+        term.ci95,
+        chosen.shares[chosen.name],
+        chosen.candidate.gain,
+        tuple(others),
+        worst,
+        chosen.others,
     )
 
 

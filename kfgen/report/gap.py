@@ -60,7 +60,10 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
             f", and on {g.gap.held_out}, which the fit did not see, {100 * g.gap.closed:.0f} % of it closes"
         )
     if f.indistinguishable:
-        words += f". This record does not rule out {' or '.join(f.indistinguishable)}"
+        told = {o.other: o.words(type(f.effect)) for o in f.others}
+        words += (
+            f". This record does not rule out {'; or '.join(told.get(n, n) for n in f.indistinguishable)}"
+        )
     return words
 
 
@@ -366,6 +369,10 @@ def _step(g: ChannelGap, f: Finding) -> dict[str, Any]:
         "evidence_nats": f.evidence,
         "alternatives": [{"effect": n, "probability": p} for n, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
+        "apart": [
+            {"effect": o.other, "cos2": o.cos2, "nats": o.nats, "record_factor": o.longer} for o in f.others
+        ],
+        "separator": f.effect.separator,
         "parameters": {
             p.name: {
                 "value": float(getattr(f.effect, p.name)),

@@ -97,6 +97,7 @@ def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
     if f.indistinguishable:
         words += f". This log does not rule out {' or '.join(f.indistinguishable)}"
+        words += f"; {f.placed.effect.separator} would tell" if f.placed.effect.separator else ""
     if near:
         words += f"; in this log it looks nearly like {', '.join(near[:3])}"
     return words
@@ -261,6 +262,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
         "evidence_nats": f.evidence,
         "alternatives": [{"effect": n, "channel": w, "probability": p} for n, w, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
+        "separator": f.placed.effect.separator,
         "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
         "parameters": parameters_of(f, unit_of),
         "where": {"from_s": t0, "to_s": t1},
