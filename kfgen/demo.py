@@ -21,9 +21,11 @@ from kfgen.gap.workflow import find_gap
 from kfgen.identify.channel import identify
 from kfgen.identify.record import Record
 from kfgen.log import Channel, Log
+from kfgen.manoeuvre.flight import warming
 from kfgen.model.library import build
 from kfgen.noise import NoiseModel, write_noise
 from kfgen.readers import write_log
+from kfgen.report.audit import audit_answer
 from kfgen.report.filter import (
     OPERATIONS,
     VERDICT_HEAD,
@@ -34,9 +36,8 @@ from kfgen.report.filter import (
 )
 from kfgen.report.gap import gap_answer, mended_model
 from kfgen.report.identify import identify_answer, noise_model
-from kfgen.report.model import STATE_HEAD, audit_answer, equation_parts, state_rows
+from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
 from kfgen.report.page import Answer, Page, heading, sentence, table, text, write_page
-from kfgen.simulate import warming
 from kfgen.verify.compare import verify
 
 SEED = 20261121
@@ -135,7 +136,7 @@ def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
         write_folder(program, target, noise, out / target)
     cores = ["host", "m4f"] if _emulator() else ["host"]
     verdicts = verify(read_folder(out / "c"), cores) + verify(read_folder(out / "filterpy"), ["host"])
-    hidden_states = audit_answer([audit(program.discrete.model)])
+    hidden_states = audit_answer(audit(program.discrete.model))
     page = Page(
         "",
         (

@@ -5,108 +5,27 @@ The sensors are the same ``predict(state)`` expressions that the filter differen
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
 from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.log import Channel, Log
+from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
+from kfgen.manoeuvre.flight import plant_input, wanted, warming
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
-from kfgen.units import STANDARD_GRAVITY
+from kfgen.model.truth import Wanted, along, drawn, numeric
 
 Array = NDArray[np.float64]
 
 LONGEST = 10**9
 """Samples of the longest log."""
-
-GRAVITY_N = np.array([0.0, 0.0, STANDARD_GRAVITY])
-
-
-@dataclass(frozen=True)
-class Manoeuvre:
-    """A motion as functions of time.
-
-    Parameters
-    ----------
-    name, title : str
-    rate : callable
-        Body rate [rad/s], shape (n, 3), at times (n,).
-    acceleration : callable
-        Acceleration in the navigation frame [m/s^2], shape (n, 3).
-    """
-
-    name: str
-    title: str
-    rate: Callable[[Array], Array]
-    acceleration: Callable[[Array], Array]
-
-
-def _still(t: Array) -> Array:
-    return np.zeros((t.size, 3))
-
-
-def _waves(
-    sizes: tuple[float, float, float], frequencies: tuple[float, float, float]
-) -> Callable[[Array], Array]:
-    def wave(t: Array) -> Array:
-        return np.asarray(np.sin(2 * np.pi * np.outer(t, frequencies)) * sizes)
-
-    return wave
-
-
-def _yaw(t: Array) -> Array:
-    """A turn of half a revolution about down in the middle third."""
-    T = t[-1] - t[0] if t.size > 1 else 1.0
-    on = (t > T / 3) & (t < 2 * T / 3)
-    return np.outer(np.where(on, np.pi / (T / 3), 0.0), [0.0, 0.0, 1.0])
-
-
-MANOEUVRES: dict[str, Manoeuvre] = {
-    "static": Manoeuvre("static", "at rest, level, heading north", _still, _still),
-    "yaw-turn": Manoeuvre("yaw-turn", "half a turn about the vertical", _yaw, _still),
-    "generic": Manoeuvre(
-        "generic",
-        "rates and accelerations about all axes",
-        _waves((0.5, 0.4, 0.6), (0.11, 0.17, 0.07)),
-        _waves((1.0, 1.5, 0.7), (0.05, 0.083, 0.13)),
-    ),
-}
-
-
-@dataclass(frozen=True)
-class Truth:
-    """The true motion: `R_nb` (n, 3, 3), `v_n`, `p_n` (n, 3), `omega_b`, `f_b` (n, 3)."""
-
-    t: Array
-    R_nb: Array
-    v_n: Array
-    p_n: Array
-    omega_b: Array
-    f_b: Array
-
-
-def truth(manoeuvre: Manoeuvre, t: Array) -> Truth:
-    """Integrate a manoeuvre from rest at the origin, body axes along north, east and down."""
-    from scipy.spatial.transform import Rotation
-
-    dt = float(t[1] - t[0]) if t.size > 1 else 1.0
-    omega, a = manoeuvre.rate(t), manoeuvre.acceleration(t)
-    steps = Rotation.from_rotvec(omega * dt)
-    q = Rotation.identity()
-    matrices = np.empty((t.size, 3, 3))
-    for k, step in enumerate(steps):
-        matrices[k] = q.as_matrix()
-        q = q * step
-    v = np.vstack([np.zeros(3), np.cumsum(a[:-1] * dt, axis=0)])
-    p = np.vstack([np.zeros(3), np.cumsum(v[:-1] * dt + 0.5 * a[:-1] * dt**2, axis=0)])
-    return Truth(t, matrices, v, p, omega, np.einsum("kij,ki->kj", matrices, a - GRAVITY_N))
 
 
 def simulate(
@@ -123,7 +42,7 @@ def simulate(
     discrete : DiscreteModel
         Its `rate` [Hz] is the log's.
     manoeuvre : str
-        A key of `MANOEUVRES`.
+        A library manoeuvre, or the path of a manoeuvre file.
     duration : float
         [s].
     rng : numpy.random.Generator
@@ -135,8 +54,7 @@ def simulate(
     InputError
         An unknown manoeuvre, or a duration of less than two samples.
     """
-    if manoeuvre not in MANOEUVRES:
-        raise InputError(f"there is no manoeuvre '{manoeuvre}'", remedy=f"Known are {', '.join(MANOEUVRES)}")
+    flown = manoeuvre_of(manoeuvre)
     n = round(duration * discrete.rate) if np.isfinite(duration) else 0
     if n > LONGEST:
         raise InputError(f"a duration of {duration:g} s is too long", remedy="Give a shorter --duration")
@@ -146,21 +64,33 @@ def simulate(
         )
     model, t = discrete.model, np.arange(n) / discrete.rate
     if isinstance(model.motion, Equations):
-        return _plant_log(discrete, model.motion, manoeuvre, t, rng, drive)
-    true = truth(MANOEUVRES[manoeuvre], t)
+        return _plant_log(discrete, model.motion, flown, t, rng, drive)
+    return simulate_motion(discrete, wanted(flown, t), rng, drive, flown.name)
+
+
+def simulate_motion(
+    discrete: DiscreteModel,
+    motion: Wanted,
+    rng: np.random.Generator,
+    drive: Mapping[str, Array] | None = None,
+    name: str = "own motion",
+) -> Log:
+    """A log along any motion; parameters as of `simulate`, `name` is said in the log's source."""
+    model, t = discrete.model, motion.t
+    true = along(model, motion, drawn(model, rng))
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
-        channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
-    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
+        channels[channel] = Channel(values + _own_noise(discrete, channel, t.size, rng), unit)
+    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {name}")
 
 
 def _plant_log(
     discrete: DiscreteModel,
     motion: Equations,
-    manoeuvre: str,
+    manoeuvre: Manoeuvre,
     t: Array,
     rng: np.random.Generator,
     drive: Mapping[str, Array] | None,
@@ -169,8 +99,7 @@ def _plant_log(
     from kfgen.model.plant import simulate as simulated
 
     model, user = discrete.model, motion.user
-    acceleration = MANOEUVRES[manoeuvre].acceleration(t)
-    inputs = {n: acceleration[:, k % 3] for k, n in enumerate(user.inputs)}
+    inputs = {n: plant_input(manoeuvre, n, k, t) for k, n in enumerate(user.inputs)}
     run = simulated(user, t, inputs)
     clean = inputs | {n: h[:, 0] for n, h in run.channels.items()}
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
@@ -181,7 +110,7 @@ def _plant_log(
     states = {
         f"ref_{n}": Channel(run.states[:, k, 0], motion.blocks[k].unit) for k, n in enumerate(user.states)
     }
-    return Log(t, channels | states, source=f"simulated {model.name}, {manoeuvre}")
+    return Log(t, channels | states, source=f"simulated {model.name}, {manoeuvre.name}")
 
 
 def _measured(
@@ -209,48 +138,26 @@ def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Gen
     return np.zeros(n)
 
 
-def _clean(model: FilterModel, true: Truth) -> dict[str, Array]:
+def _clean(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Array]:
     """What every channel would read without its effects."""
-    triads = {"gyro": true.omega_b, "accel": true.f_b}
-    out = {c: triads[i.name][:, k] for i in model.motion.inputs for k, c in enumerate(i.channels)}
+    out = {c: true[c] for i in model.motion.inputs for c in i.channels}
+    n = next(iter(true.values())).size
     for sensor in model.sensors:
-        h = sensor.predict({b.name: b.value for b in model.blocks})
-        symbols, values = _substitution(model, true)
-        rows = sp.lambdify(symbols, list(h), "numpy")(*values)
-        for channel, row in zip(sensor.channels, rows):
-            out[channel] = np.broadcast_to(np.asarray(row, float), true.t.shape)
+        rows = numeric(list(model.clean(sensor)), true)
+        out |= {c: np.broadcast_to(row, n) for c, row in zip(sensor.channels, rows)}
     return out
 
 
-def _substitution(model: FilterModel, true: Truth) -> tuple[list[sp.Symbol], list[Array | float]]:
-    vectors = {"p": true.p_n, "v": true.v_n}
-    symbols: list[sp.Symbol] = [c.symbol for c in model.constants]
-    values: list[Array | float] = [c.value for c in model.constants]
-    for b in model.blocks:
-        if isinstance(b, Attitude):
-            symbols += list(b.nominal)
-            values += [true.R_nb[:, i, j] for i in range(3) for j in range(3)]
-        else:
-            symbols += list(b.nominal)
-            values += [vectors[b.name][:, k] for k in range(3)]
-    return symbols, values
-
-
-def _references(model: FilterModel, true: Truth) -> dict[str, Channel]:
+def _references(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Channel]:
+    """The true blocks as ``ref_`` channels, the attitude as a quaternion."""
     from scipy.spatial.transform import Rotation
 
-    if model.attitude is None:
-        return {}
-    q = Rotation.from_matrix(true.R_nb).as_quat(scalar_first=True, canonical=True)
-    out = {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
-    names = {b.name for b in model.blocks}
-    for name, unit, values in (("p", "m", true.p_n), ("v", "m/s", true.v_n)):
-        if name in names:
-            out |= {f"ref_{name}_{a}": Channel(values[:, k], unit) for k, a in enumerate("NED")}
+    out: dict[str, Channel] = {}
+    for b in model.blocks:
+        if isinstance(b, Attitude):
+            R = np.stack([true[s.name] for s in b.nominal], axis=1).reshape(-1, 3, 3)
+            q = Rotation.from_matrix(R).as_quat(scalar_first=True, canonical=True)
+            out |= {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
+        else:
+            out |= {f"ref_{name}": Channel(true[name], b.unit) for name in b.nominal_names}
     return out
-
-
-def warming(t: Array) -> Array:
-    """A temperature [K] that warms up by 12 K and then swings by 4 K, shape (n,)."""
-    T = float(t[-1] - t[0]) or 1.0
-    return np.asarray(293.15 + 12.0 * (1.0 - np.exp(-6.0 * t / T)) + 4.0 * np.sin(4.5 * np.pi * t / T))

@@ -7,7 +7,7 @@ matrices that are built here from textbook F and H, at random numbers.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,12 @@ import sympy as sp
 from scipy.linalg import block_diag
 
 from kfgen.audit.audit import audit
-from kfgen.audit.null import null_directions, observability_rows
+from kfgen.audit.basis import readable
+from kfgen.audit.chain import along
+from kfgen.audit.plan import Plan
+from kfgen.audit.symbolic import null_of, rows_of
 from kfgen.effects import Effect, make
+from kfgen.manoeuvre.library import LIBRARY
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.model.motion import Rest, Strapdown
@@ -35,16 +39,20 @@ def one_axis(*effects: Effect) -> FilterModel:
     return FilterModel("one", "one axis", Rest(), (AtRest(),), {"gyro_x": effects})
 
 
-def names(model: FilterModel, vectors: tuple[sp.Matrix, ...]) -> list[dict[str, float]]:
-    values = {c.symbol: c.value for c in model.constants}
+def hidden(model: FilterModel, sensors: Sequence[str] = ()) -> list[dict[str, float]]:
+    """The hidden directions at rest."""
+    used = [model.sensor(n) for n in sensors] if sensors else model.sensors
+    plan = Plan(model, tuple(used))
+    (h,) = along(plan, [LIBRARY["static"]])
     return [
-        {s.name: float(e.subs(values)) for s, e in zip(model.states, v, strict=True) if e != 0}
-        for v in vectors
+        {s.name: float(e) for s, e in zip(model.states, v.values, strict=True) if e}
+        for v in readable(plan, LIBRARY["static"], h, generic=True)
+        if all(e is not None for e in v.values)
     ]
 
 
 def test_row_4_ins_at_rest_hides_four_directions() -> None:
-    answer = audit(build("ins15"))
+    answer = audit(build("ins15")).first
     assert (answer.states, answer.rank, answer.nullity) == (15, 11, 4)
     found = sorted((d.vector for d in answer.directions), key=str)
     wanted = [
@@ -58,7 +66,7 @@ def test_row_4_ins_at_rest_hides_four_directions() -> None:
 
 
 def test_row_4_in_words() -> None:
-    sentences = {d.sentence for d in audit(build("ins15")).directions}
+    sentences = {d.sentence for d in audit(build("ins15")).first.directions}
     assert sentences == {
         "Heading changes no measurement",
         "Down gyro bias changes no measurement",
@@ -90,7 +98,7 @@ def test_row_11_heading_of_two_antennas_leaves_the_tilts() -> None:
     model = FilterModel(
         "ins+heading", "", Strapdown(), (GnssPosition(), GnssVelocity(), Heading()), build("ins15").noise
     )
-    found = names(model, null_directions(model))
+    found = hidden(model)
     assert found == [{k: v for k, v in t.items() if v != 0.0} for t in TILTS]
 
 
@@ -99,7 +107,7 @@ def test_known_field_leaves_the_rotation_about_the_field() -> None:
         "ins+mag", "", Strapdown(), (GnssPosition(), GnssVelocity(), MagneticField()), build("ins15").noise
     )
     field = {c.name: c.value for c in model.constants}
-    (found,) = names(model, null_directions(model))
+    (found,) = hidden(model)
     assert found == {
         "phi_N": 1.0,
         "phi_D": pytest.approx(field["mag_D"] / field["mag_N"], rel=1e-12),
@@ -108,7 +116,7 @@ def test_known_field_leaves_the_rotation_about_the_field() -> None:
 
 
 @pytest.mark.parametrize(
-    ("used", "hidden"),
+    ("used", "wanted"),
     [
         (("accel",), [{"phi_D": 1.0}, {"bg_z": 1.0}]),
         (("accel", "mag"), []),
@@ -116,18 +124,18 @@ def test_known_field_leaves_the_rotation_about_the_field() -> None:
     ],
     ids=["accel", "accel and mag", "mag"],
 )
-def test_row_14_attitude_at_rest(used: tuple[str, ...], hidden: list[dict[str, float]]) -> None:
+def test_row_14_attitude_at_rest(used: tuple[str, ...], wanted: list[dict[str, float]]) -> None:
     """The field is (20, 0, 44) uT: turning about it, by 1 and 2.2, is not seen."""
     model = build("ahrs6")
-    found = names(model, null_directions(model, used))
-    assert [v.keys() for v in found] == [v.keys() for v in hidden]
-    for v, w in zip(found, hidden, strict=True):
+    found = hidden(model, used)
+    assert [v.keys() for v in found] == [v.keys() for v in wanted]
+    for v, w in zip(found, wanted, strict=True):
         assert v == pytest.approx(w, rel=1e-12)
 
 
 def test_row_22_two_equal_time_constants_hide_a_difference() -> None:
     twin = make("gauss_markov", sigma=1e-3, tau=20.0), make("gauss_markov", sigma=3e-3, tau=20.0)
-    (found,) = names(one_axis(*twin), null_directions(one_axis(*twin)))
+    (found,) = hidden(one_axis(*twin))
     assert found == {"gyro_x_gm": 1.0, "gyro_x_gm2": -1.0}
 
 
@@ -136,30 +144,30 @@ def test_row_22_unequal_time_constants_are_visible(ratio: float) -> None:
     model = one_axis(
         make("gauss_markov", sigma=1e-3, tau=20.0), make("gauss_markov", sigma=3e-3, tau=20.0 * ratio)
     )
-    assert null_directions(model) == ()
+    assert hidden(model) == []
 
 
 def test_row_22_gauss_markov_beside_a_walk_is_visible() -> None:
     tau = 40.0
     model = one_axis(make("gauss_markov", sigma=1e-3, tau=tau), make("rate_random_walk", K=1e-5))
-    answer = audit(model)
+    answer = audit(model).first
     assert (answer.rank, answer.nullity) == (2, 0)
-    O = observability_rows(model.F, model.H(model.sensors[0]), [])
+    O = rows_of(model.F, model.H(model.sensors[0]), [0, 1])
     assert float(O.det()) == pytest.approx(1 / tau, rel=1e-12)
 
 
 def test_temperature_must_change_to_be_told_from_a_bias() -> None:
     """With a temperature whose derivatives are free the coefficient shows; without, it is the bias."""
     model = one_axis(make("rate_random_walk", K=1e-5), make("temperature", coefficient=1e-5))
-    assert null_directions(model) == ()
-    frozen = observability_rows(model.F, model.H(model.sensors[0]), [])
+    assert hidden(model) == []
+    frozen = rows_of(model.F, model.H(model.sensors[0]), [0, 1])
     assert frozen.rank() == 1
 
 
 def test_hidden_state_keeps_the_name_of_its_channel() -> None:
     """Nothing on the down gyro of an INS at rest shows; what is hidden is named as in the log."""
     model = build("ins15").augment("gyro_z", make("gauss_markov", sigma=1e-4, tau=9.0))
-    sentences = [d.sentence for d in audit(model).directions if "gyro_z_gm" in d.vector]
+    sentences = [d.sentence for d in audit(model).first.directions if "gyro_z_gm" in d.vector]
     assert len(sentences) == 1
     assert "gyro_z first-order Gauss-Markov bias" in sentences[0]
 
@@ -228,7 +236,7 @@ def test_rank_is_numpys_rank_of_the_textbook_matrices(name: str, sensors: int, a
     if axes:
         F, H = with_markov(F, H, [gyro + "xyz".index(a) for a in axes], taus)
     assert F.shape[0] == len(model.states)
-    assert len(model.states) - len(null_directions(model)) == numpy_rank(F, H)
+    assert len(model.states) - len(hidden(model)) == numpy_rank(F, H)
 
 
 def test_json_is_as_promised(kfgen: Callable[..., Any], tmp_path: Path) -> None:
@@ -249,3 +257,76 @@ def test_json_is_as_promised(kfgen: Callable[..., Any], tmp_path: Path) -> None:
 
 def test_unknown_manoeuvre_is_bad_usage(kfgen: Callable[..., Any]) -> None:
     assert kfgen("audit", "ins15", "--manoeuvre", "loop").exit_code == 2
+
+
+def test_row_1_linearised_at_a_point_keeps_its_parameters() -> None:
+    """Hemerly's filter with its matrices held (eqs 19-22): the rank is 3 of 5 for every parameter value."""
+    x1, x2, B, K, beta, r = sp.symbols("x1 x2 B K beta r", positive=True)  # r = sqrt(K^2 + beta^2 B^2)
+    F = sp.Matrix([x2, -beta * x2, 0, 0, 0]).jacobian([x1, x2, B, K, beta])
+    H = sp.Matrix(
+        [[K * beta, r, beta**2 * B * x2 / r, beta * x1 + K * x2 / r, K * x1 + beta * B**2 * x2 / r]]
+    )
+    basis = null_of(F, H)
+    assert len(basis) == 2
+    expected = [
+        sp.Matrix([-B * beta * x2 / (K * r), 0, 1, 0, 0]),
+        sp.Matrix([-(K * x2 + r * beta * x1) / (K * r * beta), 0, 0, 1, 0]),
+    ]
+    at = {x1: 7, x2: -3, B: 2, K: 3, beta: 2, r: 5}
+    for v in expected:
+        together = sp.Matrix.hstack(*basis, v).subs(at)
+        assert (rows_of(F, H, range(5)) * v).subs(at).is_zero_matrix
+        assert together.rank() == 2
+
+
+def test_row_2_keeps_gravity_and_earth_rate_as_symbols() -> None:
+    """Stationary alignment, vN vE phi bg baN baE: the three directions with their parameters."""
+    g, N, D = sp.symbols("g W_N W_D", real=True)
+    F = sp.zeros(10, 10)
+    F[0, 3], F[0, 8], F[1, 2], F[1, 9] = g, 1, -g, 1
+    F[2, 3], F[3, 4], F[3, 2], F[4, 3] = D, N, -D, -N
+    F[2, 5] = F[3, 6] = F[4, 7] = -1
+    H = sp.eye(10)[:2, :]
+    basis = sp.Matrix.hstack(*null_of(F, H))
+    assert basis.cols == 3
+    expected = (
+        {4: 1, 6: N},
+        {3: 1, 5: D, 7: -N, 8: -g},
+        {2: 1, 4: D / N, 9: g},
+    )
+    for direction in expected:
+        v = sp.Matrix([direction.get(k, 0) for k in range(10)])
+        assert sp.Matrix.hstack(basis, v).rank(simplify=True) == 3
+
+
+def test_amounts_are_exact_and_in_parameters() -> None:
+    tilt = next(d for d in audit(build("ins15")).first.directions if "phi_E" in d.vector)
+    assert tilt.exact == {"phi_E": "1", "ba_N": "-196133/20000"}
+    assert tilt.formula == {"phi_E": "1", "ba_N": "-g"}
+
+
+def test_table_says_what_frees_what() -> None:
+    """Rows 4, 6, 9 and 14: turning about the vertical frees tilts, not heading; level flight in turns frees all."""
+    answer = audit(build("ins15"))
+    freed = {"+".join(d.vector): set(d.freed_by) for d in answer.first.directions}
+    assert "yaw-turn" in freed["phi_E+ba_N"]
+    assert "yaw-turn" in freed["phi_N+ba_E"]
+    assert not freed["phi_D"] & {"yaw-turn", "two-position", "six-position", "cruise", "hover"}
+    assert "six-position" in freed["bg_D"]
+    assert "accelerate" not in freed["phi_N+ba_E"]
+    assert answer.table is not None
+    assert answer.table.shortest is LIBRARY["s-turn"]
+
+
+def test_gauges_are_named() -> None:
+    from audit_models import FEATURE, With, camera, model
+
+    answer = audit(model(With(Strapdown(), FEATURE), camera), (LIBRARY["generic"],)).first
+    assert [d.sentence for d in answer.directions] == [
+        "Moving everything north changes no measurement",
+        "Moving everything east changes no measurement",
+        "Moving everything down changes no measurement",
+        "Turning everything about the vertical changes no measurement",
+    ]
+    turning = answer.directions[-1].vector
+    assert turning == pytest.approx({"phi_D": 1.0, "f1_N": -5.0, "f1_E": 30.0})

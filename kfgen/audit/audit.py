@@ -1,26 +1,33 @@
-"""The answer of an audit: rank, hidden directions with names and units, sentences."""
+"""The answer of an audit: rank, hidden directions with names and units, in words; what frees them, and how well states show."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import sympy as sp
 
-from kfgen.audit.null import null_directions
+from kfgen.audit.basis import Null, readable
+from kfgen.audit.chain import Hidden, along
+from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
+from kfgen.audit.lint import lint
 from kfgen.audit.numeric import Numeric, numeric
-from kfgen.model.attach import StateInfo
+from kfgen.audit.plan import Plan
+from kfgen.audit.ring import PRIMES, Degenerate
+from kfgen.audit.symbolic import at_rest, null_of
+from kfgen.audit.values import in_numbers
+from kfgen.audit.words import called, sentence, words
+from kfgen.discretise import DiscreteModel
+from kfgen.manoeuvre.library import LIBRARY
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
 
-NAVIGATION = {"x": "N", "y": "E", "z": "D"}
-"""At the operating point body axes lie along navigation axes, and are called by them."""
-WORDS = {"N": "north", "E": "east", "D": "down", "x": "x", "y": "y", "z": "z"}
-NATURAL = {
-    "rad": (1e-3, "mrad"),
-    "rad/s": (1e-3, "mrad/s"),
-    "m/s^2": (1e-3, "mm/s^2"),
-    "m": (1.0, "m"),
-    "m/s": (1.0, "m/s"),
-}
+UNDETERMINED = "unobservable"
+FAINT = "practically_unobservable"
+SEEN = "observable"
 
 
 @dataclass(frozen=True)
@@ -33,22 +40,42 @@ class Direction:
         State (body axes called by the navigation axes that they lie along) to amount [SI].
     units : dict of str to str
     sentence : str
+    exact : dict of str to str
+        The amounts as fractions; empty where they depend on durations or on a generic point.
+    formula : dict of str to str
+        The amounts in the model's parameters, where nothing changes with time.
+    freed_by : tuple of str
+        Manoeuvres of the library along which it shows.
     """
 
     vector: dict[str, float]
     units: dict[str, str]
     sentence: str
+    exact: dict[str, str] = field(default_factory=dict)
+    formula: dict[str, str] = field(default_factory=dict)
+    freed_by: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Audit:
-    """What one operating point hides; `numeric` is what floating point says of it."""
+    """What one manoeuvre hides; `degree` is how well states show."""
 
-    model: str
-    manoeuvre: str
-    states: int
+    model: FilterModel
+    manoeuvre: Manoeuvre
     directions: tuple[Direction, ...]
-    numeric: Numeric
+    hidden_states: frozenset[str]
+    generic: bool
+    degree: Degree | None = None
+
+    @cached_property
+    def numeric(self) -> Numeric:
+        """What floating point says where the manoeuvre starts."""
+        return numeric(self.model, self.manoeuvre)
+
+    @property
+    def states(self) -> int:
+        """Number of error states."""
+        return len(self.model.states)
 
     @property
     def nullity(self) -> int:
@@ -60,62 +87,180 @@ class Audit:
         """Number of visible combinations."""
         return self.states - self.nullity
 
-
-def audit(model: FilterModel) -> Audit:
-    """Audit a model at rest."""
-    values = {c.symbol: sp.Float(c.value) for c in model.constants}
-    directions = tuple(_direction(model, v.subs(values)) for v in null_directions(model))
-    return Audit(model.name, "static", len(model.states), directions, numeric(model))
-
-
-def _direction(model: FilterModel, v: sp.Matrix) -> Direction:
-    parts = [(s, float(e)) for s, e in zip(model.states, v) if e != 0]
-    names = {s.name: called(model, s) for s, _ in parts}
-    return Direction(
-        {names[s.name]: value for s, value in parts},
-        {names[s.name]: s.unit for s, _ in parts},
-        _sentence([(names[s.name], s, value) for s, value in parts]),
-    )
+    def verdict(self, k: int) -> str:
+        """Of a state: exactly unobservable, practically so, or observable."""
+        if self.model.states[k].name in self.hidden_states:
+            return UNDETERMINED
+        if self.degree is not None and self.degree.sigma[-1, k] > PRACTICAL * self.degree.sigma[0, k]:
+            return FAINT
+        return SEEN
 
 
-def called(model: FilterModel, state: StateInfo) -> str:
-    """The name of a state at the operating point: biases of body axes by navigation axes."""
-    stem, _, axis = state.name.rpartition("_")
-    biases = {i.bias for i in model.motion.inputs}
-    return (
-        f"{stem}_{NAVIGATION[axis]}"
-        if model.attitude and stem in biases and axis in NAVIGATION
-        else state.name
-    )
+@dataclass(frozen=True)
+class Table:
+    """Which manoeuvre shows which direction of the first one.
+
+    Parameters
+    ----------
+    manoeuvres : tuple of Manoeuvre
+    freed : tuple of tuple of bool or None
+        One row a direction, one column a manoeuvre; None where it is not known.
+    """
+
+    manoeuvres: tuple[Manoeuvre, ...]
+    freed: tuple[tuple[bool | None, ...], ...]
+
+    @property
+    def shortest(self) -> Manoeuvre | None:
+        """The shortest manoeuvre that frees all."""
+        columns = zip(self.manoeuvres, zip(*self.freed)) if self.freed else ()
+        able = [m for m, column in columns if all(column)]
+        return min(able, key=lambda m: m.length, default=None)
 
 
-def words(name: str, state: StateInfo) -> str:
-    """A state in words."""
-    stem, _, axis = name.rpartition("_")
-    where = WORDS.get(axis, axis)
-    nouns = {
-        "phi": f"{where} tilt" if axis != "D" else "heading",
-        "bg": f"{where} gyro bias",
-        "ba": f"{where} accelerometer bias",
-        "p": f"{where} position",
-        "v": f"{where} velocity",
-    }
-    return nouns.get(stem, state.title)
+@dataclass(frozen=True)
+class Audited:
+    """A model's audits, the first one's directions against the library, warnings of the lint."""
+
+    audits: tuple[Audit, ...]
+    table: Table | None
+    lint: tuple[str, ...]
+
+    @property
+    def first(self) -> Audit:
+        """The first manoeuvre's."""
+        return self.audits[0]
 
 
-def amount(value: float, unit: str) -> str:
-    """A number with a unit of its size."""
-    scale, shown = NATURAL.get(unit, (1.0, unit))
-    return f"{value / scale:.4g} {shown}"
+def usual(model: FilterModel) -> Manoeuvre:
+    """The manoeuvre at which a model is looked at first: a plant moves, anything else rests."""
+    plant = isinstance(model.motion, Equations) and bool(model.motion.inputs)
+    return LIBRARY["generic" if plant else "static"]
 
 
-def _sentence(parts: list[tuple[str, StateInfo, float]]) -> str:
-    (name, state, value), *others = parts
-    size = NATURAL.get(state.unit, (1.0, state.unit))[0]
-    head = f"{amount(value * size, state.unit)} of {words(name, state)}"
-    if not others:
-        noun = words(name, state)
-        known = noun == state.title
-        return f"{noun if known else noun[0].upper() + noun[1:]} changes no measurement"
-    tail = " with ".join(f"{amount(v * size, s.unit)} of {words(n, s)}" for n, s, v in others)
-    return f"{head} is hidden by {tail}"
+def candidates(plan: Plan) -> list[Manoeuvre]:
+    """The manoeuvres that differ for a model."""
+    if plan.control is not None:
+        return list(LIBRARY.values())
+    return [LIBRARY["static"], LIBRARY["generic"]] if plan.channels else []
+
+
+def audit(
+    model: FilterModel, manoeuvres: Sequence[Manoeuvre] = (), horizon: Horizon | None = None
+) -> Audited:
+    """Audit a model.
+
+    Parameters
+    ----------
+    manoeuvres : sequence of Manoeuvre, optional
+        The first one's directions are held against the library; at rest when left out.
+    horizon : Horizon, optional
+        Run the covariance as well.
+    """
+    plan = Plan(model, tuple(model.sensors))
+    flown = tuple(manoeuvres) or (usual(model),)
+    length = horizon.duration if horizon else None
+    generic, found = _hidden(plan, flown, length)
+    nulls = [readable(plan, m, h, generic=generic) for m, h in zip(flown, found)]
+    table = None
+    freed: list[tuple[str, ...]] = [()] * found[0].nullity
+    if found[0].nullity:
+        others = [m for m in candidates(plan) if m.name not in {f.name for f in flown}]
+        seen = [along(plan, [m], generic=generic)[0] for m in others] + found[1:]
+        columns = (*others, *flown[1:])
+        rows = tuple(tuple(_freed(h, v, found[0]) for h in seen) for v in nulls[0])
+        table = Table(columns, rows) if columns else None
+        freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
+    audits = []
+    for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
+        directions = _directions(plan, m, vs, freed if k == 0 else [()] * len(vs), length, generic=generic)
+        names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
+        run = None
+        if horizon is not None:
+            discrete = DiscreteModel.stepping(model, horizon.rate)
+            run = degree(discrete, m, horizon, h.nullity, plan.numbers(generic=generic))
+        audits.append(Audit(model, m, directions, names, generic, run))
+    return Audited(tuple(audits), table, notes(plan, horizon))
+
+
+def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:
+    """Whether a direction of the first manoeuvre shows along another; None where it cannot be carried over."""
+    if h.ring.p == first.ring.p:
+        return not h.contains(v.residues, first.ring)
+    known = [e for e in v.values if e is not None]
+    if len(known) < len(v.values):
+        return None
+    return not h.contains([h.ring.of(e) for e in known], h.ring)
+
+
+def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:
+    """What is hidden, at the declared start where that is no special point, else at a generic one."""
+    found = along(plan, flown, length, generic=True)
+    if not plan.own:
+        return False, found
+    if isinstance(plan.model.motion, Equations) and any(map(plan.model.motion.starts_unknown, plan.own)):
+        return True, found
+    at_zero, declared = _declared(plan, flown, length, found[0].ring.p)
+    same = at_zero and [h.nullity for h in declared] == [h.nullity for h in found]
+    return (False, declared) if same else (True, found)
+
+
+def _declared(
+    plan: Plan, flown: Sequence[Manoeuvre], length: float | None = None, p: int = PRIMES[0]
+) -> tuple[bool, list[Hidden]]:
+    """What is hidden at the declared start, and True; at a generic one, and False, where the model has no value there."""
+    try:
+        return True, along(plan, flown, length, generic=False, p=p)
+    except Degenerate:
+        return False, along(plan, flown, length, generic=True)
+
+
+def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
+    """What a model has too much of; errors of calibration are looked at where they are declared, around zero."""
+    rich = LIBRARY["generic"]
+    nulls: list[Null] = []
+    if plan.channels:
+        at_zero, (h,) = _declared(plan, [rich])
+        nulls = readable(plan, rich, h, generic=not at_zero)
+    names = [frozenset(plan.model.states[k].name for k in v.support) for v in nulls if not v.gauge]
+    return lint(plan.model, horizon.duration if horizon else None, names)
+
+
+def _directions(
+    plan: Plan,
+    manoeuvre: Manoeuvre,
+    nulls: Sequence[Null],
+    freed: Sequence[tuple[str, ...]],
+    length: float | None,
+    *,
+    generic: bool,
+) -> tuple[Direction, ...]:
+    model = plan.model
+    constant = at_rest(model, manoeuvre) if nulls and not generic else None
+    out = []
+    amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
+    for v, free, (values, exact) in zip(nulls, freed, amounts):
+        parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in v.support]
+        formula = _formula(constant, v)
+        out.append(
+            Direction(
+                {n: value for n, _, value in parts},
+                {n: s.unit for n, s, _ in parts},
+                sentence([(words(model, n, st, manoeuvre), st, a) for n, st, a in parts], v.gauge),
+                {n: str(v.values[k]) for (n, _, _), k in zip(parts, v.support)} if exact else {},
+                {n: formula[k] for (n, _, _), k in zip(parts, v.support)} if formula else {},
+                free,
+            )
+        )
+    return tuple(out)
+
+
+def _formula(constant: Any, v: Null) -> Mapping[int, str]:
+    """The amounts of a direction in symbols."""
+    if constant is None:
+        return {}
+    F, H = constant
+    found = null_of(F, H, v.support)
+    if len(found) != 1:
+        return {}
+    return {k: sp.sstr(found[0][k]) for k in v.support}

@@ -1,7 +1,7 @@
 """What the numerical tools say of the same question, for comparison.
 
 python-control's observability matrix, numpy's rank and condition number of it: they mix units and
-have a tolerance, so they may differ from the exact answer.
+have a tolerance, and see one instant of a motion, so they may differ from the exact answer.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from kfgen.audit.null import operating_point
+from kfgen.manoeuvre.flight import Flight
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.filter import FilterModel
 
 
@@ -23,16 +24,14 @@ class Numeric:
     condition: float
 
 
-def numeric(model: FilterModel) -> Numeric:
-    """Rank and condition number in floating point at the audit's operating point; drivers at one."""
+def numeric(model: FilterModel, manoeuvre: Manoeuvre) -> Numeric:
+    """Rank and condition number in floating point where a manoeuvre starts; drivers at one."""
     import control
 
-    values = {sp.Symbol(d, real=True): 1.0 for d in model.drivers}
-    values |= {c.symbol: c.value for c in model.constants}
-    point = operating_point(model)
-    F = np.array(model.F.subs(point).subs(values), dtype=np.float64)
-    H = np.array(
-        sp.Matrix.vstack(*(model.H(s) for s in model.sensors)).subs(point).subs(values), dtype=np.float64
-    )
-    O = np.asarray(control.obsv(F, H))
+    t = np.array([0.0, 1e-2, 2e-2])
+    flight = Flight(model, manoeuvre, t, {d: np.ones(t.size) for d in model.drivers})
+    H = sp.Matrix.vstack(sp.zeros(0, len(model.states)), *(model.H(s) for s in model.sensors))
+    O = np.asarray(control.obsv(flight.matrix(model.F)[0], flight.matrix(H)[0]))
+    if not O.size or not np.isfinite(O).all():
+        return Numeric(0, float("inf"))
     return Numeric(int(np.linalg.matrix_rank(O)), float(np.linalg.cond(O)))

@@ -16,8 +16,11 @@ from kfgen.cli.options import (
     Order,
     Report,
     SampleRate,
+    Sensors,
+    Set,
     deliver,
-    discrete_of,
+    hashes,
+    model_of,
     noise_of,
 )
 
@@ -28,16 +31,17 @@ def list_(json: Json = None, report: Report = None) -> None:
     from kfgen.consumers import consumers
     from kfgen.effects import catalogue
     from kfgen.emit import targets
-    from kfgen.model.library import LIBRARY
+    from kfgen.manoeuvre.library import LIBRARY as MANOEUVRES
+    from kfgen.model.library import LIBRARY, option_rows
     from kfgen.model.sensors import sensors
     from kfgen.report.model import list_answer
-    from kfgen.simulate import MANOEUVRES
     from kfgen.verify.compare import cores
 
     answer = list_answer(
         {
             "models": [(n, e.title) for n, e in LIBRARY.items()],
             "sensors": [(n, s.title) for n, s in sensors().items()],
+            "options": option_rows(),
             "effects": [(n, e.title) for n, e in catalogue().items()],
             "manoeuvres": [(n, m.title) for n, m in MANOEUVRES.items()],
             "targets": [(n, t.TITLE) for n, t in targets().items()],
@@ -52,6 +56,8 @@ def list_(json: Json = None, report: Report = None) -> None:
 def derive(
     model: ModelName,
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     format: Annotated[str, typer.Option(help="text, latex or mathml.")] = "text",
     order: Order = 1,
     rate: SampleRate = 100.0,
@@ -59,6 +65,7 @@ def derive(
     report: Report = None,
 ) -> None:
     """States, F, G, H, Phi and Qd of a model."""
+    from kfgen.discretise import DiscreteModel
     from kfgen.errors import InputError
     from kfgen.report.model import derive_answer
 
@@ -66,29 +73,45 @@ def derive(
         raise InputError(
             f"there is no format '{format}'", where="--format", remedy="Known are text, latex, mathml"
         )
-    deliver(derive_answer(discrete_of(model, noise, order=order, rate=rate), format), json, report)
+    built = model_of(model, noise, set_, sensor)
+    deliver(derive_answer(DiscreteModel.stepping(built, rate, order), format), json, report)
 
 
 @app.command()
 def audit(
     model: ModelName,
     noise: Noise = None,
-    manoeuvre: Annotated[list[str] | None, typer.Option(help="The motion: static.")] = None,
+    set_: Set = None,
+    sensor: Sensors = None,
+    manoeuvre: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A manoeuvre of 'kfgen list' or a file (.toml); may be repeated. At rest when left out."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Seconds looked at; each manoeuvre's own when left out.")
+    ] = None,
+    rate: SampleRate = 100.0,
+    want: Annotated[
+        list[str] | None,
+        typer.Option(help="How long until a state is known: 'phi_D=0.1 deg'; may be repeated."),
+    ] = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """What cannot be seen, in words."""
+    """What cannot be seen, in words; what would free it; how well the rest shows."""
     from kfgen.audit.audit import audit as audited
-    from kfgen.errors import InputError
-    from kfgen.model.library import build
-    from kfgen.report.model import audit_answer
+    from kfgen.audit.degree import Horizon
+    from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
+    from kfgen.report.audit import audit_answer
 
-    for name in manoeuvre or ():
-        if name != "static":
-            raise InputError(
-                f"the audit knows no manoeuvre '{name}'", where="--manoeuvre", remedy="Known is static"
-            )
-    deliver(audit_answer([audited(build(model, noise_of(noise)))]), json, report)
+    names = list(dict.fromkeys(manoeuvre or ()))
+    flown = [manoeuvre_of(name) for name in names]
+    built = model_of(model, noise, set_, sensor)
+    answer = audited(built, flown, Horizon(duration, rate))
+    files = [Path(f) for f in (model, str(noise) if noise else "", *names) if f.endswith(".toml")]
+    deliver(audit_answer(answer, want or (), hashes(files)), json, report)
 
 
 @app.command()
@@ -97,6 +120,8 @@ def emit(
     target: Annotated[str, typer.Option(help="See 'kfgen list'.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")],
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     order: Order = 1,
     max_step: MaxStep = None,
     rate: SampleRate = 100.0,
@@ -104,11 +129,13 @@ def emit(
     report: Report = None,
 ) -> None:
     """The filter as code, with its self-test."""
+    from kfgen.discretise import DiscreteModel
     from kfgen.emit.folder import write_folder
     from kfgen.emit.routines import Program
     from kfgen.report.filter import emit_answer
 
-    program = Program(discrete_of(model, noise, order, max_step, rate))
+    built = model_of(model, noise, set_, sensor)
+    program = Program(DiscreteModel.stepping(built, rate, order, max_step))
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)
 

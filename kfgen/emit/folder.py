@@ -64,6 +64,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "order": discrete.order,
         "max_step": discrete.max_step,
         "rate": discrete.rate,
+        "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
     }
@@ -126,6 +127,17 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
+def _model_of(folder: Path, manifest: dict[str, Any]) -> str:
+    return str(folder / MODEL if MODEL in manifest["files"] else manifest["model"])
+
+
+def _options_of(folder: Path, manifest: dict[str, Any]) -> dict[str, str]:
+    options = manifest.get("options", {})
+    if not isinstance(options, dict) or not all(isinstance(v, str) for v in options.values()):
+        raise InputError("its options are no table of texts", where=str(folder / MANIFEST))
+    return options
+
+
 def read_folder(folder: str | Path) -> Emitted:
     """Rebuild the filter that a folder was emitted from.
 
@@ -144,7 +156,7 @@ def read_folder(folder: str | Path) -> Emitted:
     noise = read_noise(folder / NOISE) if manifest.get("noise") else None
     try:
         discrete = DiscreteModel(
-            build(str(folder / MODEL if MODEL in manifest["files"] else manifest["model"]), noise),
+            build(_model_of(folder, manifest), noise, _options_of(folder, manifest)),
             order=int(str(manifest["order"])),
             max_step=float(str(manifest["max_step"])),
             rate=float(str(manifest["rate"])),

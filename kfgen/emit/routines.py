@@ -29,15 +29,15 @@ from kfgen.emit.ir import (
     Scratch,
     Stmt,
     Store,
+    Una,
     When,
     mul,
     sub,
 )
 from kfgen.emit.lower import Lowering
 from kfgen.errors import InputError
-from kfgen.model.blocks import Attitude
 from kfgen.model.motion import Constant
-from kfgen.model.rotation import hamilton, matrix_of, small_quaternion
+from kfgen.model.rotation import matrix_of
 from kfgen.model.sensors import Sensor
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
@@ -106,18 +106,26 @@ class Program:
             lower.places[symbol.name] = Ref(symbol.name)
         return body
 
-    def _drivers(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        symbols = {s.name for e in used for s in e.free_symbols}
-        return tuple(Argument(d, 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols)
-
-    def _motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        inputs = tuple(
+    def _inputs(self) -> tuple[Argument, ...]:
+        return tuple(
             Argument(i.name, 0, f"{i.title} [{i.unit}]")
             if i.scalar
             else Argument(i.name, len(i.channels), f"{i.title} [{i.unit}], body axes")
             for i in self.discrete.model.motion.inputs
         )
-        return (*inputs, *self._drivers(used), Argument("dt", 0, "step [s]"))
+
+    def _drivers(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        symbols = {s.name for e in used for s in e.free_symbols}
+        return tuple(Argument(d, 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols)
+
+    def _sample_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        """The inputs and drivers that a measurement needs at its own time."""
+        symbols = {s.name for e in used for s in e.free_symbols}
+        pairs = zip(self.discrete.model.motion.inputs, self._inputs())
+        return (*(a for i, a in pairs if symbols & set(i.channels)), *self._drivers(used))
+
+    def _motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        return (*self._inputs(), *self._drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
     def _transition(self) -> tuple[dict[int, dict[int, sp.Expr]], dict[tuple[int, int], sp.Expr]]:
@@ -195,6 +203,10 @@ class Program:
         for i in range(H.rows):
             residual, made = lower.let(sub(Ref("z", i), values[i]), "r")
             body += made
+            if sensor.period:
+                turns = mul(Una("rint", mul(residual, Num(1.0 / sensor.period))), Num(sensor.period))
+                residual, made = lower.let(sub(residual, turns), "r")
+                body += made
             residuals.append(residual)
         for i, channel in enumerate(sensor.channels):
             variance = Num(self.discrete.measurement_variance(sensor, channel))
@@ -205,7 +217,7 @@ class Program:
             Argument(
                 "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
             ),
-            *self._drivers(used),
+            *self._sample_arguments(used),
         )
         return Routine(
             f"update_{sensor.name}",
@@ -220,15 +232,7 @@ class Program:
         model = self.discrete.model
         lower = self._lowering("c")
         lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
-        new: list[sp.Expr] = []
-        for b in model.blocks:
-            if isinstance(b, Attitude):
-                new.extend(hamilton(small_quaternion(b.error), b.quaternion))
-            else:
-                new.extend(b.perturbed)
-        first = len(model.states) - model.effect_dynamics[0].rows
-        new.extend(s.symbol + s.error for s in model.states[first:])
-        values, body = lower.many(new)
+        values, body = lower.many(list(model.corrected))
         return [Note("correct the state"), *body, *self._normalised(values, lower)]
 
     @cached_property
@@ -267,7 +271,7 @@ class Program:
             stores += [
                 (Ref("H", i * n + j), H[i, j]) for i in range(H.rows) for j in range(n) if H[i, j] != 0
             ]
-            arguments = self._drivers([e for _, e in stores])
+            arguments = self._sample_arguments([e for _, e in stores])
             parts.append(
                 self._piece(
                     f"expect_{s.name}", f"Expected sample and Jacobian: {s.title}.", stores, arguments

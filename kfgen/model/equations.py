@@ -77,6 +77,10 @@ class Equations(Motion):
         values |= {symbol(i.name): u[i.name][0] for i in self.inputs}
         return {n: sp.Matrix([e.xreplace(values)]) for n, e in self.derivatives.items()}
 
+    def offers(self, x: Mapping[str, sp.Matrix], rates: Mapping[str, sp.Matrix]) -> dict[str, sp.Matrix]:
+        """Nothing: the names of a model file are its own."""
+        return {}
+
     def starts_unknown(self, value: sp.Expr) -> bool:
         """Whether an expression is a state alone, and one of which nothing is believed."""
         state = self.user.states.get(value.name) if value.is_Symbol else None
@@ -102,7 +106,7 @@ class Shown(Sensor):
         self.unit = unit
         self.channels = (channel,)
         self.value = value
-        self.needs = states  # type: ignore[misc]
+        self.needs = states
 
     def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
         """The measurement's expression."""

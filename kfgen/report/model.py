@@ -1,18 +1,17 @@
-"""The answers of ``derive``, ``audit`` and ``list``."""
+"""The answers of ``derive`` and ``list``."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
 
 import sympy as sp
 
 import kfgen
-from kfgen.audit.audit import Audit
 from kfgen.discretise import DiscreteModel
-from kfgen.report.identify import finite
-from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table, text
+from kfgen.model.motion import Input
+from kfgen.model.sensor import Sensor
+from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table
 
 
 def mathml(expression: sp.Basic) -> str:
@@ -68,6 +67,26 @@ def state_rows(discrete: DiscreteModel) -> list[list[str]]:
     return [[str(i), s.name, s.unit, s.title, f"{s.prior:.3g}"] for i, s in enumerate(discrete.model.states)]
 
 
+def _parts(discrete: DiscreteModel) -> list[Input | Sensor]:
+    return [*discrete.model.motion.inputs, *discrete.model.sensors]
+
+
+def assumptions(discrete: DiscreteModel) -> list[str]:
+    """What a reader must know beside the matrices: frame, convention, and what is left out."""
+    model, said = discrete.model, []
+    if model.attitude is not None:
+        axes = ", ".join(model.motion.axes)
+        said.append(f"Navigation axes {axes}; R_nb takes body to navigation axes")
+        said.append(f"Error: {model.convention.title}; {model.convention.equation}")
+    for part in _parts(discrete):
+        if part.left_out:
+            said.append(
+                f"{part.name}: {part.left_out:g} {part.unit}/sqrt(Hz) is added to its noise for what the model "
+                "leaves out (off with --set left_out=false)"
+            )
+    return said
+
+
 STATE_HEAD = ("", "state", "unit", "meaning", "prior deviation")
 
 
@@ -80,6 +99,7 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
     }
     model, pairs = discrete.model, equations(discrete)
     body = [f"{model.name}: {model.title}", "", columns([list(STATE_HEAD), *state_rows(discrete)]), ""]
+    body += [f"{line}." for line in assumptions(discrete)] + [""]
     body += [f"{letter} =\n{printers[form](M)}\n" for letter, M in pairs]
     data = {
         "format": "kfgen-derive-1",
@@ -87,6 +107,14 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
         "model": model.name,
         "hash": model.hash,
         "states": [{"name": s.name, "unit": s.unit, "title": s.title} for s in model.states],
+        "options": dict(model.options),
+        "convention": model.convention.name if model.attitude else None,
+        "equation": model.convention.equation if model.attitude else None,
+        "left_out": {
+            p.name: {"value": p.left_out, "unit": f"{p.unit}/sqrt(Hz)"}
+            for p in _parts(discrete)
+            if p.left_out
+        },
         "matrices": {
             letter: [[str(M[i, j]) for j in range(M.cols)] for i in range(M.rows)] for letter, M in pairs
         },
@@ -96,43 +124,12 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
         (
             heading("States"),
             table(STATE_HEAD, state_rows(discrete)),
+            *(sentence(f"{line}.") for line in assumptions(discrete)),
             heading("Equations"),
             *equation_parts(discrete),
         ),
     )
     return Answer("\n".join(body).rstrip(), data, page)
-
-
-def audit_answer(audits: list[Audit]) -> Answer:
-    """What cannot be seen, in words."""
-    lines, parts, manoeuvres = [], [], {}
-    for a in audits:
-        head = f"{a.model}, {a.manoeuvre}: rank {a.rank} of {a.states}, {a.nullity} hidden"
-        words = [d.sentence for d in a.directions] or ["Every state shows in the measurements"]
-        beside = (
-            f"python-control and numpy: rank {a.numeric.rank}, condition number {a.numeric.condition:.2g} "
-            "in floating point, units mixed"
-        )
-        lines += [head, *(f"  {w}." for w in words), f"  {beside}."]
-        parts += [heading(head), *(sentence(f"{w}.") for w in words), text(f"{beside}.")]
-        manoeuvres[a.manoeuvre] = {
-            "states": a.states,
-            "rank": a.rank,
-            "nullity": a.nullity,
-            "condition": {"raw": finite(a.numeric.condition)},
-            "numeric_rank": a.numeric.rank,
-            "directions": [
-                {"vector": d.vector, "units": d.units, "sentence": d.sentence, "freed_by": []}
-                for d in a.directions
-            ],
-        }
-    data: dict[str, Any] = {
-        "format": "kfgen-audit-1",
-        "kfgen": kfgen.__version__,
-        "model": audits[0].model,
-        "manoeuvres": manoeuvres,
-    }
-    return Answer("\n".join(lines), data, Page(f"What {audits[0].model} cannot see", tuple(parts)))
 
 
 def list_answer(groups: dict[str, list[tuple[str, str]]]) -> Answer:

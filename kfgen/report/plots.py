@@ -136,6 +136,22 @@ def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "
     return _svg(fig, key)
 
 
+def curves_picture(panels: Sequence[tuple[str, Sequence[Line]]], key: str) -> str:
+    """Curves over time on logarithmic scales, a panel for each label of an axis, two to a row."""
+    columns = min(len(panels), 2)
+    rows = -(-len(panels) // columns)
+    fig, axes = _figure(3.7 * columns, 2.5 * rows, columns, rows)
+    for ax, (ylabel, lines) in zip(axes, panels):
+        for line in lines:
+            style = "--" if line.dashed else "-"
+            ax.plot(line.x, line.y, linewidth=1.3, linestyle=style, label=line.label)
+        ax.set(xlabel="time [s]", ylabel=ylabel, yscale="log")
+        ax.legend(frameon=False, fontsize=7, ncols=-(-len(lines) // 6))
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
+    return _svg(fig, key)
+
+
 def bound_picture(lines: Sequence[Line], key: str) -> str:
     """Relative bounds against hours of record."""
     fig, (ax,) = _figure(7.4, 3.4)

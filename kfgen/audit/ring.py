@@ -1,0 +1,107 @@
+"""`Ring`: whole numbers modulo a power of a prime, in which an audit counts exactly.
+
+To so many digits these are the p-adic numbers: a fraction without p below is one of them, a power series with such
+coefficients converges at every multiple of p and is summed exactly. So a segment's duration is taken as a multiple of p:
+what is zero for it is zero for almost every duration.
+
+References
+----------
+.. [1] F. Q. Gouvêa, p-adic Numbers, 3rd ed., 2020, ch. 5.
+.. [2] P. S. Wang, A p-adic algorithm for univariate partial fractions, SYMSAC 1981 (rational reconstruction).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+PRIMES = (
+    536870909,
+    536870879,
+    536870869,
+    536870849,
+    536870839,
+    536870837,
+    536870819,
+    536870813,
+    536870791,
+    536870779,
+    536870767,
+    536870743,
+    536870729,
+    536870723,
+    536870717,
+    536870701,
+)
+"""Below 2^29: sums of 127 products of residues stay within 64 bits. One may lack a root that a model needs."""
+
+
+class Degenerate(ArithmeticError):
+    """A point at which a value does not exist modulo p; another point has to be taken."""
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Whole numbers modulo ``p**digits``."""
+
+    p: int
+    digits: int
+
+    @cached_property
+    def m(self) -> int:
+        """The modulus."""
+        return int(self.p**self.digits)
+
+    def of(self, value: Fraction) -> int:
+        """A fraction's residue."""
+        return value.numerator * self.inverse(value.denominator) % self.m
+
+    def inverse(self, a: int) -> int:
+        """``1/a``; raises `Degenerate` where p divides a."""
+        if a % self.p == 0:
+            raise Degenerate("a division by zero modulo p")
+        return pow(a, -1, self.m)
+
+    def valuation(self, a: int) -> int:
+        """How many times p divides a residue; `digits` for zero."""
+        if a % self.m == 0:
+            return self.digits
+        v = 0
+        while a % self.p == 0:
+            a //= self.p
+            v += 1
+        return v
+
+    def sqrt(self, a: int) -> int:
+        """A square root by Newton's steps; raises `Degenerate` where there is none."""
+        from sympy.ntheory import sqrt_mod
+
+        root = sqrt_mod(a % self.p, self.p)
+        if not root:
+            raise Degenerate("no square root modulo p")
+        root, half = int(root), pow(2, -1, self.m)
+        for _ in range(self.digits.bit_length() + 1):
+            root = (root + a * self.inverse(root)) * half % self.m
+        return root
+
+    def rational(self, a: int) -> Fraction | None:
+        """The simplest fraction of a residue; None where there is no convincing one [2]_."""
+        m = self.m
+        r0, r1, t0, t1 = m, a % m, 0, 1
+        # Stop at the largest quotient: there the fraction is simplest against what chance would give.
+        best: tuple[int, int, int] | None = None
+        while r1:
+            q = r0 // r1
+            if best is None or q > best[0]:
+                best = (q, r1, t1)
+            r0, r1, t0, t1 = r1, r0 - q * r1, t1, t0 - q * t1
+        if a % m == 0:
+            return Fraction(0)
+        if best is None or best[0].bit_length() < CONVINCING:
+            return None
+        return Fraction(best[1], best[2])
+
+
+CONVINCING = 48
+"""Bits of the quotient at which a reconstruction stops; by chance one in 2^48 residues has such a fraction."""

@@ -1,0 +1,85 @@
+"""Hidden directions in words, with names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.attach import StateInfo
+from kfgen.model.filter import FilterModel
+
+NAVIGATION = {"x": "N", "y": "E", "z": "D"}
+"""Where a manoeuvre starts level and north, body axes are called by the navigation axes along which they lie."""
+WORDS = {"N": "north", "E": "east", "D": "down", "x": "x", "y": "y", "z": "z"}
+NATURAL = {
+    "rad": (1e-3, "mrad"),
+    "rad/s": (1e-3, "mrad/s"),
+    "m/s^2": (1e-3, "mm/s^2"),
+    "T": (1e-6, "uT"),
+    "s": (1e-3, "ms"),
+}
+"""In what a state is said: [SI], unit."""
+
+
+def level(manoeuvre: Manoeuvre) -> bool:
+    """Whether it starts with body axes along north, east and down."""
+    return not any(manoeuvre.attitude[1:])
+
+
+def called(model: FilterModel, state: StateInfo, manoeuvre: Manoeuvre) -> str:
+    """The name of a state: biases of body axes by navigation axes, where these are the same."""
+    stem, _, axis = state.name.rpartition("_")
+    biases = {i.bias for i in model.motion.inputs}
+    navigated = model.attitude and stem in biases and axis in NAVIGATION and level(manoeuvre)
+    return f"{stem}_{NAVIGATION[axis]}" if navigated else state.name
+
+
+def words(model: FilterModel, name: str, state: StateInfo, manoeuvre: Manoeuvre) -> str:
+    """A state in words."""
+    stem, _, axis = name.rpartition("_")
+    attitude = model.attitude
+    if attitude is not None and stem == attitude.convention.letter:
+        along = NAVIGATION.get(axis, axis) if attitude.convention.side.body and level(manoeuvre) else axis
+        return "heading" if along == "D" else f"{WORDS.get(along, along)} tilt"
+    where = WORDS.get(axis, axis)
+    nouns = {
+        "bg": f"{where} gyro bias",
+        "ba": f"{where} accelerometer bias",
+        "p": f"{where} position",
+        "v": f"{where} velocity",
+    }
+    return nouns.get(stem, _once(state.title))
+
+
+def _once(title: str) -> str:
+    """A title whose last word stands there once: a state of one component is called by its block."""
+    head, _, last = title.rpartition(" ")
+    return head if head.endswith(f" {last}") else title
+
+
+def amount(value: float, unit: str) -> str:
+    """A number with a unit of its size."""
+    scale, shown = NATURAL.get(unit, (1.0, unit))
+    return f"{value / scale:.4g} {'' if shown == '1' else shown}".strip()
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Texts with commas and an 'and'."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+Part = tuple[str, StateInfo, float]
+"""Words, state, amount [SI]."""
+
+
+def sentence(parts: Sequence[Part], gauge: str = "") -> str:
+    """A direction: its first state is hidden by the others."""
+    if gauge:
+        return f"{gauge} changes no measurement"
+    (noun, state, value), *others = parts
+    if not others:
+        return f"{noun if noun == _once(state.title) else noun[0].upper() + noun[1:]} changes no measurement"
+    size = NATURAL.get(state.unit, (1.0, state.unit))[0]
+    head = f"{amount(value * size, state.unit)} of {noun}"
+    tail = [f"{amount(v * size, s.unit)} of {n}" for n, s, v in others]
+    return f"{head} is hidden by {listed(tail)}"
