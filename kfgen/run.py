@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -77,7 +77,7 @@ def load(program: Program) -> ModuleType:
     return module
 
 
-def run(program: Program, log: Log) -> FilterRun:
+def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | None = None) -> FilterRun:
     """Run a filter over a log from its alignment on.
 
     Parameters
@@ -85,6 +85,8 @@ def run(program: Program, log: Log) -> FilterRun:
     program : Program
     log : Log
         With the model's inputs and drivers; sensors whose channels it lacks are left out.
+    wrap : callable, optional
+        Makes another class of the emitted one, as `kfgen.adaptive.wrapper.adapted` does.
 
     Raises
     ------
@@ -93,9 +95,12 @@ def run(program: Program, log: Log) -> FilterRun:
     """
     discrete = program.discrete
     model, module = discrete.model, load(program)
-    kf = getattr(module, class_name(program))()
+    emitted = getattr(module, class_name(program))
+    kf = (wrap(emitted) if wrap else emitted)()
     inputs = {
-        i.name: log.values(i.name) if i.scalar else np.column_stack([log.values(c) for c in i.channels])
+        i.name: _input(log, i.channels, quiet=i.quiet)[:, 0]
+        if i.scalar
+        else _input(log, i.channels, quiet=i.quiet)
         for i in model.motion.inputs
     }
     acting = {n: _over_steps(v, model.motion.chosen.get("samples", AFTER)) for n, v in inputs.items()}
@@ -143,6 +148,13 @@ def _over_steps(values: Array, samples: str) -> Array:
     later = np.concatenate([values[1:], values[-1:]])
     over: dict[str, Array] = {AFTER: values, BEFORE: later, AT: 0.5 * (values + later)}
     return over[samples]
+
+
+def _input(log: Log, channels: tuple[str, ...], *, quiet: bool) -> Array:
+    """The channels of an input, shape (n, channels); zeros where a quiet one is not in the log."""
+    if quiet and not any(c in log.channels for c in channels):
+        return np.zeros((log.n, len(channels)))
+    return np.column_stack([log.values(c) for c in channels])
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:

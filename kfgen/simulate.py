@@ -140,7 +140,14 @@ def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Gen
 
 def _clean(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Array]:
     """What every channel would read without its effects."""
-    out = {c: true[c] for i in model.motion.inputs for c in i.channels}
+    channels = [c for i in model.motion.inputs for c in i.channels]
+    for c in channels:
+        if c not in true:
+            raise InputError(
+                f"no manoeuvre says what the input '{c}' of {model.name} is",
+                remedy="Simulate a model that moves, or gyro-static with a noise file",
+            )
+    out = {c: true[c] for c in channels}
     n = next(iter(true.values())).size
     for sensor in model.sensors:
         rows = numeric(list(model.clean(sensor)), true)

@@ -118,7 +118,8 @@ def identify(
         str | None,
         typer.Option(
             help="ml (maximum likelihood; the default), kalman (the same, exact at any times), "
-            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments)."
+            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments), "
+            "asymptotes (of the Allan plot), arma (equivalent ARMA model), ekf and em (its state space)."
         ),
     ] = None,
     columns: Columns = None,
@@ -202,6 +203,9 @@ def run(
     model: ModelName,
     log: LogPath,
     noise: Noise = None,
+    adaptive: Annotated[
+        str | None, typer.Option(help="Adapt P, Q or R by a rule: see 'kfgen denoise --filter'.")
+    ] = None,
     set_: Set = None,
     sensor: Sensors = None,
     rate: Rate = None,
@@ -212,6 +216,8 @@ def run(
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
     import numpy as np
 
+    from kfgen.adaptive.rules import rule_named
+    from kfgen.adaptive.wrapper import adapted
     from kfgen.discretise import DiscreteModel
     from kfgen.emit.routines import Program
     from kfgen.report.filter import run_answer
@@ -221,7 +227,9 @@ def run(
     data = read(log, rate, columns)
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
     built = model_of(model, noise, set_, sensor)
-    result = ran(Program(DiscreteModel.stepping(built, 1.0 / data.dt, max_step=longest)), data)
+    program = Program(DiscreteModel.stepping(built, 1.0 / data.dt, max_step=longest))
+    rule = rule_named(adaptive, "--adaptive") if adaptive else None
+    result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 
 

@@ -27,7 +27,9 @@ from kfgen.cli.options import (
 
 @app.command("list")
 def list_(json: Json = None, report: Report = None) -> None:
-    """Library models, sensors, effects, manoeuvres, targets, cores and consumers of noise parameters."""
+    """Library models, sensors, effects, manoeuvres, targets, cores, consumers, adaptive filters, estimators."""
+    from kfgen.adaptive.rules import rules
+    from kfgen.arma.estimate import estimators
     from kfgen.consumers import consumers
     from kfgen.effects import catalogue
     from kfgen.emit import targets
@@ -47,6 +49,8 @@ def list_(json: Json = None, report: Report = None) -> None:
             "targets": [(n, t.TITLE) for n, t in targets().items()],
             "cores": list(cores().items()),
             "consumers": [(n, c.TITLE) for n, c in consumers().items()],
+            "filters": [(n, c.title) for n, c in rules().items()],
+            "estimators": [(n, c.title) for n, c in estimators().items()],
         }
     )
     deliver(answer, json, report)

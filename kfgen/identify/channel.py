@@ -13,10 +13,11 @@ from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.identify.bounds import relative_bound
 from kfgen.identify.clean import amplitude_faults, is_outlier, mended, noise_change, roll_off
+from kfgen.identify.estimate import Estimate
 from kfgen.identify.fit import Fit, Key, Problem, maximise
 from kfgen.identify.interval import intervals95
 from kfgen.identify.kalman import Exact
-from kfgen.identify.likelihood import METHODS, Estimate, covariance
+from kfgen.identify.likelihood import METHODS, covariance
 from kfgen.identify.limits import Limit
 from kfgen.identify.lines import PeriodicLine, find_lines, without_line
 from kfgen.identify.long import Long, Stream, condense

@@ -9,19 +9,23 @@ not found or not resolved is reported with its upper limit and with the record t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
+from kfgen.identify.arma import by_arma
+from kfgen.identify.asymptotes import by_asymptotes
 from kfgen.identify.bounds import nominal
 from kfgen.identify.choice import SHAPED, Trial, choose, combined, fast_effects, slow_effects
 from kfgen.identify.curve import Weighting, by_degrees_of_freedom, by_wavelet_covariance, fit_curve
+from kfgen.identify.ekf import by_ekf
+from kfgen.identify.em import by_em
+from kfgen.identify.estimate import Estimate
 from kfgen.identify.fit import Fit, Key, Problem, inverse, maximise
 from kfgen.identify.interval import NORMAL, interval95, intervals95, linear_intervals
-from kfgen.identify.limits import Limit, limit
+from kfgen.identify.limits import limit
 from kfgen.identify.record import Evidence
 from kfgen.identify.whittle import Fitted
 
@@ -29,33 +33,6 @@ Array = NDArray[np.float64]
 
 RESOLVED = 12
 """Ordinates that a slow term must dominate for its kind to be told."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What a method says of a record.
-
-    Parameters
-    ----------
-    fit : Fit
-        All terms that the record needs.
-    unresolved : frozenset of int
-        Indices of the terms of the fit whose kind the record cannot tell.
-    intervals : dict
-        95 % intervals [SI] by parameter.
-    limits : tuple of Limit
-        What the record cannot show.
-    covariance : ndarray, shape (k, k)
-        Of the logarithms of the fitted parameters ``fit.free``.
-    warnings : tuple of str
-    """
-
-    fit: Fit
-    unresolved: frozenset[int]
-    intervals: dict[Key, tuple[float, float]]
-    limits: tuple[Limit, ...]
-    covariance: Array
-    warnings: tuple[str, ...] = ()
 
 
 def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
@@ -111,6 +88,10 @@ METHODS: dict[str, Callable[[Evidence, Sequence[str] | None], Estimate]] = {
     "kalman": by_likelihood,
     "allan": by_curve,
     "gmwm": by_wavelets,
+    "asymptotes": by_asymptotes,
+    "arma": by_arma,
+    "ekf": by_ekf,
+    "em": by_em,
 }
 """The methods by name."""
 

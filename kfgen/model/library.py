@@ -5,13 +5,14 @@ A model is a motion with some sensors and its own defaults of their options; to 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
 from kfgen.model.earth_fixed import FRAMES
 from kfgen.model.filter import FilterModel
+from kfgen.model.hemerly import hemerly
 from kfgen.model.motion import Motion, Rest, Rotating
 from kfgen.model.option import NOTHING, Choice, Flag, Names, Option, read_options
 from kfgen.model.sensors import AtRest, Sensor, sensors
@@ -157,6 +158,19 @@ class OneAxis(Entry):
         )
 
 
+@dataclass(frozen=True)
+class Fixed(Entry):
+    """A model without options, built by a function of its name, title and noise."""
+
+    title: str
+    made: Callable[[str, str, NoiseModel | None], FilterModel]
+
+    def build(self, name: str, noise: NoiseModel | None, texts: Mapping[str, str]) -> FilterModel:
+        """As the function builds it."""
+        read_options((), texts, name)
+        return self.made(name, self.title, noise)
+
+
 def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
     """Deviation of the unknown constant of a channel before the first sample [SI]."""
     sizes = [abs(float(getattr(e, p.name))) for e in effects for p in e.estimated() if p.kind == "size"]
@@ -185,6 +199,7 @@ LIBRARY: dict[str, Entry] = {
         {"field": "vector", "hard_iron": "true"},
     ),
     "ins33": Moving("as ins21, with misalignments and g-sensitivity of the gyros", FRAMES, GNSS, INTRINSICS),
+    "hemerly-ekf": Fixed("one sensor axis at rest: N known, B, K and beta as states (Hemerly 2017)", hemerly),
 }
 
 

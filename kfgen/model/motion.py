@@ -62,6 +62,8 @@ class Input:
         input, the simulation does not.
     scalar : bool
         One channel of the input's own name.
+    quiet : bool
+        Zero where a log lacks it: only its noise acts.
     at_rest : str
         The level axis along which the triad points when nothing moves: ``up``, or none.
     """
@@ -74,6 +76,7 @@ class Input:
     N: float
     left_out: float = 0.0
     scalar: bool = False
+    quiet: bool = False
     at_rest: str = ""
 
     @property

@@ -179,6 +179,28 @@ def bars_picture(names: Sequence[str], values: Sequence[float], xlabel: str, key
     return _svg(fig, key)
 
 
+@dataclass(frozen=True)
+class Map:
+    """Levels over a plane of logarithms: `values` of shape (y, x)."""
+
+    title: str
+    x: Array
+    y: Array
+    values: Array
+
+
+def maps_picture(maps: Sequence[Map], xlabel: str, ylabel: str, key: str) -> str:
+    """Contour maps side by side."""
+    fig, axes = _figure(3.9 * len(maps), 3.5, len(maps))
+    for ax, m in zip(axes, maps):
+        drawn = ax.contourf(m.x, m.y, m.values, levels=12, cmap="Blues")
+        lines = ax.contour(m.x, m.y, m.values, levels=drawn.levels[::2], colors=MEASURED, linewidths=0.6)
+        ax.clabel(lines, fontsize=7)
+        ax.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
+        ax.set_title(m.title, fontsize=9.5)
+    return _svg(fig, key)
+
+
 def thin(x: Array, most: int = 1500) -> slice:
     """A stride that keeps a picture small."""
     return slice(None, None, max(1, x.size // most))
