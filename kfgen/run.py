@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
 from kfgen.emit.filterpy import class_name, files
+from kfgen.emit.names import argument
 from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.log import Log
@@ -92,11 +93,14 @@ def run(program: Program, log: Log) -> FilterRun:
     discrete = program.discrete
     model, module = discrete.model, load(program)
     kf = getattr(module, class_name(program))()
+    kf.gate = np.inf  # every sample counts: the innovations of a run are its result
     inputs = {
-        i.name: log.values(i.name) if i.scalar else np.column_stack([log.values(c) for c in i.channels])
+        argument(i.name): log.values(i.name)
+        if i.scalar
+        else np.column_stack([log.values(c) for c in i.channels])
         for i in model.motion.inputs
     }
-    drive = {d: log.values(d) for d in model.drivers}
+    drive = {argument(d): log.values(d) for d in model.drivers}
     present = {
         s.name: np.column_stack([log.channel(c).values for c in s.channels])
         for s in model.sensors
@@ -121,7 +125,7 @@ def run(program: Program, log: Log) -> FilterRun:
             if np.isfinite(z).all():
                 extra = {d: v[k] for d, v in drive.items() if d in takes[f"expect_{name}"]}
                 getattr(kf, f"update_{name}")(z, **extra)
-                seen[name].append((log.t[k], kf.y.ravel().copy(), float((kf.y.T @ kf.SI @ kf.y).item())))
+                seen[name].append((log.t[k], kf.innovation[: z.size].copy(), kf.nis))
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
         if steps[k] > 0.0:
             given: dict[str, Any] = {n: v[k] for n, v in (inputs | drive).items() if n in stepping}

@@ -232,7 +232,8 @@ def _substitution(model: FilterModel, true: Truth) -> tuple[list[sp.Symbol], lis
             values += [true.R_nb[:, i, j] for i in range(3) for j in range(3)]
         else:
             symbols += list(b.nominal)
-            values += [vectors[b.name][:, k] for k in range(3)]
+            known = vectors.get(b.name)
+            values += list(b.start if known is None else known.T)
     return symbols, values
 
 

@@ -97,6 +97,9 @@ def emit(
     target: Annotated[str, typer.Option(help="See 'kfgen list'.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")],
     noise: Noise = None,
+    form: Annotated[str, typer.Option(help="p: the covariance; ud: its factors, never indefinite.")] = "p",
+    real: Annotated[str, typer.Option(help="float or double.")] = "float",
+    loops: Annotated[bool, typer.Option("--loops", help="Loops: less code, more instructions.")] = False,
     order: Order = 1,
     max_step: MaxStep = None,
     rate: SampleRate = 100.0,
@@ -108,7 +111,7 @@ def emit(
     from kfgen.emit.routines import Program
     from kfgen.report.filter import emit_answer
 
-    program = Program(discrete_of(model, noise, order, max_step, rate))
+    program = Program(discrete_of(model, noise, order, max_step, rate), form, real, loops)
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)
 
@@ -117,6 +120,9 @@ def emit(
 def verify(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="As 'emit' wrote it.")],
     core: Annotated[list[str] | None, typer.Option(help="host, m4f, ...; may be repeated.")] = None,
+    contract: Annotated[
+        bool, typer.Option("--contract", help="Compile with fused products and sums; words may then differ.")
+    ] = False,
     json: Json = None,
     report: Report = None,
 ) -> None:
@@ -126,5 +132,5 @@ def verify(
     from kfgen.verify.compare import verify as verified
 
     emitted = read_folder(folder)
-    verdicts = verified(emitted, core or ["host"])
+    verdicts = verified(emitted, core or ["host"], contract)
     deliver(verify_answer(emitted.program.discrete.hash, verdicts), json, report)

@@ -64,6 +64,9 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "order": discrete.order,
         "max_step": discrete.max_step,
         "rate": discrete.rate,
+        "form": program.form,
+        "real": program.real,
+        "loops": program.loops,
         "noise": noise is not None,
         "files": sorted(files),
     }
@@ -157,4 +160,7 @@ def read_folder(folder: str | Path) -> Emitted:
             where=str(folder / MANIFEST),
             remedy="Emit it again",
         )
-    return Emitted(Program(discrete), str(manifest.get("target")), folder)
+    options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
+    return Emitted(
+        Program(discrete, str(options[0]), str(options[1]), options[2]), str(manifest.get("target")), folder
+    )

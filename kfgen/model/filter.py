@@ -192,14 +192,14 @@ class FilterModel:
         )
 
     @cached_property
-    def _at_zero(self) -> dict[sp.Symbol, int]:
-        return {**{s.error: 0 for s in self.states}, **dict.fromkeys(self.noise_symbols, 0)}
+    def _at_zero(self) -> dict[sp.Symbol, sp.Expr]:
+        return dict.fromkeys([*(s.error for s in self.states), *self.noise_symbols], sp.Integer(0))
 
     def _slope(self, vector: sp.Matrix, symbols: tuple[sp.Symbol, ...]) -> sp.Matrix:
         if not symbols or not vector.rows:
             return sp.zeros(vector.rows, len(symbols))
         jacobian = vector.jacobian(sp.Matrix(symbols)).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
-        return jacobian.subs(self._at_zero).applyfunc(sp.expand)
+        return jacobian.xreplace(self._at_zero).applyfunc(sp.expand)
 
     @cached_property
     def F(self) -> sp.Matrix:

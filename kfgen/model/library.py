@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
+from kfgen.model.autopilot import Airspeed, FieldVector, StrapdownInWind
 from kfgen.model.filter import FilterModel
 from kfgen.model.motion import Motion, Rest, Rotating, Strapdown
 from kfgen.model.sensors import AtRest, GnssPosition, GnssVelocity, GravityDirection, MagneticField
@@ -96,6 +97,10 @@ LIBRARY: dict[str, Entry] = {
     "ins15": Entry(
         "position, velocity, attitude, accelerometer and gyro bias, with GNSS",
         _moving(Strapdown(), GnssPosition, GnssVelocity),
+    ),
+    "ins23": Entry(
+        "the states of a small autopilot: ins15 with the magnetic field of Earth and body, and wind",
+        _moving(StrapdownInWind(), GnssPosition, GnssVelocity, FieldVector, Airspeed),
     ),
 }
 

@@ -116,7 +116,11 @@ class Rotating(Motion):
 class Strapdown(Motion):
     """Strapdown navigation in a local level frame without Earth rate (MEMS grade)."""
 
-    blocks = (Vector("p", NED, "m", "position", 10.0), Vector("v", NED, "m/s", "velocity", 1.0), Attitude())
+    blocks: tuple[Block, ...] = (
+        Vector("p", NED, "m", "position", 10.0),
+        Vector("v", NED, "m/s", "velocity", 1.0),
+        Attitude(),
+    )
     inputs = (ACCEL, GYRO)
     constants = (GRAVITY,)
 

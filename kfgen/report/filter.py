@@ -102,6 +102,8 @@ def verify_answer(model_hash: str, verdicts: list[Verdict]) -> Answer:
                 "instructions": v.cost.instructions,
                 "stack_bytes": v.cost.stack_bytes,
                 "text_bytes": v.cost.text_bytes,
+                "stack_bytes_by_routine": v.cost.stacks,
+                "text_bytes_by_routine": v.cost.texts,
             }
             for v in verdicts
         },
