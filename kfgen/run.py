@@ -20,7 +20,9 @@ from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.log import Log
 from kfgen.model.equations import Equations, Shown
-from kfgen.model.motion import Constant
+from kfgen.model.motion import Constant, Input
+from kfgen.model.sensors import Sensor
+from kfgen.model.truth import level_at
 
 Array = NDArray[np.float64]
 
@@ -123,7 +125,7 @@ def run(program: Program, log: Log) -> FilterRun:
         for name, values in present.items():
             z = values[k]
             if np.isfinite(z).all():
-                extra = {d: v[k] for d, v in drive.items() if d in takes[f"expect_{name}"]}
+                extra = {n: v[k] for n, v in (inputs | drive).items() if n in takes[f"expect_{name}"]}
                 getattr(kf, f"update_{name}")(z, **extra)
                 seen[name].append((log.t[k], kf.innovation[: z.size].copy(), kf.nis))
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
@@ -140,58 +142,70 @@ def run(program: Program, log: Log) -> FilterRun:
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:
-    """First attitude from gravity and the magnetic field at rest, first position and velocity from GNSS.
+    """The first state: attitude from what points up and north at rest, blocks from the sensors that show them.
 
     A plant's state that starts unknown starts where a sensor shows it.
     """
+    model = discrete.model
     names = list(discrete.nominal_names)
-    motion = discrete.model.motion
+    motion = model.motion
+    shown: list[tuple[Sensor, str]]
     if isinstance(motion, Equations):
-        for s in discrete.model.sensors:
-            channel = log.channels.get(s.channels[0])
-            if isinstance(s, Shown) and channel is not None and motion.starts_unknown(s.value):
-                known = channel.values[np.isfinite(channel.values)]
-                kf.nominal[names.index(s.value.name)] = float(known[0]) if known.size else 0.0
-        return
-    if "q_w" in names and all(f"accel_{a}" in log.channels for a in "xyz"):
-        kf.nominal[names.index("q_w") : names.index("q_w") + 4] = _level(log, kf, constants)
-    for name in ("p", "v"):
-        for axis in "NED":
-            channel = log.channels.get(f"gnss_{name}_{axis}")
-            if channel is not None and f"{name}_{axis}" in names:
-                known = channel.values[np.isfinite(channel.values)]
-                kf.nominal[names.index(f"{name}_{axis}")] = float(known[0]) if known.size else 0.0
+        shown = [
+            (s, s.value.name)
+            for s in model.sensors
+            if isinstance(s, Shown) and motion.starts_unknown(s.value)
+        ]
+    else:
+        if model.attitude is not None:
+            _align_attitude(kf, discrete, log, constants)
+        places = {b.name: b.nominal_names for b in model.blocks}
+        shown = [(s, n) for s in model.sensors if s.shows in places for n in places[s.shows]]
+    for s, name in shown:
+        channel = log.channels.get(s.channels[[n for o, n in shown if o is s].index(name)])
+        if channel is not None:
+            known = channel.values[np.isfinite(channel.values)]
+            kf.nominal[names.index(name)] = float(known[0]) if known.size else 0.0
 
 
-def _level(log: Log, kf: Any, constants: tuple[Constant, ...]) -> list[float]:
-    """Attitude from the first second: down from gravity, north from the field's horizontal part."""
+def _align_attitude(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:
+    """Attitude from the first second, and what a sensor knows of its own constants then."""
     from scipy.spatial.transform import Rotation
 
-    first = log.t - log.t[0] <= ALIGNMENT
-    f_b = _first_mean(log, "accel", first)
-    down = -f_b / np.linalg.norm(f_b)
-    ahead = np.array([1.0, 0.0, 0.0])
-    if all(f"mag_{a}" in log.channels for a in "xyz"):
-        m_b = _first_mean(log, "mag", first)
-        ahead = m_b
-        field = {"mag_D": float(m_b @ down), "mag_N": float(np.linalg.norm(m_b - (m_b @ down) * down))}
-        for i, c in enumerate(constants):
-            kf.constants[i] = field.get(c.name, kf.constants[i])
-    elif abs(down @ ahead) > 0.9:
-        ahead = np.array([0.0, 0.0, 1.0])
-    north = ahead - (ahead @ down) * down
+    model, names = discrete.model, list(discrete.nominal_names)
+    declared: list[Input | Sensor] = [*model.motion.inputs, *model.sensors]
+    parts = [p for p in declared if all(c in log.channels for c in p.channels)]
+    up = next((p for p in parts if p.at_rest == "up"), None)
+    if up is None:
+        return
+    up_b = _first_mean(log, up)
+    up_b = up_b / np.linalg.norm(up_b)
+    ahead = np.array([1.0, 0.0, 0.0]) if abs(up_b[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    for s in model.sensors:
+        if s.at_rest == "north" and s in parts:
+            ahead = _first_mean(log, s)
+            told = s.calibrated(tuple(ahead), tuple(up_b))
+            for i, c in enumerate(constants):
+                kf.constants[i] = told.get(c.name, kf.constants[i])
+            for name in told.keys() & set(names):
+                kf.nominal[names.index(name)] = told[name]
+    north = ahead - (ahead @ up_b) * up_b
     north /= np.linalg.norm(north)
-    R_nb = np.vstack([north, np.cross(down, north), down])
-    return [float(v) for v in Rotation.from_matrix(R_nb).as_quat(scalar_first=True)]
+    R_lb = np.vstack([north, np.cross(-up_b, north), -up_b])
+    values = {c.name: c.value for c in constants} | dict(zip(names, discrete.start))
+    at = names.index("q_w")
+    q = Rotation.from_matrix(level_at(model, values).T @ R_lb).as_quat(scalar_first=True)
+    kf.nominal[at : at + 4] = [float(v) for v in q]
 
 
-def _first_mean(log: Log, triad: str, first: NDArray[np.bool_]) -> Array:
+def _first_mean(log: Log, part: Input | Sensor) -> Array:
     """The mean of a triad over the alignment; raises `InputError` where it says nothing."""
-    values = np.column_stack([log.channel(f"{triad}_{a}").values[first] for a in "xyz"])
+    first = log.t - log.t[0] <= ALIGNMENT
+    values = np.column_stack([log.channel(c).values[first] for c in part.channels])
     good = values[np.isfinite(values).all(axis=1)]
     if not good.size or not np.linalg.norm(good.mean(axis=0)) > 0.0:
         raise InputError(
-            f"{triad} has no usable sample in the first {ALIGNMENT:g} s, so there is no first attitude",
+            f"{part.name} has no usable sample in the first {ALIGNMENT:g} s, so there is no first attitude",
             where=log.source,
             remedy="Cut the log to where the sensor works and is at rest",
         )

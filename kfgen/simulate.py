@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
@@ -19,14 +18,12 @@ from kfgen.log import Channel, Log
 from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
-from kfgen.units import STANDARD_GRAVITY
+from kfgen.model.truth import Wanted, along, drawn, numeric
 
 Array = NDArray[np.float64]
 
 LONGEST = 10**9
 """Samples of the longest log."""
-
-GRAVITY_N = np.array([0.0, 0.0, STANDARD_GRAVITY])
 
 
 @dataclass(frozen=True)
@@ -80,35 +77,6 @@ MANOEUVRES: dict[str, Manoeuvre] = {
 }
 
 
-@dataclass(frozen=True)
-class Truth:
-    """The true motion: `R_nb` (n, 3, 3), `v_n`, `p_n` (n, 3), `omega_b`, `f_b` (n, 3)."""
-
-    t: Array
-    R_nb: Array
-    v_n: Array
-    p_n: Array
-    omega_b: Array
-    f_b: Array
-
-
-def truth(manoeuvre: Manoeuvre, t: Array) -> Truth:
-    """Integrate a manoeuvre from rest at the origin, body axes along north, east and down."""
-    from scipy.spatial.transform import Rotation
-
-    dt = float(t[1] - t[0]) if t.size > 1 else 1.0
-    omega, a = manoeuvre.rate(t), manoeuvre.acceleration(t)
-    steps = Rotation.from_rotvec(omega * dt)
-    q = Rotation.identity()
-    matrices = np.empty((t.size, 3, 3))
-    for k, step in enumerate(steps):
-        matrices[k] = q.as_matrix()
-        q = q * step
-    v = np.vstack([np.zeros(3), np.cumsum(a[:-1] * dt, axis=0)])
-    p = np.vstack([np.zeros(3), np.cumsum(v[:-1] * dt + 0.5 * a[:-1] * dt**2, axis=0)])
-    return Truth(t, matrices, v, p, omega, np.einsum("kij,ki->kj", matrices, a - GRAVITY_N))
-
-
 def simulate(
     discrete: DiscreteModel,
     manoeuvre: str,
@@ -147,7 +115,9 @@ def simulate(
     model, t = discrete.model, np.arange(n) / discrete.rate
     if isinstance(model.motion, Equations):
         return _plant_log(discrete, model.motion, manoeuvre, t, rng, drive)
-    true = truth(MANOEUVRES[manoeuvre], t)
+    flown = MANOEUVRES[manoeuvre]
+    wanted = Wanted(t, flown.rate(t), flown.acceleration(t), np.eye(3), np.zeros(3))
+    true = along(model, wanted, drawn(model, rng))
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
@@ -209,45 +179,28 @@ def _own_noise(discrete: DiscreteModel, channel: str, n: int, rng: np.random.Gen
     return np.zeros(n)
 
 
-def _clean(model: FilterModel, true: Truth) -> dict[str, Array]:
+def _clean(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Array]:
     """What every channel would read without its effects."""
-    triads = {"gyro": true.omega_b, "accel": true.f_b}
-    out = {c: triads[i.name][:, k] for i in model.motion.inputs for k, c in enumerate(i.channels)}
+    out = {c: true[c] for i in model.motion.inputs for c in i.channels}
+    n = next(iter(true.values())).size
     for sensor in model.sensors:
-        h = sensor.predict({b.name: b.value for b in model.blocks})
-        symbols, values = _substitution(model, true)
-        rows = sp.lambdify(symbols, list(h), "numpy")(*values)
-        for channel, row in zip(sensor.channels, rows):
-            out[channel] = np.broadcast_to(np.asarray(row, float), true.t.shape)
+        rows = numeric(list(model.clean(sensor)), true)
+        out |= {c: np.broadcast_to(row, n) for c, row in zip(sensor.channels, rows)}
     return out
 
 
-def _substitution(model: FilterModel, true: Truth) -> tuple[list[sp.Symbol], list[Array | float]]:
-    vectors = {"p": true.p_n, "v": true.v_n}
-    symbols: list[sp.Symbol] = [c.symbol for c in model.constants]
-    values: list[Array | float] = [c.value for c in model.constants]
-    for b in model.blocks:
-        if isinstance(b, Attitude):
-            symbols += list(b.nominal)
-            values += [true.R_nb[:, i, j] for i in range(3) for j in range(3)]
-        else:
-            symbols += list(b.nominal)
-            known = vectors.get(b.name)
-            values += list(b.start if known is None else known.T)
-    return symbols, values
-
-
-def _references(model: FilterModel, true: Truth) -> dict[str, Channel]:
+def _references(model: FilterModel, true: Mapping[str, Array]) -> dict[str, Channel]:
+    """The true blocks as ``ref_`` channels, the attitude as a quaternion."""
     from scipy.spatial.transform import Rotation
 
-    if model.attitude is None:
-        return {}
-    q = Rotation.from_matrix(true.R_nb).as_quat(scalar_first=True, canonical=True)
-    out = {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
-    names = {b.name for b in model.blocks}
-    for name, unit, values in (("p", "m", true.p_n), ("v", "m/s", true.v_n)):
-        if name in names:
-            out |= {f"ref_{name}_{a}": Channel(values[:, k], unit) for k, a in enumerate("NED")}
+    out: dict[str, Channel] = {}
+    for b in model.blocks:
+        if isinstance(b, Attitude):
+            R = np.stack([true[s.name] for s in b.nominal], axis=1).reshape(-1, 3, 3)
+            q = Rotation.from_matrix(R).as_quat(scalar_first=True, canonical=True)
+            out |= {f"ref_q_{a}": Channel(q[:, k], "") for k, a in enumerate("wxyz")}
+        else:
+            out |= {f"ref_{name}": Channel(true[name], b.unit) for name in b.nominal_names}
     return out
 
 

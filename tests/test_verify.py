@@ -43,12 +43,12 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
         "predict stack": 302, "stack": 408, "text": 31855,
     },
     ("ins23", "p"): {
-        "predict": 2412, "update_gnss_position": 4205, "update_gnss_velocity": 4236, "update_field": 6312,
-        "update_airspeed": 2100, "predict stack": 510, "stack": 1069, "text": 87037,
+        "predict": 2382, "update_gnss_position": 4205, "update_gnss_velocity": 4236, "update_mag": 6404,
+        "update_airspeed": 2059, "predict stack": 506, "stack": 1093, "text": 87077,
     },
     ("ins23", "ud"): {
-        "predict": 1901, "update_gnss_position": 6566, "update_gnss_velocity": 6256, "update_field": 6910,
-        "update_airspeed": 2532, "predict stack": 416, "stack": 702, "text": 101443,
+        "predict": 2091, "update_gnss_position": 6566, "update_gnss_velocity": 6256, "update_mag": 6874,
+        "update_airspeed": 2489, "predict stack": 441, "stack": 661, "text": 102031,
     },
 }  # fmt: skip
 

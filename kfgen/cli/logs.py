@@ -20,8 +20,10 @@ from kfgen.cli.options import (
     Rate,
     Report,
     SampleRate,
+    Sensors,
+    Set,
     deliver,
-    discrete_of,
+    model_of,
     noise_of,
     not_over,
     read,
@@ -176,17 +178,21 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
     manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list'.")] = "static",
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """A log from a model."""
     import numpy as np
 
+    from kfgen.discretise import DiscreteModel
     from kfgen.readers import write_log
     from kfgen.report.filter import simulate_answer
     from kfgen.simulate import simulate as simulated
 
-    log = simulated(discrete_of(model, noise, rate=rate), manoeuvre, duration, np.random.default_rng(seed))
+    discrete = DiscreteModel.stepping(model_of(model, noise, set_, sensor), rate)
+    log = simulated(discrete, manoeuvre, duration, np.random.default_rng(seed))
     write_log(log, output)
     deliver(simulate_answer(log, str(output)), json, report)
 
@@ -196,6 +202,8 @@ def run(
     model: ModelName,
     log: LogPath,
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     rate: Rate = None,
     columns: Columns = None,
     json: Json = None,
@@ -204,6 +212,7 @@ def run(
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
     import numpy as np
 
+    from kfgen.discretise import DiscreteModel
     from kfgen.emit.routines import Program
     from kfgen.report.filter import run_answer
     from kfgen.run import attitude_error
@@ -211,7 +220,8 @@ def run(
 
     data = read(log, rate, columns)
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
-    result = ran(Program(discrete_of(model, noise, max_step=longest, rate=1.0 / data.dt)), data)
+    built = model_of(model, noise, set_, sensor)
+    result = ran(Program(DiscreteModel.stepping(built, 1.0 / data.dt, max_step=longest)), data)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 
 

@@ -16,8 +16,10 @@ from kfgen.cli.options import (
     Order,
     Report,
     SampleRate,
+    Sensors,
+    Set,
     deliver,
-    discrete_of,
+    model_of,
     noise_of,
 )
 
@@ -28,7 +30,7 @@ def list_(json: Json = None, report: Report = None) -> None:
     from kfgen.consumers import consumers
     from kfgen.effects import catalogue
     from kfgen.emit import targets
-    from kfgen.model.library import LIBRARY
+    from kfgen.model.library import LIBRARY, option_rows
     from kfgen.model.sensors import sensors
     from kfgen.report.model import list_answer
     from kfgen.simulate import MANOEUVRES
@@ -38,6 +40,7 @@ def list_(json: Json = None, report: Report = None) -> None:
         {
             "models": [(n, e.title) for n, e in LIBRARY.items()],
             "sensors": [(n, s.title) for n, s in sensors().items()],
+            "options": option_rows(),
             "effects": [(n, e.title) for n, e in catalogue().items()],
             "manoeuvres": [(n, m.title) for n, m in MANOEUVRES.items()],
             "targets": [(n, t.TITLE) for n, t in targets().items()],
@@ -52,6 +55,8 @@ def list_(json: Json = None, report: Report = None) -> None:
 def derive(
     model: ModelName,
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     format: Annotated[str, typer.Option(help="text, latex or mathml.")] = "text",
     order: Order = 1,
     rate: SampleRate = 100.0,
@@ -59,6 +64,7 @@ def derive(
     report: Report = None,
 ) -> None:
     """States, F, G, H, Phi and Qd of a model."""
+    from kfgen.discretise import DiscreteModel
     from kfgen.errors import InputError
     from kfgen.report.model import derive_answer
 
@@ -66,13 +72,16 @@ def derive(
         raise InputError(
             f"there is no format '{format}'", where="--format", remedy="Known are text, latex, mathml"
         )
-    deliver(derive_answer(discrete_of(model, noise, order=order, rate=rate), format), json, report)
+    built = model_of(model, noise, set_, sensor)
+    deliver(derive_answer(DiscreteModel.stepping(built, rate, order), format), json, report)
 
 
 @app.command()
 def audit(
     model: ModelName,
     noise: Noise = None,
+    set_: Set = None,
+    sensor: Sensors = None,
     manoeuvre: Annotated[list[str] | None, typer.Option(help="The motion: static.")] = None,
     json: Json = None,
     report: Report = None,
@@ -80,7 +89,6 @@ def audit(
     """What cannot be seen, in words."""
     from kfgen.audit.audit import audit as audited
     from kfgen.errors import InputError
-    from kfgen.model.library import build
     from kfgen.report.model import audit_answer
 
     for name in manoeuvre or ():
@@ -88,7 +96,7 @@ def audit(
             raise InputError(
                 f"the audit knows no manoeuvre '{name}'", where="--manoeuvre", remedy="Known is static"
             )
-    deliver(audit_answer([audited(build(model, noise_of(noise)))]), json, report)
+    deliver(audit_answer([audited(model_of(model, noise, set_, sensor))]), json, report)
 
 
 @app.command()
@@ -100,6 +108,8 @@ def emit(
     form: Annotated[str, typer.Option(help="p: the covariance; ud: its factors, never indefinite.")] = "p",
     real: Annotated[str, typer.Option(help="float or double.")] = "float",
     loops: Annotated[bool, typer.Option("--loops", help="Loops: less code, more instructions.")] = False,
+    set_: Set = None,
+    sensor: Sensors = None,
     order: Order = 1,
     max_step: MaxStep = None,
     rate: SampleRate = 100.0,
@@ -107,11 +117,13 @@ def emit(
     report: Report = None,
 ) -> None:
     """The filter as code, with its self-test."""
+    from kfgen.discretise import DiscreteModel
     from kfgen.emit.folder import write_folder
     from kfgen.emit.routines import Program
     from kfgen.report.filter import emit_answer
 
-    program = Program(discrete_of(model, noise, order, max_step, rate), form, real, loops)
+    built = model_of(model, noise, set_, sensor)
+    program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops)
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)
 

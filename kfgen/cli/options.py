@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from kfgen.discretise import DiscreteModel
     from kfgen.log import Log
+    from kfgen.model.filter import FilterModel
     from kfgen.noise import NoiseModel
     from kfgen.report.page import Answer
 
@@ -30,6 +30,16 @@ Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="The answ
 Order = Annotated[int, typer.Option(help="Order in the step of the motion's coupling, 1 to 3.")]
 MaxStep = Annotated[
     float | None, typer.Option(help="Longest step [s]; 0.1, or what the fastest effect allows.")
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="An option of the model, see 'kfgen list'; may be repeated."
+    ),
+]
+Sensors = Annotated[
+    list[str] | None,
+    typer.Option("--sensor", metavar="NAME", help="A sensor, instead of the model's own; may be repeated."),
 ]
 SampleRate = Annotated[float, typer.Option("--rate", help="Rate of the sensors [Hz].")]
 
@@ -52,14 +62,18 @@ def noise_of(path: Path | None) -> NoiseModel | None:
     return read_noise(path) if path else None
 
 
-def discrete_of(
-    model: str, noise: Path | None, order: int = 1, max_step: float | None = None, rate: float = 100.0
-) -> DiscreteModel:
-    """A library model with its noise, ready to step."""
-    from kfgen.discretise import DiscreteModel
+def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:
+    """A library model with its noise and what was chosen of its options."""
+    from kfgen.errors import InputError
     from kfgen.model.library import build
+    from kfgen.model.option import read_pairs
 
-    return DiscreteModel.stepping(build(model, noise_of(noise)), rate, order, max_step)
+    options = read_pairs(set_ or ())
+    if sensor and "sensors" in options:
+        raise InputError(
+            "the sensors are given twice", where="--sensor", remedy="Give --sensor or --set sensors"
+        )
+    return build(model, noise_of(noise), options | ({"sensors": ",".join(sensor)} if sensor else {}))
 
 
 def not_over(output: Path | None, source: Path) -> None:

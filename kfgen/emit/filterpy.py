@@ -48,6 +48,7 @@ def files(program: Program) -> dict[str, str]:
             "title": s.title,
             "unit": s.unit,
             "channels": s.channels,
+            "period": s.period,
             "R": [discrete.measurement_variance(s, c) for c in s.channels],
             "extra": _call(pieces[f"expect_{s.name}"].arguments),
             "typed": _typed(pieces[f"expect_{s.name}"].arguments),

@@ -67,6 +67,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "form": program.form,
         "real": program.real,
         "loops": program.loops,
+        "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
     }
@@ -129,6 +130,17 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
+def _model_of(folder: Path, manifest: dict[str, Any]) -> str:
+    return str(folder / MODEL if MODEL in manifest["files"] else manifest["model"])
+
+
+def _options_of(folder: Path, manifest: dict[str, Any]) -> dict[str, str]:
+    options = manifest.get("options", {})
+    if not isinstance(options, dict) or not all(isinstance(v, str) for v in options.values()):
+        raise InputError("its options are no table of texts", where=str(folder / MANIFEST))
+    return options
+
+
 def read_folder(folder: str | Path) -> Emitted:
     """Rebuild the filter that a folder was emitted from.
 
@@ -147,7 +159,7 @@ def read_folder(folder: str | Path) -> Emitted:
     noise = read_noise(folder / NOISE) if manifest.get("noise") else None
     try:
         discrete = DiscreteModel(
-            build(str(folder / MODEL if MODEL in manifest["files"] else manifest["model"]), noise),
+            build(_model_of(folder, manifest), noise, _options_of(folder, manifest)),
             order=int(str(manifest["order"])),
             max_step=float(str(manifest["max_step"])),
             rate=float(str(manifest["rate"])),

@@ -99,3 +99,14 @@ def arctangent(x: Expr, let: Let) -> Expr:
     s = let(mul(x, x))
     coefficients = [(-1.0) ** k / (2 * k + 1) for k in range(ARCTANGENT_TERMS)]
     return mul(Num(2.0**HALVINGS), let(mul(x, _series(s, coefficients, let))))
+
+
+def arctangent2(y: Expr, x: Expr, let: Let) -> Expr:
+    """``atan2(y, x)``: the angle of ``(|x|, y)`` by its half, mirrored where x is negative."""
+    size = let(Una("abs", x))
+    length = let(Una("sqrt", let(add(mul(x, x), mul(y, y)))))
+    near = let(mul(Num(2.0), arctangent(let(Bin("/", y, let(add(length, size)))), let)))
+    side = let(Una("sign", x))
+    above = let(Una("sign", let(add(Una("sign", y), Num(0.5)))))
+    far = let(mul(let(mul(let(sub(Num(1.0), side)), Num(0.5 * math.pi))), above))
+    return add(mul(side, near), far)

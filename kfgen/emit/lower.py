@@ -96,9 +96,12 @@ class Lowering:
         if e.func in FUNCTIONS:
             value = FUNCTIONS[e.func](self._local(self.expression(e.args[0])), self._local)
             return self._local(value)
+        if e.func == sp.atan2:
+            y, x = (self._local(self.expression(a)) for a in e.args)
+            return self._local(functions.arctangent2(y, x, self._local))
         raise InputError(
             f"the function {e.func} cannot be emitted",
-            remedy=f"Can be: + - * /, whole powers, sqrt, {', '.join(str(f) for f in FUNCTIONS)}",
+            remedy=f"Can be: + - * /, whole powers, sqrt, atan2, {', '.join(str(f) for f in FUNCTIONS)}",
         )
 
     def _local(self, value: Expr) -> Expr:
@@ -127,8 +130,11 @@ class Lowering:
         return neg(value) if len(sign) % 2 else value
 
     def _power(self, base: sp.Expr, exponent: sp.Expr) -> Expr:
-        if abs(exponent) == sp.Rational(1, 2):
-            root = Una("sqrt", self.expression(base))
+        if (2 * exponent).is_Integer and not exponent.is_Integer and abs(exponent) < LONGEST_POWER:
+            b, whole = self.expression(base), int(abs(exponent))
+            b = self._local(b) if whole else b
+            start: Expr = Una("sqrt", b)
+            root = reduce(mul, [b] * whole, start)
             return root if exponent > 0 else Bin("/", Num(1.0), root)
         if not exponent.is_Integer or abs(int(exponent)) > LONGEST_POWER:
             raise InputError(f"the power {exponent} cannot be emitted")

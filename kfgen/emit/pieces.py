@@ -21,7 +21,7 @@ def pieces(program: Program) -> tuple[Routine, ...]:
     for s in discrete.model.sensors:
         h, H = discrete.model.expected(s), discrete.model.H(s)
         stores = [(Ref("h", i), h[i]) for i in range(H.rows)] + _entries("H", H)
-        arguments = program.drivers([e for _, e in stores])
+        arguments = program.sample_arguments([e for _, e in stores])
         text = f"Expected sample and Jacobian: {s.title}."
         parts.append(_piece(program, f"expect_{s.name}", text, stores, arguments))
     lower = program.lowering()

@@ -32,6 +32,7 @@ from kfgen.emit.ir import (
     Scratch,
     Stmt,
     Store,
+    Una,
     When,
     add,
     mul,
@@ -43,9 +44,7 @@ from kfgen.emit.scalars import NIS, fused
 from kfgen.emit.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.tidy import tidy
 from kfgen.errors import InputError
-from kfgen.model.blocks import Attitude
 from kfgen.model.motion import Constant
-from kfgen.model.rotation import hamilton, small_quaternion
 from kfgen.model.sensors import Sensor
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
@@ -152,15 +151,23 @@ class Program:
             Argument(argument(d), 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols
         )
 
-    def motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        """Inputs, drivers and step as arguments."""
-        inputs = tuple(
+    def _inputs(self) -> tuple[Argument, ...]:
+        return tuple(
             Argument(argument(i.name), 0, f"{i.title} [{i.unit}]")
             if i.scalar
             else Argument(argument(i.name), len(i.channels), f"{i.title} [{i.unit}], body axes")
             for i in self.discrete.model.motion.inputs
         )
-        return (*inputs, *self.drivers(used), Argument("dt", 0, "step [s]"))
+
+    def sample_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        """The inputs and drivers that a measurement needs at its own time."""
+        symbols = {s.name for e in used for s in e.free_symbols}
+        pairs = zip(self.discrete.model.motion.inputs, self._inputs())
+        return (*(a for i, a in pairs if symbols & set(i.channels)), *self.drivers(used))
+
+    def motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        """Inputs, drivers and step as arguments."""
+        return (*self._inputs(), *self.drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
     def _transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
@@ -264,6 +271,10 @@ class Program:
         for i in range(H.rows):
             residual, made = lower.let(sub(Ref("z", i), values[i]), "r")
             body += made
+            if sensor.period:
+                turns = mul(Una("rint", mul(residual, Num(1.0 / sensor.period))), Num(sensor.period))
+                residual, made = lower.let(sub(residual, turns), "r")
+                body += made
             residuals.append(residual)
         body.append(Store(NIS, Num(0.0)))
         for i, channel in enumerate(sensor.channels):
@@ -275,7 +286,7 @@ class Program:
             Argument(
                 "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
             ),
-            *self.drivers(used),
+            *self.sample_arguments(used),
         )
         return Routine(
             f"update_{sensor.name}",
@@ -290,15 +301,7 @@ class Program:
         model = self.discrete.model
         lower = self.lowering("c")
         lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
-        new: list[sp.Expr] = []
-        for b in model.blocks:
-            if isinstance(b, Attitude):
-                new.extend(hamilton(small_quaternion(b.error), b.quaternion))
-            else:
-                new.extend(b.perturbed)
-        first = len(model.states) - model.effect_dynamics[0].rows
-        new.extend(s.symbol + s.error for s in model.states[first:])
-        values, body = lower.many(new)
+        values, body = lower.many(list(model.corrected))
         return [Note("correct the state"), *body, *self.normalised(values, lower)]
 
     @cached_property

@@ -45,13 +45,12 @@ class Atoms:
         self.model = discrete.model
         self.inputs: dict[sp.Symbol, sp.Expr] = {}
         self.freed: dict[sp.Symbol, sp.Expr] = {}
-        for triad in self.model.inputs(False).values():
-            for value in triad:
-                symbol = next(s for s in value.free_symbols if s.name in self.model.channel_units)
-                if value != symbol:
-                    atom = sp.Symbol(f"{symbol.name}_hat", real=True)
-                    self.inputs[atom] = value
-                    self.freed[symbol] = atom + symbol - value
+        for channel in (c for i in self.model.motion.inputs for c in i.channels):
+            symbol, value = sp.Symbol(channel, real=True), self.model.freed(channel, False)
+            if value != symbol:
+                atom = sp.Symbol(f"{channel}_hat", real=True)
+                self.inputs[atom] = value
+                self.freed[symbol] = atom + symbol - value
 
     def free(self, e: sp.Expr) -> sp.Expr:
         """An expression of the freed inputs in place of the raw ones."""

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import sympy as sp
 
-from kfgen.model.rotation import atoms, skew
+from kfgen.model.convention import Convention, Phi
+from kfgen.model.rotation import atoms
 
 
 @dataclass(frozen=True)
@@ -66,26 +67,31 @@ class Vector:
         """What a motion or a sensor sees of the estimate."""
         return self.nominal
 
-    @property
-    def perturbed(self) -> sp.Matrix:
-        """What it sees of the truth, to first order in the error."""
-        return self.nominal + self.error
-
 
 @dataclass(frozen=True)
 class Attitude:
-    """A rotation body to navigation frame, stored as a quaternion, error on navigation axes.
+    """A rotation body to navigation frame, stored as a quaternion; its error as a convention says.
 
-    The truth is ``Exp(phi) R_nb``: a global error, which keeps the transition matrix of an
-    inertial filter triangular.
+    The default, a global error, keeps the transition matrix of an inertial filter triangular.
+
+    Parameters
+    ----------
+    convention : type of Convention
+    frame : tuple of str
+        Navigation axes.
     """
 
     name: str = "phi"
     title: str = "attitude"
     unit: str = "rad"
     prior: float = 0.1
+    convention: type[Convention] = Phi
+    frame: tuple[str, ...] = ("N", "E", "D")
 
-    axes = ("N", "E", "D")
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes of the error."""
+        return ("x", "y", "z") if self.convention.side.body else self.frame
 
     @cached_property
     def quaternion(self) -> sp.Matrix:
@@ -105,7 +111,7 @@ class Attitude:
     @property
     def error_names(self) -> tuple[str, ...]:
         """Names of the error components."""
-        return tuple(f"{self.name}_{a}" for a in self.axes)
+        return tuple(f"{self.convention.letter}_{a}" for a in self.axes)
 
     @property
     def nominal_names(self) -> tuple[str, ...]:
@@ -121,11 +127,6 @@ class Attitude:
     def value(self) -> sp.Matrix:
         """``R_nb`` of the estimate."""
         return self.nominal
-
-    @property
-    def perturbed(self) -> sp.Matrix:
-        """``R_nb`` of the truth, to first order in the error."""
-        return (sp.eye(3) + skew(self.error)) * self.nominal
 
 
 Block = Vector | Attitude

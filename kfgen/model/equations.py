@@ -102,7 +102,7 @@ class Shown(Sensor):
         self.unit = unit
         self.channels = (channel,)
         self.value = value
-        self.needs = states  # type: ignore[misc]
+        self.needs = states
 
     def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
         """The measurement's expression."""

@@ -27,8 +27,11 @@ from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.model.attach import Attached, Attachment, StateInfo
 from kfgen.model.blocks import Attitude, Block
+from kfgen.model.convention import Convention
+from kfgen.model.error import ErrorState, Variation, slopes
 from kfgen.model.motion import Constant, Motion
 from kfgen.model.sensors import Sensor
+from kfgen.model.spread import expanded
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,14 @@ class FilterModel:
         The effects of each channel, in SI.
     units : mapping of str to str
         The user's units of the channels, in which he is answered.
+    options : mapping of str to str
+        What was chosen of the library model's options, as text.
+
+    Raises
+    ------
+    InputError
+        Effects of a channel that there is not, a sensor that the motion cannot serve, or a state that could never
+        move from its start.
     """
 
     name: str
@@ -52,9 +63,12 @@ class FilterModel:
     sensors: tuple[Sensor, ...]
     noise: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
+        self._check_channels()
+        self._check_needs()
         unknown = [c for c in self.noise if c not in self.channel_units]
         if unknown:
             raise InputError(
@@ -72,10 +86,41 @@ class FilterModel:
         units = {c: i.unit for i in self.motion.inputs for c in i.channels}
         return units | {c: s.unit for s in self.sensors for c in s.channels}
 
-    @property
+    def _check_channels(self) -> None:
+        """No two parts read one channel."""
+        readers: dict[str, str] = {}
+        parts = [
+            *((i.name, i.channels) for i in self.motion.inputs),
+            *((s.name, s.channels) for s in self.sensors),
+        ]
+        for name, channels in parts:
+            for c in channels:
+                if readers.setdefault(c, name) != name:
+                    raise InputError(
+                        f"{readers[c]} and {name} of {self.name} both read the channel {c}",
+                        where=self.name,
+                        remedy=f"Leave out the sensor {name}",
+                    )
+
+    def _check_needs(self) -> None:
+        """Every sensor's needs are met by the motion's blocks, by what it offers, or by the sensor itself."""
+        if not any(s.needs for s in self.sensors):
+            return
+        offered = {b.name for b in self.blocks} | set(self._offers)
+        for s in self.sensors:
+            missing = [n for n in s.needs if n not in offered]
+            if missing:
+                raise InputError(
+                    f"the sensor {s.name} needs {', '.join(missing)}, which {self.name} does not have",
+                    where=self.name,
+                    remedy=f"Leave it out, or take a model with it; {self.name} offers {', '.join(sorted(offered))}",
+                )
+
+    @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks of the motion."""
-        return self.motion.blocks
+        """The blocks of the motion, then the unknown constants of the sensors, each once."""
+        unknown = {b.name: b for s in self.sensors for b in s.blocks}
+        return (*self.motion.blocks, *unknown.values())
 
     @cached_property
     def constants(self) -> tuple[Constant, ...]:
@@ -129,21 +174,54 @@ class FilterModel:
                     total += sp.sympify(c, strict=True) * (info.symbol + (info.error if perturbed else 0))
         return total
 
+    @cached_property
+    def error(self) -> ErrorState:
+        """The error of the blocks in the attitude's convention."""
+        return ErrorState(self.blocks, self.motion.turning)
+
+    @property
+    def convention(self) -> type[Convention]:
+        """How truth is made of estimate and error."""
+        return self.error.convention
+
     def _view(self, perturbed: bool) -> dict[str, sp.Matrix]:
-        return {b.name: (b.perturbed if perturbed else b.value) for b in self.blocks}
+        return self.error.truth if perturbed else self.error.estimate
 
     def inputs(self, perturbed: bool) -> dict[str, sp.Matrix]:
         """The true (or estimated) value of each input triad in symbols."""
+        shown = {
+            i.name: sp.Matrix([self.freed(c, perturbed) for c in i.channels]) for i in self.motion.inputs
+        }
+        return dict(self.motion.true_inputs(self._view(perturbed), shown))
 
-        def value(channel: str) -> sp.Expr:
-            noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
-            return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
+    def freed(self, channel: str, perturbed: bool) -> sp.Expr:
+        """What an input shows without its effects, of the estimate or of the truth."""
+        noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
+        return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
 
-        return {i.name: sp.Matrix([value(c) for c in i.channels]) for i in self.motion.inputs}
+    @cached_property
+    def _rates(self) -> dict[bool, dict[str, sp.Matrix]]:
+        """Rates of all blocks on the estimate (False) and on the truth (True)."""
+        still = {b.name: sp.zeros(len(b.error_names), 1) for b in self.blocks}
+        return {p: still | self.motion.rates(self._view(p), self.inputs(p)) for p in (False, True)}
 
     def rates(self, perturbed: bool) -> dict[str, sp.Matrix]:
-        """The motion's rates on the estimate or on the truth."""
-        return self.motion.rates(self._view(perturbed), self.inputs(perturbed))
+        """The blocks' rates on the estimate or on the truth; the body rate of an attitude."""
+        return self._rates[perturbed]
+
+    @cached_property
+    def _offers(self) -> dict[str, sp.Matrix]:
+        return self.motion.offers(self._view(False), self.rates(False))
+
+    @cached_property
+    def _seen(self) -> dict[bool, dict[str, sp.Matrix]]:
+        """What sensors see of the estimate (False) and of the truth (True): blocks, and what the motion offers."""
+        offers = {False: self._offers, True: self.motion.offers(self._view(True), self.rates(True))}
+        return {p: self._view(p) | offers[p] for p in (False, True)}
+
+    def clean(self, sensor: Sensor) -> sp.Matrix:
+        """The expected measurement of the estimate without effects, shape (m, 1)."""
+        return sensor.predict(self._seen[False])
 
     @cached_property
     def noise_symbols(self) -> tuple[sp.Symbol, ...]:
@@ -152,23 +230,32 @@ class FilterModel:
         return (*inputs, *(sp.Symbol(f"w_{s.name}", real=True) for s in self._attachment[0]))
 
     @cached_property
+    def _variation(self) -> Variation:
+        """How every symbol varies with the error states and, after them, with `noise_symbols`."""
+        out = self.error.variation
+        first, size = len(self.error.symbols), len(self.states)
+        out |= {s.symbol: {first + k: sp.Integer(1)} for k, s in enumerate(self.states[first:])}
+        channels = [c for i in self.motion.inputs for c in i.channels]
+        return out | {sp.Symbol(c, real=True): {size + k: sp.Integer(-1)} for k, c in enumerate(channels)}
+
+    @cached_property
     def _error_rate(self) -> sp.Matrix:
-        """``d(dx)/dt`` to first order in errors and noises, shape (n, 1)."""
-        true, estimated = self.rates(True), self.rates(False)
-        rows: list[sp.Expr] = []
-        for b in self.blocks:
-            difference = true[b.name] - estimated[b.name]
-            # For an attitude with R = Exp(phi) R_hat: phi' = R_hat (omega - omega_hat), see [1]_.
-            rows.extend(b.nominal * difference if isinstance(b, Attitude) else difference)
-        n0, size = len(rows), len(self.states)
-        A, _ = self.effect_dynamics
-        errors = sp.Matrix([s.error for s in self.states[n0:]]) if size > n0 else sp.zeros(0, 1)
-        w = (
-            sp.Matrix(self.noise_symbols[len(self.noise_symbols) - (size - n0) :])
-            if size > n0
-            else sp.zeros(0, 1)
-        )
-        return sp.Matrix([*rows, *(A * errors + w)])
+        """``d(dx)/dt`` to first order: coefficients of the error states, then of the noises, shape (n, n + q)."""
+        first, size = len(self.error.symbols), len(self.states)
+        columns = size + len(self.noise_symbols)
+        rates = self.rates(False)
+        variations = {b.name: slopes(rates[b.name], self._variation, columns) for b in self.blocks}
+        effects = sp.zeros(size - first, columns)
+        effects[:, first:size] = self.effect_dynamics[0]
+        effects[:, columns - (size - first) :] = sp.eye(size - first)
+        moved = self.error.rates(variations, rates) if self.blocks else sp.zeros(0, columns)
+        return sp.Matrix.vstack(moved, effects)
+
+    @cached_property
+    def corrected(self) -> tuple[sp.Expr, ...]:
+        """The stored state with the error put in, in order; quaternions not normalised."""
+        effects = self.states[len(self.states) - len(self._attachment[0]) :]
+        return (*self.error.corrected, *(s.symbol + s.error for s in effects))
 
     @cached_property
     def effect_dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
@@ -192,24 +279,14 @@ class FilterModel:
         )
 
     @cached_property
-    def _at_zero(self) -> dict[sp.Symbol, sp.Expr]:
-        return dict.fromkeys([*(s.error for s in self.states), *self.noise_symbols], sp.Integer(0))
-
-    def _slope(self, vector: sp.Matrix, symbols: tuple[sp.Symbol, ...]) -> sp.Matrix:
-        if not symbols or not vector.rows:
-            return sp.zeros(vector.rows, len(symbols))
-        jacobian = vector.jacobian(sp.Matrix(symbols)).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
-        return jacobian.xreplace(self._at_zero).applyfunc(sp.expand)
-
-    @cached_property
     def F(self) -> sp.Matrix:
         """Dynamics of the error, shape (n, n)."""
-        return self._slope(self._error_rate, tuple(s.error for s in self.states))
+        return self._error_rate[:, : len(self.states)]
 
     @cached_property
     def G(self) -> sp.Matrix:
         """Noise input, shape (n, q)."""
-        return self._slope(self._error_rate, self.noise_symbols)
+        return self._error_rate[:, len(self.states) :]
 
     @cached_property
     def W(self) -> sp.Matrix:
@@ -219,12 +296,13 @@ class FilterModel:
 
     def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
         """The expected measurement with the effects of its channels, shape (m, 1)."""
-        h = sensor.predict(self._view(perturbed))
+        h = sensor.predict(self._seen[perturbed])
         return h + sp.Matrix([self._shown(c, perturbed) for c in sensor.channels])
 
     def H(self, sensor: Sensor) -> sp.Matrix:
         """The measurement's Jacobian, shape (m, n)."""
-        return self._slope(self.expected(sensor, perturbed=True), tuple(s.error for s in self.states))
+        columns = len(self.states) + len(self.noise_symbols)
+        return expanded(slopes(self.expected(sensor), self._variation, columns))[:, : len(self.states)]
 
     def sensor(self, name: str) -> Sensor:
         """The sensor of that name; raises `InputError` when there is none."""

@@ -1,16 +1,20 @@
-"""The library models, by name, and how a noise file meets them."""
+"""The library models, by name, and how options and a noise file meet them.
+
+A model is a motion with some sensors and its own defaults of their options; to add one, add an entry.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from kfgen.effects import Effect, make
 from kfgen.errors import InputError
-from kfgen.model.autopilot import Airspeed, FieldVector, StrapdownInWind
+from kfgen.model.earth_fixed import FRAMES
 from kfgen.model.filter import FilterModel
-from kfgen.model.motion import Motion, Rest, Rotating, Strapdown
-from kfgen.model.sensors import AtRest, GnssPosition, GnssVelocity, GravityDirection, MagneticField
+from kfgen.model.motion import Motion, Rest, Rotating
+from kfgen.model.option import NOTHING, Choice, Flag, Names, Option, read_options
+from kfgen.model.sensors import AtRest, Sensor, sensors
 from kfgen.noise import NoiseModel, canonical
 from kfgen.units import parse_unit
 
@@ -19,38 +23,103 @@ TURN_ON = {"rad/s": 0.2, "m/s^2": 20.0, "T": 1e-4}
 BEYOND = 1e3
 """The same for other units, in sizes of the channel's noise."""
 
+BIASES = Option("biases", "constant biases of the inputs as states", Flag(), "true")
 
-@dataclass(frozen=True)
+
 class Entry:
-    """A library model: what it is for, and how it is built for a noise model."""
+    """A library model: what it is for, what may be chosen, and how it is built for a noise model."""
 
     title: str
-    build: Callable[[str, str, NoiseModel | None], FilterModel]
+
+    def options(self, texts: Mapping[str, str] = NOTHING) -> tuple[Option, ...]:
+        """The options that it has once those of `texts` are chosen; raises `InputError`."""
+        return ()
+
+    def variants(self) -> list[dict[str, str]]:
+        """Choices that change which options there are."""
+        return [{}]
+
+    def build(self, name: str, noise: NoiseModel | None, texts: Mapping[str, str]) -> FilterModel:
+        """The model; raises `InputError`."""
+        raise NotImplementedError
 
 
-def _with_inputs(motion: Motion, noise: NoiseModel | None) -> dict[str, tuple[Effect, ...]]:
-    """White noise and a constant bias on every input, the noise file's effects where it has them."""
-    effects: dict[str, tuple[Effect, ...]] = {}
-    for triad in motion.inputs:
-        for channel in triad.channels:
-            known = noise.channels[channel].effects if noise and channel in noise.channels else ()
-            effects[channel] = (
-                *(known or (make("white_noise", N=triad.N),)),
-                make("bias", sd=triad.bias_prior),
-            )
-    return effects
+@dataclass(frozen=True)
+class Moving(Entry):
+    """A motion with sensors.
 
+    Parameters
+    ----------
+    title : str
+    motions : mapping of str to type of Motion
+        By navigation frame; the first is the default.
+    aiding : tuple of str
+        Its own sensors.
+    defaults : mapping of str to str
+        Where its options differ from what they declare.
+    """
 
-def _moving(motion: Motion, *sensors: type) -> Callable[[str, str, NoiseModel | None], FilterModel]:
-    def build(name: str, title: str, noise: NoiseModel | None) -> FilterModel:
-        model = FilterModel(name, title, motion, tuple(s() for s in sensors), _with_inputs(motion, noise))
-        for channel, found in (noise.channels if noise else {}).items():
-            if channel in model.channel_units and channel not in model.noise:
-                model = replace(model, noise={**model.noise, channel: found.effects})
+    title: str
+    motions: Mapping[str, type[Motion]]
+    aiding: tuple[str, ...]
+    defaults: Mapping[str, str] = field(default_factory=dict)
+
+    def _composition(self) -> tuple[Option, ...]:
+        """The options that say which motion and which sensors."""
+        offered = Names(tuple(n for n in sensors() if n != AtRest.name))
+        frames = tuple(self.motions)
+        frame = Option("frame", "navigation frame", Choice(frames), frames[0])
+        aiding = Option("sensors", "what it is aided by", offered, ",".join(self.aiding))
+        return (*((frame,) if len(frames) > 1 else ()), aiding)
+
+    def _parts(self, texts: Mapping[str, str]) -> tuple[type[Motion], list[type[Sensor]]]:
+        by_name = {o.name: o for o in self._composition()}
+        frame = (
+            by_name["frame"].read(texts.get("frame", next(iter(self.motions)))) if "frame" in by_name else ""
+        )
+        names = by_name["sensors"].read(texts.get("sensors", by_name["sensors"].default))
+        motion = self.motions[frame] if frame else next(iter(self.motions.values()))
+        return motion, [sensors()[n] for n in names]
+
+    def variants(self) -> list[dict[str, str]]:
+        """Its frames."""
+        return [{"frame": f} for f in self.motions] if len(self.motions) > 1 else [{}]
+
+    def options(self, texts: Mapping[str, str] = NOTHING) -> tuple[Option, ...]:
+        """Of its composition, its motion and its sensors, each once."""
+        motion, aiding = self._parts(texts)
+        declared = [*self._composition(), BIASES, *motion.options, *(o for s in aiding for o in s.options)]
+        known = {o.name: o for o in declared}
+        return tuple(replace(o, default=self.defaults.get(o.name, o.default)) for o in known.values())
+
+    def build(self, name: str, noise: NoiseModel | None, texts: Mapping[str, str]) -> FilterModel:
+        """The motion with the sensors that are chosen."""
+        options = self.options(texts)
+        chosen = {o.name: o.read(o.default) for o in options} | read_options(options, texts, name)
+        motion_type, aiding = self._parts(texts)
+        motion = motion_type(chosen)
+        used = tuple(s(chosen, motion.axes) for s in aiding)
+        model = FilterModel(name, self.title, motion, used, options=dict(texts))
+        model = replace(model, noise=_effects(model, noise, chosen[BIASES.name]))
         _check_units(model, noise)
         return model
 
-    return build
+
+def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict[str, tuple[Effect, ...]]:
+    """White noise on every input, the noise file's effects where it has them, and a constant bias."""
+    known = {c: found.effects for c, found in (noise.channels if noise else {}).items()}
+    effects: dict[str, tuple[Effect, ...]] = {}
+    for triad in model.motion.inputs:
+        for channel in triad.channels:
+            own = known.get(channel) or (make("white_noise", N=triad.N),)
+            effects[channel] = (*own, *((make("bias", sd=triad.bias_prior),) if biases else ()))
+    for sensor in model.sensors:
+        for channel in sensor.channels:
+            found = known.get(channel, ())
+            found = (*found, *((make("bias", sd=sensor.bias_prior),) if sensor.biases else ()))
+            if found and channel not in effects:
+                effects[channel] = found
+    return effects
 
 
 def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
@@ -63,23 +132,28 @@ def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
                 )
 
 
-def _one_axis(name: str, title: str, noise: NoiseModel | None) -> FilterModel:
+@dataclass(frozen=True)
+class OneAxis(Entry):
     """One channel at rest: the first gyro channel of the noise file, or its first channel."""
-    if noise is None:
-        effects: tuple[Effect, ...] = (
-            make("white_noise", N=1.5e-4),
-            make("gauss_markov", sigma=3e-5, tau=300.0),
+
+    title: str
+
+    def build(self, name: str, noise: NoiseModel | None, texts: Mapping[str, str]) -> FilterModel:
+        """The channel's effects and nothing else."""
+        read_options((), texts, name)
+        effects: tuple[Effect, ...]
+        if noise is None:
+            effects = (make("white_noise", N=1.5e-4), make("gauss_markov", sigma=3e-5, tau=300.0))
+            channel, unit = "gyro_x", "rad/s"
+        else:
+            channel = next((c for c in noise.channels if c.startswith("gyro")), next(iter(noise.channels)))
+            effects = noise.channels[channel].effects
+            unit = noise.channels[channel].unit
+        si = parse_unit(unit).si
+        bias = make("bias", sd=_turn_on(si, effects))
+        return FilterModel(
+            name, self.title, Rest(), (AtRest(channel, si),), {channel: (*effects, bias)}, {channel: unit}
         )
-        channel, unit = "gyro_x", "rad/s"
-    else:
-        channel = next((c for c in noise.channels if c.startswith("gyro")), next(iter(noise.channels)))
-        effects = noise.channels[channel].effects
-        unit = noise.channels[channel].unit
-    si = parse_unit(unit).si
-    bias = make("bias", sd=_turn_on(si, effects))
-    return FilterModel(
-        name, title, Rest(), (AtRest(channel, si),), {channel: (*effects, bias)}, {channel: unit}
-    )
 
 
 def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
@@ -88,24 +162,32 @@ def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
     return TURN_ON.get(unit, BEYOND * max(sizes, default=1.0))
 
 
+GNSS = ("gnss_position", "gnss_velocity")
+INTRINSICS = {"scale_factors": "true", "misalignment": "triangular", "g_sensitivity": "diagonal"}
+
 LIBRARY: dict[str, Entry] = {
-    "gyro-static": Entry("one sensor axis at rest: the sum of its identified effects", _one_axis),
-    "ahrs6": Entry(
-        "attitude and gyro bias from gyros, gravity and magnetic field",
-        _moving(Rotating(), GravityDirection, MagneticField),
+    "gyro-static": OneAxis("one sensor axis at rest: the sum of its identified effects"),
+    "ahrs6": Moving(
+        "attitude and gyro bias from gyros, gravity and magnetic field", {"ned": Rotating}, ("accel", "mag")
     ),
-    "ins15": Entry(
-        "position, velocity, attitude, accelerometer and gyro bias, with GNSS",
-        _moving(Strapdown(), GnssPosition, GnssVelocity),
+    "ins9": Moving(
+        "position, velocity and attitude, sensors without bias, with GNSS", FRAMES, GNSS, {"biases": "false"}
     ),
-    "ins23": Entry(
-        "the states of a small autopilot: ins15 with the magnetic field of Earth and body, and wind",
-        _moving(StrapdownInWind(), GnssPosition, GnssVelocity, FieldVector, Airspeed),
+    "ins15": Moving("position, velocity, attitude, accelerometer and gyro bias, with GNSS", FRAMES, GNSS),
+    "ins21": Moving(
+        "as ins15, with scale factors of gyros and accelerometers", FRAMES, GNSS, {"scale_factors": "true"}
     ),
+    "ins23": Moving(
+        "the states of a small autopilot: as ins15, with the magnetic field of Earth and body, and wind",
+        FRAMES,
+        (*GNSS, "mag", "airspeed"),
+        {"field": "vector", "hard_iron": "true"},
+    ),
+    "ins33": Moving("as ins21, with misalignments and g-sensitivity of the gyros", FRAMES, GNSS, INTRINSICS),
 }
 
 
-def build(name: str, noise: NoiseModel | None = None) -> FilterModel:
+def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str] = NOTHING) -> FilterModel:
     """A library model, or a model file, with the effects of a noise model attached.
 
     Parameters
@@ -114,20 +196,39 @@ def build(name: str, noise: NoiseModel | None = None) -> FilterModel:
         A key of `LIBRARY`, or the path of a model file (``.toml``).
     noise : NoiseModel, optional
         Without it, typical MEMS figures.
+    options : mapping of str to str, optional
+        Choices as ``--set`` takes them.
 
     Raises
     ------
     InputError
-        No such model, or a channel of another dimension.
+        No such model or option, a value that an option does not take, or a channel of another dimension.
     """
     if name.endswith(".toml"):
         from kfgen.model.equations import filter_model
         from kfgen.model.user import read_model
 
+        read_options((), options, "a model file")
         return filter_model(read_model(name), canonical(noise) if noise else None)
     if name not in LIBRARY:
         raise InputError(
             f"there is no model '{name}'", remedy=f"Known are {', '.join(LIBRARY)}, or a model file (.toml)"
         )
-    entry = LIBRARY[name]
-    return entry.build(name, entry.title, canonical(noise) if noise else None)
+    return LIBRARY[name].build(name, canonical(noise) if noise else None, options)
+
+
+def option_rows() -> list[tuple[str, str]]:
+    """Every option of every model and sensor with its meaning, its values, its default, and whose it is."""
+    owners: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    declared = [(n, o) for n, e in LIBRARY.items() for texts in e.variants() for o in e.options(texts)]
+    declared += [(n, o) for n, s in sensors().items() for o in s.options]
+    for owner, o in declared:
+        by_default = owners.setdefault((o.name, o.title, o.kind.words), {})
+        others = by_default.setdefault(o.default, [])
+        if owner not in others:
+            others.append(owner)
+    rows = []
+    for (name, title, words), by_default in owners.items():
+        of = "; ".join(f"default {d} ({', '.join(who)})" for d, who in by_default.items())
+        rows.append((name, f"{title}: {words}; {of}"))
+    return rows

@@ -55,3 +55,14 @@ def small_quaternion(theta: sp.Matrix) -> sp.Matrix:
     """The quaternion of a small rotation vector [rad], to fourth order, not normalised."""
     s = theta.dot(theta)
     return sp.Matrix([1 - s / 8 + s * s / 384, *(theta * (sp.Rational(1, 2) - s / 48))])
+
+
+def gibbs_quaternion(theta: sp.Matrix) -> sp.Matrix:
+    """The quaternion whose doubled Gibbs vector is `theta` [rad], not normalised."""
+    return sp.Matrix([sp.Integer(1), *(theta / 2)])
+
+
+def turned(theta: sp.Matrix, v: sp.Matrix) -> sp.Matrix:
+    """``Exp(theta) v`` to fourth order in the angle [rad], shape (3, 1): Rodrigues' formula."""
+    s, cross = theta.dot(theta), theta.cross(v)
+    return v + cross * (1 - s / 6) + theta.cross(cross) * (sp.Rational(1, 2) - s / 24)

@@ -1,59 +1,47 @@
 """Sensors: each is one ``predict(x)``; Jacobian, simulator, residual and code follow from it.
 
-To add a sensor, write one class here; `sensors` finds it.
+To add a sensor, write one class in this file, or in a file that this one imports; `sensors` finds it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 import sympy as sp
 
-from kfgen.model.motion import GRAVITY, Constant
+from kfgen.model.aiding import Airspeed, Barometer, NonHolonomic, Odometer, ZeroVelocity
+from kfgen.model.bearing import BeaconRange, Heading, LandmarkBearing
+from kfgen.model.blocks import Vector
+from kfgen.model.gnss import GnssPosition, GnssVelocity
+from kfgen.model.motion import GRAVITY, LEFT_OUT, NED, Constant
+from kfgen.model.option import NOTHING, STATE, Choice, Flag, Option
+from kfgen.model.sensor import Sensor, Views, triad
+
+__all__ = [
+    "FIELD",
+    "Airspeed",
+    "AtRest",
+    "Barometer",
+    "BeaconRange",
+    "GnssPosition",
+    "GnssVelocity",
+    "GravityDirection",
+    "Heading",
+    "LandmarkBearing",
+    "MagneticField",
+    "NonHolonomic",
+    "Odometer",
+    "Sensor",
+    "ZeroVelocity",
+    "sensors",
+]
 
 FIELD = (
     Constant("mag_N", "T", 20e-6, "magnetic field, north (horizontal) component"),
     Constant("mag_D", "T", 44e-6, "magnetic field, down component"),
 )
-
-
-class Sensor:
-    """What a sensor declares.
-
-    Attributes
-    ----------
-    name, title, unit : str
-        ``unit`` is SI.
-    channels : tuple of str
-        Channels of the log, one a row.
-    sd : float
-        Noise of each sample where no noise file says otherwise [SI].
-    left_out : float
-        What the model leaves out (a body that accelerates, a field that bends), as a density
-        [SI/sqrt(Hz)]: it is slow against the samples, so it must not be averaged away faster at a
-        higher rate. The filter adds it, the simulation does not.
-    needs : tuple of str
-        State blocks that it looks at.
-    """
-
-    name: ClassVar[str] = ""
-    title: ClassVar[str] = ""
-    unit: str = ""
-    channels: tuple[str, ...] = ()
-    sd: float = 0.0
-    left_out: float = 0.0
-    needs: ClassVar[tuple[str, ...]] = ()
-    constants: ClassVar[tuple[Constant, ...]] = ()
-
-    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
-        """The expected measurement, shape (m, 1), from the blocks (``R_nb`` for an attitude)."""
-        raise NotImplementedError
-
-
-def _triad(name: str, axes: str = "xyz") -> tuple[str, ...]:
-    return tuple(f"{name}_{a}" for a in axes)
 
 
 class GravityDirection(Sensor):
@@ -62,62 +50,71 @@ class GravityDirection(Sensor):
     name = "accel"
     title = "gravity seen by the accelerometers"
     unit = "m/s^2"
-    channels = _triad("accel")
+    channels = triad("accel")
     sd = 0.02
     left_out = 0.05
-    needs = ("phi",)
+    needs = ("phi", "level")
     constants = (GRAVITY,)
+    options = (LEFT_OUT,)
+    at_rest = "up"
 
-    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
+    def predict(self, x: Views) -> sp.Matrix:
         """Specific force of a body at rest."""
-        return x["phi"].T * sp.Matrix([0, 0, -GRAVITY.symbol])
+        return x["phi"].T * (x["level"].T * sp.Matrix([0, 0, -GRAVITY.symbol]))
 
 
 class MagneticField(Sensor):
-    """A magnetometer triad in a known field: ``m_b = R_bn m_n``, north being magnetic north."""
+    """A magnetometer triad: ``m_b = (I + S) R_bn m_n + hard iron``, north being magnetic north."""
 
     name = "mag"
     title = "magnetic field vector"
     unit = "T"
-    channels = _triad("mag")
+    channels = triad("mag")
     sd = 2e-7
     left_out = 5e-7
-    needs = ("phi",)
-    constants = FIELD
+    bias_prior = 2e-5
+    needs = ("phi", "level")
+    at_rest = "north"
+    options = (
+        LEFT_OUT,
+        Option("hard_iron", "a constant field of the body as states", Flag(), "false"),
+        Option("soft_iron", "distortion of the field by the body as six states", Flag(), "false"),
+        Option(
+            "field",
+            "the Earth's field: known, its components north (magnetic) and down as states, or all three",
+            Choice(("known", STATE, "vector")),
+            "known",
+        ),
+    )
 
-    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
+    def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
+        super().__init__(chosen, axes)
+        self.biases = self.chosen["hard_iron"]
+        blocks, known = [], {c.name[-1]: c.value for c in FIELD}
+        self.field = {"known": (), STATE: ("N", "D"), "vector": NED}[self.chosen["field"]]
+        if self.field:
+            start = tuple(known.get(a, 0.0) for a in self.field)
+            blocks.append(Vector("mag", self.field, "T", "magnetic field", 1e-5, start))
+        if self.chosen["soft_iron"]:
+            blocks.append(Vector("si", ("xx", "yy", "zz", "xy", "xz", "yz"), "1", "soft iron", 0.1))
+        self.blocks = tuple(blocks)
+        self.constants = () if self.field else FIELD
+
+    def predict(self, x: Views) -> sp.Matrix:
         """The field in body axes."""
-        return x["phi"].T * sp.Matrix([FIELD[0].symbol, 0, FIELD[1].symbol])
+        part = dict(zip(self.field, x["mag"])) if self.field else {c.name[-1]: c.symbol for c in FIELD}
+        m_l = sp.Matrix([part.get(a, 0) for a in NED])
+        m_b = x["phi"].T * (x["level"].T * m_l)
+        if not self.chosen["soft_iron"]:
+            return m_b
+        xx, yy, zz, xy, xz, yz = x["si"]
+        return m_b + sp.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * m_b
 
-
-class GnssPosition(Sensor):
-    """GNSS position in the local level frame."""
-
-    name = "gnss_position"
-    title = "GNSS position"
-    unit = "m"
-    channels = _triad("gnss_p", "NED")
-    sd = 1.5
-    needs = ("p",)
-
-    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
-        """``p_n``."""
-        return x["p"]
-
-
-class GnssVelocity(Sensor):
-    """GNSS velocity in the local level frame."""
-
-    name = "gnss_velocity"
-    title = "GNSS velocity"
-    unit = "m/s"
-    channels = _triad("gnss_v", "NED")
-    sd = 0.1
-    needs = ("v",)
-
-    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
-        """``v_n``."""
-        return x["v"]
+    def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
+        """The components of the field."""
+        down = -sum(z * u for z, u in zip(z_b, up_b))
+        size2 = sum(z * z for z in z_b)
+        return {"mag_N": max(size2 - down * down, 0.0) ** 0.5, "mag_D": down}
 
 
 @dataclass(frozen=True)
@@ -135,11 +132,18 @@ class AtRest(Sensor):
         """The one channel."""
         return (self.channel,)
 
-    def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
+    def predict(self, x: Views) -> sp.Matrix:
         """Zero: nothing moves."""
         return sp.zeros(1, 1)
 
 
 def sensors() -> dict[str, type[Sensor]]:
     """Every declared sensor by its name."""
-    return {cls.name: cls for cls in Sensor.__subclasses__() if cls.name}
+    found: dict[str, type[Sensor]] = {}
+    queue = list(Sensor.__subclasses__())
+    while queue:
+        cls = queue.pop(0)
+        queue.extend(cls.__subclasses__())
+        if cls.name:
+            found[cls.name] = cls
+    return found

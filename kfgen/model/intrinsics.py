@@ -1,0 +1,93 @@
+"""Errors of inertial triads that grow with what they measure, as states.
+
+What a triad shows beyond bias and noise is ``s``; the truth is ``u = (I - M) s``, of the gyros
+``omega = (I - M_g) s_g - D_g f``: M holds scale factors on its diagonal and misalignments beside it, D the
+sensitivity of the gyros to specific force. To first order this is ``s = (I + M) u``.
+
+References
+----------
+.. [1] P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation
+   Systems, 2nd ed., 2013, eqs (4.16), (4.17).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from kfgen.model.blocks import Vector
+from kfgen.model.option import Choice, Flag, Option
+
+NONE, TRIANGULAR, DIAGONAL, FULL = "none", "triangular", "diagonal", "full"
+AXES = "xyz"
+SIDE = tuple(f"{a}{b}" for a in AXES for b in AXES if a != b)
+"""Entries beside the diagonal: output axis, input axis."""
+ABOVE = ("xy", "xz", "yz")
+
+SCALE_FACTORS = Option(
+    "scale_factors", "scale factors of gyros and accelerometers as states", Flag(), "false"
+)
+MISALIGNMENT = Option(
+    "misalignment",
+    "misalignments as states: six of the gyros with three (triangular) or six (full) of the accelerometers",
+    Choice((NONE, TRIANGULAR, FULL)),
+    NONE,
+)
+G_SENSITIVITY = Option(
+    "g_sensitivity",
+    "sensitivity of the gyros to specific force as states: three or nine",
+    Choice((NONE, DIAGONAL, FULL)),
+    NONE,
+)
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """The states of a choice, and what they do to the triads.
+
+    Parameters
+    ----------
+    chosen : mapping of str to value
+        Of the three options.
+    """
+
+    chosen: Mapping[str, object]
+
+    @property
+    def blocks(self) -> tuple[Vector, ...]:
+        """Constant states, gyros first."""
+        out: list[Vector] = []
+        if self.chosen["scale_factors"]:
+            out += [
+                Vector("sg", tuple(AXES), "1", "gyro scale factor", 5e-3),
+                Vector("sa", tuple(AXES), "1", "accelerometer scale factor", 5e-3),
+            ]
+        if self.chosen["misalignment"] != NONE:
+            beside = ABOVE if self.chosen["misalignment"] == TRIANGULAR else SIDE
+            out += [
+                Vector("mg", SIDE, "rad", "gyro misalignment", 5e-3),
+                Vector("ma", beside, "rad", "accelerometer misalignment", 5e-3),
+            ]
+        if self.chosen["g_sensitivity"] != NONE:
+            entries = tuple(f"{a}{a}" for a in AXES) if self.chosen["g_sensitivity"] == DIAGONAL else ()
+            entries = entries or tuple(f"{a}{b}" for a in AXES for b in AXES)
+            out.append(Vector("dg", entries, "rad*s/m", "gyro g-sensitivity", 2e-4))
+        return tuple(out)
+
+    def _matrix(self, x: Mapping[str, sp.Matrix], name: str) -> sp.Matrix:
+        """The matrix of a block's entries, shape (3, 3); zero where it has none."""
+        M = sp.zeros(3, 3)
+        for b in self.blocks:
+            if b.name == name:
+                for entry, value in zip(b.axes, x[name]):
+                    M[AXES.index(entry[0]), AXES.index(entry[-1])] = value
+        return M
+
+    def true_inputs(self, x: Mapping[str, sp.Matrix], shown: Mapping[str, sp.Matrix]) -> dict[str, sp.Matrix]:
+        """``accel`` and ``gyro`` from what they show."""
+        M = {t: self._matrix(x, f"s{t[0]}") + self._matrix(x, f"m{t[0]}") for t in ("accel", "gyro")}
+        f = shown["accel"] - M["accel"] * shown["accel"]
+        omega = shown["gyro"] - M["gyro"] * shown["gyro"] - self._matrix(x, "dg") * f
+        return {"accel": f, "gyro": omega}
