@@ -7,6 +7,7 @@ and the C header is compiled strictly, run by its own self-test, and altered to 
 from __future__ import annotations
 
 import ctypes
+import json
 import math
 import os
 import re
@@ -430,6 +431,7 @@ def compiler(name: str) -> str:
 def written(folder: Path, name: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for file, text in files(program(name)).items():
+        (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
     return folder
 
@@ -602,7 +604,9 @@ def test_emission_is_the_same_byte_for_byte(name: str, target: str, tmp_path: Pa
         subprocess.run(
             [*words, "--noise", str(noise), "--order", "2"], check=True, env=env, capture_output=True
         )
-        folders.append({f.name: f.read_bytes() for f in sorted(folder.iterdir())})
+        folders.append(
+            {f.relative_to(folder): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
+        )
     assert len(folders[0]) >= 3
     assert folders[0] == folders[1]
 
@@ -649,3 +653,170 @@ def test_c_has_the_status_numbers_of_the_reference() -> None:
     text = files(program("ahrs6"))["ahrs6.h"]
     numbers = {k: int(v) for k, v in re.findall(r"KF_(\w+) = (\d)", text)}
     assert numbers == {"OK": 0, "GATED": 1, "NOT_POSITIVE": 2, "BAD_STEP": 3, "BAD_INPUT": 4}
+
+
+def emitted_c(folder: Path, name: str, form: str = "p") -> Path:
+    write_folder(program(name, 1, form), "c", None, folder)
+    return folder
+
+
+@pytest.mark.parametrize(("name", "form"), [("ahrs6", "p"), ("ins15", "ud"), ("gyro-static", "p")])
+def test_the_example_program_runs(name: str, form: str, tmp_path: Path) -> None:
+    folder = emitted_c(tmp_path / "f", name, form)
+    out = str(tmp_path / "main")
+    words = [compiler("gcc"), "-std=c99", "-O1", *STRICT, str(folder / "main.c"), "-lm", "-o", out]
+    subprocess.run(words, check=True)
+    done = subprocess.run([out], capture_output=True, text=True, check=True)
+    found = re.search(r"status (\d+), NIS (\S+), health (\S+)", done.stdout)
+    assert found
+    assert int(found[1]) <= 1, "the samples of one instant are no motion: a gate may close, no more"
+    assert 0.0 < float(found[3]) <= 1.0
+
+
+def test_the_package_files_say_what_they_are(tmp_path: Path) -> None:
+    folder = emitted_c(tmp_path / "f", "ahrs6")
+    library = json.loads((folder / "library.json").read_text())
+    assert (library["name"], library["headers"]) == ("ahrs6", ["ahrs6.h"])
+    lines = (folder / "library.properties").read_text().splitlines()
+    properties = dict(line.split("=", 1) for line in lines)
+    # the keys that the Arduino library specification calls required
+    assert properties.keys() >= {
+        "name",
+        "version",
+        "author",
+        "maintainer",
+        "sentence",
+        "paragraph",
+        "category",
+    }
+    assert properties["includes"] == "ahrs6.h"
+    assert "name: ahrs6\n" in (folder / "zephyr" / "module.yml").read_text()
+    assert "add_library(ahrs6 INTERFACE)" in (folder / "CMakeLists.txt").read_text()
+
+
+DELAYED = """
+#include <stdio.h>
+#include <string.h>
+#define AHRS6_DELAY 5
+#include "ahrs6_delay.h"
+int main(void)
+{
+    static ahrs6_t prompt, late, now;
+    static ahrs6_delay_t delay;
+    const float z[3] = {0.1f, -0.2f, -9.7f};
+    (void)ahrs6_init(&prompt);
+    (void)ahrs6_init(&late);
+    ahrs6_delay_init(&delay);
+    for (int k = 0; k < 40; k++) {
+        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
+        if (k < 35) { (void)ahrs6_predict(&prompt, in.gyro, in.dt); }
+        (void)ahrs6_delay_predict(&late, &delay, &in);
+        if (k == 20) { (void)ahrs6_update_accel(&prompt, z); }
+        if (k == 25) { (void)ahrs6_update_accel(&late, z); }
+    }
+    const int behind = memcmp(&prompt, &late, sizeof prompt);
+    (void)ahrs6_delay_now(&late, &delay, &now);
+    for (int k = 35; k < 40; k++) {
+        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
+        (void)ahrs6_predict(&prompt, in.gyro, in.dt);
+    }
+    printf("%d %d\\n", behind, memcmp(&prompt, &now, sizeof prompt));
+    return 0;
+}
+"""
+
+
+def test_a_late_sample_is_fused_at_its_own_time(tmp_path: Path) -> None:
+    """The filter that runs five steps behind is, byte for byte, the prompt one of five steps ago."""
+    folder = emitted_c(tmp_path / "f", "ahrs6")
+    (folder / "late.c").write_text(DELAYED)
+    out = str(tmp_path / "late")
+    words = [compiler("gcc"), "-std=c99", "-O1", "-ffp-contract=off", *STRICT]
+    subprocess.run([*words, str(folder / "late.c"), "-lm", "-o", out], check=True)
+    assert subprocess.run([out], capture_output=True, text=True, check=True).stdout == "0 0\n"
+
+
+def test_the_banner_names_what_no_measurement_shows() -> None:
+    """A level body at rest cannot tell a tilt from a bias: g (9.80665 m/s^2) to the radian."""
+    text = files(program("ins15"))["ins15.h"]
+    banner = text[: text.index("*/")]
+    assert "1 mrad of north tilt is hidden by 9.807 mm/s^2 of east accelerometer bias" in banner
+    assert "Heading changes no measurement" in banner
+
+
+BAD_MODELS = [
+    ('omega = "rad/s"\n', 'int = "rad/s"\n', "needs the name 'int'"),
+    ('omega = "rad/s"\n', 'Theta = "rad/s"\n', "differ by case only"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD_MODELS)
+def test_names_that_no_code_can_carry_are_refused(
+    old: str, new: str, message: str, kfgen: Any, tmp_path: Path
+) -> None:
+    text = """
+format = "kfgen-model-1"
+name = "swing"
+[states]
+theta = "rad"
+omega = "rad/s"
+[dynamics]
+theta = "omega"
+omega = "-9.8*theta"
+[measurements.angle]
+unit = "rad"
+expression = "theta"
+effects = [ { effect = "white_noise", N = "0.02 deg/sqrt(Hz)" } ]
+"""
+    word = new.split(" =", maxsplit=1)[0]
+    changed = (
+        text.replace(old, new).replace('omega = "-9.8', f'{word} = "-9.8').replace('"omega"', f'"{word}"')
+    )
+    (tmp_path / "swing.toml").write_text(changed)
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match=message):
+        Program(DiscreteModel(build(str(tmp_path / "swing.toml"))))
+    assert kfgen("emit", tmp_path / "swing.toml", "--target", "c", "-o", out).exit_code == 2
+    assert not out.exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["swing.toml"]
+
+
+def test_a_measurement_that_shows_no_state_is_refused(kfgen: Any, tmp_path: Path) -> None:
+    text = """
+format = "kfgen-model-1"
+name = "blind"
+[states]
+theta = "rad"
+[inputs]
+u = "rad/s"
+[dynamics]
+theta = "u"
+[measurements.angle]
+unit = "rad/s"
+expression = "2.0*u"
+effects = [ { effect = "white_noise", N = "0.02 rad/s/sqrt(Hz)" } ]
+"""
+    (tmp_path / "blind.toml").write_text(text)
+    done = kfgen("emit", tmp_path / "blind.toml", "--target", "c", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["blind.toml"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--form", "qr"], ["--real", "half"], ["--rate", "0"], ["--target", "ada"], ["--order", "9"]],
+    ids=" ".join,
+)
+def test_a_wrong_option_is_said_and_nothing_is_written(
+    options: list[str], kfgen: Any, tmp_path: Path
+) -> None:
+    words = ["emit", "ahrs6", *([] if "--target" in options else ["--target", "c"]), *options]
+    assert kfgen(*words, "-o", tmp_path / "out").exit_code == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_with_other_files_below_is_left_alone(kfgen: Any, tmp_path: Path) -> None:
+    folder = emitted_c(tmp_path / "f", "gyro-static")
+    (folder / "zephyr" / "mine.txt").write_text("mine")
+    assert kfgen("emit", "gyro-static", "--target", "c", "-o", folder).exit_code == 2
+    assert (folder / "zephyr" / "mine.txt").read_text() == "mine"

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 import kfgen
+from kfgen.audit.audit import audit
 from kfgen.emit.covariance import place
-from kfgen.emit.ir import STATUS, Ref, Routine, names_of
+from kfgen.emit.ir import STATUS, Compare, Ref, Routine, names_of
+from kfgen.emit.names import identifier
 from kfgen.emit.printer import Printer
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import Call, scenario
+from kfgen.emit.scenario import Call, scenario, split
 from kfgen.emit.templates import render
 from kfgen.errors import InputError
+from kfgen.model.filter import FilterModel
 
 TARGET = "c"
 TITLE = "C99 header, with a self-test"
@@ -115,6 +119,10 @@ class CPrinter(Printer):
         """The status is set."""
         return f"status = (status > KF_{status}) ? status : KF_{status};"
 
+    def condition(self, c: Compare) -> str:
+        """Each side in its own parentheses."""
+        return f"{self.expression(c.a)} {c.op} {self.expression(c.b)}"
+
     def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
         """``if`` with braces always."""
         if not body:
@@ -143,13 +151,12 @@ def _function(program: Program, routine: Routine) -> CFunction:
         f"{fixed}{real} {a.name}[{a.size}]" if a.size else f"{real} {a.name}" for a in routine.arguments
     ]
     printer = CPrinter(program)
-    zero = printer.number(0.0)
     return CFunction(
         routine.name,
         routine.text,
         routine.operations,
         tuple((a.name, a.text) for a in routine.arguments),
-        tuple(f"{real} {s.name}[{s.size}] = {{{zero}}};" for s in routine.scratch if _uses(routine, s.name)),
+        tuple(f"{real} {s.name}[{s.size}] = {{0}};" for s in routine.scratch if _uses(routine, s.name)),
         printer.body(routine),
         ", ".join([f"{program.name}_t *kf", *arguments]),
         routine.internal,
@@ -160,48 +167,104 @@ def _uses(routine: Routine, name: str) -> bool:
     return name in names_of(routine.body)
 
 
-def header(program: Program) -> str:
-    """The header's text."""
-    model, discrete, form = program.discrete.model, program.discrete, program.covariance
+def header(program: Program, hidden: Sequence[str] = ()) -> str:
+    """The header's text.
+
+    Parameters
+    ----------
+    program : Program
+    hidden : sequence of str
+        What no measurement shows at rest, as the audit says it.
+    """
     return render(
         "c/filter.h.j2",
-        name=program.name,
-        guard=f"{program.name.upper()}_H",
-        model=model,
-        version=kfgen.__version__,
-        hash=discrete.hash[:16],
-        program=program,
-        form=form,
-        real=REAL[program.real],
-        discrete=discrete,
+        **_common(program),
+        hidden=hidden,
         status=STATUS,
-        nominal=list(enumerate(discrete.nominal_names)),
-        states=list(enumerate(model.states)),
+        states=list(enumerate(program.discrete.model.states)),
         constants=list(enumerate(program.constants)),
-        nx=len(discrete.nominal_names),
-        np=form.size,
         rows=[place(program.n, i, 0) for i in range(program.n)],
-        places=[form.order.index(i) for i in range(program.n)],
+        places=[program.covariance.order.index(i) for i in range(program.n)],
         bytes=sum(size for size, _ in program.arrays.values()) * np.dtype(program.type).itemsize,
+        blocks=_blocks(program),
         helpers=[_function(program, r) for r in program.helpers],
         functions=[_function(program, r) for r in program.routines],
     )
 
 
+def _common(program: Program) -> dict[str, Any]:
+    """What every template of a filter knows."""
+    discrete = program.discrete
+    return {
+        "name": program.name,
+        "guard": f"{program.name.upper()}_H",
+        "model": discrete.model,
+        "version": kfgen.__version__,
+        "hash": discrete.hash[:16],
+        "program": program,
+        "form": program.covariance,
+        "real": REAL[program.real],
+        "discrete": discrete,
+        "nominal": list(enumerate(discrete.nominal_names)),
+        "nx": len(discrete.nominal_names),
+        "np": program.covariance.size,
+    }
+
+
+def _blocks(program: Program) -> list[tuple[str, str, int, int]]:
+    """Name, meaning, first place and size of each block of the stored state."""
+    names = list(program.discrete.nominal_names)
+    blocks = [(identifier(b.name), b.title, b.nominal_names) for b in program.discrete.model.blocks]
+    return [
+        ("attitude" if "q_w" in stored else name, title, names.index(stored[0]), len(stored))
+        for name, title, stored in blocks
+        if stored
+    ]
+
+
+def hidden_directions(model: FilterModel) -> tuple[str, ...]:
+    """What the audit at rest says no measurement shows, in sentences."""
+    return tuple(d.sentence for d in audit(model).directions)
+
+
+PLAIN = ("main.c", "CMakeLists.txt", "library.properties", "library.json")
+"""Files around the header, each from the template of its name."""
+
+
 def files(program: Program) -> dict[str, str]:
     """The emitted files by name."""
     calls = scenario(program, SELFTEST_CALLS)
-    return {
-        f"{program.name}.h": header(program),
-        "selftest.c": render(
-            "c/selftest.c.j2",
-            name=program.name,
-            array=program.covariance.ARRAY,
-            real=REAL[program.real],
-            calls=_listed(program, calls),
-        ),
-        f"{program.name}_vectors.h": _vectors(program, calls),
+    first = {c.routine: c for c in reversed(calls)}
+    common = _common(program) | {
+        "calls": _listed(program, calls),
+        "first": [
+            (r.name, [(a, v) for a, v in zip(r.arguments, _literals(program, r, first[r.name].inputs))])
+            for r in program.routines[1:]
+        ],
     }
+    return {
+        f"{program.name}.h": header(program, hidden_directions(program.discrete.model)),
+        f"{program.name}_delay.h": render(
+            "c/delay.h.j2",
+            **common,
+            predict=_function(program, program.predict),
+            inputs=program.predict.arguments,
+        ),
+        "selftest.c": render("c/selftest.c.j2", **common, array=program.covariance.ARRAY),
+        f"{program.name}_vectors.h": _vectors(program, calls),
+        **{name: render(f"c/{name}.j2", **common) for name in PLAIN},
+        "zephyr/module.yml": render("c/module.yml.j2", **common),
+        "zephyr/CMakeLists.txt": render("c/zephyr.txt.j2", **common),
+    }
+
+
+def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> list[list[str]]:
+    """The inputs of a call as literals, argument by argument."""
+    printer = CPrinter(program)
+    return [
+        [printer.number(float(v)) for v in (value if isinstance(value, tuple) else (value,))]
+        for value in split(routine, tuple(inputs))
+    ]
 
 
 def _listed(program: Program, calls: Sequence[Call]) -> list[tuple[int, str, str]]:

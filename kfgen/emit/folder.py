@@ -76,6 +76,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
     fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
     try:
         for name, text in files.items():
+            (fresh / name).parent.mkdir(exist_ok=True)
             (fresh / name).write_text(text, encoding="utf-8")
         fresh.chmod(0o755)
         old = fresh.with_name(f"{fresh.name}.old")
@@ -94,7 +95,8 @@ def _check_free(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise InputError("it is a file, not a folder", where=str(folder))
-    present = {p.name for p in folder.iterdir()}
+    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()}
+    present |= {p.name for p in folder.iterdir() if p.is_dir() and not any(p.iterdir())}
     if not present:
         return
     known = set(_manifest(folder)["files"]) | {MANIFEST} if MANIFEST in present else set()

@@ -18,6 +18,8 @@ from kfgen.model.motion import Constant
 from kfgen.model.rotation import matrix_of
 
 Rows = dict[int, dict[int, sp.Expr]]
+LONGEST = 200
+"""Operations of an entry beyond which no identity is looked for."""
 
 
 def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str = "") -> Lowering:
@@ -64,7 +66,7 @@ class Atoms:
     def orthonormal(self, e: sp.Expr) -> sp.Expr:
         """An entry with ``R R' = I`` used up, where that makes it shorter."""
         attitude = self.model.attitude
-        if attitude is None or not e.free_symbols & set(attitude.nominal):
+        if attitude is None or not e.free_symbols & set(attitude.nominal) or e.count_ops() > LONGEST:
             return e
         last = list(attitude.nominal[:, 2])
         terms = [self._without_last(t, last) for t in sp.Add.make_args(sp.expand(e))]
