@@ -11,6 +11,7 @@ import numpy as np
 import kfgen
 from kfgen.audit.audit import audit
 from kfgen.emit.covariance import place
+from kfgen.emit.forms import HELD
 from kfgen.emit.ir import STATUS, Compare, Ref, Routine, names_of
 from kfgen.emit.names import identifier
 from kfgen.emit.printer import Printer
@@ -186,6 +187,8 @@ def header(program: Program, hidden: Sequence[str] = ()) -> str:
         rows=[place(program.n, i, 0) for i in range(program.n)],
         places=[program.covariance.order.index(i) for i in range(program.n)],
         bytes=sum(size for size, _ in program.arrays.values()) * np.dtype(program.type).itemsize,
+        sizes={"x": f"{program.name.upper()}_NX", program.covariance.ARRAY: f"{program.name.upper()}_NP"}
+        | {HELD: f"{program.name.upper()}_N"},
         blocks=_blocks(program),
         helpers=[_function(program, r) for r in program.helpers],
         functions=[_function(program, r) for r in program.routines],

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
 from kfgen.emit.templates import template_folder
@@ -118,21 +119,35 @@ CHIPS: dict[str, Chip] = {
 }
 
 
-class Emulated:
-    """The filter on an emulated chip."""
+class Board:
+    """A chip with a program on it, whose functions are called one by one and counted.
 
-    def __init__(
-        self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
-    ) -> None:
+    Parameters
+    ----------
+    chip : Chip
+    source : Path
+        C, with a table ``vectors`` of what it must keep, as the harness has it.
+    folder : Path
+        Of the headers that it includes.
+    scratch : Path
+        Where the program is built.
+    contract : bool
+        Fused products and sums.
+
+    Raises
+    ------
+    MissingExtra
+        There is no emulator or no cross compiler.
+    CheckFailed
+        The source does not compile.
+    """
+
+    def __init__(self, chip: Chip, source: Path, folder: Path, scratch: Path, contract: bool = False) -> None:
         for module in ("unicorn", "elftools"):
             if importlib.util.find_spec(module) is None:
                 raise missing("pil", f"the emulator ({module})")
-        elf = _build(chip, program, source, scratch, contract)
-        self._symbols, segments, sizes = _load(elf)
-        self._text = {r.name: sizes[f"call_{r.name}"] for r in program.entries}
-        self._all_text = sizes[".text"]
-        self._type = np.dtype(program.type)
-        self._bytes = self._type.itemsize * program.word_count
+        elf = _build(chip, source, folder, scratch / "filter.elf", contract)
+        self.symbols, segments, self.sizes = _load(elf)
         self._family = chip.family
         self._registers = importlib.import_module(f"unicorn.{chip.family.constants}")
         self._machine = _machine(chip, self._registers, segments)
@@ -141,13 +156,20 @@ class Emulated:
         self._blocks: dict[tuple[int, int], int] = {}
         self._running = 0
 
-    def call(self, routine: str, inputs: Sequence[float]) -> None:
-        """Run one routine on the filter."""
+    def write(self, symbol: str, values: NDArray[Any]) -> None:
+        """Numbers into a variable."""
+        self._machine.mem_write(self.symbols[symbol], values.tobytes())
+
+    def read(self, symbol: str, size: int) -> bytes:
+        """Bytes of a variable."""
+        return bytes(self._machine.mem_read(self.symbols[symbol], size))
+
+    def call(self, function: str) -> None:
+        """Run a function without arguments; the first `COUNTED` calls are counted."""
         from unicorn import UC_HOOK_BLOCK
 
         uc, family = self._machine, self._family
-        uc.mem_write(self._symbols["in"], np.asarray(inputs, self._type).tobytes())
-        counts = self._counts.setdefault(routine, [])
+        counts = self._counts.setdefault(function, [])
         hook = None
         if len(counts) < COUNTED:
             self._running = 0
@@ -155,14 +177,14 @@ class Emulated:
             uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
         uc.reg_write(getattr(self._registers, family.stack), STACK_TOP)
         uc.reg_write(getattr(self._registers, family.link), RETURN | family.odd)
-        uc.emu_start(self._symbols[f"call_{routine}"] | family.odd, RETURN)
+        uc.emu_start(self.symbols[function] | family.odd, RETURN)
         if hook is not None:
             uc.hook_del(hook)
             counts.append(self._running)
             painted = np.frombuffer(uc.mem_read(STACK_TOP - STACK_SIZE, STACK_SIZE), np.uint8)
             touched = np.flatnonzero(painted != PAINT)
             deep = STACK_SIZE - int(touched[0]) if touched.size else 0
-            self._stacks[routine] = max(self._stacks.get(routine, 0), deep)
+            self._stacks[function] = max(self._stacks.get(function, 0), deep)
 
     def _block(self, uc: Any, address: int, size: int, _: object) -> None:
         """Count the instructions of a translated block, of two or four bytes each."""
@@ -175,25 +197,47 @@ class Emulated:
             self._blocks[address, size] = count
         self._running += self._blocks[address, size]
 
-    def words(self) -> Words:
-        """State and covariance as bit patterns."""
-        found = self._machine.mem_read(self._symbols["kf"], self._bytes)
-        return np.frombuffer(found, f"u{self._type.itemsize}").copy()
-
     def cost(self) -> Cost:
-        """Executed instructions, stack and code of each routine, and of all."""
+        """Executed instructions, stack and code of each function, and of all."""
         return Cost(
-            {r: max(c) for r, c in self._counts.items()},
+            {f: max(c) for f, c in self._counts.items()},
             max(self._stacks.values(), default=0),
-            self._all_text,
+            self.sizes[".text"],
             dict(self._stacks),
-            self._text,
+            {f: self.sizes[f] for f in self._counts},
         )
 
 
-def _build(chip: Chip, program: Program, source: Path, scratch: Path, contract: bool) -> Path:
-    harness = write_harness(program, scratch, bare=True)
-    elf = scratch / "filter.elf"
+class Emulated:
+    """The filter on an emulated chip."""
+
+    def __init__(
+        self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
+    ) -> None:
+        self._board = Board(chip, write_harness(program, scratch, bare=True), source, scratch, contract)
+        self._type = np.dtype(program.type)
+        self._bytes = self._type.itemsize * program.word_count
+
+    def call(self, routine: str, inputs: Sequence[float]) -> None:
+        """Run one routine on the filter."""
+        self._board.write("in", np.asarray(inputs, self._type))
+        self._board.call(f"call_{routine}")
+
+    def words(self) -> Words:
+        """State and covariance as bit patterns."""
+        return np.frombuffer(self._board.read("kf", self._bytes), f"u{self._type.itemsize}")
+
+    def cost(self) -> Cost:
+        """Of each routine, and of all."""
+        cost = self._board.cost()
+        named = [
+            {f.removeprefix("call_"): v for f, v in of.items()}
+            for of in (cost.instructions, cost.stacks, cost.texts)
+        ]
+        return Cost(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
+
+
+def _build(chip: Chip, source: Path, folder: Path, elf: Path, contract: bool) -> Path:
     call = [
         *command(),
         "-target",
@@ -204,14 +248,14 @@ def _build(chip: Chip, program: Program, source: Path, scratch: Path, contract: 
         contraction(contract),
         "-T",
         str(template_folder() / "verify" / "link.ld"),
-        f"-I{source}",
-        str(harness),
+        f"-I{folder}",
+        str(source),
         "-o",
         str(elf),
     ]
     done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment())
     if done.returncode:
-        raise CheckFailed(f"{program.name}.h does not compile for {chip.title}: {done.stderr.strip()[:2000]}")
+        raise CheckFailed(f"{source.name} does not compile for {chip.title}: {done.stderr.strip()[:2000]}")
     return elf
 
 
