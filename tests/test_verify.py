@@ -9,12 +9,15 @@ import importlib.util
 import json
 import os
 import re
+import runpy
 import shutil
+import subprocess
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from kfgen.discretise import DiscreteModel
@@ -94,7 +97,10 @@ def test_no_word_differs(name: str, core: str, verdicts: Callable[..., Verdict])
     assert (v.differing, v.max_ulp) == (0, 0)
 
 
-@pytest.mark.parametrize(("name", "form"), BUDGETS)
+CASES = [pytest.param(*key, marks=pytest.mark.long if key[0] == "ins23" else ()) for key in BUDGETS]
+
+
+@pytest.mark.parametrize(("name", "form"), CASES)
 def test_costs_are_within_budget(name: str, form: str, verdicts: Callable[..., Verdict]) -> None:
     """And no word differs on the core that is counted."""
     verdict = verdicts(name, "m4f", form)
@@ -229,3 +235,82 @@ def test_a_python_module_runs_on_no_emulated_core(kfgen: Callable[..., Any], tmp
     folder = tmp_path / "py"
     assert kfgen("emit", "gyro-static", "--target", "filterpy", "-o", folder).exit_code == 0
     assert kfgen("verify", folder, "--core", "m4f").exit_code == 2
+
+
+def test_the_header_says_what_a_call_costs(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+    """The same counts as the proof's."""
+    need("m4f")
+    folder, out = tmp_path / "f", tmp_path / "v.json"
+    assert kfgen("emit", "ahrs6", "--target", "c", "--core", "m4f", "-o", folder).exit_code == 0
+    assert kfgen("verify", folder, "--core", "m4f", "--json", out).exit_code == 0
+    cost = json.loads(out.read_text())["cores"]["m4f"]
+    text = (folder / "ahrs6.h").read_text()
+    found = re.findall(r"Cortex-M4F, (\w+): (\d+) instructions, (\d+) bytes of stack, (\d+) of code", text)
+    assert {r: int(n) for r, n, *_ in found} == cost["instructions"]
+    assert {r: int(n) for r, _, n, _ in found} == cost["stack_bytes_by_routine"]
+    assert {r: int(n) for r, *_, n in found} == cost["text_bytes_by_routine"]
+    assert kfgen("emit", "ahrs6", "--target", "c", "--core", "host", "-o", tmp_path / "g").exit_code == 2
+    assert not (tmp_path / "g").exists()
+
+
+@pytest.mark.parametrize("form", ["p", "ud"])
+def test_factors_stay_positive_with_identified_noise(form: str) -> None:
+    """Ten minutes at rest without floors: the packed covariance in single precision is lost, the factors are not.
+
+    Eigenvalues by LAPACK, of the covariance scaled to a unit diagonal.
+    """
+    need("host")
+    bench = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "covariance_health.py"))
+    P = bench["run"](bench["emitted"](form, "float"), 600.0)
+    least = min(bench["smallest"](p) for p in P)
+    if form == "p":
+        assert least < 0.0
+        return
+    true = bench["run"](bench["emitted"]("p", "double"), 600.0)
+    assert least == pytest.approx(min(bench["smallest"](p) for p in true), rel=0.05)
+    assert least > 0.0
+    ratio = np.sqrt(np.diagonal(P, axis1=1, axis2=2) / np.diagonal(true, axis1=1, axis2=2))
+    assert np.abs(ratio - 1.0).max() < 0.01
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("form", ["p", "ud"])
+def test_header_has_no_finding_of_misra(form: str, tmp_path: Path) -> None:
+    """By the add-on of cppcheck, where it is installed."""
+    if shutil.which("cppcheck") is None:
+        pytest.skip("cppcheck is not installed")
+    write_folder(program("ahrs6", form), "c", None, tmp_path / "f")
+    (tmp_path / "f" / "use.c").write_text(MISRA_USE)
+    words = ["cppcheck", "--addon=misra", "--max-configs=1", "-U__cplusplus", "--std=c99", "-q"]
+    done = subprocess.run(
+        [*words, "--template={file}:{line}: {id}", "use.c"],
+        cwd=tmp_path / "f",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    found = [line for line in (done.stdout + done.stderr).splitlines() if "misra" in line]
+    assert any(line.startswith("use.c") for line in found), "the add-on does not work"
+    assert [line for line in found if not line.startswith("use.c")] == []
+
+
+MISRA_USE = """
+#include "ahrs6.h"
+int main(void);
+int main(void)
+{
+    static ahrs6_t kf;
+    static const float in[3] = {0.1f, 0.2f, 0.3f};
+    float q[4];
+    int unused;
+    kf_status_t s = ahrs6_init(&kf);
+    s = ahrs6_predict(&kf, in, 0.01f);
+    s = ahrs6_update_accel(&kf, in);
+    s = ahrs6_update_mag(&kf, in);
+    s = ahrs6_check(&kf);
+    ahrs6_get_attitude(&kf, q);
+    ahrs6_consider(&kf, 1, 1);
+    return ((s == KF_OK) && (ahrs6_get_variance(&kf, AHRS6_E_PHI_N) > ahrs6_get_state(&kf, AHRS6_X_Q_W))
+        && (ahrs6_get_nis(&kf) > ahrs6_get_innovation(&kf, 0)) && (ahrs6_model_hash() != 0)) ? 0 : 1;
+}
+"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -108,6 +109,9 @@ def emit(
     form: Annotated[str, typer.Option(help="p: the covariance; ud: its factors, never indefinite.")] = "p",
     real: Annotated[str, typer.Option(help="float or double.")] = "float",
     loops: Annotated[bool, typer.Option("--loops", help="Loops: less code, more instructions.")] = False,
+    core: Annotated[
+        list[str] | None, typer.Option(help="m4f, ...: its instructions, stack and code go into the header.")
+    ] = None,
     set_: Set = None,
     sensor: Sensors = None,
     order: Order = 1,
@@ -124,6 +128,10 @@ def emit(
 
     built = model_of(model, noise, set_, sensor)
     program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops)
+    if core:
+        from kfgen.verify.compare import costs
+
+        program = replace(program, costs=costs(program, core))
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)
 

@@ -67,12 +67,15 @@ class Program:
         Of every number: a key of `REALS`.
     loops : bool
         Loops in place of repeated columns: less code, more instructions.
+    costs : tuple of str
+        What its calls cost on cores, in words for the reader of the code.
     """
 
     discrete: DiscreteModel
     form: str = Packed.NAME
     real: str = "float"
     loops: bool = False
+    costs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         d = self.discrete

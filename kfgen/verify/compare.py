@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kfgen.emit.c import header
 from kfgen.emit.folder import Emitted
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import Call, scenario
@@ -66,6 +67,39 @@ def verify(emitted: Emitted, names: Sequence[str], contract: bool = False) -> li
             verdicts.append(compare(name, core, calls, program))
     return verdicts
 
+
+def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
+    """What each routine of the emitted C costs on emulated cores, in words.
+
+    Raises
+    ------
+    InputError
+        A core that is unknown, or does not count.
+    """
+    said = []
+    for name in names:
+        if name not in CHIPS:
+            raise InputError(
+                f"the core '{name}' counts nothing", where="--core", remedy=f"Known are {', '.join(CHIPS)}"
+            )
+        with tempfile.TemporaryDirectory(prefix="kfgen-costs-") as scratch:
+            folder = Path(scratch)
+            (folder / f"{program.name}.h").write_text(header(program), encoding="utf-8")
+            core = Emulated(CHIPS[name], program, folder, folder)
+            core.call("init", ())
+            for call in scenario(program, COUNTED_CALLS):
+                core.call(call.routine, call.inputs)
+            cost = core.cost()
+        said += [
+            f"{CHIPS[name].title}, {routine}: {count} instructions, {cost.stacks[routine]} bytes of stack, "
+            f"{cost.texts[routine]} of code"
+            for routine, count in cost.instructions.items()
+        ]
+    return tuple(said)
+
+
+COUNTED_CALLS = 25
+"""Calls of which each routine has its share."""
 
 CONTRACTED = 1e-3
 """With fused products and sums: share of a deviation by which a word may differ."""
