@@ -73,7 +73,7 @@ class RandomTelegraph(Effect):
 
         cells = Cells.of(series)
         band = series.weight[1 : cells.mean.size + 1]
-        if float(np.max(series.slow)) > SLOW or float(band.max()) > UNEVEN * float(band.min()):
+        if float(np.max(series.slow[1:])) > SLOW or float(band.max()) > UNEVEN * float(band.min()):
             return []
         starts = cells.starts()
         best = None
