@@ -17,6 +17,9 @@ from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
+CONTRADICTION = 0.02
+"""Relative difference of two statements of a rate that is no rounding."""
+
 
 def _frozen(values: ArrayLike) -> Array:
     array = np.array(values, dtype=np.float64)
@@ -65,6 +68,8 @@ class Log:
         Where it came from, said in messages.
     sha256 : str
         Hash of the file, empty for simulated logs.
+    stated : float
+        How long its header says that it lasted [s], beside a rate; zero where it does not.
     axis : str
         ``t``, or ``tau`` for a published Allan deviation over averaging times.
 
@@ -80,6 +85,7 @@ class Log:
     sha256: str = ""
     warnings: tuple[str, ...] = field(default=())
     axis: str = "t"
+    stated: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))
@@ -184,7 +190,7 @@ class Log:
     def cut(self, start: int, stop: int) -> Log:
         """Samples `start` to `stop` (as a slice) as a log of its own."""
         part = {k: replace(c, values=_frozen(c.values[start:stop])) for k, c in self.channels.items()}
-        return replace(self, t=self.t[start:stop], channels=part)
+        return replace(self, t=self.t[start:stop], channels=part, stated=0.0)
 
     def select(self, names: Iterable[str]) -> Log:
         """Only the named channels."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
 from kfgen.emit.filterpy import class_name, files
+from kfgen.emit.names import argument
 from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.log import Log
@@ -97,9 +98,10 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
     model, module = discrete.model, load(program)
     emitted = getattr(module, class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
-    inputs = {i.name: _input(log, i) for i in model.motion.inputs}
+    kf.gate = np.inf  # every sample counts: the innovations of a run are its result
+    inputs = {argument(i.name): _input(log, i) for i in model.motion.inputs}
     acting = {n: _over_steps(v, model.motion.chosen.get("samples", AFTER)) for n, v in inputs.items()}
-    drive = {d: log.values(d) for d in model.drivers}
+    drive = {argument(d): log.values(d) for d in model.drivers}
     present = {
         s.name: np.column_stack([log.channel(c).values for c in s.channels])
         for s in model.sensors
@@ -124,7 +126,7 @@ def run(program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | Non
             if np.isfinite(z).all():
                 extra = {n: v[k] for n, v in (inputs | drive).items() if n in takes[f"expect_{name}"]}
                 getattr(kf, f"update_{name}")(z, **extra)
-                seen[name].append((log.t[k], kf.y.ravel().copy(), float((kf.y.T @ kf.SI @ kf.y).item())))
+                seen[name].append((log.t[k], kf.innovation[: z.size].copy(), kf.nis))
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
         if steps[k] > 0.0:
             given: dict[str, Any] = {n: v[k] for n, v in (acting | drive).items() if n in stepping}

@@ -337,7 +337,11 @@ def emitted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
     for target in ("c", "filterpy"):
         folder = tmp_path_factory.mktemp("emitted") / "f"
         write_folder(program, target, None, folder)
-        made[target] = {p.name: p.read_text(encoding="utf-8") for p in folder.iterdir()}
+        made[target] = {
+            p.relative_to(folder).as_posix(): p.read_text(encoding="utf-8")
+            for p in folder.rglob("*")
+            if p.is_file()
+        }
     return made
 
 
@@ -345,6 +349,7 @@ def unpack(files: dict[str, str], /, **manifest: object) -> str:
     """The files in a folder ``f``, its manifest changed."""
     Path("f").mkdir()
     for name, text in files.items():
+        Path("f", name).parent.mkdir(exist_ok=True)
         Path("f", name).write_text(text, encoding="utf-8")
     if manifest:
         changed = {**json.loads(files["kfgen.json"]), **manifest}

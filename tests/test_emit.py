@@ -7,6 +7,7 @@ and the C header is compiled strictly, run by its own self-test, and altered to 
 from __future__ import annotations
 
 import ctypes
+import json
 import math
 import os
 import re
@@ -33,6 +34,9 @@ from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario, split
 from kfgen.errors import InputError
+from kfgen.model.equations import filter_model
+from kfgen.model.file import parse_model
+from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.run import load
 from kfgen.verify.host import Host
@@ -41,10 +45,16 @@ NAMES = ["gyro-static", "ahrs6", "ins15"]
 STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wfloat-equal"]
 STRICT += ["-Werror"]
 CASES = [(n, order) for n in NAMES for order in (1, 3)] + [("ahrs6 loaded", 1), ("ins15 loaded", 2)]
+CASES += [("ins23", 1), ("pendulum", 1)]
+
+
+FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
 
 
 @cache
-def program(name: str, order: int = 1) -> Program:
+def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> Program:
+    if name == "pendulum":
+        return Program(DiscreteModel(pendulum(), order=order), form, loops=loops)
     model = build(name.removesuffix(" loaded"))
     for channel in ("gyro_x", "accel_y", "mag_z", "gnss_v_N") if "loaded" in name else ():
         if channel in model.channel_units:
@@ -55,7 +65,30 @@ def program(name: str, order: int = 1) -> Program:
                 make("temperature", coefficient=1e-4, reference=290.0),
             ):
                 model = model.augment(channel, e)
-    return Program(DiscreteModel(model, order=order))
+    return Program(DiscreteModel(model, order=order), form, loops=loops)
+
+
+def pendulum() -> FilterModel:
+    """Two states that drive one another, and a bias: no order makes its transition triangular."""
+    text = """
+format = "kfgen-model-1"
+name = "pendulum"
+[parameters]
+g_over_l = "19.6 1/s^2"
+[states]
+theta = { unit = "rad", initial = "0.1 rad", sd = "0.05 rad" }
+omega = { unit = "rad/s", initial = "0 rad/s", sd = "0.3 rad/s" }
+[inputs]
+s = "N m"
+[dynamics]
+theta = "omega"
+omega = "-g_over_l*sin(theta) - 0.5*omega + 25.0*s"
+[measurements.angle]
+unit = "deg"
+expression = "theta"
+effects = [ { effect = "white_noise", N = "0.02 deg/sqrt(Hz)" }, { effect = "gauss_markov", sigma = "0.5 deg", tau = "3 s" } ]
+"""
+    return filter_model(parse_model(text, "pendulum.toml"))
 
 
 @cache
@@ -73,9 +106,11 @@ def compiled(name: str, order: int, what: str) -> tuple[list[str], Any]:
 class Filter:
     """A Machine at a random state with a random covariance, and the same in matrices."""
 
-    def __init__(self, name: str, order: int, seed: int, real: type = np.float64) -> None:
+    def __init__(
+        self, name: str, order: int, seed: int, real: type = np.float64, form: str = "p", loops: bool = False
+    ) -> None:
         self.key = (name, order)
-        self.program = program(name, order)
+        self.program = program(name, order, form, loops)
         self.n = self.program.n
         self.names = self.program.discrete.nominal_names
         self.rng = np.random.default_rng(seed)
@@ -90,7 +125,12 @@ class Filter:
             at = self.names.index("q_w")
             self.x[at : at + 4] /= np.linalg.norm(self.x[at : at + 4])
         self.machine.arrays["x"][:] = self.x
-        self.machine.arrays["P"][:] = self.P[np.triu_indices(self.n)]
+        if form == "p":
+            self.machine.arrays["P"][:] = self.P[np.triu_indices(self.n)]
+        else:
+            at = np.array(self.program.covariance.order)
+            U, D = udu(self.P[np.ix_(at, at)])
+            self.machine.arrays["UD"][:] = (U - np.eye(self.n) + np.diag(D))[np.triu_indices(self.n)]
         d = self.program.discrete
         self.given = {c: self.rng.normal() for i in d.model.motion.inputs for c in i.channels}
         self.given |= {"temperature": 301.0}
@@ -117,11 +157,24 @@ class Filter:
             elif a.size:
                 out.append([self.given[f"{a.name}_{k}"] for k in "xyz"])
             else:
-                out.append(self.dt if a.name == "dt" else self.given[a.name])
+                out.append(self.dt if a.name == "dt" else self.given[a.name.removesuffix("_in")])
         return out
 
     def covariance(self) -> np.ndarray:
-        return unpacked(self.machine.arrays["P"], self.n)
+        """From the stored numbers, written out."""
+        if "P" in self.machine.arrays:
+            return unpacked(self.machine.arrays["P"], self.n)
+        M = np.zeros((self.n, self.n))
+        M[np.triu_indices(self.n)] = self.machine.arrays["UD"]
+        U = np.triu(M, 1) + np.eye(self.n)
+        back = np.argsort(self.program.covariance.order)
+        return np.asarray((U @ np.diag(np.diag(M)) @ U.T)[np.ix_(back, back)])
+
+
+def udu(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Factors U, D of a covariance, by the Cholesky factor of the reversed matrix."""
+    L = np.linalg.cholesky(P[::-1, ::-1])[::-1, ::-1]
+    return L / np.diag(L), np.diag(L) ** 2
 
 
 def random_spd(n: int, rng: np.random.Generator) -> np.ndarray:
@@ -155,9 +208,9 @@ def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("name", "order"), CASES)
-@pytest.mark.parametrize("seed", range(2))
-def test_prediction_is_the_dense_formula(name: str, order: int, seed: int) -> None:
-    f = Filter(name, order, seed)
+@pytest.mark.parametrize(("form", "loops"), FORMS)
+def test_prediction_is_the_dense_formula(name: str, order: int, form: str, loops: bool) -> None:
+    f = Filter(name, order, 3, form=form, loops=loops)
     Phi, Qd, step = f.evaluate("step")
     assert f.machine.call("predict", f.arguments("predict")) == "OK"
     assert_near(f.covariance(), Phi @ f.P @ Phi.T + Qd)
@@ -169,10 +222,10 @@ def test_prediction_is_the_dense_formula(name: str, order: int, seed: int) -> No
 
 
 @pytest.mark.parametrize(("name", "order"), CASES)
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("form", "loops"), FORMS)
 @pytest.mark.parametrize("which", [0, 1])
-def test_update_is_the_batch_kalman_update(name: str, order: int, seed: int, which: int) -> None:
-    f = Filter(name, order, seed)
+def test_update_is_the_batch_kalman_update(name: str, order: int, form: str, loops: bool, which: int) -> None:
+    f = Filter(name, order, 4, form=form, loops=loops)
     model = f.program.discrete.model
     sensor = model.sensors[which % len(model.sensors)]
     h, H = f.evaluate(sensor.name)
@@ -196,7 +249,71 @@ def test_update_is_the_batch_kalman_update(name: str, order: int, seed: int, whi
         x[at : at + 4] = (Rotation.from_rotvec(phi) * f.rotation()).as_quat(scalar_first=True)
     assert_same_state(f, x)
     assert f.machine.arrays["innovation"][0] == pytest.approx(y[0], rel=1e-9)
-    assert f.machine.arrays["variance"][0] == pytest.approx(S[0, 0], rel=1e-12)
+    assert f.machine.arrays["variance"][0] == pytest.approx(S[0, 0], rel=1e-11)
+    # rows of the sequence are whitened by a Cholesky factor: their squares add up to the batch's NIS
+    assert f.machine.arrays["nis"][0] == pytest.approx(y @ np.linalg.solve(S, y), rel=1e-7)
+
+
+@pytest.mark.parametrize(("form", "loops"), FORMS)
+@pytest.mark.parametrize("name", ["ins15", "ins23", "ahrs6 loaded"])
+def test_held_states_are_considered(name: str, form: str, loops: bool) -> None:
+    """Schmidt's filter: the gain's rows of held states are zero, P - K S K_o' - K_o S K' + K S K' by blocks."""
+    f = Filter(name, 1, 5, form=form, loops=loops)
+    model = f.program.discrete.model
+    held = [f.n - 1, f.n - 4, 2]
+    f.machine.arrays["held"][held] = 1.0
+    f.machine.arrays["any_held"][0] = len(held)
+    sensor = model.sensors[-1] if name != "ins15" else model.sensors[0]
+    h, H = f.evaluate(sensor.name)
+    P, dx, keep = f.P.copy(), np.zeros(f.n), np.ones(f.n)
+    keep[held] = 0.0
+    z = h.ravel() + 0.3 * np.sqrt(np.diag(H @ f.P @ H.T))
+    for i, channel in enumerate(sensor.channels):
+        R = f.program.discrete.measurement_variance(sensor, channel)
+        S = H[i] @ P @ H[i] + R
+        K = keep * (P @ H[i]) / S
+        A = np.eye(f.n) - np.outer(K, H[i])
+        dx += K * (z[i] - h.ravel()[i] - H[i] @ dx)
+        P = A @ P @ A.T + R * np.outer(K, K)
+    assert f.machine.call(f"update_{sensor.name}", f.arguments(f"update_{sensor.name}", z)) == "OK"
+    assert_near(f.covariance(), P)
+    np.testing.assert_allclose(f.covariance()[np.ix_(held, held)], f.P[np.ix_(held, held)], rtol=1e-9)
+    for i, n in enumerate(f.names):
+        if n in (names := [s.name for s in model.states]) and n not in ("q_w", "q_x", "q_y", "q_z"):
+            wanted = f.x[i] + dx[names.index(n)]
+            assert f.machine.arrays["x"][i] == pytest.approx(wanted, rel=1e-9, abs=1e-13)
+
+
+@pytest.mark.parametrize(("form", "loops"), FORMS)
+def test_health_is_the_smallest_pivot_over_its_variance(form: str, loops: bool) -> None:
+    f = Filter("ins15", 1, 6, form=form, loops=loops)
+    assert f.machine.call("check") == "OK"
+    at = np.array(f.program.covariance.order)
+    _, D = udu(f.P[np.ix_(at, at)])
+    wanted = (D / np.diag(f.P)[at]).min()
+    assert f.machine.arrays["health"][0] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_health_finds_a_covariance_that_is_none() -> None:
+    f = Filter("ins15", 1, 6)
+    w, V = np.linalg.eigh(f.P)
+    f.machine.arrays["P"][:] = (V @ np.diag(w - 1.5 * w[0]) @ V.T)[np.triu_indices(15)]
+    assert f.machine.call("check") == "NOT_POSITIVE"
+    assert f.machine.arrays["health"][0] < 0.0
+
+
+@pytest.mark.parametrize("where", ["predict", "update_gnss_position"])
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("form", ["p", "ud"])
+def test_an_input_that_is_no_number_is_said_and_changes_nothing(where: str, wrong: float, form: str) -> None:
+    f = Filter("ins15", 1, 0, np.float32, form)
+    before = f.machine.words().tobytes()
+    arguments = f.arguments(where, np.full(3, 0.1))
+    for k, value in enumerate(arguments):
+        if isinstance(value, list) or k == 0:
+            changed = [*arguments[:k], [*list(value)[:2], wrong], *arguments[k + 1 :]]
+            assert f.machine.call(where, changed) == "BAD_INPUT"
+            assert f.machine.words().tobytes() == before
 
 
 @pytest.mark.parametrize("name", [*NAMES, "ahrs6 loaded", "ins15 loaded"])
@@ -208,10 +325,9 @@ def test_filterpy_module_is_the_routines(name: str) -> None:
     for call in scenario(p)[:80]:
         routine = routines[call.routine]
         values = split(routine, call.inputs)
-        if machine.call(call.routine, values) != "OK":
-            continue  # the module has no gate and no guard of its step
+        wanted = machine.call(call.routine, values)
         named = {a.name: np.array(v) if a.size else v for a, v in zip(routine.arguments, values, strict=True)}
-        getattr(kf, call.routine)(**named)
+        assert getattr(kf, call.routine)(**named).name == wanted
     P = unpacked(machine.arrays["P"], p.n)
     sd = np.sqrt(np.diag(P))
     good = sd > 0
@@ -254,14 +370,14 @@ def test_bad_step_is_said_and_changes_nothing(name: str, dt: float) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("z", [1e6, math.inf, math.nan])
+@pytest.mark.parametrize(("z", "status"), [(1e6, "GATED"), (math.inf, "BAD_INPUT"), (math.nan, "BAD_INPUT")])
 @pytest.mark.parametrize("seed", range(3))
-def test_gated_sample_is_said_and_changes_nothing(name: str, z: float, seed: int) -> None:
+def test_gated_sample_is_said_and_changes_nothing(name: str, z: float, status: str, seed: int) -> None:
     f = Filter(name, 1, seed, np.float32)
     before = f.machine.words().tobytes()
     routine = f.program.routines[2].name
     rows = f.machine.routines[routine].arguments[0].size
-    assert f.machine.call(routine, f.arguments(routine, np.full(rows, z))) == "GATED"
+    assert f.machine.call(routine, f.arguments(routine, np.full(rows, z))) == status
     assert f.machine.words().tobytes() == before
 
 
@@ -315,6 +431,7 @@ def compiler(name: str) -> str:
 def written(folder: Path, name: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for file, text in files(program(name)).items():
+        (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
     return folder
 
@@ -487,7 +604,9 @@ def test_emission_is_the_same_byte_for_byte(name: str, target: str, tmp_path: Pa
         subprocess.run(
             [*words, "--noise", str(noise), "--order", "2"], check=True, env=env, capture_output=True
         )
-        folders.append({f.name: f.read_bytes() for f in sorted(folder.iterdir())})
+        folders.append(
+            {f.relative_to(folder): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
+        )
     assert len(folders[0]) >= 3
     assert folders[0] == folders[1]
 
@@ -523,8 +642,8 @@ def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> Non
     for dt in BAD_STEPS:
         assert host.call("predict", *inputs, dt) == 3, dt
         assert (host.core.words() == before).all()
-    for z in (1e9, math.inf, math.nan):
-        assert host.call(update, *[z] * rows) == 1, z
+    for z, status in ((1e9, 1), (math.inf, 4), (math.nan, 4)):
+        assert host.call(update, *[z] * rows) == status, z
         assert (host.core.words() == before).all()
     assert host.call("predict", *inputs, 0.1) == 0
     assert (host.core.words() != before).any()
@@ -533,4 +652,171 @@ def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> Non
 def test_c_has_the_status_numbers_of_the_reference() -> None:
     text = files(program("ahrs6"))["ahrs6.h"]
     numbers = {k: int(v) for k, v in re.findall(r"KF_(\w+) = (\d)", text)}
-    assert numbers == {"OK": 0, "GATED": 1, "NOT_POSITIVE": 2, "BAD_STEP": 3}
+    assert numbers == {"OK": 0, "GATED": 1, "NOT_POSITIVE": 2, "BAD_STEP": 3, "BAD_INPUT": 4}
+
+
+def emitted_c(folder: Path, name: str, form: str = "p") -> Path:
+    write_folder(program(name, 1, form), "c", None, folder)
+    return folder
+
+
+@pytest.mark.parametrize(("name", "form"), [("ahrs6", "p"), ("ins15", "ud"), ("gyro-static", "p")])
+def test_the_example_program_runs(name: str, form: str, tmp_path: Path) -> None:
+    folder = emitted_c(tmp_path / "f", name, form)
+    out = str(tmp_path / "main")
+    words = [compiler("gcc"), "-std=c99", "-O1", *STRICT, str(folder / "main.c"), "-lm", "-o", out]
+    subprocess.run(words, check=True)
+    done = subprocess.run([out], capture_output=True, text=True, check=True)
+    found = re.search(r"status (\d+), NIS (\S+), health (\S+)", done.stdout)
+    assert found
+    assert int(found[1]) <= 1, "the samples of one instant are no motion: a gate may close, no more"
+    assert 0.0 < float(found[3]) <= 1.0
+
+
+def test_the_package_files_say_what_they_are(tmp_path: Path) -> None:
+    folder = emitted_c(tmp_path / "f", "ahrs6")
+    library = json.loads((folder / "library.json").read_text())
+    assert (library["name"], library["headers"]) == ("ahrs6", ["ahrs6.h"])
+    lines = (folder / "library.properties").read_text().splitlines()
+    properties = dict(line.split("=", 1) for line in lines)
+    # the keys that the Arduino library specification calls required
+    assert properties.keys() >= {
+        "name",
+        "version",
+        "author",
+        "maintainer",
+        "sentence",
+        "paragraph",
+        "category",
+    }
+    assert properties["includes"] == "ahrs6.h"
+    assert "name: ahrs6\n" in (folder / "zephyr" / "module.yml").read_text()
+    assert "add_library(ahrs6 INTERFACE)" in (folder / "CMakeLists.txt").read_text()
+
+
+DELAYED = """
+#include <stdio.h>
+#include <string.h>
+#define AHRS6_DELAY 5
+#include "ahrs6_delay.h"
+int main(void)
+{
+    static ahrs6_t prompt, late, now;
+    static ahrs6_delay_t delay;
+    const float z[3] = {0.1f, -0.2f, -9.7f};
+    (void)ahrs6_init(&prompt);
+    (void)ahrs6_init(&late);
+    ahrs6_delay_init(&delay);
+    for (int k = 0; k < 40; k++) {
+        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
+        if (k < 35) { (void)ahrs6_predict(&prompt, in.gyro, in.dt); }
+        (void)ahrs6_delay_predict(&late, &delay, &in);
+        if (k == 20) { (void)ahrs6_update_accel(&prompt, z); }
+        if (k == 25) { (void)ahrs6_update_accel(&late, z); }
+    }
+    const int behind = memcmp(&prompt, &late, sizeof prompt);
+    (void)ahrs6_delay_now(&late, &delay, &now);
+    for (int k = 35; k < 40; k++) {
+        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
+        (void)ahrs6_predict(&prompt, in.gyro, in.dt);
+    }
+    printf("%d %d\\n", behind, memcmp(&prompt, &now, sizeof prompt));
+    return 0;
+}
+"""
+
+
+def test_a_late_sample_is_fused_at_its_own_time(tmp_path: Path) -> None:
+    """The filter that runs five steps behind is, byte for byte, the prompt one of five steps ago."""
+    folder = emitted_c(tmp_path / "f", "ahrs6")
+    (folder / "late.c").write_text(DELAYED)
+    out = str(tmp_path / "late")
+    words = [compiler("gcc"), "-std=c99", "-O1", "-ffp-contract=off", *STRICT]
+    subprocess.run([*words, str(folder / "late.c"), "-lm", "-o", out], check=True)
+    assert subprocess.run([out], capture_output=True, text=True, check=True).stdout == "0 0\n"
+
+
+def test_the_banner_names_what_no_measurement_shows() -> None:
+    """A level body at rest cannot tell a tilt from a bias: g (9.80665 m/s^2) to the radian."""
+    text = files(program("ins15"))["ins15.h"]
+    banner = text[: text.index("*/")]
+    assert "1 mrad of north tilt is hidden by 9.807 mm/s^2 of east accelerometer bias" in banner
+    assert "Heading changes no measurement" in banner
+
+
+BAD_MODELS = [
+    ('omega = "rad/s"\n', 'int = "rad/s"\n', "needs the name 'int'"),
+    ('omega = "rad/s"\n', 'Theta = "rad/s"\n', "differ by case only"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD_MODELS)
+def test_names_that_no_code_can_carry_are_refused(
+    old: str, new: str, message: str, kfgen: Any, tmp_path: Path
+) -> None:
+    text = """
+format = "kfgen-model-1"
+name = "swing"
+[states]
+theta = "rad"
+omega = "rad/s"
+[dynamics]
+theta = "omega"
+omega = "-9.8*theta"
+[measurements.angle]
+unit = "rad"
+expression = "theta"
+effects = [ { effect = "white_noise", N = "0.02 deg/sqrt(Hz)" } ]
+"""
+    word = new.split(" =", maxsplit=1)[0]
+    changed = (
+        text.replace(old, new).replace('omega = "-9.8', f'{word} = "-9.8').replace('"omega"', f'"{word}"')
+    )
+    (tmp_path / "swing.toml").write_text(changed)
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match=message):
+        Program(DiscreteModel(build(str(tmp_path / "swing.toml"))))
+    assert kfgen("emit", tmp_path / "swing.toml", "--target", "c", "-o", out).exit_code == 2
+    assert not out.exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["swing.toml"]
+
+
+def test_a_measurement_that_shows_no_state_is_refused(kfgen: Any, tmp_path: Path) -> None:
+    text = """
+format = "kfgen-model-1"
+name = "blind"
+[states]
+theta = "rad"
+[inputs]
+u = "rad/s"
+[dynamics]
+theta = "u"
+[measurements.angle]
+unit = "rad/s"
+expression = "2.0*u"
+effects = [ { effect = "white_noise", N = "0.02 rad/s/sqrt(Hz)" } ]
+"""
+    (tmp_path / "blind.toml").write_text(text)
+    done = kfgen("emit", tmp_path / "blind.toml", "--target", "c", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["blind.toml"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--form", "qr"], ["--real", "half"], ["--rate", "0"], ["--target", "ada"], ["--order", "9"]],
+    ids=" ".join,
+)
+def test_a_wrong_option_is_said_and_nothing_is_written(
+    options: list[str], kfgen: Any, tmp_path: Path
+) -> None:
+    words = ["emit", "ahrs6", *([] if "--target" in options else ["--target", "c"]), *options]
+    assert kfgen(*words, "-o", tmp_path / "out").exit_code == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_with_other_files_below_is_left_alone(kfgen: Any, tmp_path: Path) -> None:
+    folder = emitted_c(tmp_path / "f", "gyro-static")
+    (folder / "zephyr" / "mine.txt").write_text("mine")
+    assert kfgen("emit", "gyro-static", "--target", "c", "-o", folder).exit_code == 2
+    assert (folder / "zephyr" / "mine.txt").read_text() == "mine"

@@ -16,10 +16,10 @@ import sympy as sp
 
 from kfgen.discretise import DiscreteModel
 from kfgen.emit.c import CPrinter
-from kfgen.emit.filterpy import PythonPrinter
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.ir import Bin, Expr, Let, Num, Ref, Una
 from kfgen.emit.lower import FUNCTIONS, Lowering
+from kfgen.emit.printer import PythonPrinter
 from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.model.equations import filter_model
@@ -179,10 +179,13 @@ def test_elementary_functions_are_those_of_numpy(function: Any, real: Any, toler
 
 def test_spellings() -> None:
     x = Ref("v")
-    assert CPrinter().expression(Una("abs", x)) == "((v < 0.0f) ? (-v) : v)"
-    assert PythonPrinter().expression(Una("rint", x)) == "float(round(v))"
+    assert (
+        CPrinter(Program(DiscreteModel(build("gyro-static")))).expression(Una("abs", x))
+        == "((v < 0.0f) ? (-v) : v)"
+    )
+    assert PythonPrinter(1).expression(Una("rint", x)) == "float(round(v))"
     for value in (-2.5, -0.0, 0.0, 1.5):
-        text = PythonPrinter().expression(Una("sign", x))
+        text = PythonPrinter(1).expression(Una("sign", x))
         assert eval(text, {"v": value}) == np.sign(value)  # text of the code under test
 
 

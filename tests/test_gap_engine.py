@@ -22,6 +22,7 @@ from kfgen.gap.motion import motion_scene
 from kfgen.gap.newton import TRUST, coordinates, fitted, levels_of, log_posterior, moved
 from kfgen.gap.outcome import find_scene_gap
 from kfgen.gap.scene import Placed, Point, Unknown
+from kfgen.gap.screen import screen
 from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 
@@ -211,7 +212,8 @@ def test_directions_that_are_the_same_cannot_be_told_apart() -> None:
             ]
             return super().residuals(bare)
 
-    trials = ranked(Twice(hidden(6).y), fitted(Lines(hidden(6).y), NONE))
+    scene, base = Twice(hidden(6).y), fitted(Lines(hidden(6).y), NONE)
+    trials = ranked(scene, base, screen(scene, base))
     assert trials[0].gain == pytest.approx(trials[1].gain, abs=1e-6)
 
 

@@ -158,3 +158,15 @@ def test_the_onset_of_a_step_is_as_likely_as_the_whole_scan_says() -> None:
     assert pytest.approx(2.0 * np.log(1e4)) == OF_A_COEFFICIENT
     x = (np.arange(n) >= best + 9) - (n - best - 9) / n
     assert found.effect.size == pytest.approx(x @ y / (x @ x), rel=1e-3)  # type: ignore[attr-defined]
+
+
+def test_a_constant_is_no_noise_that_changes() -> None:
+    """Gravity on a channel whose noise changes makes no step: the constant is not scaled with the noise."""
+    n, dt = 8000, 0.02
+    rng = np.random.default_rng(11)
+    t = np.arange(n) * dt
+    y = 9.8 + 0.01 * rng.standard_normal(n) * np.where(t < 90.0, 1.0, 0.8)
+    gap = find_gap(
+        "accel_z", Record(t, y), ChannelNoise("m/s^2", (Term(make("white_noise", N=0.01 * np.sqrt(dt))),))
+    )
+    assert [f.effect.name for f in gap.findings] == ["noise_change"]

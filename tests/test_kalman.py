@@ -266,9 +266,13 @@ def test_blocks_change_an_estimate_little(monkeypatch: pytest.MonkeyPatch) -> No
     assert (np.abs(np.log(fitted(blocked) / fitted(plain))) < bounds / 3).all()
 
 
-def test_intervals_hold_the_truth_with_a_fifth_missing() -> None:
-    """And N is where it was, while straight lines over the gap take a tenth of it away."""
-    n, runs = 1500, 12
+@pytest.mark.parametrize(("runs", "least"), [(3, 6), pytest.param(12, 30, marks=pytest.mark.long)])
+def test_intervals_hold_the_truth_with_a_fifth_missing(runs: int, least: int) -> None:
+    """And N is where it was, while straight lines over the gap take a tenth of it away.
+
+    Of intervals of 95 %, fewer than `least` hold in two of a thousand such tests.
+    """
+    n = 1500
     t = np.arange(n) * DT
     keep = (t < 50.0) | (t >= 80.0)
     inside, logs, lines = np.zeros(3, int), [], []
@@ -283,8 +287,7 @@ def test_intervals_hold_the_truth_with_a_fifth_missing() -> None:
         logs.append(np.log(fitted(found) / TRUTH))
         mended = identify(Record(t, np.interp(t, t[keep], y[keep])), NAMES)
         lines.append(np.log(fitted(mended)[0]))
-    assert inside.min() >= 9
-    assert inside.sum() >= 30
+    assert inside.sum() >= least
     bound = relative_bound([make("white_noise", N=1.0), make("gauss_markov", sigma=1.5, tau=2.0)], DT, 1200)
     standard = bound[0, "N"] / np.sqrt(runs)
     assert abs(np.mean(logs, axis=0)[0]) < 4 * standard

@@ -87,7 +87,7 @@ def consistent_run(seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     for k in range(log.n):
         for s in model.sensors:
             getattr(kf, f"update_{s.name}")(np.array([log.values(c)[k] for c in s.channels]))
-            nis[s.name].append(float((kf.y.T @ kf.SI @ kf.y).item()))
+            nis[s.name].append(kf.nis)
         if k < log.n - 1:
             kf.predict(gyro=triads["gyro"][k], accel=triads["accel"][k], dt=1.0 / RATE)
     true, x = truth_at(log, log.n - 1), np.array(kf.nominal)

@@ -15,7 +15,7 @@ from baseline import said
 from case import Case, Request
 from score import Score, score
 
-LIMIT = 120
+LIMIT = 300
 """Seconds after which a case counts as an error."""
 
 

@@ -216,6 +216,14 @@ def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDA
     return replace(any_motion, audits=(replace(any_motion.first, degree=run, recorded=True),), table=None)
 
 
+def hidden_directions(model: FilterModel) -> tuple[Direction, ...]:
+    """What a model hides at its usual manoeuvre, without asking what would free it."""
+    plan, m = Plan(model, tuple(model.sensors)), usual(model)
+    generic, (h,) = _hidden(plan, (m,), None)
+    vs = readable(plan, m, h, generic=generic)
+    return tuple(_directions(plan, m, vs, [()] * len(vs), None, generic=generic))
+
+
 def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:
     """Whether a direction of the first manoeuvre shows along another; None where it cannot be carried over."""
     if h.ring.p == first.ring.p:

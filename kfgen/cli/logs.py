@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,6 +30,8 @@ from kfgen.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from kfgen.gap.finding import ChannelGap
+    from kfgen.gap.proof import Gap
     from kfgen.identify.record import Evidence
     from kfgen.log import Log, StoredLog
     from kfgen.noise import NoiseModel
@@ -276,6 +278,9 @@ def gap(
     log: LogPath,
     model: Annotated[str, typer.Option(help="What is believed: a noise file or a library model.")],
     channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+    proof: Annotated[
+        list[Path] | None, typer.Option(help="Another recording of the sensor at rest, to prove it on.")
+    ] = None,
     rate: Rate = None,
     columns: Columns = None,
     output: Output = None,
@@ -288,12 +293,15 @@ def gap(
     from kfgen.gap.regular import regular
     from kfgen.gap.workflow import find_gap
     from kfgen.noise import write_noise
+    from kfgen.report.again import with_proofs
     from kfgen.report.gap import gap_answer, mended_model
     from kfgen.whole import write_text
 
     not_over(output, log)
     data = read(log, rate, columns)
+    others = [read(path, rate, columns) for path in proof or ()]
     if is_model_file(model):
+        _no_proof(others, model)
         answer, text = plant_gap(model, data)
         if output:
             write_text(output, text)
@@ -302,6 +310,7 @@ def gap(
     wanted = _names(channels) or list(believed.channels)
     moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
     if moving is not None:
+        _no_proof(others, data.source)
         answer, mended = moving
         if output:
             write_noise(mended, output)
@@ -310,13 +319,33 @@ def gap(
     for name in wanted:
         record, stamps, words = regular(data, name)
         said += [w for w in words if w not in said]
-        gaps[name] = find_gap(name, record, believed.channel(name), stamps)
+        gaps[name] = find_gap(name, record, believed.channel(name), stamps, data.stated)
     gaps = with_pairs(gaps)
     answer = gap_answer(data, believed, gaps)
     answer = replace(answer, warnings=(*said, *answer.warnings))
+    if others:
+        answer = with_proofs(answer, gaps, [(o, _again(gaps, o)) for o in others])
     if output:
         write_noise(mended_model(believed, gaps), output)
     return deliver(answer, json, report)
+
+
+def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
+    """The gap of every channel with a finding over another recording."""
+    from kfgen.gap.again import again_on
+    from kfgen.gap.regular import regular
+
+    found = {n: g for n, g in gaps.items() if g.verdict != "bad_data" and (g.findings or g.retuned)}
+    return {n: again_on(g, regular(other, n)[0], Path(other.source).name) for n, g in found.items()}
+
+
+def _no_proof(others: Sequence[Log], what: str) -> None:
+    from kfgen.errors import InputError
+
+    if others:
+        raise InputError(
+            "another recording can be given for sensors at rest only", where=what, remedy="Leave --proof out"
+        )
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -142,6 +143,12 @@ def emit(
     target: Annotated[str, typer.Option(help="See 'kfgen list'.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")],
     noise: Noise = None,
+    form: Annotated[str, typer.Option(help="p: the covariance; ud: its factors, never indefinite.")] = "p",
+    real: Annotated[str, typer.Option(help="float or double.")] = "float",
+    loops: Annotated[bool, typer.Option("--loops", help="Loops: less code, more instructions.")] = False,
+    core: Annotated[
+        list[str] | None, typer.Option(help="m4f, ...: its instructions, stack and code go into the header.")
+    ] = None,
     set_: Set = None,
     sensor: Sensors = None,
     order: Order = 1,
@@ -157,7 +164,11 @@ def emit(
     from kfgen.report.filter import emit_answer
 
     built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.stepping(built, rate, order, max_step))
+    program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops)
+    if core:
+        from kfgen.verify.compare import costs
+
+        program = replace(program, costs=costs(program, core))
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)
 
@@ -166,6 +177,9 @@ def emit(
 def verify(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="As 'emit' wrote it.")],
     core: Annotated[list[str] | None, typer.Option(help="host, m4f, ...; may be repeated.")] = None,
+    contract: Annotated[
+        bool, typer.Option("--contract", help="Compile with fused products and sums; words may then differ.")
+    ] = False,
     json: Json = None,
     report: Report = None,
 ) -> None:
@@ -175,5 +189,5 @@ def verify(
     from kfgen.verify.compare import verify as verified
 
     emitted = read_folder(folder)
-    verdicts = verified(emitted, core or ["host"])
+    verdicts = verified(emitted, core or ["host"], contract)
     deliver(verify_answer(emitted.program.discrete.hash, verdicts), json, report)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from kfgen.gap.outcome import SceneGap
+    from kfgen.gap.scene import Scene
     from kfgen.log import Log
     from kfgen.noise import NoiseModel
     from kfgen.report.page import Answer
@@ -50,7 +51,7 @@ def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | No
     from kfgen.noise import noise_text
     from kfgen.report.scene import scene_answer, units_of_channels
 
-    scene = motion_scene(log, believed)
+    scene = motion_scene(log, believed) or _turned_about(log, believed)
     if scene is None:
         return None
     found = find_scene_gap(scene)
@@ -59,12 +60,24 @@ def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | No
     return scene_answer(log, found, units_of_channels(log), texts), after
 
 
+def _turned_about(log: Log, believed: NoiseModel) -> Scene | None:
+    """An accelerometer that rests in several poses and has no reference."""
+    from kfgen.errors import InputError
+    from kfgen.gap.norm import norm_scene
+
+    try:
+        return norm_scene(log, believed)
+    except InputError:  # holes or uneven time: at rest, the world of one channel can do with them
+        return None
+
+
 def _with_findings(believed: NoiseModel, found: SceneGap) -> NoiseModel:
-    """Every finding as a term of the channels where it acts."""
+    """Every finding but a fault of the rig as a term of the channels where it acts."""
+    from kfgen.effects.integrity import Fault
     from kfgen.noise import Term
 
     channels = dict(believed.channels)
-    for f in found.findings:
+    for f in [f for f in found.findings if not isinstance(f.placed.effect, Fault)]:
         where = f.placed.where
         for name in [c for c in channels if where in (c, c.rpartition("_")[0])]:
             old = channels[name]

@@ -138,6 +138,7 @@ class Effect:
     name: ClassVar[str] = ""
     title: ClassVar[str] = ""
     saying: ClassVar[str] = ""
+    separator: ClassVar[str] = ""
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
     filters: ClassVar[bool] = False

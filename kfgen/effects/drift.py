@@ -26,6 +26,7 @@ class Bias(Effect):
 
     name: ClassVar[str] = "bias"
     title: ClassVar[str] = "constant bias"
+    separator: ClassVar[str] = "rest in several positions"
     saying: ClassVar[str] = "has a constant bias of {value}"
 
     def draw(self, rng: np.random.Generator) -> Self:
@@ -45,6 +46,7 @@ class RateRamp(Effect):
 
     name: ClassVar[str] = "rate_ramp"
     title: ClassVar[str] = "rate ramp"
+    separator: ClassVar[str] = "a second record, for a ramp comes again"
     saying: ClassVar[str] = "drifts steadily by R = {R}"
 
     @classmethod
@@ -72,6 +74,7 @@ class WarmUp(Effect):
 
     name: ClassVar[str] = "warm_up"
     title: ClassVar[str] = "warm-up after switch-on"
+    separator: ClassVar[str] = "a second record from a cold start"
     saying: ClassVar[str] = "settles after switch-on from {size} with a time constant of {tau}"
 
     @classmethod

@@ -34,6 +34,7 @@ class BiasStep(Effect):
 
     name: ClassVar[str] = "bias_step"
     title: ClassVar[str] = "step of the bias"
+    separator: ClassVar[str] = "a second record, for a step does not come again"
     saying: ClassVar[str] = "jumps by {size} at {time}"
     repeatable: ClassVar[bool] = True
 
@@ -78,6 +79,7 @@ class NoiseChange(Effect):
 
     name: ClassVar[str] = "noise_change"
     title: ClassVar[str] = "change of the noise's level"
+    separator: ClassVar[str] = "a second record"
     saying: ClassVar[str] = "has noise that grows by a factor of {ratio} at {time}"
     alters: ClassVar[bool] = True
 
@@ -135,6 +137,7 @@ class Outliers(Effect):
 
     name: ClassVar[str] = "outliers"
     title: ClassVar[str] = "outliers"
+    separator: ClassVar[str] = "a longer record"
     saying: ClassVar[str] = "has outliers of {sigma} in a share of {share}"
     alters: ClassVar[bool] = True
 

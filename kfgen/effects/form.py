@@ -175,11 +175,23 @@ def sampled_density(form: Form, omega: Array, dt: float, block: int = 1) -> Arra
         return out
     Phi, Qd = discretise(form, dt)
     Phi, Q = linear.accumulate(Phi, Qd, _row(form) / block, block)
-    lhs = np.swapaxes(z[:, None, None] * np.eye(k) - Phi[:k, :k], 1, 2)
-    row = np.broadcast_to(Phi[k, :k, None], (z.size, k, 1))
-    g = np.ones((z.size, k + 1), dtype=complex)
-    g[:, :k] = np.linalg.solve(lhs, row)[..., 0] if k > 1 else row[..., 0] / lhs[..., 0]
-    return np.asarray(out + np.einsum("fi,ij,fj->f", g, Q, g.conj()).real)
+    g = np.ones((k + 1, z.size), dtype=complex)
+    g[:k] = _resolvent(z, Phi[:k, :k], Phi[k, :k])
+    return np.asarray(out + np.einsum("if,if->f", g, (Q @ g.conj())).real)
+
+
+def _resolvent(z: NDArray[np.complex128], Phi: Array, row: Array) -> NDArray[np.complex128]:
+    """``(z I - Phi')^-1 row``, shape (k, m): states of their own and pairs in closed form, for that takes the time."""
+    k, own = row.size, np.diagonal(Phi)
+    if np.array_equal(Phi, np.diag(own)):
+        return np.asarray(row[:, None] / (z - own[:, None]))
+    if k == 2:
+        (a, b), (c, d) = Phi.T
+        det = (z - a) * (z - d) - b * c
+        return np.array([((z - d) * row[0] + b * row[1]) / det, (c * row[0] + (z - a) * row[1]) / det])
+    lhs = z[:, None, None] * np.eye(k) - Phi.T
+    right = np.broadcast_to(row[:, None], (z.size, k, 1))
+    return np.asarray(np.linalg.solve(lhs, right)[..., 0].T)
 
 
 def mean(form: Form, t: Array) -> Array:

@@ -218,9 +218,11 @@ class UnitError(Fault):
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
         """A noise that is larger or smaller than believed by just such a factor."""
-        ratio = raw.noise / raw.believed if raw.believed > 0.0 else 1.0
-        for _, known in KNOWN:
-            for factor in (known, 1.0 / known):
-                if abs(ratio / factor - 1.0) < NEAR:
-                    return Spotted(cls(factor), float(raw.n), spoils=True)
-        return None
+        found = between_units(raw.noise / raw.believed) if raw.believed > 0.0 else None
+        return Spotted(found, float(raw.n), spoils=True) if found else None
+
+
+def between_units(ratio: float) -> UnitError | None:
+    """The unit error of a ratio that is near a known one."""
+    known = [f for _, k in KNOWN for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < NEAR]
+    return UnitError(known[0]) if known else None

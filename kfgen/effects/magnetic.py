@@ -22,16 +22,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HardIron(Motion):
-    """A field fixed to the body; from `time` for `duration` when that is not zero, else always."""
+    """A field fixed to the body; from `time` for `duration` when that is not zero, else always.
+
+    It comes and goes within `edge` at either end: a magnet in a hand.
+    """
 
     x: Any = parameter("U", "signed", 0.0)
     y: Any = parameter("U", "signed", 0.0)
     z: Any = parameter("U", "signed", 0.0)
     time: float = parameter("s", "setting", 0.0)
     duration: float = parameter("s", "setting", 0.0)
+    edge: float = parameter("s", "setting", 0.0)
 
     name: ClassVar[str] = "hard_iron"
     title: ClassVar[str] = "hard iron"
+    separator: ClassVar[str] = "a turn in place about every axis"
     saying: ClassVar[str] = "carries a field of its own: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
 
@@ -60,6 +65,7 @@ class SoftIron(Motion):
 
     name: ClassVar[str] = "soft_iron"
     title: ClassVar[str] = "soft iron"
+    separator: ClassVar[str] = "a turn in place about every axis"
     saying: ClassVar[str] = "distorts the field (output axis, input axis): {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
 
@@ -70,16 +76,18 @@ class SoftIron(Motion):
 
 @dataclass(frozen=True)
 class MagneticDisturbance(Motion):
-    """Another field, fixed in space, from `time` for `duration`; navigation axes."""
+    """Another field, fixed in space, from `time` for `duration`, within `edge` there and gone; navigation axes."""
 
     x: Any = parameter("U", "signed", 0.0)
     y: Any = parameter("U", "signed", 0.0)
     z: Any = parameter("U", "signed", 0.0)
     time: float = parameter("s", "setting", 0.0)
     duration: float = parameter("s", "setting", 0.0)
+    edge: float = parameter("s", "setting", 0.0)
 
     name: ClassVar[str] = "magnetic_disturbance"
     title: ClassVar[str] = "magnetic disturbance fixed in space"
+    separator: ClassVar[str] = "a turn in place about every axis"
     saying: ClassVar[str] = "meets another field in space: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)
@@ -96,10 +104,15 @@ class MagneticDisturbance(Motion):
 def _while(t: Array, effect: HardIron | MagneticDisturbance) -> Array:
     if not effect.duration:
         return np.ones(t.size)
-    return ((t >= effect.time) & (t < effect.time + effect.duration)).astype(np.float64)
+    inside = ((t >= effect.time) & (t < effect.time + effect.duration)).astype(np.float64)
+    if not effect.edge:
+        return inside
+    away = np.minimum(t - effect.time, effect.time + effect.duration - t)
+    return np.asarray(inside * np.clip(away / effect.edge, 0.0, 1.0))
 
 
 def _when(effect: HardIron | MagneticDisturbance) -> str:
     if not effect.duration:
         return ""
-    return f" from {effect.time:.4g} s to {effect.time + effect.duration:.4g} s"
+    words = f" from {effect.time:.4g} s to {effect.time + effect.duration:.4g} s"
+    return words + (f", within {effect.edge:.2g} s there and gone" if effect.edge else "")

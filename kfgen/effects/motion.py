@@ -112,6 +112,7 @@ class ScaleFactor(Motion):
 
     name: ClassVar[str] = "scale_factor"
     title: ClassVar[str] = "scale factor error"
+    separator: ClassVar[str] = "several rates of both signs"
     saying: ClassVar[str] = "reads {coefficient} too much of what it should"
 
     def output(self, signals: Signals, axis: int) -> Array:
@@ -127,6 +128,7 @@ class ScaleAsymmetry(Motion):
 
     name: ClassVar[str] = "scale_asymmetry"
     title: ClassVar[str] = "scale factor differs by sign"
+    separator: ClassVar[str] = "two or more rates of each sign"
     saying: ClassVar[str] = "has a scale that differs by {coefficient} to either side of the mean by sign"
 
     def output(self, signals: Signals, axis: int) -> Array:
@@ -143,6 +145,7 @@ class Nonlinearity(Motion):
 
     name: ClassVar[str] = "nonlinearity"
     title: ClassVar[str] = "nonlinear scale"
+    separator: ClassVar[str] = "the highest rates of both signs"
     saying: ClassVar[str] = "is nonlinear: {entries}"
 
     def output(self, signals: Signals, axis: int) -> Array:
@@ -164,6 +167,7 @@ class Misalignment(Motion):
 
     name: ClassVar[str] = "misalignment"
     title: ClassVar[str] = "misalignment of the axes"
+    separator: ClassVar[str] = "motion about all three axes"
     saying: ClassVar[str] = "is misaligned (output axis, input axis): {entries}"
 
     def output(self, signals: Signals, axis: int) -> Array:
@@ -187,6 +191,7 @@ class GSensitivity(Motion):
 
     name: ClassVar[str] = "g_sensitivity"
     title: ClassVar[str] = "sensitivity to specific force"
+    separator: ClassVar[str] = "rest in six positions and turns between them"
     saying: ClassVar[str] = "feels the specific force (output axis, input axis): {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("gyro",)
     needs: ClassVar[tuple[str, ...]] = ("f_b",)
@@ -208,6 +213,7 @@ class VibrationRectification(Motion):
 
     name: ClassVar[str] = "vibration_rectification"
     title: ClassVar[str] = "vibration is rectified into a bias"
+    separator: ClassVar[str] = "shaking at rest, strong and weak"
     saying: ClassVar[str] = "turns vibration into a bias of {coefficient}"
     needs: ClassVar[tuple[str, ...]] = ("power",)
 
@@ -229,6 +235,7 @@ class LeverArm(Motion):
 
     name: ClassVar[str] = "lever_arm"
     title: ClassVar[str] = "lever arm"
+    separator: ClassVar[str] = "turns about all axes, fast and slow"
     saying: ClassVar[str] = "sits off the point of reference by {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("accel",)
     needs: ClassVar[tuple[str, ...]] = ("omega_b",)
@@ -270,6 +277,7 @@ class TimeDelay(Lag):
 
     name: ClassVar[str] = "time_delay"
     title: ClassVar[str] = "time delay"
+    separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
     saying: ClassVar[str] = "lags by {delay}"
 
     def passed(self, x: Array, dt: float) -> Array:
@@ -292,6 +300,7 @@ class Bandwidth(Lag):
     name: ClassVar[str] = "bandwidth"
     weakens: ClassVar[bool] = True
     title: ClassVar[str] = "finite bandwidth"
+    separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
     saying: ClassVar[str] = "follows its input up to {corner} only"
 
     def passed(self, x: Array, dt: float) -> Array:
@@ -314,6 +323,7 @@ class GravityError(Motion):
 
     name: ClassVar[str] = "gravity_error"
     title: ClassVar[str] = "error of gravity"
+    separator: ClassVar[str] = "rest in six positions"
     saying: ClassVar[str] = "feels a gravity that is greater by {value}"
     sensors: ClassVar[tuple[str, ...]] = ("accel",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)
@@ -333,6 +343,7 @@ class EarthRate(Motion):
 
     name: ClassVar[str] = "earth_rate"
     title: ClassVar[str] = "rotation of the earth"
+    separator: ClassVar[str] = "rest in several headings"
     saying: ClassVar[str] = "feels the rotation of the earth: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("gyro",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)

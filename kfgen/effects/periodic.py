@@ -41,6 +41,7 @@ class Sinusoid(Effect):
 
     name: ClassVar[str] = "sinusoid"
     title: ClassVar[str] = "periodic line"
+    separator: ClassVar[str] = "a longer record, in which a line stays narrow"
     saying: ClassVar[str] = "carries a line of {amplitude} at {frequency}"
     repeatable: ClassVar[bool] = True
 
@@ -135,6 +136,7 @@ class Resonance(Effect):
 
     name: ClassVar[str] = "resonance"
     title: ClassVar[str] = "resonance"
+    separator: ClassVar[str] = "a longer record, in which a resonance keeps its width"
     saying: ClassVar[str] = "resonates at {frequency} with a damping of {damping} and {rms} rms"
     repeatable: ClassVar[bool] = True
 
@@ -186,6 +188,7 @@ class LowPass(Effect):
 
     name: ClassVar[str] = "low_pass"
     title: ClassVar[str] = "internal low-pass"
+    separator: ClassVar[str] = "a higher sampling rate"
     saying: ClassVar[str] = "is low-passed inside at {corner}"
     filters: ClassVar[bool] = True
 

@@ -87,6 +87,7 @@ class ViscousFriction(StateTerm):
 
     name: ClassVar[str] = "viscous_friction"
     title: ClassVar[str] = "viscous friction"
+    separator: ClassVar[str] = "coasting down from two speeds"
     saying: ClassVar[str] = "is slowed in proportion to its speed by {coefficient}"
 
     def term(self, s: Any, p: Any) -> Any:
@@ -103,6 +104,7 @@ class CoulombFriction(StateTerm):
 
     name: ClassVar[str] = "coulomb_friction"
     title: ClassVar[str] = "dry (Coulomb) friction"
+    separator: ClassVar[str] = "coasting down from two speeds, to rest"
     saying: ClassVar[str] = "is slowed by dry friction of {level}"
 
     def term(self, s: Any, p: Any) -> Any:
@@ -130,6 +132,7 @@ class QuadraticDrag(StateTerm):
 
     name: ClassVar[str] = "quadratic_drag"
     title: ClassVar[str] = "quadratic drag"
+    separator: ClassVar[str] = "coasting down from two speeds"
     saying: ClassVar[str] = "is slowed in proportion to its speed squared by {coefficient}"
 
     def term(self, s: Any, p: Any) -> Any:
@@ -147,6 +150,7 @@ class ConstantInput(StateTerm):
 
     name: ClassVar[str] = "constant_input"
     title: ClassVar[str] = "constant unmodelled input"
+    separator: ClassVar[str] = "rest in several positions"
     saying: ClassVar[str] = "is driven by a constant {value}"
 
     def term(self, s: Any, p: Any) -> Any:
@@ -162,6 +166,7 @@ class Spring(StateTerm):
 
     name: ClassVar[str] = "spring"
     title: ClassVar[str] = "stiffness"
+    separator: ClassVar[str] = "large and small deflections"
     saying: ClassVar[str] = "is pulled back in proportion to its displacement by {coefficient}"
     positional: ClassVar[bool] = True
 
@@ -178,6 +183,7 @@ class CubicSpring(StateTerm):
 
     name: ClassVar[str] = "cubic_spring"
     title: ClassVar[str] = "hardening stiffness"
+    separator: ClassVar[str] = "large and small deflections"
     saying: ClassVar[str] = "is pulled back by the cube of its displacement by {coefficient}"
     positional: ClassVar[bool] = True
 
@@ -215,6 +221,7 @@ class InputDelay(InputChange):
 
     name: ClassVar[str] = "input_delay"
     title: ClassVar[str] = "delay of an input"
+    separator: ClassVar[str] = "steps and slow ramps of the input"
     saying: ClassVar[str] = "acts late by {delay}"
 
     @property
@@ -231,6 +238,7 @@ class InputLag(InputChange):
 
     name: ClassVar[str] = "input_lag"
     title: ClassVar[str] = "lag of an actuator"
+    separator: ClassVar[str] = "steps and slow ramps of the input"
     saying: ClassVar[str] = "acts through a lag of {tau}"
 
     @property
@@ -248,6 +256,7 @@ class InputNonlinearity(InputChange):
 
     name: ClassVar[str] = "input_nonlinearity"
     title: ClassVar[str] = "nonlinear actuator"
+    separator: ClassVar[str] = "inputs of several sizes of both signs"
     saying: ClassVar[str] = "acts with a square of {k2} and a cube of {k3}"
 
     def samples(self, u: Array) -> Array:
@@ -264,6 +273,7 @@ class Saturation(InputChange):
     name: ClassVar[str] = "saturation"
     weakens: ClassVar[bool] = True
     title: ClassVar[str] = "saturation of an actuator"
+    separator: ClassVar[str] = "inputs up to the limit, of both signs"
     saying: ClassVar[str] = "acts no stronger than {limit}"
 
     def samples(self, u: Array) -> Array:
@@ -290,6 +300,7 @@ class SensorLag(SensorChange):
 
     name: ClassVar[str] = "sensor_lag"
     title: ClassVar[str] = "lag of a sensor"
+    separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
     saying: ClassVar[str] = "lags behind by {tau}"
 
     def shown(self, t: Array, h: Array) -> Array:
@@ -307,6 +318,7 @@ class Backlash(SensorChange):
 
     name: ClassVar[str] = "backlash"
     title: ClassVar[str] = "backlash"
+    separator: ClassVar[str] = "reversals at two speeds"
     saying: ClassVar[str] = "has a backlash of {width}"
 
     def shown(self, t: Array, h: Array) -> Array:

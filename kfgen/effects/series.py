@@ -162,11 +162,14 @@ class Raw:
         Time stamps [s] as they are, samples [SI].
     believed : float
         Deviation of the white part of a sample that the model believes [SI].
+    stated : float
+        How long the log says that it lasted [s], beside its times; zero where it does not.
     """
 
     t: Array
     y: Array
     believed: float
+    stated: float = 0.0
 
     @property
     def n(self) -> int:

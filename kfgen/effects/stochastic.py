@@ -68,6 +68,7 @@ class Quantisation(Effect):
 
     name: ClassVar[str] = "quantisation"
     title: ClassVar[str] = "quantisation of the integrated output"
+    separator: ClassVar[str] = "another sampling rate"
     saying: ClassVar[str] = "is quantised in its integral by Q = {Q}"
 
     @classmethod
@@ -89,6 +90,7 @@ class GaussMarkov(Effect):
 
     name: ClassVar[str] = "gauss_markov"
     title: ClassVar[str] = "first-order Gauss-Markov bias"
+    separator: ClassVar[str] = "a record of a hundred of its correlation times"
     repeatable: ClassVar[bool] = True
     saying: ClassVar[str] = (
         "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
@@ -182,6 +184,7 @@ class BiasInstability(Effect):
 
     name: ClassVar[str] = "bias_instability"
     title: ClassVar[str] = "bias instability (flicker)"
+    separator: ClassVar[str] = "a much longer record"
     saying: ClassVar[str] = "has a bias instability (flicker) of B = {B} between {shortest} and {longest}"
 
     def __post_init__(self) -> None:
@@ -223,6 +226,7 @@ class RateRandomWalk(Effect):
 
     name: ClassVar[str] = "rate_random_walk"
     title: ClassVar[str] = "rate random walk"
+    separator: ClassVar[str] = "a second record, for a random walk goes another way each time"
     saying: ClassVar[str] = "has a bias in random walk of K = {K}"
 
     @classmethod

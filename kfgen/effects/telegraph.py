@@ -45,6 +45,7 @@ class RandomTelegraph(Effect):
 
     name: ClassVar[str] = "random_telegraph"
     title: ClassVar[str] = "random telegraph noise"
+    separator: ClassVar[str] = "a record with more of its jumps"
     saying: ClassVar[str] = "jumps between two levels {size} apart, staying for {dwell} on average"
     alters: ClassVar[bool] = True
 
@@ -72,7 +73,7 @@ class RandomTelegraph(Effect):
 
         cells = Cells.of(series)
         band = series.weight[1 : cells.mean.size + 1]
-        if float(np.max(series.slow)) > SLOW or float(band.max()) > UNEVEN * float(band.min()):
+        if float(np.max(series.slow[1:])) > SLOW or float(band.max()) > UNEVEN * float(band.min()):
             return []
         starts = cells.starts()
         best = None

@@ -37,6 +37,7 @@ class Temperature(Effect):
 
     name: ClassVar[str] = "temperature"
     title: ClassVar[str] = "bias proportional to temperature"
+    separator: ClassVar[str] = "a temperature that rises and falls"
     saying: ClassVar[str] = "follows the temperature by {coefficient}"
     driver: ClassVar[str] = "temperature"
 
@@ -61,6 +62,7 @@ class TemperatureRate(Effect):
 
     name: ClassVar[str] = "temperature_rate"
     title: ClassVar[str] = "bias proportional to the temperature's rate"
+    separator: ClassVar[str] = "the same temperatures passed at two speeds"
     saying: ClassVar[str] = "follows the rate of the temperature by {coefficient}"
     driver: ClassVar[str] = "temperature"
 
@@ -90,6 +92,7 @@ class ThermalHysteresis(Effect):
     name: ClassVar[str] = "thermal_hysteresis"
     rare: ClassVar[float] = 1.0
     title: ClassVar[str] = "thermal hysteresis"
+    separator: ClassVar[str] = "the same temperatures passed at two speeds, up and down"
     saying: ClassVar[str] = "follows the temperature by {coefficient} with a play of {width} either way"
     driver: ClassVar[str] = "temperature"
 

@@ -3,64 +3,16 @@
 from __future__ import annotations
 
 import kfgen
-from kfgen.emit.ir import Argument, Ref, Routine
-from kfgen.emit.printer import Printer
-from kfgen.emit.routines import Program
+from kfgen.emit.ir import STATUS, Argument, Routine
+from kfgen.emit.printer import PythonPrinter
+from kfgen.emit.routines import GATE, HUGE, Program
 from kfgen.emit.templates import render
 
 TARGET = "filterpy"
 TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
 
 
-class PythonPrinter(Printer):
-    """Double precision Python."""
-
-    def number(self, value: float) -> str:
-        """A literal that reads back to the same float."""
-        return repr(float(value)) if value >= 0 else f"({float(value)!r})"
-
-    def ref(self, ref: Ref) -> str:
-        """Arrays are flat."""
-        return super().ref(ref)
-
-    def root(self, argument: str) -> str:
-        """From the standard library."""
-        return f"sqrt({argument})"
-
-    def magnitude(self, argument: str) -> str:
-        """Built in."""
-        return f"abs({argument})"
-
-    def signum(self, argument: str) -> str:
-        """By two comparisons."""
-        return f"(float({argument} > 0.0) - float({argument} < 0.0))"
-
-    def rounded(self, argument: str) -> str:
-        """Built in."""
-        return f"float(round({argument}))"
-
-    def let(self, name: str, value: str) -> str:
-        """A local."""
-        return f"{name} = {value}"
-
-    def store(self, target: str, value: str) -> str:
-        """An assignment."""
-        return f"{target} = {value}"
-
-    def note(self, text: str) -> str:
-        """A comment."""
-        return f"# {text}"
-
-    def flag(self, status: str) -> str:
-        """The status is set."""
-        return f'status = "{status}"'
-
-    def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
-        """``if`` and ``else``."""
-        return [f"if {condition}:", *body, *(["else:", *orelse] if orelse else [])]
-
-
-def _function(routine: Routine) -> dict[str, object]:
+def _function(routine: Routine, n: int) -> dict[str, object]:
     outputs = {"transition": ["Phi"], "noise": ["Qd"]}.get(
         routine.name, ["h", "H"] if routine.name.startswith("expect_") else []
     )
@@ -69,7 +21,7 @@ def _function(routine: Routine) -> dict[str, object]:
         "name": f"_{routine.name}",
         "text": routine.text,
         "arguments": ", ".join(arguments),
-        "body": PythonPrinter().body(routine) or "    pass",
+        "body": PythonPrinter(n).body(routine) or "    pass",
     }
 
 
@@ -101,6 +53,7 @@ def files(program: Program) -> dict[str, str]:
             "extra": _call(pieces[f"expect_{s.name}"].arguments),
             "typed": _typed(pieces[f"expect_{s.name}"].arguments),
             "texts": [(a.name, a.text) for a in pieces[f"expect_{s.name}"].arguments],
+            "scalars": [a.name for a in pieces[f"expect_{s.name}"].arguments],
         }
         for s in discrete.model.sensors
     ]
@@ -118,7 +71,13 @@ def files(program: Program) -> dict[str, str]:
         start=discrete.start,
         states=discrete.model.states,
         constants=program.constants[:-1],
-        functions=[_function(r) for r in program.pieces],
+        gate=GATE,
+        huge=HUGE,
+        status=STATUS,
+        longest=discrete.max_step,
+        rows=program.rows,
+        given=[a.name for a in longest[:-1]],
+        functions=[_function(r, program.n) for r in program.pieces],
         sensors=sensors,
         inputs=_typed(longest),
         texts=[(a.name, a.text) for a in longest],

@@ -64,6 +64,9 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "order": discrete.order,
         "max_step": discrete.max_step,
         "rate": discrete.rate,
+        "form": program.form,
+        "real": program.real,
+        "loops": program.loops,
         "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
@@ -73,6 +76,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
     fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
     try:
         for name, text in files.items():
+            (fresh / name).parent.mkdir(exist_ok=True)
             (fresh / name).write_text(text, encoding="utf-8")
         fresh.chmod(0o755)
         old = fresh.with_name(f"{fresh.name}.old")
@@ -91,7 +95,8 @@ def _check_free(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise InputError("it is a file, not a folder", where=str(folder))
-    present = {p.name for p in folder.iterdir()}
+    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()}
+    present |= {p.name for p in folder.iterdir() if p.is_dir() and not any(p.iterdir())}
     if not present:
         return
     known = set(_manifest(folder)["files"]) | {MANIFEST} if MANIFEST in present else set()
@@ -169,4 +174,7 @@ def read_folder(folder: str | Path) -> Emitted:
             where=str(folder / MANIFEST),
             remedy="Emit it again",
         )
-    return Emitted(Program(discrete), str(manifest.get("target")), folder)
+    options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
+    return Emitted(
+        Program(discrete, str(options[0]), str(options[1]), options[2]), str(manifest.get("target")), folder
+    )

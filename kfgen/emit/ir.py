@@ -2,12 +2,13 @@
 
 Every operation has two operands and its own parentheses, so that C, the float32 reference and
 Python round in the same order. A routine works on named arrays (state, covariance, constants,
-arguments) and on local scalars, each assigned once.
+arguments) and on local scalars, each assigned once. Loops run over whole numbers; an index is a number,
+a loop's variable, or a pair (i, j) with i <= j: the element of a triangle that is packed by rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 
@@ -18,12 +19,17 @@ class Num:
     value: float
 
 
+Whole = int | str
+"""A whole number, or a loop's variable by name."""
+Index = int | str | tuple[Whole, Whole]
+
+
 @dataclass(frozen=True)
 class Ref:
     """A local scalar (`index` None) or an element of an array."""
 
     name: str
-    index: int | None = None
+    index: Index | None = None
 
 
 @dataclass(frozen=True)
@@ -94,9 +100,29 @@ class Note:
     text: str
 
 
-Stmt = Let | Store | When | Flag | Note
+@dataclass(frozen=True)
+class For:
+    """A loop of `var` over whole numbers from `start + skip` to before `stop`, or from its end down."""
 
-STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP")
+    var: str
+    start: Whole
+    stop: Whole
+    body: tuple[Stmt, ...]
+    down: bool = False
+    skip: int = 0
+
+
+@dataclass(frozen=True)
+class Call:
+    """An internal routine at work: arrays by name, scalars by value."""
+
+    routine: str
+    arguments: tuple[Expr, ...]
+
+
+Stmt = Let | Store | When | Flag | Note | For | Call
+
+STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT")
 """What a routine returns, in order of number and of gravity."""
 
 
@@ -119,29 +145,65 @@ class Scratch:
 
 @dataclass(frozen=True)
 class Routine:
-    """A function on the filter's arrays."""
+    """A function on the filter's arrays; an internal one is called by others and has no status.
+
+    An internal routine may write its array arguments.
+    """
 
     name: str
     text: str
     arguments: tuple[Argument, ...]
     body: tuple[Stmt, ...]
     scratch: tuple[Scratch, ...] = ()
+    internal: bool = False
 
     @property
     def operations(self) -> int:
-        """Number of ``+ - * /``, square roots and the like, all branches counted."""
-        return sum(_count(e) for e in _expressions(self.body))
+        """Executed ``+ - * /``, square roots and the like: all branches, loops by their turns, no calls."""
+        return _counted(self.body, {})
 
 
-def _expressions(body: tuple[Stmt, ...]) -> Iterator[Expr]:
+def turns(loop: For, env: Mapping[str, int]) -> range:
+    """The values of a loop's variable, given those of the loops around it."""
+    start, stop = (env[b] if isinstance(b, str) else b for b in (loop.start, loop.stop))
+    start += loop.skip
+    return range(stop - 1, start - 1, -1) if loop.down else range(start, stop)
+
+
+def _counted(body: Sequence[Stmt], env: Mapping[str, int]) -> int:
+    total = 0
     for s in body:
         if isinstance(s, Let | Store):
-            yield s.value
+            total += _count(s.value)
         elif isinstance(s, When):
-            yield s.condition.a
-            yield s.condition.b
-            yield from _expressions(s.body)
-            yield from _expressions(s.orelse)
+            total += _count(s.condition.a) + _count(s.condition.b)
+            total += _counted(s.body, env) + _counted(s.orelse, env)
+        elif isinstance(s, For):
+            total += sum(_counted(s.body, {**env, s.var: k}) for k in turns(s, env))
+    return total
+
+
+def names_of(body: Sequence[Stmt]) -> set[str]:
+    """Every name that statements read, store to or call."""
+    found: set[str] = set()
+    for s in body:
+        if isinstance(s, Let | Store):
+            found |= _named(s.value) | (_named(s.target) if isinstance(s, Store) else {s.name})
+        elif isinstance(s, When):
+            found |= _named(s.condition.a) | _named(s.condition.b) | names_of(s.body) | names_of(s.orelse)
+        elif isinstance(s, For):
+            found |= names_of(s.body)
+        elif isinstance(s, Call):
+            found |= set().union({s.routine}, *map(_named, s.arguments))
+    return found
+
+
+def _named(e: Expr) -> set[str]:
+    if isinstance(e, Ref):
+        return {e.name}
+    if isinstance(e, Bin):
+        return _named(e.a) | _named(e.b)
+    return _named(e.a) if isinstance(e, Una) else set()
 
 
 def _count(e: Expr) -> int:

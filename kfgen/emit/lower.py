@@ -31,14 +31,14 @@ class Lowering:
 
     Parameters
     ----------
-    places : mapping of str to Ref
-        Where each symbol lives.
+    places : mapping of str to Expr
+        What stands for each symbol: an element, a local, or its negative.
     prefix : str
         Begins every local name, so that two lowerings can share a routine.
     """
 
-    def __init__(self, places: Mapping[str, Ref], prefix: str = "") -> None:
-        self.places = dict(places)
+    def __init__(self, places: Mapping[str, Expr], prefix: str = "") -> None:
+        self.places: dict[str, Expr] = dict(places)
         self.prefix = prefix
         self._next = 0
         self._pending: list[Stmt] = []
@@ -66,12 +66,7 @@ class Lowering:
         for symbol, value in shared:
             atom, statements = self.let(self.expression(value))
             body += [*self._made(), *statements]
-            if isinstance(atom, Ref):
-                self.places[symbol.name] = atom
-            else:
-                name = self.fresh()
-                body.append(Let(name, atom))
-                self.places[symbol.name] = Ref(name)
+            self.places[symbol.name] = atom
         values = [self.expression(e) for e in reduced]
         body += self._made()
         for symbol, _ in shared:
@@ -138,8 +133,8 @@ class Lowering:
         if (2 * exponent).is_Integer and not exponent.is_Integer and abs(exponent) < LONGEST_POWER:
             b, whole = self.expression(base), int(abs(exponent))
             b = self._local(b) if whole else b
-            root: Expr = Una("sqrt", b)
-            root = reduce(mul, [b] * whole, root)
+            start: Expr = Una("sqrt", b)
+            root = reduce(mul, [b] * whole, start)
             return root if exponent > 0 else Bin("/", Num(1.0), root)
         if not exponent.is_Integer or abs(int(exponent)) > LONGEST_POWER:
             raise InputError(f"the power {exponent} cannot be emitted")

@@ -12,8 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.covariance import packed_size
-from kfgen.emit.ir import STATUS, Bin, Compare, Expr, Flag, Let, Num, Ref, Routine, Stmt, Store, Una, When
+from kfgen.emit.covariance import place
+from kfgen.emit.ir import (
+    STATUS,
+    Bin,
+    Call,
+    Compare,
+    Expr,
+    Flag,
+    For,
+    Let,
+    Num,
+    Ref,
+    Routine,
+    Stmt,
+    Store,
+    Una,
+    When,
+    turns,
+)
 from kfgen.emit.routines import Program
 
 
@@ -23,22 +40,18 @@ class Machine:
     Parameters
     ----------
     program : Program
-    real : type
-        ``np.float32`` or ``np.float64``.
+    real : type, optional
+        ``np.float32`` or ``np.float64``; the program's own where left out.
     """
 
-    def __init__(self, program: Program, real: type[np.floating[Any]] = np.float32) -> None:
+    def __init__(self, program: Program, real: type[np.floating[Any]] | None = None) -> None:
         self.program = program
-        self.real = real
-        sizes = {
-            "x": len(program.discrete.nominal_names),
-            "P": packed_size(program.n),
-            "k": len(program.constants),
-            "innovation": program.rows,
-            "variance": program.rows,
+        self.real = real or program.type
+        self.arrays: dict[str, NDArray[np.floating[Any]]] = {
+            a: np.zeros(size, self.real) for a, (size, _) in program.arrays.items()
         }
-        self.arrays: dict[str, NDArray[np.floating[Any]]] = {a: np.zeros(n, real) for a, n in sizes.items()}
-        self.routines: dict[str, Routine] = {r.name: r for r in program.routines}
+        self.routines: dict[str, Routine] = {r.name: r for r in (*program.routines, *program.helpers)}
+        self._rows = [place(program.n, i, 0) for i in range(program.n)]
         self._numbers: dict[float, Any] = {}
 
     def call(self, name: str, values: Sequence[Sequence[float] | float] = ()) -> str:
@@ -54,6 +67,9 @@ class Machine:
         env: dict[str, Any] = dict(self.arrays)
         for argument, value in zip(routine.arguments, values, strict=True):
             env[argument.name] = np.asarray(value, self.real) if argument.size else self.real(value)  # type: ignore[arg-type]
+        return self._enter(routine, env)
+
+    def _enter(self, routine: Routine, env: dict[str, Any]) -> str:
         env |= {s.name: np.zeros(s.size, self.real) for s in routine.scratch}
         env["status"] = STATUS[0]
         self._run(routine.body, env)
@@ -61,18 +77,39 @@ class Machine:
 
     def words(self) -> NDArray[np.floating[Any]]:
         """State and covariance, one after the other."""
-        return np.concatenate([self.arrays["x"], self.arrays["P"]])
+        return np.concatenate([self.arrays["x"], self.arrays[self.program.covariance.ARRAY]])
+
+    def covariance(self) -> NDArray[np.float64]:
+        """The covariance, shape (n, n)."""
+        form = self.program.covariance
+        return np.array(form.matrix(self.arrays[form.ARRAY].tolist()))
 
     def _run(self, body: tuple[Stmt, ...], env: dict[str, Any]) -> None:
         for s in body:
             if isinstance(s, Let):
                 env[s.name] = self._value(s.value, env)
             elif isinstance(s, Store):
-                env[s.target.name][s.target.index] = self._value(s.value, env)
+                env[s.target.name][self._index(s.target, env)] = self._value(s.value, env)
             elif isinstance(s, When):
                 self._run(s.body if self._holds(s.condition, env) else s.orelse, env)
             elif isinstance(s, Flag):
                 env["status"] = max(env["status"], s.status, key=STATUS.index)
+            elif isinstance(s, For):
+                for k in turns(s, env):
+                    env[s.var] = k
+                    self._run(s.body, env)
+            elif isinstance(s, Call):
+                routine = self.routines[s.routine]
+                given = {
+                    a.name: self._value(e, env) for a, e in zip(routine.arguments, s.arguments, strict=True)
+                }
+                self._enter(routine, self.arrays | given)
+
+    def _index(self, ref: Ref, env: Mapping[str, Any]) -> int:
+        if isinstance(ref.index, tuple):
+            i, j = (env[k] if isinstance(k, str) else k for k in ref.index)
+            return int(self._rows[i] + j)
+        return int(env[ref.index] if isinstance(ref.index, str) else ref.index or 0)
 
     def _holds(self, c: Compare, env: Mapping[str, Any]) -> bool:
         a, b = self._value(c.a, env), self._value(c.b, env)
@@ -80,7 +117,7 @@ class Machine:
 
     def _value(self, e: Expr, env: Mapping[str, Any]) -> Any:
         if isinstance(e, Ref):
-            return env[e.name] if e.index is None else env[e.name][e.index]
+            return env[e.name] if e.index is None else env[e.name][self._index(e, env)]
         if isinstance(e, Bin):
             a, b = self._value(e.a, env), self._value(e.b, env)
             if e.op == "*":

@@ -7,15 +7,18 @@ Two families from the same expressions: the whole filter on packed arrays (``ini
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import Any
 
+import numpy as np
 import sympy as sp
 
-from kfgen.discretise import DT, DiscreteModel
-from kfgen.emit.covariance import Row, packed, packed_size, predict_covariance, update_scalar
+from kfgen.discretise import DiscreteModel
+from kfgen.emit.covariance import Row
+from kfgen.emit.factored import Factored
+from kfgen.emit.forms import ANY_HELD, HEALTH, HELD, Form, Packed
 from kfgen.emit.ir import (
     Argument,
     Compare,
@@ -31,16 +34,24 @@ from kfgen.emit.ir import (
     Store,
     Una,
     When,
+    add,
     mul,
     sub,
 )
 from kfgen.emit.lower import Lowering
+from kfgen.emit.names import argument, check_names, identifier
+from kfgen.emit.scalars import NIS, fused
+from kfgen.emit.symbols import Atoms, Rows, lowering, transition
+from kfgen.emit.tidy import tidy
 from kfgen.errors import InputError
 from kfgen.model.motion import Constant
-from kfgen.model.rotation import matrix_of
 from kfgen.model.sensors import Sensor
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
+HUGE = 1e30
+"""Squares of inputs add up to less, unless one is no number."""
+FORMS: dict[str, type[Form]] = {f.NAME: f for f in (Packed, Factored)}
+REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
 
 @dataclass(frozen=True)
@@ -50,22 +61,67 @@ class Program:
     Parameters
     ----------
     discrete : DiscreteModel
+    form : str
+        Of the covariance: a key of `FORMS`.
+    real : str
+        Of every number: a key of `REALS`.
+    loops : bool
+        Loops in place of repeated columns: less code, more instructions.
+    costs : tuple of str
+        What its calls cost on cores, in words for the reader of the code.
     """
 
     discrete: DiscreteModel
+    form: str = Packed.NAME
+    real: str = "float"
+    loops: bool = False
+    costs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         d = self.discrete
+        for option, value, known in (("--form", self.form, FORMS), ("--real", self.real, REALS)):
+            if value not in known:
+                raise InputError(
+                    f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
+                )
         if d.rate * d.max_step < 1.0:
             raise InputError(
                 f"the period of {d.rate:g} Hz is longer than the longest step of {d.max_step:g} s",
                 remedy="Give a longer --max-step, or a higher --rate",
             )
+        check_names(d)
+
+    @cached_property
+    def covariance(self) -> Form:
+        """How the covariance is stored and worked on."""
+        rows, _ = self._transition
+        names = tuple(s.name for s in self.discrete.model.states)
+        return FORMS[self.form](self.n, {i: tuple(row) for i, row in rows.items()}, names, self.loops)
+
+    @property
+    def type(self) -> type[np.floating[Any]]:
+        """Numpy's type of every number."""
+        return REALS[self.real]
+
+    @cached_property
+    def arrays(self) -> dict[str, tuple[int, str]]:
+        """The filter's memory in order: size and meaning of each array."""
+        return {
+            "x": (len(self.discrete.nominal_names), "state"),
+            self.covariance.ARRAY: (self.covariance.size, self.covariance.TITLE),
+            "k": (len(self.constants), "constants"),
+            "innovation": (self.rows, "of the last update, by row"),
+            "variance": (self.rows, "of the last innovations"),
+            NIS.name: (1, "sum of squared innovations over their variances, of the rows that were fused"),
+            HELD: (self.n, "1 for a state that is considered and not corrected, else 0"),
+            ANY_HELD.name: (1, "how many there are"),
+            HEALTH.name: (1, "smallest pivot of the covariance over its variance, of the last check"),
+        }
 
     @property
     def name(self) -> str:
         """The model's name as an identifier."""
-        return re.sub(r"\W", "_", self.discrete.model.name)
+        return identifier(self.discrete.model.name)
 
     @property
     def n(self) -> int:
@@ -82,60 +138,45 @@ class Program:
         """Rows of the largest sensor."""
         return max(len(s.channels) for s in self.discrete.model.sensors)
 
-    def _lowering(self, prefix: str = "") -> Lowering:
-        places = {name: Ref("x", i) for i, name in enumerate(self.discrete.nominal_names)}
-        places |= {c.name: Ref("k", i) for i, c in enumerate(self.constants)}
-        places |= {
-            c: Ref(i.name) if i.scalar else Ref(i.name, k)
-            for i in self.discrete.model.motion.inputs
-            for k, c in enumerate(i.channels)
-        }
-        places |= {d: Ref(d) for d in self.discrete.model.drivers}
-        return Lowering(places | {str(DT): Ref("dt")}, prefix)
+    def lowering(self, prefix: str = "") -> Lowering:
+        """A lowering of the filter's expressions."""
+        return lowering(self.discrete, self.constants, prefix)
 
-    def _rotation(self, lower: Lowering, used: Sequence[sp.Expr]) -> list[Stmt]:
-        """The entries of the rotation matrix that `used` needs, from the quaternion."""
-        attitude = self.discrete.model.attitude
-        if attitude is None:
-            return []
-        symbols = set().union(*(e.free_symbols for e in used)) if used else set()
-        wanted = [(s, e) for s, e in zip(attitude.nominal, matrix_of(attitude.quaternion)) if s in symbols]
-        values, body = lower.many([e for _, e in wanted])
-        for (symbol, _), value in zip(wanted, values):
-            body.append(Let(symbol.name, value))
-            lower.places[symbol.name] = Ref(symbol.name)
-        return body
+    @cached_property
+    def atoms(self) -> Atoms:
+        """The atoms of its expressions."""
+        return Atoms(self.discrete)
+
+    def drivers(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        """The drivers of effects that expressions need, as arguments."""
+        symbols = {s.name for e in used for s in e.free_symbols}
+        return tuple(
+            Argument(argument(d), 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols
+        )
 
     def _inputs(self) -> tuple[Argument, ...]:
         return tuple(
-            Argument(i.name, 0, f"{i.title} [{i.unit}]")
+            Argument(argument(i.name), 0, f"{i.title} [{i.unit}]")
             if i.scalar
-            else Argument(i.name, len(i.channels), f"{i.title} [{i.unit}], body axes")
+            else Argument(argument(i.name), len(i.channels), f"{i.title} [{i.unit}], body axes")
             for i in self.discrete.model.motion.inputs
         )
 
-    def _drivers(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        symbols = {s.name for e in used for s in e.free_symbols}
-        return tuple(Argument(d, 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols)
-
-    def _sample_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+    def sample_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
         """The inputs and drivers that a measurement needs at its own time."""
         symbols = {s.name for e in used for s in e.free_symbols}
         pairs = zip(self.discrete.model.motion.inputs, self._inputs())
-        return (*(a for i, a in pairs if symbols & set(i.channels)), *self._drivers(used))
+        return (*(a for i, a in pairs if symbols & set(i.channels)), *self.drivers(used))
 
-    def _motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
-        return (*self._inputs(), *self._drivers(used), Argument("dt", 0, "step [s]"))
+    def motion_arguments(self, used: Sequence[sp.Expr]) -> tuple[Argument, ...]:
+        """Inputs, drivers and step as arguments."""
+        return (*self._inputs(), *self.drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
-    def _transition(self) -> tuple[dict[int, dict[int, sp.Expr]], dict[tuple[int, int], sp.Expr]]:
-        """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd."""
-        Phi, Qd, n = self.discrete.Phi, self.discrete.Qd, self.n
-        rows = {i: {j: Phi[i, j] for j in range(n) if Phi[i, j] != 0} for i in range(n)}
-        moving = {i: row for i, row in rows.items() if row != {i: 1}}
-        return moving, {(i, j): Qd[i, j] for i in range(n) for j in range(i, n) if Qd[i, j] != 0}
+    def _transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
+        return transition(self.discrete, self.atoms)
 
-    def _normalised(self, values: list[Expr], lower: Lowering) -> list[Stmt]:
+    def normalised(self, values: list[Expr], lower: Lowering) -> list[Stmt]:
         """Store the new state, its quaternion scaled to unit length."""
         quaternion = self.discrete.model.attitude.nominal_names if self.discrete.model.attitude else ()
         body: list[Stmt] = []
@@ -161,38 +202,68 @@ class Program:
     def predict(self) -> Routine:
         """State and covariance over one step."""
         rows, noise = self._transition
-        lower = self._lowering()
+        lower = self.lowering()
         flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
-        used = [*flat, *self.discrete.step]
-        body = self._rotation(lower, used)
+        used = [*flat, *(self.atoms.free(e) for e in self.discrete.step)]
+        body = self.atoms.make(lower, used)
         values, statements = lower.many(used)
         body += statements
-        atoms: list[Expr] = []
+        entries: list[Expr] = []
         for value in values[: len(flat)]:
             atom, made = lower.let(value, "f")
-            atoms.append(atom)
+            entries.append(atom)
             body += made
-        stream = iter(atoms)
+        stream = iter(entries)
         Phi: dict[int, Row] = {i: {j: next(stream) for j in row} for i, row in rows.items()}
         Qd = {key: next(stream) for key in noise}
-        body += predict_covariance(self.n, Phi, Qd, [s.name for s in self.discrete.model.states])
-        body.append(Note("state"))
-        body += self._normalised(values[len(flat) :], lower)
+        body += [Note("state"), *self.normalised(values[len(flat) :], lower)]
+        body += self.covariance.predict(Phi, Qd)
+        arguments = self.motion_arguments([e for row in self._raw for e in row])
         longest = Num(self.discrete.max_step)
-        guarded = When(Compare("<=", Ref("dt"), longest), tuple(body), (Flag("BAD_STEP"),))
+        known = self._known(arguments[:-1], tuple(body))
+        guarded = When(Compare("<=", Ref("dt"), longest), known, (Flag("BAD_STEP"),))
         outer = When(Compare(">", Ref("dt"), Num(0.0)), (guarded,), (Flag("BAD_STEP"),))
         return Routine(
-            "predict", "State and covariance over one step.", self._motion_arguments(used), (outer,)
+            "predict",
+            "State and covariance over one step.",
+            arguments,
+            tidy((outer,)),
+            self.covariance.predict_scratch,
         )
 
+    @property
+    def _raw(self) -> tuple[Sequence[sp.Expr], ...]:
+        return (list(self.discrete.Phi), list(self.discrete.Qd), self.discrete.step)
+
+    def _known(self, arguments: Sequence[Argument], body: tuple[Stmt, ...]) -> tuple[Stmt, ...]:
+        """The body, where every argument is a number: their squares add up to one."""
+        given = [Ref(a.name, k) if a.size else Ref(a.name) for a in arguments for k in range(max(a.size, 1))]
+        if not given:
+            return body
+        squares = reduce(add, (mul(g, g) for g in given))
+        return (When(Compare("<=", squares, Num(HUGE)), body, (Flag("BAD_INPUT"),)),)
+
     def update(self, sensor: Sensor) -> Routine:
-        """Fuse one measurement of a sensor, scalar by scalar."""
+        """Fuse one measurement of a sensor, scalar by scalar.
+
+        Raises
+        ------
+        InputError
+            A row of it depends on no state.
+        """
         model = self.discrete.model
         h, H = model.expected(sensor), model.H(sensor)
-        lower = self._lowering()
+        lower = self.lowering()
         used = [*h, *H]
-        body = self._rotation(lower, used)
+        body = self.atoms.make(lower, used)
         entries = [(i, j) for i in range(H.rows) for j in range(self.n) if H[i, j] != 0]
+        blind = [c for i, c in enumerate(sensor.channels) if not any(k == i for k, _ in entries)]
+        if blind:
+            raise InputError(
+                f"the measurement {blind[0]} depends on no state, so it can correct none",
+                where=model.name,
+                remedy="Leave it out, or write its expression in states",
+            )
         values, statements = lower.many([*h, *(H[i, j] for i, j in entries)])
         body += statements
         rows: list[Row] = [{} for _ in range(H.rows)]
@@ -208,41 +279,44 @@ class Program:
                 residual, made = lower.let(sub(residual, turns), "r")
                 body += made
             residuals.append(residual)
+        body.append(Store(NIS, Num(0.0)))
         for i, channel in enumerate(sensor.channels):
-            variance = Num(self.discrete.measurement_variance(sensor, channel))
+            R = self.discrete.measurement_variance(sensor, channel)
             body.append(Note(channel))
-            body += update_scalar(lower, self.n, f"{i}", H=rows[i], residual=residuals[i], variance=variance)
-        body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(self._inject())))
+            body += fused(self.covariance, i, rows[i], residuals[i], R, lower.places["gate"])
+        body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(self.inject())))
         arguments = (
             Argument(
                 "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
             ),
-            *self._sample_arguments(used),
+            *self.sample_arguments(used),
         )
         return Routine(
             f"update_{sensor.name}",
             f"Fuse one sample: {sensor.title}.",
             arguments,
-            tuple(body),
-            (Scratch("dx", self.n), Scratch("fused", 1)),
+            tidy(self._known(arguments, tuple(body))),
+            (Scratch("dx", self.n), Scratch("fused", 1), *self.covariance.scratch),
         )
 
-    def _inject(self) -> list[Stmt]:
+    def inject(self) -> list[Stmt]:
         """The correction ``dx`` moves into the state."""
         model = self.discrete.model
-        lower = self._lowering("c")
+        lower = self.lowering("c")
         lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
         values, body = lower.many(list(model.corrected))
-        return [Note("correct the state"), *body, *self._normalised(values, lower)]
+        return [Note("correct the state"), *body, *self.normalised(values, lower)]
 
     @cached_property
     def init(self) -> Routine:
         """State, covariance and constants before the first measurement."""
         body: list[Stmt] = [Store(Ref("x", i), Num(v)) for i, v in enumerate(self.discrete.start)]
-        priors = {packed(self.n, i, i): s.prior**2 for i, s in enumerate(self.discrete.model.states)}
-        body += [Store(Ref("P", i), Num(priors.get(Ref("P", i), 0.0))) for i in range(packed_size(self.n))]
+        body += self.covariance.init([s.prior for s in self.discrete.model.states])
         body += [Store(Ref("k", i), Num(c.value)) for i, c in enumerate(self.constants)]
-        body += [Store(Ref(a, i), Num(0.0)) for a in ("innovation", "variance") for i in range(self.rows)]
+        done = {"x", "k", self.covariance.ARRAY}
+        for name, (size, _) in self.arrays.items():
+            if name not in done:
+                body += [Store(Ref(name, i), Num(0.0)) for i in range(size)]
         return Routine(
             "init", "State, covariance and constants before the first measurement.", (), tuple(body)
         )
@@ -253,57 +327,24 @@ class Program:
         updates = tuple(self.update(s) for s in self.discrete.model.sensors)
         return (self.init, self.predict, *updates)
 
+    @property
+    def entries(self) -> tuple[Routine, ...]:
+        """What a user can call."""
+        return (*self.routines, self.covariance.health)
+
+    @property
+    def word_count(self) -> int:
+        """Numbers of state and covariance."""
+        return len(self.discrete.nominal_names) + self.covariance.size
+
+    @cached_property
+    def helpers(self) -> tuple[Routine, ...]:
+        """What the routines call, and the check of the covariance."""
+        return (*self.covariance.internals, self.covariance.health)
+
     @cached_property
     def pieces(self) -> tuple[Routine, ...]:
         """The parts of a filter whose matrices belong to the target."""
-        Phi, Qd, n = self.discrete.Phi, self.discrete.Qd, self.n
-        transition = [
-            (Ref("Phi", i * n + j), Phi[i, j]) for i in range(n) for j in range(n) if Phi[i, j] != 0
-        ]
-        noise = [(Ref("Qd", i * n + j), Qd[i, j]) for i in range(n) for j in range(n) if Qd[i, j] != 0]
-        parts = [
-            self._piece("transition", "Transition of the error.", transition),
-            self._piece("noise", "Process noise of a step.", noise),
-        ]
-        for s in self.discrete.model.sensors:
-            h, H = self.discrete.model.expected(s), self.discrete.model.H(s)
-            stores = [(Ref("h", i), h[i]) for i in range(H.rows)]
-            stores += [
-                (Ref("H", i * n + j), H[i, j]) for i in range(H.rows) for j in range(n) if H[i, j] != 0
-            ]
-            arguments = self._sample_arguments([e for _, e in stores])
-            parts.append(
-                self._piece(
-                    f"expect_{s.name}", f"Expected sample and Jacobian: {s.title}.", stores, arguments
-                )
-            )
-        lower = self._lowering()
-        body = self._rotation(lower, self.discrete.step)
-        values, statements = lower.many(self.discrete.step)
-        body += [*statements, *self._normalised(values, lower)]
-        step = Routine(
-            "step", "The stored state over one step.", self._motion_arguments(self.discrete.step), tuple(body)
-        )
-        inject = Routine(
-            "inject",
-            "The correction dx moves into the stored state.",
-            (Argument("dx", n, "correction of the error state"),),
-            tuple(self._inject()),
-        )
-        return (step, *parts, inject)
+        from kfgen.emit.pieces import pieces
 
-    def _piece(
-        self,
-        name: str,
-        text: str,
-        stores: list[tuple[Ref, sp.Expr]],
-        arguments: tuple[Argument, ...] | None = None,
-    ) -> Routine:
-        used = [e for _, e in stores]
-        lower = self._lowering()
-        body = self._rotation(lower, used)
-        values, statements = lower.many(used)
-        body += [*statements, *(Store(ref, v) for (ref, _), v in zip(stores, values))]
-        return Routine(
-            name, text, self._motion_arguments(used) if arguments is None else arguments, tuple(body)
-        )
+        return pieces(self)

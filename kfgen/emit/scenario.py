@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
 from kfgen.emit.ir import Routine
+from kfgen.emit.names import argument
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.log import Log
@@ -36,8 +37,14 @@ class Call:
     words: NDArray[np.floating[Any]]
 
 
-def scenario(program: Program) -> tuple[Call, ...]:
-    """Simulated inputs through the single precision reference, from ``init`` on."""
+def scenario(program: Program, most: int | None = None) -> tuple[Call, ...]:
+    """Simulated inputs through the reference in the program's precision, from ``init`` on.
+
+    Parameters
+    ----------
+    most : int, optional
+        The first so many calls only.
+    """
     discrete = program.discrete
     rng = np.random.default_rng(SEED)
     log = simulate(discrete, "generic", (STEPS + 1) / discrete.rate, rng)
@@ -52,14 +59,16 @@ def scenario(program: Program) -> tuple[Call, ...]:
                 inputs = _refused(routine, inputs)
             machine.call(routine.name, split(routine, inputs))
             calls.append(Call(routine.name, inputs, machine.words()))
+            if len(calls) == most:
+                return tuple(calls)
     return tuple(calls)
 
 
 def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tuple[float, ...]:
     """The arguments of a routine at sample k, as single precision numbers in a row."""
     places: Mapping[str, tuple[str, ...]] = (
-        {i.name: i.channels for i in discrete.model.motion.inputs}
-        | {d: (d,) for d in discrete.model.drivers}
+        {argument(i.name): i.channels for i in discrete.model.motion.inputs}
+        | {argument(d): (d,) for d in discrete.model.drivers}
         | {"z": next((s.channels for s in discrete.model.sensors if routine.name == f"update_{s.name}"), ())}
     )
     row: list[float] = []

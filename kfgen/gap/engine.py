@@ -1,32 +1,30 @@
 """Finding the gap of a scene: screen every addition, fit the promising ones, compare, add, again.
 
 The currency is that of `kfgen.gap.evidence`: marginal likelihood by Laplace's method with the same
-priors. The screen is linear: how much an addition's direction, freed of what is fitted anyway, explains of
-the residuals. It costs a few evaluations of the scene, all additions at once.
+priors. What is promising says the screen, see `kfgen.gap.screen`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.motion import free
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.evidence import ABOVE
 from kfgen.gap.newton import (
     Fitted,
     coordinates,
-    derivative,
-    first_steps,
     fitted,
     is_signed,
     keys_of,
     log_posterior,
-    over_levels,
 )
 from kfgen.gap.scene import Placed, Point, Scene
+from kfgen.gap.screen import LOST, Screened, basis, freed, new_columns, screen
 
 Array = NDArray[np.float64]
 
@@ -38,9 +36,10 @@ BETTER = 1.0
 """Nats by which another name must be better to take a place."""
 DETECTABLE = 8.0
 """Nats that an effect must be worth on average to be named."""
-LOST = 0.02
-"""Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
-
+SURE = 20.0
+"""Nats of an effect that nothing else resembles, with which it is not put to the test again."""
+RESEMBLING = 0.2
+"""Share cos^2 of a direction from which on another addition might be what an effect is."""
 BLIND = 1e-6
 """Share of the information on an unknown that must be left."""
 
@@ -82,50 +81,98 @@ def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
     start = Point((), np.array([u.start for u in scene.unknowns]))
     believed = fitted(scene, start)
-    added = _grown(scene, believed, [])
+    added, fit, others = _grown(scene, [], believed)
     for _ in range(3):
         if len(added) < 2:
             break
-        kept = _reconsidered(scene, believed, added)
-        if [a.trial.label for a in kept] == [a.trial.label for a in added]:
-            added = kept
+        before = [a.trial.label for a in added]
+        added, fit = _reconsidered(scene, added, fit, others)
+        if [a.trial.label for a in added] == before:
             break
-        added = _grown(scene, believed, kept)
-    return Explained(believed, tuple(added), _fit(scene, believed, added))
+        added, fit, others = _grown(scene, added, fit)
+    return Explained(believed, tuple(added), fit)
 
 
-def _fit(scene: Scene, believed: Fitted, added: Sequence[Added]) -> Fitted:
-    if not added:
-        return believed
-    placed = tuple(a.trial.placed for a in added)
-    return fitted(scene, Point(placed, believed.point.unknowns))
-
-
-def _grown(scene: Scene, believed: Fitted, added: Sequence[Added]) -> list[Added]:
-    out = list(added)
-    base = _fit(scene, believed, out)
+def _grown(
+    scene: Scene, added: Sequence[Added], fit: Fitted
+) -> tuple[list[Added], Fitted, Sequence[Screened]]:
+    """More additions, the fit with all of them, and what was not added."""
+    out, others = list(added), screen(scene, fit)
     while len(out) < MOST:
-        trials = ranked(scene, base)
+        trials = ranked(scene, fit, others)
         if not trials or trials[0].gain < ABOVE:
             break
-        out.append(_chosen(trials[0], trials))
-        base = trials[0].fit
-    return out
+        fit = trials[0].fit
+        out = _moved([*out, _chosen(trials[0], trials)], fit)
+        others = screen(scene, fit)
+    return out, fit, others
 
 
-def _reconsidered(scene: Scene, believed: Fitted, added: Sequence[Added]) -> list[Added]:
+def _moved(added: Sequence[Added], fit: Fitted) -> list[Added]:
+    """The additions with the values that they have in a fit of all of them."""
+    pairs = zip(added, fit.point.placed)
+    return [replace(a, trial=replace(a.trial, placed=p)) for a, p in pairs]
+
+
+def _reconsidered(
+    scene: Scene, added: Sequence[Added], fit: Fitted, others: Sequence[Screened]
+) -> tuple[list[Added], Fitted]:
+    """Each addition that is in doubt against others in its place, and against nothing."""
+    doubtful = [_doubtful(added, fit, others, i) for i in range(len(added))]
     out, index = list(added), 0
     while index < len(out):
-        rest = out[:index] + out[index + 1 :]
-        trials = ranked(scene, _fit(scene, believed, rest))
-        if not trials or trials[0].gain < ABOVE:
-            out = rest
+        if not doubtful[index]:
+            index += 1
             continue
-        same = next((t for t in trials if t.label == out[index].trial.label), None)
-        keep = same if same is not None and trials[0].gain - same.gain < BETTER else trials[0]
-        out = [*rest[:index], _chosen(keep, trials), *rest[index:]]
+        rest = out[:index] + out[index + 1 :]
+        placed = tuple(p for i, p in enumerate(fit.point.placed) if i != index)
+        without = fitted(scene, Point(placed, fit.point.unknowns))
+        same = _last(fit, index)
+        known = replace(out[index].trial, placed=same.point.placed[-1], fit=same)
+        trials = ranked(scene, without, screen(scene, without), known)
+        if not trials or trials[0].gain < ABOVE:
+            out, fit = _moved(rest, without), without
+            doubtful.pop(index)
+            continue
+        own = next((t for t in trials if t.fit is same), None)
+        keep = own if own is not None and trials[0].gain - own.gain < BETTER else trials[0]
+        out, fit = _moved([*rest, _chosen(keep, trials)], keep.fit), keep.fit
+        out, fit = [*out[:index], out[-1], *out[index:-1]], _last(fit, index, back=True)
         index += 1
-    return out
+    return out, fit
+
+
+def _doubtful(added: Sequence[Added], fit: Fitted, others: Sequence[Screened], index: int) -> bool:
+    """Whether an effect may be something else, or nothing beside those that were added since."""
+    if any(o.claims[index] > RESEMBLING for o in others):
+        return True
+    J = fit.jacobian
+    mine = [c for c, (i, _) in enumerate(fit.keys) if i == index]
+    unknowns = J[:, len(fit.keys) :]
+    left = np.sum(freed(J[:, mine], basis(unknowns)) ** 2, axis=0)
+    alone = np.sum(freed(J[:, mine], basis(np.delete(J, mine, axis=1))) ** 2, axis=0)
+    kept = float((alone / np.maximum(left, 1e-300)).min(initial=1.0))
+    return added[index].trial.gain * kept < SURE
+
+
+def _last(fit: Fitted, index: int, *, back: bool = False) -> Fitted:
+    """A fit with the effect at `index` put last; or the last one put there."""
+    n = len(fit.point.placed)
+    order = [*range(index), *range(index + 1, n), index]
+    if back:
+        order = [*range(index), n - 1, *range(index, n - 1)]
+    place = {old: new for new, old in enumerate(order)}
+    k = len(fit.keys)
+    columns = sorted(range(k), key=lambda i: (place[fit.keys[i][0]], i))
+    every = np.array([*columns, *range(k, fit.steps.size)], dtype=np.intp)
+    return replace(
+        fit,
+        point=Point(tuple(fit.point.placed[i] for i in order), fit.point.unknowns),
+        information=fit.information[np.ix_(every, every)],
+        keys=tuple((place[fit.keys[i][0]], fit.keys[i][1]) for i in columns),
+        steps=fit.steps[every],
+        jacobian=fit.jacobian[:, every],
+    )
 
 
 def _chosen(best: Trial, trials: Sequence[Trial]) -> Added:
@@ -144,25 +191,42 @@ def _cos2(a: Array, b: Array) -> float:
     return float((a @ b) ** 2) / power if power > 0.0 else 0.0
 
 
-def ranked(scene: Scene, base: Fitted) -> list[Trial]:
-    """The most promising additions, fitted, by evidence."""
-    groups = scene.candidates(base.point.placed)
-    if not groups:
+def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial | None = None) -> list[Trial]:
+    """The most promising additions, fitted, by evidence.
+
+    Parameters
+    ----------
+    others : sequence of Screened
+        Beside `base`, the best first.
+    known : Trial, optional
+        An addition that is fitted already: half as many others are held against it.
+    """
+    if known is not None:
+        others = [o for o in others if not _alike(o.start, known.placed)]
+    if not others and known is None:
         return []
-    cost = float(np.log(len(groups) + 1))
+    cost = float(np.log(len(others) + (2 if known else 1)))
     reference = evidence(scene, base)
-    screened = sorted((_screened(scene, base, g) for g in groups), key=lambda s: -s[0])
     trials = []
-    for gain, start, direction in screened[:PROMISING]:
-        if gain < 1.0:
+    if known is not None:
+        trials.append(replace(known, gain=evidence(scene, known.fit) - reference - cost))
+    for o in others[: PROMISING if known is None else PROMISING // 2]:
+        if o.gain < 1.0:
             continue
-        point = Point((*base.point.placed, start), base.point.unknowns)
-        fit = fitted(scene, point)
+        fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
         if _blind(base, fit):
             continue
         value = evidence(scene, fit) - reference - cost
-        trials.append(Trial(fit.point.placed[-1], fit, value, direction))
+        trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _alike(a: Placed, b: Placed) -> bool:
+    """Whether two additions are the same but for their values: of a span, another span."""
+    spans = [float(getattr(x.effect, "duration", 0.0)) > 0.0 for x in (a, b)]
+    names = [{p.name for p in free(x.effect)} for x in (a, b)]
+    same = type(a.effect) is type(b.effect) and a.where == b.where
+    return same and spans[0] == spans[1] and names[0] == names[1]
 
 
 def _blind(base: Fitted, fit: Fitted) -> bool:
@@ -172,33 +236,6 @@ def _blind(base: Fitted, fit: Fitted) -> bool:
         return True
     before, after = (np.diag(f.information)[f.information.shape[0] - count :] for f in (base, fit))
     return bool((after < BLIND * before).any())
-
-
-def _screened(scene: Scene, base: Fitted, starts: Sequence[Placed]) -> tuple[float, Placed, Array]:
-    """The linear gain [nats] of the best start of an addition, and its direction."""
-    points = [Point((*base.point.placed, s), base.point.unknowns) for s in starts]
-    found = scene.residuals(points)
-    z0 = over_levels(scene, base.residual, base.levels)
-    Q = basis(base.jacobian)
-    best: tuple[float, Placed, Array] = (-np.inf, starts[0], np.zeros_like(z0))
-    for j, point in enumerate(points):
-        if not np.isfinite(found[:, j]).all():
-            continue
-        columns = _new_columns(scene, base, point, found[:, j])
-        z1 = over_levels(scene, found[:, j], base.levels)
-        A = columns - Q @ (Q.T @ columns)
-        size = np.linalg.norm(A, axis=0)
-        own = size > LOST * np.linalg.norm(columns, axis=0)
-        rest = z1 - Q @ (Q.T @ z1)
-        if own.any():
-            B = A[:, own] / size[own]
-            rest = rest - B @ np.linalg.lstsq(B, rest, rcond=1e-10)[0]
-        before = z0 - Q @ (Q.T @ z0)
-        gain = 0.5 * float(before @ before - rest @ rest)
-        direction = A[:, int(np.argmax(size))]
-        if gain > best[0]:
-            best = (gain, starts[j], direction)
-    return best
 
 
 def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
@@ -212,57 +249,13 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
         residual = scene.residuals([point])[:, 0]
         if not np.isfinite(residual).all():
             continue
-        column = _new_columns(scene, fit, point, residual)[:, 0]
-        own = float(np.linalg.norm(column - Q @ (Q.T @ column)))
+        column = new_columns(scene, fit, point, residual)[:, 0]
+        own = float(np.linalg.norm(freed(column, Q)))
         effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
             out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
     return out
-
-
-def _new_columns(scene: Scene, base: Fitted, point: Point, residual: Array) -> Array:
-    """Derivatives in the parameters of the last effect only, over the levels, shape (N, k)."""
-    alone = _Alone(scene, point)
-    last = Point((point.placed[-1],), np.zeros(0))
-    J, _ = derivative(alone, last, residual, first_steps(last))
-    return over_levels(scene, J, base.levels)
-
-
-@dataclass(frozen=True)
-class _Alone:
-    """A scene in which only the last effect of a point moves."""
-
-    scene: Scene
-    point: Point
-
-    channels = property(lambda self: self.scene.channels)
-    lengths = property(lambda self: self.scene.lengths)
-    dt = property(lambda self: self.scene.dt)
-    span = property(lambda self: self.scene.span)
-    unknowns = ()
-
-    def residuals(self, points: Sequence[Point]) -> Array:
-        """Of the whole point with its last effect exchanged."""
-        whole = [Point((*self.point.placed[:-1], p.placed[0]), self.point.unknowns) for p in points]
-        return self.scene.residuals(whole)
-
-    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
-        """None."""
-        return []
-
-    def part(self, start: float, stop: float) -> Scene:
-        """Not asked for."""
-        raise NotImplementedError
-
-
-def basis(J: Array) -> Array:
-    """Orthonormal columns of what is fitted anyway."""
-    if not J.shape[1]:
-        return J
-    scale = np.linalg.norm(J, axis=0)
-    U, s, _ = np.linalg.svd(J[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
-    return np.asarray(U[:, s > 1e-9 * s.max(initial=1.0)])
 
 
 def evidence(scene: Scene, fit: Fitted) -> float:
@@ -284,10 +277,17 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             kind = {p.name: p.kind for p in effect.parameters()}[name]
             span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
-    value -= float(np.log(widths[:k]).sum())
+    value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
     # What the data do not bound is bounded by its prior.
     floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
     scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())
+
+
+def _searched(scene: Scene, placed: Sequence[Placed]) -> float:
+    """What spans cost that were found by looking at every pair of edges, and how wide these are [nats]."""
+    found = [float(getattr(p.effect, name, 0.0)) > 0.0 for p in placed for name in ("duration", "edge")]
+    samples = max((scene.span[1] - scene.span[0]) / scene.dt, 2.0)
+    return float(np.log(samples)) * (2.0 * sum(found[::2]) + sum(found[1::2]))

@@ -130,7 +130,8 @@ def series_of(base: Candidate) -> Series:
     whitener = Whitener.of(effects, n, dt)
     fast = Whitener.of([e for e in effects if not e.form().order or e.filters], n, dt)
     with np.errstate(divide="ignore", invalid="ignore"):
-        white = np.where(whitener.weight > 0.0, (whitener.weight / fast.weight) ** 2, 1.0)
+        # The constant, which no density counts, is no noise.
+        white = np.where(whitener.weight > 0.0, (whitener.weight / fast.weight) ** 2, 0.0)
     columns = [
         whitener.ordinates(x)
         for e in effects

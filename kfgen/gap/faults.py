@@ -18,14 +18,16 @@ from kfgen.noise import ChannelNoise
 Array = NDArray[np.float64]
 
 
-def spotted_in(record: Record, noise: ChannelNoise, stamps: Array | None = None) -> list[Spotted]:
+def spotted_in(
+    record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
+) -> list[Spotted]:
     """The faults that a channel shows, those that spoil it first."""
     white = sum(float(e.form().V) / record.dt + 2.0 * float(e.form().Z) / record.dt**2 for e in noise.effects)
     known = {e.name for e in noise.effects}
     if stamps is None or stamps.size == record.n:
-        raw = Raw(record.t if stamps is None else stamps, record.y, float(np.sqrt(white)))
+        raw = Raw(record.t if stamps is None else stamps, record.y, float(np.sqrt(white)), stated)
     else:
-        raw = Raw(stamps, np.interp(stamps, record.t, record.y), float(np.sqrt(white)))
+        raw = Raw(stamps, np.interp(stamps, record.t, record.y), float(np.sqrt(white)), stated)
     found = [cls.spotted(raw) for name, cls in catalogue().items() if name not in known]
     faults = [f for f in found if f is not None]
     if len(faults) > 1:  # values on a faulty lattice repeat by themselves

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.gap.apart import Apart
 from kfgen.gap.battery import Test
 from kfgen.gap.checks import Checks
 from kfgen.gap.proof import Gap
+from kfgen.gap.search import SET
 from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise
-
-SET = 0.05
-"""Probability above which an alternative belongs to what cannot be told apart."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +35,8 @@ class Finding:
     alternatives : tuple of (name, probability)
     worst : Test
         The test that showed most disagreement before it was added.
+    others : tuple of Apart
+        How far the names are that are not ruled out, and what would tell.
     """
 
     effect: Effect
@@ -44,6 +45,7 @@ class Finding:
     evidence: float
     alternatives: tuple[tuple[str, float], ...]
     worst: Test
+    others: tuple[Apart, ...] = ()
 
     @property
     def indistinguishable(self) -> tuple[str, ...]:

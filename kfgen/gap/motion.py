@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.effects.axes import axis_faults
 from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay
 from kfgen.errors import InputError
 from kfgen.gap.offers import Bench, offers
@@ -30,6 +31,10 @@ from kfgen.units import STANDARD_GRAVITY, parse_unit
 
 Array = NDArray[np.float64]
 
+BESIDE = 32
+"""Samples on either side of a stretch that is not compared to which its noise is joined."""
+UNLIKE = 0.2
+"""Share of a channel's power that may be no motion of the triad where its axes are looked at."""
 NOTICED = 3.0
 """Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
 
@@ -170,16 +175,53 @@ class MotionScene:
         bias = {c.name: float(b) for c, b in zip(biased, point.unknowns)}
         m_n = point.unknowns[len(biased) :]
         felt = {s: self.truth.signals(s, m_n) for s in {c.sensor for c in self.compared}}
-        out = []
+        out, lagged = [], {}
         for c in self.compared:
-            predicted = self._predicted(c, felt[c.sensor], (*self.own, *point.placed)) + bias.get(c.name, 0.0)
-            out.append(np.where(self.good, c.y - predicted, 0.0))
+            here = self._acting(c, (*self.own, *point.placed))
+            late = (c.sensor, *(e for e in here if isinstance(e, Lag)), *_needs(here))
+            if late not in lagged:  # the axes of a triad mostly lag alike
+                lagged[late] = delayed(felt[c.sensor], here)
+            predicted = self._shown(c, lagged[late], here) + bias.get(c.name, 0.0)
+            left = np.where(self.good, c.y - predicted, 0.0)
+            out.append(self._believed_within(c, left, edges_of(here)))
         return out
+
+    def _believed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
+        """What is left, with noise as it is believed where nobody knows what should have been read."""
+        for start, stop in edges:
+            i, j = np.searchsorted(self.truth.t, [start, stop])
+            beside = [left[max(i - BESIDE, 0) : i], left[j : j + BESIDE]]
+            if j - i < 2 or not all(b.size for b in beside):
+                continue
+            noise = self.made_up[self.compared.index(c)][i:j]
+            loud = np.sqrt(sum(np.sum(np.diff(b) ** 2) for b in beside) / sum(b.size for b in beside))
+            noise = noise * (loud / max(float(np.sqrt(np.mean(np.diff(noise) ** 2))), 1e-300))
+            ends = [float(b.mean()) for b in beside]
+            own = [float(noise[:BESIDE].mean()), float(noise[-BESIDE:].mean())]
+            left = left.copy()
+            left[i:j] = noise + np.linspace(ends[0] - own[0], ends[1] - own[1], j - i)
+        return left
+
+    @cached_property
+    def made_up(self) -> tuple[Array, ...]:
+        """Noise of each channel as it is believed, always the same [SI]."""
+        rng = np.random.default_rng(0)
+        z = rng.standard_normal((len(self.compared), self.truth.t.size))
+        weights = [np.where(w.weight > 0.0, w.weight, np.inf) for w in self.whiteners]
+        return tuple(Whitener.back(x / w) for x, w in zip(z, weights))
 
     def _predicted(self, c: Compared, felt: Signals, placed: Sequence[Placed]) -> Array:
         """What a channel should read under effects [SI], shape (n,)."""
-        here = [p.effect for p in placed if p.where in (c.name, c.sensor)]
-        felt = delayed(felt, here)
+        here = self._acting(c, placed)
+        return self._shown(c, delayed(felt, here), here)
+
+    @staticmethod
+    def _acting(c: Compared, placed: Sequence[Placed]) -> list[Effect]:
+        """The effects on a channel."""
+        return [p.effect for p in placed if p.where in (c.name, c.sensor)]
+
+    def _shown(self, c: Compared, felt: Signals, here: Sequence[Effect]) -> Array:
+        """What a channel should read of what its triad felt, late already [SI], shape (n,)."""
         y = felt.y[:, c.axis].copy()
         for effect in here:
             if isinstance(effect, Motion):
@@ -215,7 +257,20 @@ class MotionScene:
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))
         field = self.believed_field(extra)
-        return Bench(self.truth, moved, self.good, y - extra, spread, field, self.drive)
+        good = self.good.copy()
+        for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
+            good[(self.truth.t >= start) & (self.truth.t < stop)] = False
+        return Bench(self.truth, moved, good, y - extra, spread, field, self.drive)
+
+    def faults(self) -> tuple[Placed, ...]:
+        """Channels that read another axis, the opposite, or another unit than they should."""
+        found = []
+        for c in self.compared:
+            if c.sensor in self.truth.read or c.sensor != "mag":
+                X, y = self.truth.signals(c.sensor).y[self.good], c.y[self.good]
+                row = combination(X - X.mean(axis=0), y - y.mean())
+                found += [Placed(e, c.name) for e in axis_faults(row, c.axis)]
+        return tuple(found)
 
     def part(self, start: float, stop: float) -> MotionScene:
         """The same world from `start` to `stop` [s]."""
@@ -232,15 +287,38 @@ class MotionScene:
         return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive, self.own)
 
 
+def _needs(effects: Sequence[Effect]) -> tuple[str, ...]:
+    """The drivers that effects need."""
+    return tuple(sorted({n for e in effects if isinstance(e, Motion) for n in e.needs}))
+
+
+def combination(X: Array, y: Array) -> Array:
+    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not."""
+    row = np.linalg.lstsq(np.nan_to_num(X), y, rcond=1e-6)[0]
+    left = y - np.nan_to_num(X) @ row
+    return np.asarray(row if left @ left < UNLIKE * float(y @ y) else np.zeros(3))
+
+
+def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:
+    """Times [s] within which effects come or go, and nobody knows how."""
+    out = []
+    for e in effects:
+        edge = float(getattr(e, "edge", 0.0))
+        if edge > 0.0:
+            first, last = float(getattr(e, "time", 0.0)), float(getattr(e, "duration", 0.0))
+            out += [(first, first + edge), (first + last - edge, first + last)]
+    return out
+
+
 def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
     """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them."""
     lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
     lags += [e for e in effects if isinstance(e, Bandwidth)]
-    needed = {n for e in effects if isinstance(e, Motion) for n in e.needs}
+    needed = _needs(effects)
     for lag in lags:
         moved: dict[str, Any] = {
             name: lag.passed(value, felt.dt)
-            for name in ("y", *sorted(needed))
+            for name in ("y", *needed)
             if (value := getattr(felt, name)) is not None
         }
         felt = replace(felt, **moved)

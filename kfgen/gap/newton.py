@@ -184,7 +184,7 @@ def fitted(scene: Scene, start: Point, steps: Array | None = None) -> Fitted:
     residual = scene.residuals([point])[:, 0]
     value = log_posterior(scene, residual, point.unknowns)
     damping, keys, begun = 1e-6, keys_of(point.placed), value
-    k = len(keys)
+    k, gain = len(keys), 0.0
     for _ in range(ROUNDS):
         levels = levels_of(scene, residual)
         J, steps = derivative(scene, point, residual, steps)
@@ -198,8 +198,9 @@ def fitted(scene: Scene, start: Point, steps: Array | None = None) -> Fitted:
         if gain < max(CLOSE, SHARE * (value - begun)):
             break
     levels = levels_of(scene, residual)
-    J, steps = derivative(scene, point, residual, steps)
-    J = over_levels(scene, J, levels)
+    if gain > CLOSE:  # else the derivatives are those of the point, or of one as good
+        J, steps = derivative(scene, point, residual, steps)
+        J = over_levels(scene, J, levels)
     return Fitted(point, residual, levels, value, _information(scene, J, k), keys, steps, J)
 
 

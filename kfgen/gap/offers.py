@@ -183,7 +183,8 @@ def _magnetic(bench: Bench, placed: Sequence[Placed]) -> Iterator[list[Placed]]:
             continue
         span = best_span(bench.truth.t, bench.mag, bench.good, None if known else bench.truth.R_bn, in_body)
         if span is not None:
-            yield [Placed(cls(**entries, time=span.start, duration=span.stop - span.start), "mag")]
+            times = {"time": span.start, "duration": span.stop - span.start, "edge": span.edge}
+            yield [Placed(cls(**entries, **times), "mag")]
 
 
 def _in_time(bench: Bench, name: str) -> list[list[Placed]]:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.engine import Added, Explained, basis, explained, limits
-from kfgen.gap.finding import SET
+from kfgen.gap.engine import Added, Explained, explained, limits
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
-from kfgen.gap.scene import Placed, Point, Scene, Unknown
+from kfgen.gap.scene import Inspected, Placed, Point, Scene, Unknown
+from kfgen.gap.screen import basis
+from kfgen.gap.search import SET
 from kfgen.gap.whitened import Whitener
 
 Array = NDArray[np.float64]
@@ -86,19 +87,34 @@ class SceneGap:
 
 def find_scene_gap(scene: Scene) -> SceneGap:
     """Where a scene disagrees with its log, and what is missing."""
-    found = explained(scene)
+    faults = scene.faults() if isinstance(scene, Inspected) else ()
+    return _spoilt(scene, faults) if faults else _gap_of(scene, explained(scene))
+
+
+def _spoilt(scene: Scene, faults: Sequence[Placed]) -> SceneGap:
+    """The answer where a fit would mean nothing: the faults alone."""
+    believed = fitted(scene, Point((), _values(scene)))
+    findings = tuple(PlacedFinding(f, {}, 1.0, 0.0, (), {}) for f in faults)
+    tests = tuple(tests_of(scene, believed))
+    rms = tuple((c, r, r) for c, r, _ in _rms(scene, believed, believed))
+    nothing = Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no effect was fitted")
+    return SceneGap(scene, "bad_data", findings, tests, tests, nothing, rms, believed, believed)
+
+
+def _rms(scene: Scene, before: Fitted, after: Fitted) -> tuple[tuple[str, float, float], ...]:
+    """Root mean square of the residuals of each channel under two fits."""
+    cuts = np.cumsum(scene.lengths)[:-1]
+    parts = zip(scene.channels, np.split(before.residual, cuts), np.split(after.residual, cuts))
+    return tuple((c, float(np.sqrt(np.mean(a**2))), float(np.sqrt(np.mean(b**2)))) for c, a, b in parts)
+
+
+def _gap_of(scene: Scene, found: Explained) -> SceneGap:
+    """The answer where effects were looked for."""
     before, after = tests_of(scene, found.believed), tests_of(scene, found.fit)
     findings = tuple(_finding(a, i, found) for i, a in enumerate(found.added))
     verdict = "effects_found" if findings else "no_gap"
     if any(t.significant for _, t in after):
         verdict = "unknown_effect"
-    cuts = np.cumsum(scene.lengths)[:-1]
-    rms = tuple(
-        (c, float(np.sqrt(np.mean(a**2))), float(np.sqrt(np.mean(b**2))))
-        for c, a, b in zip(
-            scene.channels, np.split(found.believed.residual, cuts), np.split(found.fit.residual, cuts)
-        )
-    )
     return SceneGap(
         scene,
         verdict,
@@ -106,7 +122,7 @@ def find_scene_gap(scene: Scene) -> SceneGap:
         tuple(before),
         tuple(after),
         held_out(scene, found),
-        rms,
+        _rms(scene, found.believed, found.fit),
         found.believed,
         found.fit,
         tuple(limits(scene, found.fit)),

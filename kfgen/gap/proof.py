@@ -67,14 +67,15 @@ def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], mended: 
         The mended model on the clean record.
     """
     blocked = [
-        e for e in mended.effects if e.coefficients() and (e.driver or (e.repeatable and not _is_line(e)))
+        e for e in mended.effects if e.coefficients() and (e.driver or (e.repeatable and not is_line(e)))
     ]
     if blocked:
         return _masked(clean, mended, blocked)
     return _tail(raw, clean, written, mended)
 
 
-def _is_line(effect: Effect) -> bool:
+def is_line(effect: Effect) -> bool:
+    """Whether its amplitude and phase are two coefficients."""
     return len(effect.coefficients()) > 1
 
 
@@ -82,8 +83,8 @@ def _tail(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem
     k = int(raw.n * (1.0 - HELD_OUT))
     seen, unseen, bare = clean.cut(0, k), clean.cut(k, raw.n), raw.cut(k, raw.n)
     after = maximise(Problem(seen, mended.effects, mended.priors, mended.fixed, mended.times))
-    r0, m = _ratios(bare, written, np.zeros(0))
-    r1, _ = _ratios(unseen, after.effects, after.likelihood.coefficients)
+    r0, m = ratios(bare, written, np.zeros(0))
+    r1, _ = ratios(unseen, after.effects, after.likelihood.coefficients)
     rng = np.random.default_rng(0)
     chance = rng.chisquare(m, (DRAWS, m.size)) / m
     return divergence(r0, r1, m, chance, "the last 30 % of the record")
@@ -145,7 +146,8 @@ def _block_ratios(z: Array, unseen: NDArray[np.bool_]) -> tuple[Array, Array]:
     return np.add.reduceat(power, edges[:-1]) / np.diff(edges), m
 
 
-def _ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tuple[Array, Array]:
+def ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tuple[Array, Array]:
+    """Mean power of a record over what is expected in bands, and how many ordinates each has."""
     data = tail.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
     parts = [

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,3 +99,11 @@ class Scene(Protocol):
 
     def part(self, start: float, stop: float) -> Scene:
         """The same world over a share of its time, as held-out data."""
+
+
+@runtime_checkable
+class Inspected(Protocol):
+    """A world that can look at its readings before anything is fitted."""
+
+    def faults(self) -> tuple[Placed, ...]:
+        """What spoils the readings: wrong units, signs, axes."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from kfgen.effects import Effect
+from kfgen.gap.apart import Apart, apart
 from kfgen.gap.evidence import (
     ABOVE,
     BETWEEN,
@@ -22,7 +23,7 @@ from kfgen.identify.record import Record
 
 MOST = 8
 """Effects on one channel: beyond, what is missing is no list of effects."""
-FIRST = 1.0
+FIRST = 0.3
 """Nats of evidence above which a first effect is named: of 200 records without a gap one reached 1.43, one 0.11, all others
 less than zero."""
 ROUNDS = 3
@@ -34,6 +35,8 @@ PLENTY = 40.0
 LINE = "sinusoid"
 BESIDE = 40.0
 """Inverse lengths of the record within which two lines may be one that wanders."""
+SET = 0.05
+"""Probability above which another name belongs to what cannot be told apart."""
 BETTER = 1.0
 """Nats by which another name must be better to take a place."""
 RETUNE = "retune"
@@ -49,6 +52,7 @@ class Chosen:
 
     candidate: Candidate
     shares: Mapping[str, float]
+    others: tuple[Apart, ...] = ()
 
     @property
     def name(self) -> str:
@@ -115,9 +119,9 @@ class Search:
             taken.add(RETUNE)
         return candidates(base, frozenset(taken) | self.without)
 
-    def plus(self, candidate: Candidate, ranked: Sequence[Candidate]) -> Search:
+    def plus(self, candidate: Candidate, ranked: Sequence[Candidate], below: Candidate) -> Search:
         """With one more."""
-        return replace(self, chosen=(*self.chosen, Chosen(candidate, probabilities(ranked))))
+        return replace(self, chosen=(*self.chosen, _chosen(candidate, ranked, below)))
 
     def less(self, index: int) -> Search:
         """With one fewer."""
@@ -126,6 +130,14 @@ class Search:
 
 def _alters(chosen: Chosen) -> bool:
     return chosen.candidate.alters
+
+
+def _chosen(candidate: Candidate, ranked: Sequence[Candidate], below: Candidate) -> Chosen:
+    """A candidate, with how far those are from it that the record does not rule out."""
+    shares = probabilities(ranked)
+    near = [c for c in ranked if shares[c.name] > SET and c is not candidate and not c.alters]
+    others = () if candidate.alters else tuple(apart(candidate, c, below) for c in near)
+    return Chosen(candidate, shares, others)
 
 
 def searched(start: Search) -> Search:
@@ -162,10 +174,11 @@ def settled(search: Search) -> Search:
 def grown(search: Search) -> Search:
     """With every addition that has evidence, the best first."""
     while len(search.chosen) < MOST:
-        ranked = search.ranked(search.base())
+        below = search.base()
+        ranked = search.ranked(below)
         if not ranked or ranked[0].gain < (ABOVE if search.chosen else FIRST):
             break
-        search = _wandering(search, ranked[0]) or search.plus(ranked[0], ranked)
+        search = _wandering(search, ranked[0]) or search.plus(ranked[0], ranked, below)
     return search
 
 
@@ -178,9 +191,10 @@ def _wandering(search: Search, line: Candidate) -> Search | None:
         near = chosen.name == LINE and abs(_frequency(chosen.candidate) - _frequency(line)) < reach
         if near:
             rest = replace(search.less(index), without=search.without | {LINE})
-            ranked = rest.ranked(rest.base())
+            below = rest.base()
+            ranked = rest.ranked(below)
             if ranked and ranked[0].gain > chosen.candidate.gain + line.gain:
-                return replace(rest.plus(ranked[0], ranked), without=search.without)
+                return replace(rest.plus(ranked[0], ranked, below), without=search.without)
     return None
 
 
@@ -214,7 +228,7 @@ def reconsidered(search: Search) -> Search:
             search = rest
             continue
         keep = same if same is not None and best.gain - same.gain < BETTER else best
-        new = Chosen(keep, probabilities(ranked))
+        new = _chosen(keep, ranked, below)
         search = replace(rest, chosen=(*rest.chosen[:index], new, *rest.chosen[index:]))
         index += 1
     return search

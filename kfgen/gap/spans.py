@@ -18,16 +18,28 @@ ABOVE = 5.0
 BLOCKS = 120
 """Blocks of the first look; the edges are then found again inside theirs."""
 FINE = 24
+SMOOTH = 0.2
+"""Length [s] of means that show whether a field is there, or not, or on its way."""
+ON_ITS_WAY = 0.25
+"""Share of a field that such a mean is off while it is on its way."""
+ABOVE_NOISE = 2.5
+"""Or so many medians of what such means are off elsewhere: one in a thousand of noise is."""
+PAUSE = 1.0
+"""Pauses [s] on the way that are bridged, distance from the sharp edge at which it is looked for."""
 
 
 @dataclass(frozen=True)
 class Span:
-    """A span of time [s], the vector in it [U], and by how much the sum of squares falls [U^2]."""
+    """A span of time [s], the vector in it [U], and by how much the sum of squares falls [U^2].
+
+    Within `edge` [s] at either end it is neither there nor gone; zero where it came at once.
+    """
 
     start: float
     stop: float
     vector: tuple[float, float, float]
     gain: float
+    edge: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,8 +83,52 @@ def best_span(
     ]
     found = _search(m_b, good, R_bn, in_body, near[0], near[1]) or found
     start, stop, h, gain = found
-    last = float(t[stop]) if stop < n else float(t[-1] + (t[-1] - t[0]) / (n - 1))
-    return Span(float(t[start]), last, (float(h[0]), float(h[1]), float(h[2])), gain)
+    dt = float((t[-1] - t[0]) / (n - 1))
+    start, stop, edge = _edges(
+        start, stop, _off(m_b, good, R_bn, in_body, found), dt, float(np.linalg.norm(h))
+    )
+    vector = (float(h[0]), float(h[1]), float(h[2]))
+    return Span(float(t[0] + start * dt), float(t[0] + stop * dt), vector, gain, edge * dt)
+
+
+def _off(
+    m_b: Array,
+    good: NDArray[np.bool_],
+    R_bn: Array | None,
+    in_body: bool,
+    found: tuple[int, int, Array, float],
+) -> Array:
+    """What a field with sharp edges leaves of the readings, shape (n, 3), zero where they do not count."""
+    start, stop, h, _ = found
+    inside = np.zeros(len(m_b))
+    inside[start:stop] = 1.0
+    left = m_b - inside[:, None] * (h if in_body or R_bn is None else R_bn @ h)
+    if R_bn is not None:
+        left = left - R_bn @ (_turned(left, good, R_bn) / good.sum())
+    return np.asarray(left * good[:, None])
+
+
+def _edges(start: int, stop: int, off: Array, dt: float, size: float) -> tuple[int, int, int]:
+    """The first and last+1 sample at which a field of a size begins to come and has gone, and the samples between."""
+    from scipy.ndimage import binary_closing, label, uniform_filter1d
+
+    n, window, near = len(off), max(1, round(SMOOTH / dt)), max(1, round(PAUSE / dt))
+    d = np.linalg.norm(uniform_filter1d(off, window, axis=0), axis=1)
+    noise = ABOVE_NOISE * float(np.median(d))
+    if ON_ITS_WAY * size < 0.4 * noise:  # too small a field for its edges to be seen
+        return start, stop, 0
+    between = d > max(ON_ITS_WAY * size, noise)
+    marked, _ = label(binary_closing(np.pad(between, near), iterations=max(1, near // 2))[near:-near])
+    ends = []
+    for at in (start, stop):
+        about = marked[max(at - near, 0) : at + near]
+        found = np.flatnonzero(marked == about.max(initial=0)) if about.any() else np.zeros(0, dtype=np.intp)
+        long = found.size > 3 * window and 0 < at < n
+        ends.append((int(found[0]), int(found[-1]) + 1) if long else (at, at))
+    edge = max(b - a for a, b in ends)
+    if 2 * edge >= ends[1][1] - ends[0][0]:
+        return start, stop, 0
+    return ends[0][0], ends[1][1], edge
 
 
 def _search(

@@ -13,9 +13,9 @@ from kfgen.gap.battery import Test, battery
 from kfgen.gap.checks import Checks, checks_of
 from kfgen.gap.evidence import Candidate, additions, series_of
 from kfgen.gap.faults import said_of, spoilt, spotted_in
-from kfgen.gap.finding import SET, ChannelGap, Finding
+from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import held_out_gap
-from kfgen.gap.search import RETUNE, Chosen, Search, searched
+from kfgen.gap.search import RETUNE, SET, Chosen, Search, searched
 from kfgen.gap.trust import check, merged, moved, priors_of, taken_out
 from kfgen.identify.channel import LONG
 from kfgen.identify.fit import Problem, maximise
@@ -33,7 +33,9 @@ FINE = 200
 """Bins of the transform in a decade: a resonance may be narrow."""
 
 
-def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | None = None) -> ChannelGap:
+def find_gap(
+    channel: str, record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
+) -> ChannelGap:
     """Compare one channel with the noise model that is believed of it.
 
     Parameters
@@ -43,6 +45,8 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | 
     noise : ChannelNoise
     stamps : ndarray, optional
         The time stamps as they were logged [s], where the record's are not.
+    stated : float
+        How long the log's header says that it lasted [s]; zero where it does not.
 
     Raises
     ------
@@ -50,7 +54,7 @@ def find_gap(channel: str, record: Record, noise: ChannelNoise, stamps: Array | 
         The record is too short, or the model has no effect.
     """
     check(channel, record, noise)
-    faults = spotted_in(record, noise, stamps)
+    faults = spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     whole = replace(record, block=max(1, record.y.size // LONG), per_decade=FINE)
@@ -170,7 +174,13 @@ def _terms(
 def _finding(chosen: Chosen, term: Term, worst: Test) -> Finding:
     others = sorted(((n, p) for n, p in chosen.shares.items() if n != chosen.name), key=lambda a: -a[1])
     return Finding(
-        term.effect, term.ci95, chosen.shares[chosen.name], chosen.candidate.gain, tuple(others), worst
+        term.effect,
+        term.ci95,
+        chosen.shares[chosen.name],
+        chosen.candidate.gain,
+        tuple(others),
+        worst,
+        chosen.others,
     )
 
 

@@ -79,31 +79,31 @@ def _two(code: int, a: float, b: float) -> float:
 
 @_compiled("void(int64[:,::1], int64, float64[:,::1])")
 def _run(operations: Any, first: int, r: Any) -> None:
-    """All operations on all columns."""
+    """All operations on all columns; rows are indexed where they lie, for a view of a row costs more than a sum."""
+    columns = r.shape[1]
     for i in range(operations.shape[0]):
-        code = operations[i, 0]
-        a, b, out = r[operations[i, 1]], r[operations[i, 2]], r[first + i]
+        code, a, b, out = operations[i, 0], operations[i, 1], operations[i, 2], first + i
         if code == ADD:
-            for j in range(out.size):
-                out[j] = a[j] + b[j]
+            for j in range(columns):
+                r[out, j] = r[a, j] + r[b, j]
         elif code == MUL:
-            for j in range(out.size):
-                out[j] = a[j] * b[j]
+            for j in range(columns):
+                r[out, j] = r[a, j] * r[b, j]
         elif code == NEG:
-            for j in range(out.size):
-                out[j] = -a[j]
+            for j in range(columns):
+                r[out, j] = -r[a, j]
         elif code == DIV:
-            for j in range(out.size):
-                out[j] = a[j] / b[j]
+            for j in range(columns):
+                r[out, j] = r[a, j] / r[b, j]
         elif code == INV:
-            for j in range(out.size):
-                out[j] = 1.0 / a[j]
+            for j in range(columns):
+                r[out, j] = 1.0 / r[a, j]
         elif code < FIRST_BINARY:
-            for j in range(out.size):
-                out[j] = _one(code, a[j])
+            for j in range(columns):
+                r[out, j] = _one(code, r[a, j])
         else:
-            for j in range(out.size):
-                out[j] = _two(code, a[j], b[j])
+            for j in range(columns):
+                r[out, j] = _two(code, r[a, j], r[b, j])
 
 
 @_compiled(

@@ -189,13 +189,15 @@ class FilterModel:
 
     def inputs(self, perturbed: bool) -> dict[str, sp.Matrix]:
         """The true (or estimated) value of each input triad in symbols."""
-
-        def value(channel: str) -> sp.Expr:
-            noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
-            return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
-
-        shown = {i.name: sp.Matrix([value(c) for c in i.channels]) for i in self.motion.inputs}
+        shown = {
+            i.name: sp.Matrix([self.freed(c, perturbed) for c in i.channels]) for i in self.motion.inputs
+        }
         return dict(self.motion.true_inputs(self._view(perturbed), shown))
+
+    def freed(self, channel: str, perturbed: bool) -> sp.Expr:
+        """What an input shows without its effects, of the estimate or of the truth."""
+        noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
+        return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
 
     @cached_property
     def _rates(self) -> dict[bool, dict[str, sp.Matrix]]:

@@ -36,8 +36,6 @@ TRANSIENT = 1e-3
 """Relative error of a transient that dies within few steps."""
 STABLE = 2.0
 """Rate times step up to which the method is stable."""
-DIVERGED = 1e3
-"""How much larger than another column one is that diverges."""
 LOOKS = 40
 """Times at which the rates of a motion are looked at."""
 MEMORY = 4_000_000
@@ -217,36 +215,33 @@ class Plant:
         if not self.states or task.t.size < 2:
             return 1
         h = float(np.diff(task.t).max())
-        sharp = self._sharp(task, X, h)
+        needs = np.maximum(self._smooth(task, X, h), self._sharp(task, X, h))
+        # A column that runs away beside others, which a search has tried, needs no accuracy.
+        return int(np.ceil(min(float(np.quantile(needs, 0.5, method="lower")), float(MOST))))
+
+    def _smooth(self, task: _Task, X: Array, h: float) -> Array:
+        """Parts of a step `h` [s] that the rates of each column ask for, shape (batch,)."""
         eigenvalues = self._eigenvalues(task, X)
         size, damping = np.abs(eigenvalues) * h, np.maximum(-eigenvalues.real, 0.0) * h
         longest = float(np.diff([*task.starts, task.t.size]).max())
         lasting = np.clip(1.0 / np.maximum(damping, 1e-12), 1.0, longest)
         allowed = np.where(2.0 * eigenvalues.real**2 > np.abs(eigenvalues) ** 2, TRANSIENT, PHASE)
         accurate = (lasting * size**5 / 120.0 / allowed) ** 0.25
-        wanted = max(
-            float(np.max(accurate, initial=1.0)),
-            float(np.max(size, initial=0.0)) / STABLE,
-            sharp,
-        )
-        return int(np.ceil(min(wanted, float(MOST))))
+        return np.asarray(np.maximum(accurate, size / STABLE).max(axis=(0, 2), initial=1.0))
 
-    def _sharp(self, task: _Task, X: Array, h: float) -> float:
-        """Parts of a step `h` [s] in which a state crosses where a term bends sharply, stably."""
-        parts = 1.0
+    def _sharp(self, task: _Task, X: Array, h: float) -> Array:
+        """Parts of a step `h` [s] in which a state crosses where a term bends sharply, stably, shape (batch,)."""
+        parts = np.ones(X.shape[2])
         for where, e in task.batch.effects:
             if isinstance(e, StateTerm) and np.all(np.isfinite(e.width)):
                 steps = np.diff(X[:, self.states.index(where)], axis=0)
-                moved = (
-                    float(np.sqrt(np.mean(steps[np.isfinite(steps)] ** 2)))
-                    if np.isfinite(steps).any()
-                    else 0.0
-                )
-                parts = max(parts, float(np.max(e.rate)) * h / STABLE, moved / float(np.min(e.width)))
+                there = np.isfinite(steps)
+                power = np.sum(np.where(there, steps, 0.0) ** 2, axis=0) / np.maximum(there.sum(axis=0), 1)
+                parts = np.maximum(parts, np.maximum(e.rate * h / STABLE, np.sqrt(power) / e.width))
         return parts
 
     def _eigenvalues(self, task: _Task, X: Array) -> NDArray[np.complex128]:
-        """Of the Jacobian at some times of every column, shape (m, states)."""
+        """Of the Jacobian at some times of every column, shape (times, batch, states); zero where it diverges."""
         k = len(self.states)
         at = np.unique(np.linspace(0, task.t.size - 1, LOOKS).astype(int))
         u = [s.at(task.t[at]) for s in task.signals]
@@ -260,12 +255,8 @@ class Plant:
                 sides.append(self.rates.values([*x, *u, *task.given]))
             for i in range(k):
                 J[:, :, i, j] = (sides[0][i] - sides[1][i]) / (2.0 * step[j])
-        largest = np.nan_to_num(np.abs(X).max(axis=(0, 1)), nan=np.inf)
-        with_others = (
-            largest <= DIVERGED * largest.min()
-        )  # what diverges where others do not needs no accuracy
-        flat = J[:, with_others].reshape(-1, k, k)
-        return np.asarray(np.linalg.eigvals(flat[np.isfinite(flat).all(axis=(1, 2))]), dtype=np.complex128)
+        good = np.isfinite(J).all(axis=(2, 3), keepdims=True)
+        return np.asarray(np.linalg.eigvals(np.where(good, J, 0.0)), dtype=np.complex128)
 
     def _channels(self, task: _Task, X: Array) -> dict[str, Array]:
         """What every channel shows, each of shape (n, batch)."""

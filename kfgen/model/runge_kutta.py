@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,9 @@ from numpy.typing import NDArray
 from kfgen.model.tape import Tape
 
 Array = NDArray[np.float64]
+
+WORKERS = min(4, os.cpu_count() or 1)
+"""Threads that share the columns of a batch; the compiled loop holds no lock."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,11 @@ class Steps:
     dt: Array
     substeps: int
 
+    def of(self, columns: NDArray[np.intp]) -> Steps:
+        """The steps of some columns of the batch."""
+        U = self.U if self.U.shape[4] == 1 else self.U[..., columns]
+        return replace(self, given=[g[columns] for g in self.given], U=U)
+
 
 def integrate(steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:
     """The states, shape (n, states, batch); at the samples `starts` they are set to `X0`.
@@ -48,6 +58,16 @@ def integrate(steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:
         from kfgen.model.compiled import integrate as compiled
     except ImportError:
         return _integrate(steps, starts, X0)
+    parts = np.array_split(np.arange(X0.shape[2]), min(WORKERS, X0.shape[2]))
+    if len(parts) < 2:
+        return _run(compiled, steps, starts, X0)
+    with ThreadPoolExecutor(len(parts)) as pool:
+        found = pool.map(lambda c: _run(compiled, steps.of(c), starts, X0[:, :, c]), parts)
+        return np.concatenate(list(found), axis=2)
+
+
+def _run(compiled: Callable[..., None], steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:
+    """The compiled loop over its columns."""
     rates, k, batch = steps.rates, X0.shape[1], X0.shape[2]
     out = np.zeros((steps.dt.size + 1, k, batch))
     registers = np.zeros((rates.registers, batch))

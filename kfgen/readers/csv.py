@@ -37,11 +37,11 @@ def read(path: Path) -> Table:
     separator, first = _first_row(path, lines)
     names, units = _header(path, lines, first, separator)
     values = _numbers(path, lines, first, separator, names)
-    rate, warnings = stated_rate(lines[:first], values.shape[0])
+    rate, stated, warnings = stated_rate(lines[:first], values.shape[0])
     columns = {
         name: Column(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
     }
-    return Table(str(path), columns, rate, warnings)
+    return Table(str(path), columns, rate, warnings, stated)
 
 
 def write(log: Log, path: str | Path) -> None:

@@ -127,8 +127,9 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> Table:
     if fs.dtype.kind not in "fiu" or not 0.0 < float(fs) < np.inf:
         raise InputError(f"its rate fs is {fs}", where=str(path), remedy="Give a positive number of hertz")
     header = meta.get("header")
-    _, warnings = stated_rate([f"Fs,{float(fs)}", *map(str, header if isinstance(header, list) else ())], n)
-    return Table(str(path), columns, float(fs), warnings)
+    lines = [f"Fs,{float(fs)}", *map(str, header if isinstance(header, list) else ())]
+    _, stated, warnings = stated_rate(lines, n)
+    return Table(str(path), columns, float(fs), warnings, stated)
 
 
 def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
@@ -142,7 +143,7 @@ def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
 def _columns(name: str, values: NDArray[np.float64], text: str) -> dict[str, Column]:
     channel, unit = _USUAL.get(name, (name, None))
     if unit:
-        stated = re.search(rf"\b{name}\s+([A-Za-z][\w/^]*)", text)
+        stated = re.search(rf"\b{name}(?:\[[^\]]*\])?\s+([A-Za-z][\w/^]*)", text)
         unit = stated.group(1) if stated else unit
     if values.ndim == 1:
         return {channel: Column(values, unit)}

@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.errors import InputError
-from kfgen.log import Channel, Log, StoredChannel, StoredLog
+from kfgen.log import CONTRADICTION, Channel, Log, StoredChannel, StoredLog
 from kfgen.units import parse_unit
 
 CHUNK = 1 << 20
 """Samples in a slice of a mapped file."""
 _SETTING = re.compile(r"\s*#?\s*(Fs|Logging time)\s*[,;=:]\s*([0-9.]+)", re.I)
-CONTRADICTION = 0.02
-"""Relative difference of two statements of a rate that is no rounding."""
 _ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s*$")
 
 
@@ -40,6 +38,7 @@ class Table:
     columns: Mapping[str, Column]
     rate: float | None = None
     warnings: tuple[str, ...] = field(default=())
+    stated: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,8 @@ class ColumnMap:
         return ColumnMap(tuple(entries))
 
 
-def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, tuple[str, ...]]:
-    """The rate [Hz] of header lines like ``Fs,50`` and a warning where ``Logging time,3600`` contradicts it.
+def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, float, tuple[str, ...]]:
+    """The rate [Hz] of header lines like ``Fs,50``, the ``Logging time,3600`` [s], a warning where they disagree.
 
     Parameters
     ----------
@@ -90,14 +89,14 @@ def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, tuple[str, 
     found = {m.group(1).lower(): float(m.group(2)) for line in lines if (m := _SETTING.match(line))}
     rate, duration = found.get("fs"), found.get("logging time", 0.0)
     if rate is None or not 0.0 < rate < float("inf"):
-        return None, ()
+        return None, 0.0, ()
     if duration > 0.0 and abs(n / rate / duration - 1.0) > CONTRADICTION:
         words = (
             f"the header says {rate:g} Hz, but {n} samples in {duration:g} s are {n / duration:.4g} Hz; "
             "give --rate to say which holds"
         )
-        return rate, (words,)
-    return rate, ()
+        return rate, duration, (words,)
+    return rate, duration, ()
 
 
 def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256: str) -> Log:
@@ -120,6 +119,7 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
         )
     n = next(iter(channels.values())).values.size
     warnings = table.warnings if rate is None else ()
+    stated = table.stated if rate is None and time is None else 0.0
     if rate is not None and time is not None:
         warnings += (f"the time column is replaced by --rate {rate:g} Hz",)
     rate = rate or (table.rate if time is None else None)
@@ -136,7 +136,7 @@ def assemble(table: Table, columns: ColumnMap | None, rate: float | None, sha256
             )
         return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
-    return Log(t, channels, table.source, sha256, warnings)
+    return Log(t, channels, table.source, sha256, warnings, stated=stated)
 
 
 def stored(table: Table, columns: ColumnMap | None, rate: float | None, sha256: str) -> StoredLog:

@@ -27,6 +27,7 @@ def emit_answer(program: Program, target: str, folder: str, names: list[str]) ->
         f"{model.name} as {target} in {folder}: {', '.join(names)}",
         f"  {program.n} states, hash {program.discrete.hash[:16]}",
         columns(operation_rows(program)),
+        *(f"  {line}" for line in program.costs),
     ]
     data = {
         "format": "kfgen-emit-1",
@@ -34,6 +35,9 @@ def emit_answer(program: Program, target: str, folder: str, names: list[str]) ->
         "model": model.name,
         "target": target,
         "model_hash": program.discrete.hash,
+        "form": program.form,
+        "real": program.real,
+        "loops": program.loops,
         "files": names,
         "operations": {r.name: r.operations for r in program.routines},
     }
@@ -102,6 +106,8 @@ def verify_answer(model_hash: str, verdicts: list[Verdict]) -> Answer:
                 "instructions": v.cost.instructions,
                 "stack_bytes": v.cost.stack_bytes,
                 "text_bytes": v.cost.text_bytes,
+                "stack_bytes_by_routine": v.cost.stacks,
+                "text_bytes_by_routine": v.cost.texts,
             }
             for v in verdicts
         },

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import kfgen
 from kfgen.effects import Effect
+from kfgen.effects.integrity import Fault
 from kfgen.gap.battery import RATE, Test, bands
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import METRIC, Gap
@@ -46,7 +47,9 @@ VERDICTS = {
 
 
 def finding_sentence(g: ChannelGap, f: Finding) -> str:
-    """A missing effect in words: name, size, share, band, alternatives."""
+    """A missing effect in words: name, size, share, band, alternatives; of a fault, what is wrong."""
+    if isinstance(f.effect, Fault):
+        return f.effect.sentence(g.channel, g.unit)
     size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
         f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "
@@ -57,7 +60,10 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
             f", and on {g.gap.held_out}, which the fit did not see, {100 * g.gap.closed:.0f} % of it closes"
         )
     if f.indistinguishable:
-        words += f". This record does not rule out {' or '.join(f.indistinguishable)}"
+        told = {o.other: o.words(type(f.effect)) for o in f.others}
+        words += (
+            f". This record does not rule out {'; or '.join(told.get(n, n) for n in f.indistinguishable)}"
+        )
     return words
 
 
@@ -363,6 +369,10 @@ def _step(g: ChannelGap, f: Finding) -> dict[str, Any]:
         "evidence_nats": f.evidence,
         "alternatives": [{"effect": n, "probability": p} for n, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
+        "apart": [
+            {"effect": o.other, "cos2": o.cos2, "nats": o.nats, "record_factor": o.longer} for o in f.others
+        ],
+        "separator": f.effect.separator,
         "parameters": {
             p.name: {
                 "value": float(getattr(f.effect, p.name)),

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.effects.base import Parameter
+from kfgen.effects.integrity import Fault
 from kfgen.gap.battery import RATE, Test
 from kfgen.gap.outcome import PlacedFinding, SceneGap
 from kfgen.gap.proof import METRIC
@@ -32,7 +34,7 @@ from kfgen.report.page import (
     text,
 )
 from kfgen.report.plots import AFTER, BEFORE, Line, bars_picture, series_picture
-from kfgen.units import derived_unit, from_si
+from kfgen.units import derived_unit, from_si, parse_unit
 
 Array = NDArray[np.float64]
 
@@ -84,40 +86,58 @@ def _verdict(g: SceneGap) -> str:
 
 def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     """A missing effect in words: what, where, how large, how sure, what else it could be."""
-    shown = parameters_of(f, unit_of)
-    size = ", ".join(
-        f"{k} = {quantity(v['value'], v['unit'])}"
-        + (f" (95 %: {from_si(lo, v['unit']):.3g} to {from_si(hi, v['unit']):.3g})" if ci else "")
-        for k, v in shown.items()
-        for ci in [v.get("ci95")]
-        for lo, hi in [ci or (0.0, 0.0)]
-    )
+    if isinstance(f.placed.effect, Fault):
+        return f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
+    size = ", ".join(_shown(f, p, derived_unit(p.unit, unit_of(f.placed))) for p in _known(f))
     words = (
-        f"{f.placed.where} misses an effect of the model: {f.placed.effect.title}, {size}. "
+        f"{f.placed.where} misses an effect of the model: {f.placed.effect.title}, {size}{_when(f)}. "
         f"It is {percent(f.probability)} probable among all candidates"
     )
     near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
     if f.indistinguishable:
         words += f". This log does not rule out {' or '.join(f.indistinguishable)}"
+        words += f"; {f.placed.effect.separator} would tell" if f.placed.effect.separator else ""
     if near:
         words += f"; in this log it looks nearly like {', '.join(near[:3])}"
     return words
 
 
+def _shown(f: PlacedFinding, p: Parameter, unit: str) -> str:
+    """A parameter with its interval in the user's unit."""
+    words = f"{_called(f, p)} = {quantity(float(getattr(f.placed.effect, p.name)), unit)}"
+    if p.name in f.ci95:
+        lo, hi = (from_si(v, unit) for v in f.ci95[p.name])
+        words += f" (95 %: {lo:.3g} to {hi:.3g})"
+    return words
+
+
+def _when(f: PlacedFinding) -> str:
+    """The span of an effect that is not always there."""
+    start, lasts = (float(getattr(f.placed.effect, n, 0.0)) for n in ("time", "duration"))
+    return f", from {start:.4g} to {start + lasts:.4g} s" if lasts else ""
+
+
+def _known(f: PlacedFinding) -> list[Parameter]:
+    """The parameters that were found."""
+    return [p for p in f.placed.effect.estimated() if p.name in f.ci95 or getattr(f.placed.effect, p.name)]
+
+
+def _called(f: PlacedFinding, p: Parameter) -> str:
+    return f.placed.where if f.placed.effect.name == "parameter_error" else p.name
+
+
 def parameters_of(f: PlacedFinding, unit_of: UnitOf) -> dict[str, dict[str, Any]]:
     """Its parameters by name, with units and intervals [SI]."""
-    effect, out = f.placed.effect, {}
-    unit = unit_of(f.placed)
-    for p in effect.estimated():
-        value = float(getattr(effect, p.name))
-        if p.name not in f.ci95 and value == 0.0:
-            continue
-        name = f.placed.where if effect.name == "parameter_error" else p.name
-        entry: dict[str, Any] = {"value": value, "unit": derived_unit(p.unit, unit)}
+    out = {}
+    for p in _known(f):
+        entry: dict[str, Any] = {
+            "value": float(getattr(f.placed.effect, p.name)),
+            "unit": parse_unit(derived_unit(p.unit, unit_of(f.placed))).si,
+        }
         if p.name in f.ci95:
             entry["ci95"] = [finite(v) for v in f.ci95[p.name]]
-        out[name] = entry
+        out[_called(f, p)] = entry
     return out
 
 
@@ -197,7 +217,7 @@ def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
                 "channel": p.where,
                 "parameter": name,
                 "would_not_see_below": finite(value),
-                "unit": _unit(p, name, unit_of),
+                "unit": parse_unit(_unit(p, name, unit_of)).si,
             }
             for p, name, value in g.limits
         ],
@@ -242,6 +262,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
         "evidence_nats": f.evidence,
         "alternatives": [{"effect": n, "channel": w, "probability": p} for n, w, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
+        "separator": f.placed.effect.separator,
         "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
         "parameters": parameters_of(f, unit_of),
         "where": {"from_s": t0, "to_s": t1},
@@ -251,7 +272,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
 
 def units_of_channels(log: Log) -> UnitOf:
     """Units of effects placed at channels, or at a triad of them."""
-    known: Mapping[str, str] = {n: c.si for n, c in log.channels.items()}
+    known: Mapping[str, str] = {n: c.unit for n, c in log.channels.items()}
 
     def unit(placed: Placed) -> str:
         if placed.where in known:

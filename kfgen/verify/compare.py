@@ -8,31 +8,38 @@ from pathlib import Path
 
 import numpy as np
 
+from kfgen.emit.c import header
 from kfgen.emit.folder import Emitted
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import Call, scenario
 from kfgen.errors import InputError
 from kfgen.verify.core import Core, Verdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
-from kfgen.verify.host import Host
-from kfgen.verify.python import compare_module
+from kfgen.verify.host import LANGUAGES, Host
+from kfgen.verify.python import MODULES, deviations_off
 
 
 def cores() -> dict[str, str]:
     """The cores by name, with what they are."""
-    return {"host": "this machine's C compiler", **{k: f"emulated {c.title}" for k, c in CHIPS.items()}}
+    hosts = {k: language.title for k, language in LANGUAGES.items()}
+    return {**hosts, **{k: f"emulated {c.title}" for k, c in CHIPS.items()}}
 
 
-def _maker(name: str) -> Callable[[Program, Path, Path], Core]:
-    if name == "host":
-        return Host
+def _maker(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+    if name in LANGUAGES:
+        return lambda program, source, scratch: Host(program, source, scratch, LANGUAGES[name], contract)
     if name in CHIPS:
-        return lambda program, source, scratch: Emulated(CHIPS[name], program, source, scratch)
+        return lambda program, source, scratch: Emulated(CHIPS[name], program, source, scratch, contract)
     raise InputError(f"there is no core '{name}'", where="--core", remedy=f"Known are {', '.join(cores())}")
 
 
-def verify(emitted: Emitted, names: Sequence[str]) -> list[Verdict]:
+def verify(emitted: Emitted, names: Sequence[str], contract: bool = False) -> list[Verdict]:
     """Run the scenario on each core with the emitted files, and compare with the reference.
+
+    Parameters
+    ----------
+    contract : bool
+        Compile with fused products and sums; then words may differ by `CONTRACTED` of a deviation.
 
     Raises
     ------
@@ -44,27 +51,79 @@ def verify(emitted: Emitted, names: Sequence[str]) -> list[Verdict]:
         The emulator is not installed.
     """
     program = emitted.program
-    makers = [(name, _maker(name)) for name in names]
-    if emitted.target == "filterpy":
+    makers = [(name, _maker(name, contract)) for name in names]
+    if emitted.target in MODULES:
         if set(names) - {"host"}:
             raise InputError(
                 "a Python module runs on the host only", where="--core", remedy="Leave --core out"
             )
-        return [compare_module(program, emitted.folder)]
+        return [MODULES[emitted.target](program, emitted.folder)]
     calls = scenario(program)
     verdicts = []
     for name, make in makers:
         with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
-            verdicts.append(_compare(name, make(program, emitted.folder, Path(scratch)), calls))
+            core = make(program, emitted.folder, Path(scratch))
+            compare = _compare_contracted if contract else _compare
+            verdicts.append(compare(name, core, calls, program))
     return verdicts
 
 
-def _compare(name: str, core: Core, calls: Sequence[Call]) -> Verdict:
+def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
+    """What each routine of the emitted C costs on emulated cores, in words.
+
+    Raises
+    ------
+    InputError
+        A core that is unknown, or does not count.
+    """
+    said = []
+    for name in names:
+        if name not in CHIPS:
+            raise InputError(
+                f"the core '{name}' counts nothing", where="--core", remedy=f"Known are {', '.join(CHIPS)}"
+            )
+        with tempfile.TemporaryDirectory(prefix="kfgen-costs-") as scratch:
+            folder = Path(scratch)
+            (folder / f"{program.name}.h").write_text(header(program), encoding="utf-8")
+            core = Emulated(CHIPS[name], program, folder, folder)
+            core.call("init", ())
+            for call in scenario(program, COUNTED_CALLS):
+                core.call(call.routine, call.inputs)
+            cost = core.cost()
+        said += [
+            f"{CHIPS[name].title}, {routine}: {count} instructions, {cost.stacks[routine]} bytes of stack, "
+            f"{cost.texts[routine]} of code"
+            for routine, count in cost.instructions.items()
+        ]
+    return tuple(said)
+
+
+COUNTED_CALLS = 25
+"""Calls of which each routine has its share."""
+
+CONTRACTED = 1e-3
+"""With fused products and sums: share of a deviation by which a word may differ."""
+
+
+def _compare_contracted(name: str, core: Core, calls: Sequence[Call], program: Program) -> Verdict:
+    """Words on either side as state and covariance, against the reference's own deviations."""
+    core.call("init", ())
+    words = differing = 0
+    for call in calls:
+        core.call(call.routine, call.inputs)
+        found, wanted = core.words().view(program.type), call.words
+        off = deviations_off(program, found, wanted)
+        words += off.size
+        differing += int((~(off <= CONTRACTED)).sum())
+    return Verdict(name, words, differing, 0, len(calls), core.cost(), CONTRACTED)
+
+
+def _compare(name: str, core: Core, calls: Sequence[Call], program: Program) -> Verdict:
     core.call("init", ())
     words = differing = ulp = 0
     for call in calls:
         core.call(call.routine, call.inputs)
-        found, wanted = core.words(), call.words.view(np.uint32)
+        found, wanted = core.words(), call.words.view(f"u{call.words.dtype.itemsize}")
         wrong = found != wanted
         words += found.size
         if wrong.any():
@@ -75,5 +134,6 @@ def _compare(name: str, core: Core, calls: Sequence[Call]) -> Verdict:
 
 def _ordered(words: Words) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Bit patterns of floats as integers in the order of the numbers."""
-    signed = words.view(np.int32).astype(np.int64)
-    return np.where(signed < 0, -(signed & 0x7FFFFFFF), signed)
+    size = words.dtype.itemsize
+    signed = words.view(f"i{size}").astype(np.int64)
+    return np.where(signed < 0, -(signed & (2 ** (8 * size - 1) - 1)), signed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kfgen.emit.routines import Program
 from kfgen.emit.templates import render
 
-Words = NDArray[np.uint32]
+Words = NDArray[np.unsignedinteger[Any]]
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,15 @@ class Cost:
         Executed by a call of each routine, the most of those counted.
     stack_bytes, text_bytes : int or None
         Deepest stack of any call; size of the code.
+    stacks, texts : dict of str to int
+        The same by routine [B].
     """
 
     instructions: dict[str, int] = field(default_factory=dict)
     stack_bytes: int | None = None
     text_bytes: int | None = None
+    stacks: dict[str, int] = field(default_factory=dict)
+    texts: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,12 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
     path = folder / "harness.c"
     path.write_text(
         render(
-            "verify/harness.c.j2", name=program.name, width=width(program), calls=_calls(program), bare=bare
+            "verify/harness.c.j2",
+            name=program.name,
+            real=program.real,
+            width=width(program),
+            calls=_calls(program),
+            bare=bare,
         ),
         encoding="utf-8",
     )
@@ -86,12 +95,12 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
 
 def width(program: Program) -> int:
     """Floats that the longest argument list needs."""
-    return max(sum(a.size or 1 for a in r.arguments) for r in program.routines)
+    return max(sum(a.size or 1 for a in r.arguments) for r in program.entries)
 
 
 def _calls(program: Program) -> list[tuple[str, str]]:
     calls = []
-    for r in program.routines:
+    for r in program.entries:
         texts, at = ["&kf"], 0
         for a in r.arguments:
             texts.append(f"&in[{at}]" if a.size else f"in[{at}]")

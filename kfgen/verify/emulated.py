@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import importlib.util
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kfgen.emit.covariance import packed_size
 from kfgen.emit.routines import Program
 from kfgen.emit.templates import template_folder
 from kfgen.errors import CheckFailed
 from kfgen.verify.core import Cost, Words, write_harness
-from kfgen.verify.host import missing
+from kfgen.verify.host import contraction, missing
 from kfgen.verify.zig import command, environment
 
 FLASH, RAM, SIZE = 0x08000000, 0x20000000, 0x100000
@@ -31,7 +31,6 @@ COUNTED = 6
 FLAGS = (
     "-std=c99",
     "-O2",
-    "-ffp-contract=off",
     "-fno-math-errno",
     "-ffreestanding",
     "-fno-unwind-tables",
@@ -44,137 +43,257 @@ FLAGS = (
 
 
 @dataclass(frozen=True)
+class Family:
+    """A family of cores as the emulator has it.
+
+    Parameters
+    ----------
+    arch, modes, constants : str
+        The emulator's names: architecture, its modes, the module of its registers.
+    stack, link : str
+        Registers.
+    odd : int
+        Added to the address of a routine.
+    wait : bytes
+        An instruction that jumps to itself.
+    prepare : tuple of (str, int)
+        Bits that are set in registers before the first call.
+    """
+
+    arch: str
+    modes: tuple[str, ...]
+    constants: str
+    stack: str
+    link: str
+    odd: int
+    wait: bytes
+    long: Callable[[int], bool]
+    """Whether an instruction that begins with this half word has four bytes."""
+    prepare: tuple[tuple[str, int], ...] = ()
+
+
+ARM = Family(
+    "UC_ARCH_ARM",
+    ("UC_MODE_THUMB", "UC_MODE_MCLASS"),
+    "arm_const",
+    "UC_ARM_REG_SP",
+    "UC_ARM_REG_LR",
+    1,
+    b"\xfe\xe7",
+    lambda half: half >> 11 in (0b11101, 0b11110, 0b11111),
+)
+RISCV = Family(
+    "UC_ARCH_RISCV",
+    ("UC_MODE_RISCV32",),
+    "riscv_const",
+    "UC_RISCV_REG_SP",
+    "UC_RISCV_REG_RA",
+    0,
+    b"\x6f\x00\x00\x00",
+    lambda half: half & 3 == 3,
+    (("UC_RISCV_REG_MSTATUS", 0x6000),),
+)
+
+
+@dataclass(frozen=True)
 class Chip:
-    """A Cortex-M core: how it is compiled for, and which model the emulator takes."""
+    """A core: how it is compiled for, and which model the emulator takes."""
 
     title: str
     target: str
     cpu: str
-    model: str
+    family: Family
+    model: str = ""
+    flags: tuple[str, ...] = ()
 
 
+_HARD, _SOFT, _RISCV = "thumb-freestanding-eabihf", "thumb-freestanding-eabi", "riscv32-freestanding-none"
 CHIPS: dict[str, Chip] = {
-    "m4f": Chip("Cortex-M4F", "thumb-freestanding-eabihf", "cortex_m4+vfp4d16sp", "UC_CPU_ARM_CORTEX_M4"),
-    "m7f": Chip("Cortex-M7F", "thumb-freestanding-eabihf", "cortex_m7+fp_armv8d16sp", "UC_CPU_ARM_CORTEX_M7"),
-    "m33f": Chip(
-        "Cortex-M33F", "thumb-freestanding-eabihf", "cortex_m33+fp_armv8d16sp", "UC_CPU_ARM_CORTEX_M33"
-    ),
-    "m4": Chip("Cortex-M4, soft float", "thumb-freestanding-eabi", "cortex_m4", "UC_CPU_ARM_CORTEX_M4"),
-    "m0": Chip("Cortex-M0+, soft float", "thumb-freestanding-eabi", "cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
+    "m4f": Chip("Cortex-M4F", _HARD, "cortex_m4+vfp4d16sp", ARM, "UC_CPU_ARM_CORTEX_M4"),
+    "m7f": Chip("Cortex-M7F", _HARD, "cortex_m7+fp_armv8d16sp", ARM, "UC_CPU_ARM_CORTEX_M7"),
+    "m33f": Chip("Cortex-M33F", _HARD, "cortex_m33+fp_armv8d16sp", ARM, "UC_CPU_ARM_CORTEX_M33"),
+    "m4": Chip("Cortex-M4, soft float", _SOFT, "cortex_m4", ARM, "UC_CPU_ARM_CORTEX_M4"),
+    "m0": Chip("Cortex-M0+, soft float", _SOFT, "cortex_m0plus", ARM, "UC_CPU_ARM_CORTEX_M0"),
+    "rv32imfc": Chip("RV32IMFC", _RISCV, "generic_rv32+m+a+f+c", RISCV, flags=("-mabi=ilp32f",)),
+    "rv32imc": Chip("RV32IMC, soft float", _RISCV, "generic_rv32+m+a+c", RISCV, flags=("-mabi=ilp32",)),
 }
 
 
-class Emulated:
-    """The filter on an emulated chip."""
+class Board:
+    """A chip with a program on it, whose functions are called one by one and counted.
 
-    def __init__(self, chip: Chip, program: Program, source: Path, scratch: Path) -> None:
+    Parameters
+    ----------
+    chip : Chip
+    source : Path
+        C, with a table ``vectors`` of what it must keep, as the harness has it.
+    folder : Path
+        Of the headers that it includes.
+    scratch : Path
+        Where the program is built.
+    contract : bool
+        Fused products and sums.
+
+    Raises
+    ------
+    MissingExtra
+        There is no emulator or no cross compiler.
+    CheckFailed
+        The source does not compile.
+    """
+
+    def __init__(self, chip: Chip, source: Path, folder: Path, scratch: Path, contract: bool = False) -> None:
         for module in ("unicorn", "elftools"):
             if importlib.util.find_spec(module) is None:
                 raise missing("pil", f"the emulator ({module})")
-        elf = _build(chip, program, source, scratch)
-        self._program = program
-        self._symbols, segments, self._text = _load(elf)
-        self._count = len(program.discrete.nominal_names) + packed_size(program.n)
-        self._machine = _machine(chip, segments)
+        elf = _build(chip, source, folder, scratch / "filter.elf", contract)
+        self.symbols, segments, self.sizes = _load(elf)
+        self._family = chip.family
+        self._registers = importlib.import_module(f"unicorn.{chip.family.constants}")
+        self._machine = _machine(chip, self._registers, segments)
         self._counts: dict[str, list[int]] = {}
-        self._stack = 0
+        self._stacks: dict[str, int] = {}
         self._blocks: dict[tuple[int, int], int] = {}
         self._running = 0
 
-    def call(self, routine: str, inputs: Sequence[float]) -> None:
-        """Run one routine on the filter."""
-        from unicorn import UC_HOOK_BLOCK
-        from unicorn import arm_const as arm
+    def write(self, symbol: str, values: NDArray[Any]) -> None:
+        """Numbers into a variable."""
+        self._machine.mem_write(self.symbols[symbol], values.tobytes())
 
-        uc = self._machine
-        uc.mem_write(self._symbols["in"], np.asarray(inputs, np.float32).tobytes())
-        counts = self._counts.setdefault(routine, [])
+    def read(self, symbol: str, size: int) -> bytes:
+        """Bytes of a variable."""
+        return bytes(self._machine.mem_read(self.symbols[symbol], size))
+
+    def call(self, function: str) -> None:
+        """Run a function without arguments; the first `COUNTED` calls are counted."""
+        from unicorn import UC_HOOK_BLOCK
+
+        uc, family = self._machine, self._family
+        counts = self._counts.setdefault(function, [])
         hook = None
         if len(counts) < COUNTED:
             self._running = 0
             hook = uc.hook_add(UC_HOOK_BLOCK, self._block)
             uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
-        uc.reg_write(arm.UC_ARM_REG_SP, STACK_TOP)
-        uc.reg_write(arm.UC_ARM_REG_LR, RETURN | 1)
-        uc.emu_start(self._symbols[f"call_{routine}"] | 1, RETURN)
+        uc.reg_write(getattr(self._registers, family.stack), STACK_TOP)
+        uc.reg_write(getattr(self._registers, family.link), RETURN | family.odd)
+        uc.emu_start(self.symbols[function] | family.odd, RETURN)
         if hook is not None:
             uc.hook_del(hook)
             counts.append(self._running)
             painted = np.frombuffer(uc.mem_read(STACK_TOP - STACK_SIZE, STACK_SIZE), np.uint8)
             touched = np.flatnonzero(painted != PAINT)
-            self._stack = max(self._stack, STACK_SIZE - int(touched[0]) if touched.size else 0)
+            deep = STACK_SIZE - int(touched[0]) if touched.size else 0
+            self._stacks[function] = max(self._stacks.get(function, 0), deep)
 
     def _block(self, uc: Any, address: int, size: int, _: object) -> None:
-        """Count the instructions of a translated block: Thumb's are two or four bytes."""
+        """Count the instructions of a translated block, of two or four bytes each."""
         if (address, size) not in self._blocks:
             code = np.frombuffer(uc.mem_read(address, size), np.uint16)
             count = at = 0
             while at < code.size:
-                at += 2 if int(code[at]) >> 11 in (0b11101, 0b11110, 0b11111) else 1
+                at += 2 if self._family.long(int(code[at])) else 1
                 count += 1
             self._blocks[address, size] = count
         self._running += self._blocks[address, size]
 
+    def cost(self) -> Cost:
+        """Executed instructions, stack and code of each function, and of all."""
+        return Cost(
+            {f: max(c) for f, c in self._counts.items()},
+            max(self._stacks.values(), default=0),
+            self.sizes[".text"],
+            dict(self._stacks),
+            {f: self.sizes[f] for f in self._counts},
+        )
+
+
+class Emulated:
+    """The filter on an emulated chip."""
+
+    def __init__(
+        self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
+    ) -> None:
+        self._board = Board(chip, write_harness(program, scratch, bare=True), source, scratch, contract)
+        self._type = np.dtype(program.type)
+        self._bytes = self._type.itemsize * program.word_count
+
+    def call(self, routine: str, inputs: Sequence[float]) -> None:
+        """Run one routine on the filter."""
+        self._board.write("in", np.asarray(inputs, self._type))
+        self._board.call(f"call_{routine}")
+
     def words(self) -> Words:
         """State and covariance as bit patterns."""
-        return np.frombuffer(self._machine.mem_read(self._symbols["kf"], 4 * self._count), np.uint32).copy()
+        return np.frombuffer(self._board.read("kf", self._bytes), f"u{self._type.itemsize}")
 
     def cost(self) -> Cost:
-        """Executed instructions, deepest stack, size of the code."""
-        return Cost({r: max(c) for r, c in self._counts.items()}, self._stack, self._text)
+        """Of each routine, and of all."""
+        cost = self._board.cost()
+        named = [
+            {f.removeprefix("call_"): v for f, v in of.items()}
+            for of in (cost.instructions, cost.stacks, cost.texts)
+        ]
+        return Cost(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
 
 
-def _build(chip: Chip, program: Program, source: Path, scratch: Path) -> Path:
-    harness = write_harness(program, scratch, bare=True)
-    elf = scratch / "filter.elf"
+def _build(chip: Chip, source: Path, folder: Path, elf: Path, contract: bool) -> Path:
     call = [
         *command(),
         "-target",
         chip.target,
         f"-mcpu={chip.cpu}",
         *FLAGS,
+        *chip.flags,
+        contraction(contract),
         "-T",
         str(template_folder() / "verify" / "link.ld"),
-        f"-I{source}",
-        str(harness),
+        f"-I{folder}",
+        str(source),
         "-o",
         str(elf),
     ]
     done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment())
     if done.returncode:
-        raise CheckFailed(f"{program.name}.h does not compile for {chip.title}: {done.stderr.strip()[:2000]}")
+        raise CheckFailed(f"{source.name} does not compile for {chip.title}: {done.stderr.strip()[:2000]}")
     return elf
 
 
-def _load(elf: Path) -> tuple[dict[str, int], list[tuple[int, bytes]], int]:
-    """Symbols, loadable segments and the size of the code."""
+def _load(elf: Path) -> tuple[dict[str, int], list[tuple[int, bytes]], dict[str, int]]:
+    """Symbols, loadable segments, and the sizes of the functions and of all the code."""
     from elftools.elf.elffile import ELFFile
 
     with open(elf, "rb") as file:
         image = ELFFile(file)
-        table = image.get_section_by_name(".symtab")
+        table = list(image.get_section_by_name(".symtab").iter_symbols())
         symbols = {
             s.name: int(s["st_value"]) & ~1 if s["st_info"]["type"] == "STT_FUNC" else int(s["st_value"])
-            for s in table.iter_symbols()
+            for s in table
         }
         segments = [
             (int(s["p_paddr"]), bytes(s.data()))
             for s in image.iter_segments()
             if s["p_type"] == "PT_LOAD" and s["p_filesz"] > 0
         ]
-        text = image.get_section_by_name(".text")
-        return symbols, segments, int(text["sh_size"])
+        sizes = {s.name: int(s["st_size"]) for s in table}
+        sizes[".text"] = int(image.get_section_by_name(".text")["sh_size"])
+        return symbols, segments, sizes
 
 
-def _machine(chip: Chip, segments: list[tuple[int, bytes]]) -> Any:
-    from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, Uc
-    from unicorn import arm_const as arm
+def _machine(chip: Chip, registers: Any, segments: list[tuple[int, bytes]]) -> Any:
+    import unicorn
 
-    uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
-    uc.ctl_set_cpu_model(getattr(arm, chip.model))
+    family = chip.family
+    mode = sum(getattr(unicorn, m) for m in family.modes)
+    uc = unicorn.Uc(getattr(unicorn, family.arch), mode)
+    if chip.model:
+        uc.ctl_set_cpu_model(getattr(registers, chip.model))
     uc.mem_map(FLASH, SIZE)
     uc.mem_map(RAM, SIZE)
-    uc.mem_write(RETURN, b"\xfe\xe7")
+    uc.mem_write(RETURN, family.wait)
     for address, data in segments:
         uc.mem_write(address, data)
+    for register, bits in family.prepare:
+        number = getattr(registers, register)
+        uc.reg_write(number, uc.reg_read(number) | bits)
     return uc

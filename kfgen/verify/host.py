@@ -7,20 +7,17 @@ import os
 import shutil
 import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from kfgen.emit.covariance import packed_size
 from kfgen.emit.routines import Program
 from kfgen.errors import CheckFailed, MissingExtra
 from kfgen.verify.core import Cost, Words, width, write_harness
 
-FLAGS = (
-    "-std=c99",
-    "-O2",
-    "-ffp-contract=off",
-    "-fno-math-errno",
+WARNINGS = (
     "-pedantic",
     "-Wall",
     "-Wextra",
@@ -30,22 +27,46 @@ FLAGS = (
     "-Wfloat-equal",
     "-Werror",
 )
+FLAGS = ("-O2", "-fno-math-errno", *WARNINGS)
 
 
-def compiler() -> list[str]:
-    """The C compiler of this machine: ``CC``, else ``cc``, else zig from the package index.
+@dataclass(frozen=True)
+class Language:
+    """How the header is compiled on this machine."""
+
+    title: str
+    variable: str
+    names: tuple[str, ...]
+    flags: tuple[str, ...]
+    zig: str
+
+
+LANGUAGES = {
+    "host": Language("this machine's C compiler", "CC", ("cc",), ("-std=c99", "-xc"), "cc"),
+    "hostcpp": Language(
+        "this machine's C++ compiler",
+        "CXX",
+        ("c++", "g++"),
+        ("-std=c++11", "-xc++", "-Wold-style-cast"),
+        "c++",
+    ),
+}
+
+
+def compiler(language: Language = LANGUAGES["host"]) -> list[str]:
+    """The compiler of this machine: as its variable says, else by its usual names, else zig's.
 
     Raises
     ------
     MissingExtra
         There is none.
     """
-    named = os.environ.get("CC") or "cc"
-    if shutil.which(named):
-        return [named]
+    for named in (os.environ.get(language.variable), *language.names):
+        if named and shutil.which(named):
+            return [named]
     from kfgen.verify.zig import command
 
-    return command()
+    return command(language.zig)
 
 
 def run(command: Sequence[str], what: str) -> None:
@@ -55,20 +76,41 @@ def run(command: Sequence[str], what: str) -> None:
         raise CheckFailed(f"{what} does not compile: {done.stderr.strip()[:2000]}")
 
 
+TYPES: dict[str, tuple[type[Any], type[Any]]] = {
+    "float": (ctypes.c_float, ctypes.c_uint32),
+    "double": (ctypes.c_double, ctypes.c_uint64),
+}
+"""A number of a program and its bits, as ctypes has them."""
+
+
+def contraction(contract: bool) -> str:
+    """The compiler's word on products that are added without rounding in between."""
+    return "-ffp-contract=fast" if contract else "-ffp-contract=off"
+
+
 class Host:
     """The filter as a shared library of this process."""
 
-    def __init__(self, program: Program, source: Path, scratch: Path) -> None:
+    def __init__(
+        self,
+        program: Program,
+        source: Path,
+        scratch: Path,
+        language: Language = LANGUAGES["host"],
+        contract: bool = False,
+    ) -> None:
         harness = write_harness(program, scratch, bare=False)
         library = scratch / "filter.so"
+        flags = [*language.flags, *FLAGS, contraction(contract), "-shared", "-fPIC", f"-I{source}"]
         run(
-            [*compiler(), *FLAGS, "-shared", "-fPIC", f"-I{source}", str(harness), "-o", str(library), "-lm"],
+            [*compiler(language), *flags, str(harness), "-o", str(library), "-lm"],
             f"{program.name}.h on the host",
         )
         self._library = ctypes.CDLL(str(library))
-        self._inputs = (ctypes.c_float * width(program)).in_dll(self._library, "in")
-        count = len(program.discrete.nominal_names) + packed_size(program.n)
-        self._words = (ctypes.c_uint32 * count).in_dll(self._library, "kf")
+        number, word = TYPES[program.real]
+        self._inputs = (number * width(program)).in_dll(self._library, "in")
+        self._words = (word * program.word_count).in_dll(self._library, "kf")
+        self._type = np.dtype(word)
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
         """Run one routine on the filter."""
@@ -77,7 +119,7 @@ class Host:
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""
-        return np.array(self._words, dtype=np.uint32)
+        return np.array(self._words, dtype=self._type)
 
     def cost(self) -> Cost:
         """A host is not counted."""

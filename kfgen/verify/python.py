@@ -1,18 +1,20 @@
-"""The emitted filterpy module against the double precision reference.
+"""The emitted Python modules against the reference.
 
-filterpy's matrices round in another order than the reference's scalars, so the comparison has a
+The numpy module prints the reference's own routines: every bit counts. filterpy's matrices round in another order than the reference's scalars, so the comparison has a
 tolerance: `TOLERANCE` of a state's own deviation, or of the product of two for a covariance.
 """
 
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.covariance import packed
 from kfgen.emit.filterpy import class_name
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
@@ -25,8 +27,8 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-6
 
 
-def compare_module(program: Program, folder: Path) -> Verdict:
-    """Run the scenario through the module in a folder and count what is off.
+def _module(program: Program, folder: Path) -> ModuleType:
+    """The emitted module, imported.
 
     Raises
     ------
@@ -42,30 +44,62 @@ def compare_module(program: Program, folder: Path) -> Verdict:
         spec.loader.exec_module(module)
     except (ImportError, SyntaxError) as error:
         raise CheckFailed(f"the module cannot be imported: {error}", where=str(path)) from None
-    kf = getattr(module, class_name(program))()
+    return module
+
+
+def compare_filterpy(program: Program, folder: Path) -> Verdict:
+    """Run the scenario through a filterpy module and count what is off by more than `TOLERANCE`."""
+    kf = getattr(_module(program, folder), class_name(program))()
     machine, n = Machine(program, np.float64), program.n
     machine.call("init")
     routines = {r.name: r for r in program.routines}
-    upper = [(i, j) for i in range(n) for j in range(i, n)]
+    upper = np.triu_indices(n)
     words = differing = calls = 0
     for call in scenario(program):
         routine = routines[call.routine]
         values = split(routine, call.inputs)
-        if machine.call(call.routine, values) != "OK":
-            continue  # the module has no gate and no guard of its step
+        wanted = machine.call(call.routine, values)
+        found = getattr(kf, call.routine)(
+            **{a.name: np.asarray(v) if a.size else v for a, v in zip(routine.arguments, values)}
+        )
+        P = machine.covariance()
+        sd = np.sqrt(np.diag(P))
+        off_P = np.abs(kf.P - P)[upper] / np.outer(sd, sd)[upper]
+        off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / _deviations(program, sd)
+        differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum()) + (found.name != wanted)
+        words += off_P.size + off_x.size + 1
+        calls += 1
+    return Verdict("filterpy", words, differing, 0, calls, Cost(), TOLERANCE)
+
+
+def compare_numpy(program: Program, folder: Path) -> Verdict:
+    """Run the scenario through a numpy module and count the words that differ in any bit."""
+    kf = getattr(_module(program, folder), class_name(program))()
+    routines = {r.name: r for r in program.routines}
+    calls = scenario(program)
+    words = differing = 0
+    for call in calls:
+        routine = routines[call.routine]
+        values = split(routine, call.inputs)
         getattr(kf, call.routine)(
             **{a.name: np.asarray(v) if a.size else v for a, v in zip(routine.arguments, values)}
         )
-        P = np.array([machine.arrays["P"][packed(n, i, j).index] for i, j in upper])
-        sd = np.sqrt(np.array([machine.arrays["P"][packed(n, i, i).index] for i in range(n)]))
-        off_P = np.abs(np.array([kf.P[i, j] for i, j in upper]) - P) / np.array(
-            [sd[i] * sd[j] for i, j in upper]
-        )
-        off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / _deviations(program, sd)
-        differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum())
-        words += off_P.size + off_x.size
-        calls += 1
-    return Verdict("filterpy", words, differing, 0, calls, Cost(), TOLERANCE)
+        bits = f"u{call.words.dtype.itemsize}"
+        found = np.array([*kf.x, *getattr(kf, program.covariance.ARRAY)], program.type)
+        words += found.size
+        differing += int((found.view(bits) != call.words.view(bits)).sum())
+    return Verdict("numpy", words, differing, 0, len(calls), Cost())
+
+
+def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) -> Array:
+    """How far words are off, in deviations: of stored components, then of the covariance's upper triangle."""
+    form, nx = program.covariance, len(program.discrete.nominal_names)
+    P, Q = (np.array(form.matrix(w[nx:].tolist())) for w in (wanted, found))
+    sd = np.sqrt(np.diag(P))
+    upper = np.triu_indices(program.n)
+    off_P = np.abs(Q - P)[upper] / np.outer(sd, sd)[upper]
+    off_x = np.abs(found[:nx].astype(float) - wanted[:nx]) / _deviations(program, sd)
+    return np.concatenate([off_x, off_P])
 
 
 def _deviations(program: Program, sd: Array) -> Array:
@@ -74,3 +108,10 @@ def _deviations(program: Program, sd: Array) -> Array:
     attitude = program.discrete.model.attitude
     least = min((sd[names.index(n)] for n in attitude.error_names), default=1.0) / 2.0 if attitude else 1.0
     return np.array([sd[names.index(n)] if n in names else least for n in program.discrete.nominal_names])
+
+
+MODULES: dict[str, Callable[[Program, Path], Verdict]] = {
+    "filterpy": compare_filterpy,
+    "numpy": compare_numpy,
+}
+"""How the module of a Python target is compared."""

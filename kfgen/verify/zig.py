@@ -11,8 +11,8 @@ from pathlib import Path
 from kfgen.errors import MissingExtra
 
 
-def command() -> list[str]:
-    """How zig's C compiler is called.
+def command(language: str = "cc") -> list[str]:
+    """How zig's compiler is called, ``cc`` or ``c++``.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def command() -> list[str]:
             "the cross compiler (ziglang) is not installed",
             remedy="Install it with: pip install 'kfgen[pil]'",
         )
-    return [sys.executable, "-m", "ziglang", "cc"]
+    return [sys.executable, "-m", "ziglang", language]
 
 
 def environment() -> dict[str, str]:

@@ -1,0 +1,28 @@
+"""A rate that is not the stated one, where a header contradicts itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from kfgen.effects.base import parameter
+from kfgen.effects.integrity import Fault
+from kfgen.effects.series import Raw, Spotted
+from kfgen.log import CONTRADICTION
+
+
+@dataclass(frozen=True)
+class SampleRateError(Fault):
+    """Samples came `factor` times as fast as the log's times say."""
+
+    factor: Any = parameter("", "size")
+
+    name: ClassVar[str] = "sample_rate_error"
+    title: ClassVar[str] = "a wrong sampling rate"
+    saying: ClassVar[str] = "was sampled {factor} times as fast as its times say: give the true rate"
+
+    @classmethod
+    def spotted(cls, raw: Raw) -> Spotted | None:
+        """More or fewer samples than fit into the time that the log says it lasted."""
+        factor = raw.n * raw.dt / raw.stated if raw.stated > 0.0 else 1.0
+        return Spotted(cls(factor), float(raw.n)) if abs(factor - 1.0) > CONTRADICTION else None

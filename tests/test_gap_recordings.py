@@ -1,0 +1,145 @@
+"""The examples on real recordings say what their sources, or an independent measurement, say."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "examples" / "recordings"
+long = pytest.mark.long
+
+
+@pytest.fixture
+def said(recording: Callable[[str], Path], tmp_path: Path) -> Callable[..., str]:
+    """What an example prints of one case of its."""
+
+    def run(script: str, case: str, file: str) -> str:
+        recording(file)
+        words = [sys.executable, str(FOLDER / f"{script}.py"), case, "--pages", str(tmp_path)]
+        env = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+        done = subprocess.run(words, capture_output=True, text=True, check=False, env=env)
+        assert done.returncode == 0, done.stderr
+        assert script == "vibration" or (tmp_path / f"{case}.html").stat().st_size > 10_000
+        return done.stdout
+
+    return run
+
+
+def number(text: str, before: str) -> float:
+    """The number after some words."""
+    found = re.search(re.escape(before) + r"(-?[0-9.e+-]+)", text)
+    assert found, f"'{before}' is not in {text}"
+    return float(found.group(1))
+
+
+def line_of(text: str, *parts: str) -> str:
+    """The line that has all parts."""
+    lines = [line for line in text.splitlines() if all(p in line for p in parts)]
+    assert lines, f"no line with {parts} in {text}"
+    return lines[0]
+
+
+def test_a_ranger_whose_header_is_wrong(said: Callable[..., str]) -> None:
+    """200 244 samples in the 3600 s of its header are 55.62 Hz, not 50."""
+    text = said("ranger_rate", "ranger", "static/tof_vl53l0x_1h.npz")
+    assert number(text, "was sampled ") == pytest.approx(200_244 / 3600.0 / 50.0, abs=0.005)
+
+
+def test_poses_give_the_published_table(said: Callable[..., str]) -> None:
+    """Bias to 3 mm/s^2; scale to 0.03 %, with the published table's g of 9.81 m/s^2."""
+    text = said("poses", "poses-0", "effects/mpu9150_calib_imu0.npz")
+    for axis, bias, scale in (("x", 0.103, 0.36), ("y", 0.097, 0.32), ("z", 0.345, 0.62)):
+        assert number(line_of(text, f"accel_{axis}", "constant bias"), "value = ") == pytest.approx(
+            bias, abs=3e-3
+        )
+        got = number(line_of(text, f"accel_{axis}", "scale factor"), "coefficient = ")
+        assert got - 100.0 * (9.81 / 9.80665 - 1.0) == pytest.approx(scale, abs=0.03)
+
+
+def test_turns_give_the_scale(said: Callable[..., str]) -> None:
+    """Integrals of 370.0 and 353.7 deg over whole turns."""
+    text = said("turns", "turns", "effects/imu_ferraris_session.npz")
+    for axis, turned in (("x", 370.0), ("y", 353.7)):
+        got = number(line_of(text, f"gyro_{axis}", "scale factor"), "coefficient = ")
+        assert got == pytest.approx(100.0 * (turned / 360.0 - 1.0), abs=0.1)
+
+
+def test_gps_is_late(said: Callable[..., str]) -> None:
+    """230 ms by the author of the recording, 250 to 300 ms by cross-correlation of the same accelerations."""
+    text = said("flight", "flight", "dynamic/inertialnav_swisslog1.npz")
+    assert "time delay" in line_of(text, "gps misses", "delay")
+    assert 0.2 < number(text, "in all ") < 0.35
+
+
+@pytest.mark.parametrize(
+    ("case", "file", "inside"),
+    [
+        ("tapping", "25_disturbed_tapping_B", (50.0, 100.0)),
+        ("phone", "27_disturbed_phone_vibration_B", (70.0, 160.0)),
+        ("quiet", "01_undisturbed_slow_rotation_A", None),
+    ],
+)
+def test_vibration_has_its_time(
+    said: Callable[..., str], case: str, file: str, inside: tuple[float, float] | None
+) -> None:
+    text = said("vibration", case, f"dynamic/broad_{file}.npz")
+    spans = [(float(a), float(b)) for a, b in re.findall(r"(\d+) to (\d+) s", text)]
+    if inside is None:
+        assert spans == []
+    else:
+        assert any(a <= inside[0] and inside[1] <= b for a, b in spans)
+
+
+@long
+def test_a_gyro_warms_up(said: Callable[..., str]) -> None:
+    """Least squares of one exponential through the record: 0.42 to 0.45 deg/s, 21 700 to 25 500 samples at 200 Hz."""
+    text = line_of(said("gyro_warm_up", "warm-up", "static/gyro_875mdps_warmup.npz"), "warm-up after")
+    assert 0.40 < number(text, "size = ") * 0.00875 < 0.48
+    assert 100.0 < number(text, "tau = ") < 135.0
+
+
+@long
+def test_a_line_in_a_gyro(said: Callable[..., str]) -> None:
+    text = line_of(said("gyro_line", "line", "static/mpu6050_static_450s.npz"), "periodic line")
+    assert number(text, "frequency = ") == pytest.approx(38.0, abs=0.05)
+
+
+@long
+@pytest.mark.parametrize(
+    ("case", "file", "iron"),
+    [
+        ("magnet-33", "33_disturbed_attached_magnet_2cm", (-2.9, -0.5, 26.8)),
+        ("magnet-36", "36_disturbed_attached_magnet_5cm", (0.1, -0.2, -6.1)),
+    ],
+)
+def test_a_magnet_on_a_magnetometer(
+    said: Callable[..., str], case: str, file: str, iron: tuple[float, float, float]
+) -> None:
+    """Within 1 uT of what the sensor's difference to the undisturbed field over the minute gives."""
+    text = line_of(said("magnet", case, f"dynamic/broad_{file}.npz"), "hard iron")
+    found = [number(text, f"{a} = ") for a in "xyz"]
+    assert found == pytest.approx(iron, abs=1.0)
+
+
+@long
+@pytest.mark.parametrize(
+    ("case", "file"),
+    [("no-magnet-01", "01_undisturbed_slow_rotation_A"), ("no-magnet-06", "06_undisturbed_fast_rotation_A")],
+)
+def test_no_magnet(said: Callable[..., str], case: str, file: str) -> None:
+    assert "hard iron" not in said("magnet", case, f"dynamic/broad_{file}.npz")
+
+
+@long
+def test_a_propeller_is_quadratic(said: Callable[..., str]) -> None:
+    """The published model with its square comes to 4.1 deg in a free run, one without to 11.5."""
+    text = said("quarter_drone", "steps", "systems/quarter_drone_sinal2_degraus_malha_fechada.npz")
+    assert "u misses an effect of the model: nonlinear actuator" in text.splitlines()[2]
+    assert number(text, "deg, then by ") < 4.1
