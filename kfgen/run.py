@@ -53,6 +53,8 @@ class FilterRun:
     deviation : ndarray, shape (n, states)
         Square roots of the diagonal of P.
     sensors : mapping of str to SensorRun
+    covariance : ndarray, shape (states, states), optional
+        P at the end.
     """
 
     model: str
@@ -61,6 +63,7 @@ class FilterRun:
     estimate: Array
     deviation: Array
     sensors: Mapping[str, SensorRun]
+    covariance: Array | None = None
 
 
 def load(program: Program) -> ModuleType:
@@ -135,13 +138,15 @@ def run(program: Program, log: Log) -> FilterRun:
         )
         for name, rows in seen.items()
     }
-    return FilterRun(model.name, np.asarray(log.t), discrete.nominal_names, estimate, deviation, sensors)
+    names = discrete.nominal_names
+    return FilterRun(model.name, np.asarray(log.t), names, estimate, deviation, sensors, np.array(kf.P))
 
 
 def _over_steps(values: Array, samples: str) -> Array:
     """What acts from each sample to the next, by what a sample stands for."""
     later = np.concatenate([values[1:], values[-1:]])
-    return {AFTER: values, BEFORE: later, AT: 0.5 * (values + later)}[samples]
+    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]
+    return np.asarray(own * values + (1.0 - own) * later)
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:
