@@ -115,6 +115,12 @@ def run(program: Program, log: Log) -> FilterRun:
             remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels),
         )
     _align(kf, discrete, log, model.constants)
+    known = dict(zip(discrete.nominal_names, kf.nominal)) | {
+        c.name: float(v) for c, v in zip(model.constants, kf.constants)
+    }
+    for s in model.sensors:
+        if s.name in present:
+            present[s.name][~s.plausible(present[s.name], known)] = np.nan
     takes = {r.name: {a.name for a in r.arguments} for r in program.pieces}
     stepping = set().union(*(takes[n] for n in ("step", "transition", "noise")))
     steps = np.append(np.diff(log.t), 0.0)
@@ -222,11 +228,15 @@ def _first_mean(log: Log, part: Input | Sensor) -> Array:
 
 @dataclass(frozen=True)
 class AttitudeError:
-    """Root mean square errors [rad] against a reference attitude, over the samples that have one."""
+    """Root mean square errors [rad] against a reference attitude, over the samples that have one.
+
+    The total is the angle of the whole rotation that is left once the norths agree.
+    """
 
     inclination: float
     heading: float
     samples: int
+    total: float = float("nan")
 
 
 def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
@@ -255,6 +265,6 @@ def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     heading = 2.0 * np.arctan2(z, w)
     heading -= np.angle(np.mean(np.exp(1j * heading)))
     heading = np.angle(np.exp(1j * heading))
-    return AttitudeError(
-        float(np.sqrt(np.mean(inclination**2))), float(np.sqrt(np.mean(heading**2))), int(good.sum())
-    )
+    total = 2.0 * np.arccos(np.clip(np.cos(heading / 2.0) * np.cos(inclination / 2.0), -1.0, 1.0))
+    sizes = [float(np.sqrt(np.mean(e**2))) for e in (inclination, heading, total)]
+    return AttitudeError(sizes[0], sizes[1], int(good.sum()), sizes[2])
