@@ -97,10 +97,10 @@ def stationary_covariance(A: Array, W: Array) -> Array:
         ``P`` with ``A P + P A' + W = 0`` when every eigenvalue of A is stable, else zero
         (a random walk starts at zero: where it stood before the record is a constant).
     """
-    from scipy.linalg import solve_continuous_lyapunov
-
     if A.shape[0] == 0 or np.linalg.eigvals(A).real.max() >= 0.0:
         return np.zeros_like(A)
+    from scipy.linalg import solve_continuous_lyapunov
+
     P: Array = solve_continuous_lyapunov(A, -W)
     return 0.5 * (P + P.T)
 

@@ -99,14 +99,16 @@ class Moving(Entry):
         motion_type, aiding = self._parts(texts)
         motion = motion_type(chosen)
         used = tuple(s(chosen, motion.axes) for s in aiding)
-        model = FilterModel(name, self.title, motion, used, options=dict(texts))
-        model = replace(model, noise=_effects(model, noise, chosen[BIASES.name]))
+        effects = _effects(motion, used, noise, chosen[BIASES.name])
+        model = FilterModel(name, self.title, motion, used, effects, options=dict(texts))
         _check_units(model, noise)
         _check_start(model)
         return model
 
 
-def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict[str, tuple[Effect, ...]]:
+def _effects(
+    motion: Motion, aiding: tuple[Sensor, ...], noise: NoiseModel | None, biases: bool
+) -> dict[str, tuple[Effect, ...]]:
     """The noise file's effects, white noise on inputs that it does not know, and a constant bias where it has none."""
     known = {c: found.effects for c, found in (noise.channels if noise else {}).items()}
     effects: dict[str, tuple[Effect, ...]] = {}
@@ -114,11 +116,11 @@ def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict
     def with_bias(own: tuple[Effect, ...], wanted: bool, prior: float) -> tuple[Effect, ...]:
         return (*own, make("bias", sd=prior)) if wanted and not any(e.name == "bias" for e in own) else own
 
-    for triad in model.motion.inputs:
+    for triad in motion.inputs:
         for channel in triad.channels:
             own = known.get(channel) or (make("white_noise", N=triad.N),)
             effects[channel] = with_bias(own, biases, triad.bias_prior)
-    for sensor in model.sensors:
+    for sensor in aiding:
         for channel in sensor.channels:
             effects[channel] = with_bias(known.get(channel, ()), sensor.biases, sensor.bias_prior)
     return {c: es for c, es in effects.items() if es}

@@ -126,9 +126,12 @@ def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answ
     if error is not None:
         words = (
             f"inclination RMSE {np.degrees(error.inclination):.3g} deg, heading RMSE "
-            f"{np.degrees(error.heading):.3g} deg, total {np.degrees(error.total):.3g} deg against the reference attitude ({error.samples} samples)"
+            f"{np.degrees(error.heading):.3g} deg against the reference attitude ({error.samples} samples)"
         )
         lines.append(f"  {words}")
+        lines.append(
+            f"  total RMSE {np.degrees(error.total):.3g} deg, the constant difference of the norths taken out"
+        )
         parts.append(sentence(words[0].upper() + words[1:] + "."))
         data["attitude_error"] = {
             "inclination_rmse": error.inclination,
