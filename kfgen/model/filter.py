@@ -200,28 +200,29 @@ class FilterModel:
         return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
 
     @cached_property
-    def _rates(self) -> dict[bool, dict[str, sp.Matrix]]:
-        """Rates of all blocks on the estimate (False) and on the truth (True)."""
+    def _estimated_rates(self) -> dict[str, sp.Matrix]:
         still = {b.name: sp.zeros(len(b.error_names), 1) for b in self.blocks}
-        return {p: still | self.motion.rates(self._view(p), self.inputs(p)) for p in (False, True)}
+        return still | self.motion.rates(self._view(False), self.inputs(False))
 
     def rates(self, perturbed: bool) -> dict[str, sp.Matrix]:
         """The blocks' rates on the estimate or on the truth; the body rate of an attitude."""
-        return self._rates[perturbed]
+        if not perturbed:
+            return self._estimated_rates
+        still = {b.name: sp.zeros(len(b.error_names), 1) for b in self.blocks}
+        return still | self.motion.rates(self._view(True), self.inputs(True))
 
     @cached_property
     def _offers(self) -> dict[str, sp.Matrix]:
         return self.motion.offers(self._view(False), self.rates(False))
 
-    @cached_property
-    def _seen(self) -> dict[bool, dict[str, sp.Matrix]]:
-        """What sensors see of the estimate (False) and of the truth (True): blocks, and what the motion offers."""
-        offers = {False: self._offers, True: self.motion.offers(self._view(True), self.rates(True))}
-        return {p: self._view(p) | offers[p] for p in (False, True)}
+    def _seen(self, perturbed: bool) -> dict[str, sp.Matrix]:
+        """What sensors see of the estimate or of the truth: blocks, and what the motion offers."""
+        view = self._view(perturbed)
+        return view | (self.motion.offers(view, self.rates(True)) if perturbed else self._offers)
 
     def clean(self, sensor: Sensor) -> sp.Matrix:
         """The expected measurement of the estimate without effects, shape (m, 1)."""
-        return sensor.predict(self._seen[False])
+        return sensor.predict(self._seen(False))
 
     @cached_property
     def noise_symbols(self) -> tuple[sp.Symbol, ...]:
@@ -296,7 +297,7 @@ class FilterModel:
 
     def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
         """The expected measurement with the effects of its channels, shape (m, 1)."""
-        h = sensor.predict(self._seen[perturbed])
+        h = sensor.predict(self._seen(perturbed))
         return h + sp.Matrix([self._shown(c, perturbed) for c in sensor.channels])
 
     def H(self, sensor: Sensor) -> sp.Matrix:

@@ -100,13 +100,16 @@ class Moving(Entry):
         motion_type, aiding = self._parts(texts)
         motion = motion_type(chosen)
         used = tuple(s(chosen, motion.axes) for s in aiding)
-        model = FilterModel(name, self.title, motion, used, options=dict(texts))
-        model = replace(model, noise=_effects(model, noise, chosen[BIASES.name]))
+        effects = _effects(motion, used, noise, chosen[BIASES.name])
+        model = FilterModel(name, self.title, motion, used, effects, options=dict(texts))
         _check_units(model, noise)
+        _check_start(model)
         return model
 
 
-def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict[str, tuple[Effect, ...]]:
+def _effects(
+    motion: Motion, aiding: tuple[Sensor, ...], noise: NoiseModel | None, biases: bool
+) -> dict[str, tuple[Effect, ...]]:
     """The noise file's effects, white noise on inputs that it does not know, and a constant bias where it has none."""
     known = {c: found.effects for c, found in (noise.channels if noise else {}).items()}
     effects: dict[str, tuple[Effect, ...]] = {}
@@ -114,17 +117,36 @@ def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict
     def with_bias(own: tuple[Effect, ...], wanted: bool, prior: float) -> tuple[Effect, ...]:
         return (*own, make("bias", sd=prior)) if wanted and not any(e.name == "bias" for e in own) else own
 
-    for triad in model.motion.inputs:
+    for triad in motion.inputs:
         for channel in triad.channels:
             own = known.get(channel) or (make("white_noise", N=triad.N),)
             effects[channel] = with_bias(own, biases, triad.bias_prior)
-    for sensor in model.sensors:
+    for sensor in aiding:
         for channel in sensor.channels:
             effects[channel] = with_bias(known.get(channel, ()), sensor.biases, sensor.bias_prior)
     return {c: es for c, es in effects.items() if es}
 
 
+def _check_start(model: FilterModel) -> None:
+    """No state that is exactly known at the start and that nothing ever moves: P would be singular for ever."""
+    A, W = model.effect_dynamics
+    first = len(model.states) - A.rows
+    for k, s in enumerate(model.states[first:]):
+        if s.prior == 0.0 and not any(A[k, :]) and not any(W[k, :]):
+            raise InputError(
+                f"the state {s.name} is exactly known at the start and nothing moves it, so P is singular",
+                where=f"{model.name}: {s.title}",
+                remedy="Give its effect a deviation (sd of a bias), or leave it out",
+            )
+
+
 def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
+    if noise and not any(c in model.channel_units for c in noise.channels):
+        raise InputError(
+            f"the noise file has no channel of {model.name}",
+            where="--noise",
+            remedy=f"It has {', '.join(noise.channels)}, the model {', '.join(model.channel_units)}",
+        )
     for channel, unit in model.channel_units.items():
         if noise and channel in noise.channels:
             given = noise.channels[channel].unit

@@ -135,10 +135,14 @@ def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answ
             f"{np.degrees(error.heading):.3g} deg against the reference attitude ({error.samples} samples)"
         )
         lines.append(f"  {words}")
+        lines.append(
+            f"  total RMSE {np.degrees(error.total):.3g} deg, the constant difference of the norths taken out"
+        )
         parts.append(sentence(words[0].upper() + words[1:] + "."))
         data["attitude_error"] = {
             "inclination_rmse": error.inclination,
             "heading_rmse": error.heading,
+            "total_rmse": error.total,
             "unit": "rad",
             "samples": error.samples,
         }
