@@ -1,7 +1,7 @@
 """A car loses GNSS for a minute: free inertial navigation beside wheels and the constraint that it does not slide.
 
-With wheels the error is across the way, of heading ``psi``, gyro bias ``b`` and gyro noise ``N`` at speed ``v``:
-``sigma = v sqrt(sigma_psi^2 T^2 + sigma_b^2 T^4 / 4 + N^2 T^3 / 3)``, beside what there was before.
+With wheels the error at speed v is across the way: from where the outage began it grows by heading, gyro bias and
+gyro noise as ``e_p + v T e_psi - v T^2 e_b / 2``, and by ``v^2 N^2 T^3 / 3`` in variance.
 """
 
 import numpy as np
@@ -36,14 +36,17 @@ log = Log(t, channels, source=log.source)
 
 said = {}
 for name, model in (("free", free), ("wheels", wheels)):
-    result = run(Program(DiscreteModel(model, order=2, rate=RATE)), log)
-    states = [s.name for s in model.states]
-    start, end = result.deviation[np.argmax(lost)], result.deviation[-1]
+    program = Program(DiscreteModel(model, order=2, rate=RATE))
+    result = run(program, log)
     east = result.estimate[-1, result.names.index("p_E")] - log.values("ref_p_E")[-1]
-    said[name] = east, end[states.index("p_E")]
-before, psi, bias = (start[states.index(n)] for n in ("p_E", "phi_D", "bg_z"))
-way = SPEED**2 * (psi**2 * OUTAGE**2 + bias**2 * OUTAGE**4 / 4 + GYRO.N**2 * OUTAGE**3 / 3)
-theory = np.sqrt(before**2 + way)
+    said[name] = east, result.deviation[-1, [s.name for s in model.states].index("p_E")]
+
+P = run(program, log.cut(0, int(np.argmax(lost)))).covariance
+assert P is not None
+states = [s.name for s in wheels.states]
+at = [states.index(n) for n in ("p_E", "phi_D", "bg_z")]
+a = np.array([1.0, SPEED * OUTAGE, -SPEED * OUTAGE**2 / 2])
+theory = np.sqrt(a @ P[np.ix_(at, at)] @ a + SPEED**2 * GYRO.N**2 * OUTAGE**3 / 3)
 print(
     f"{OUTAGE:g} s without GNSS, across the way: free {said['free'][0]:+.1f} m (filter says {said['free'][1]:.1f} m), "
     f"wheels {said['wheels'][0]:+.2f} m (filter says {said['wheels'][1]:.2f} m, theory {theory:.2f} m)"

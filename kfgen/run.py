@@ -53,6 +53,8 @@ class FilterRun:
     deviation : ndarray, shape (n, states)
         Square roots of the diagonal of P.
     sensors : mapping of str to SensorRun
+    covariance : ndarray, shape (states, states), optional
+        P at the end.
     """
 
     model: str
@@ -61,6 +63,7 @@ class FilterRun:
     estimate: Array
     deviation: Array
     sensors: Mapping[str, SensorRun]
+    covariance: Array | None = None
 
 
 def load(program: Program) -> ModuleType:
@@ -112,6 +115,12 @@ def run(program: Program, log: Log) -> FilterRun:
             remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels),
         )
     _align(kf, discrete, log, model.constants)
+    known = dict(zip(discrete.nominal_names, kf.nominal)) | {
+        c.name: float(v) for c, v in zip(model.constants, kf.constants)
+    }
+    for s in model.sensors:
+        if s.name in present:
+            present[s.name][~s.plausible(present[s.name], known)] = np.nan
     takes = {r.name: {a.name for a in r.arguments} for r in program.pieces}
     stepping = set().union(*(takes[n] for n in ("step", "transition", "noise")))
     steps = np.append(np.diff(log.t), 0.0)
@@ -135,14 +144,15 @@ def run(program: Program, log: Log) -> FilterRun:
         )
         for name, rows in seen.items()
     }
-    return FilterRun(model.name, np.asarray(log.t), discrete.nominal_names, estimate, deviation, sensors)
+    names = discrete.nominal_names
+    return FilterRun(model.name, np.asarray(log.t), names, estimate, deviation, sensors, np.array(kf.P))
 
 
 def _over_steps(values: Array, samples: str) -> Array:
     """What acts from each sample to the next, by what a sample stands for."""
     later = np.concatenate([values[1:], values[-1:]])
-    over: dict[str, Array] = {AFTER: values, BEFORE: later, AT: 0.5 * (values + later)}
-    return over[samples]
+    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]
+    return np.asarray(own * values + (1.0 - own) * later)
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:
@@ -218,11 +228,15 @@ def _first_mean(log: Log, part: Input | Sensor) -> Array:
 
 @dataclass(frozen=True)
 class AttitudeError:
-    """Root mean square errors [rad] against a reference attitude, over the samples that have one."""
+    """Root mean square errors [rad] against a reference attitude, over the samples that have one.
+
+    The total is the angle of the whole rotation that is left once the norths agree.
+    """
 
     inclination: float
     heading: float
     samples: int
+    total: float = float("nan")
 
 
 def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
@@ -251,6 +265,6 @@ def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     heading = 2.0 * np.arctan2(z, w)
     heading -= np.angle(np.mean(np.exp(1j * heading)))
     heading = np.angle(np.exp(1j * heading))
-    return AttitudeError(
-        float(np.sqrt(np.mean(inclination**2))), float(np.sqrt(np.mean(heading**2))), int(good.sum())
-    )
+    total = 2.0 * np.arccos(np.clip(np.cos(heading / 2.0) * np.cos(inclination / 2.0), -1.0, 1.0))
+    sizes = [float(np.sqrt(np.mean(e**2))) for e in (inclination, heading, total)]
+    return AttitudeError(sizes[0], sizes[1], int(good.sum()), sizes[2])

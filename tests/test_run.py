@@ -164,6 +164,9 @@ def test_tilt_and_heading_errors_are_told_apart(offset: float) -> None:
     assert error.inclination == pytest.approx(np.sqrt(np.mean(tilt**2)), rel=1e-9)
     centred = heading - np.angle(np.mean(np.exp(1j * heading)))
     assert error.heading == pytest.approx(np.sqrt(np.mean(centred**2)), rel=1e-9)
+    lean = Rotation.from_rotvec(np.outer(tilt, [1.0, 0.0, 0.0]))
+    angle = (Rotation.from_rotvec(np.outer(centred, [0.0, 0.0, 1.0])) * lean).magnitude()
+    assert error.total == pytest.approx(np.sqrt(np.mean(angle**2)), rel=1e-7)
 
 
 def test_a_constant_heading_is_no_error_and_a_constant_tilt_is() -> None:

@@ -102,6 +102,7 @@ class Moving(Entry):
         model = FilterModel(name, self.title, motion, used, options=dict(texts))
         model = replace(model, noise=_effects(model, noise, chosen[BIASES.name]))
         _check_units(model, noise)
+        _check_start(model)
         return model
 
 
@@ -123,7 +124,26 @@ def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict
     return {c: es for c, es in effects.items() if es}
 
 
+def _check_start(model: FilterModel) -> None:
+    """No state that is exactly known at the start and that nothing ever moves: P would be singular for ever."""
+    A, W = model.effect_dynamics
+    first = len(model.states) - A.rows
+    for k, s in enumerate(model.states[first:]):
+        if s.prior == 0.0 and not any(A[k, :]) and not any(W[k, :]):
+            raise InputError(
+                f"the state {s.name} is exactly known at the start and nothing moves it, so P is singular",
+                where=f"{model.name}: {s.title}",
+                remedy="Give its effect a deviation (sd of a bias), or leave it out",
+            )
+
+
 def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
+    if noise and not any(c in model.channel_units for c in noise.channels):
+        raise InputError(
+            f"the noise file has no channel of {model.name}",
+            where="--noise",
+            remedy=f"It has {', '.join(noise.channels)}, the model {', '.join(model.channel_units)}",
+        )
     for channel, unit in model.channel_units.items():
         if noise and channel in noise.channels:
             given = noise.channels[channel].unit

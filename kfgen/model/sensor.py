@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from kfgen.model.blocks import Vector
 from kfgen.model.motion import LEFT_OUT, NED, Constant
 from kfgen.model.option import NOTHING, STATE, Configured
 
 Views = Mapping[str, sp.Matrix]
+Array = NDArray[np.float64]
 
 
 class Sensor(Configured):
@@ -75,6 +78,10 @@ class Sensor(Configured):
     def predict(self, x: Views) -> sp.Matrix:
         """The expected measurement, shape (m, 1), from the blocks (``R_nb`` for an attitude) and offers."""
         raise NotImplementedError
+
+    def plausible(self, z: Array, known: Mapping[str, float]) -> NDArray[np.bool_]:
+        """Which samples (n, m) of a log are to be used, shape (n,), by the start of constants and states by name."""
+        return np.ones(len(z), dtype=bool)
 
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
         """Constants and states by name that a first sample at rest tells, `up_b` being the vertical."""

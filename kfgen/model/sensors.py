@@ -9,15 +9,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from kfgen.model.aiding import Airspeed, Barometer, NonHolonomic, Odometer, ZeroVelocity
 from kfgen.model.bearing import BeaconRange, Heading, LandmarkBearing
 from kfgen.model.blocks import Vector
 from kfgen.model.gnss import GnssPosition, GnssVelocity
 from kfgen.model.motion import GRAVITY, LEFT_OUT, NED, Constant
-from kfgen.model.option import NOTHING, STATE, Choice, Flag, Option
-from kfgen.model.sensor import Sensor, Views, triad
+from kfgen.model.option import NOTHING, STATE, Choice, Flag, Option, Quantity
+from kfgen.model.sensor import Array, Sensor, Views, triad
 
 __all__ = [
     "FIELD",
@@ -85,6 +87,12 @@ class MagneticField(Sensor):
             Choice(("known", STATE, "vector")),
             "known",
         ),
+        Option(
+            "field_gate",
+            "samples of a log whose magnitude differs by more than this share from the field are not used; 0 uses all",
+            Quantity("1"),
+            "0",
+        ),
     )
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
@@ -109,6 +117,14 @@ class MagneticField(Sensor):
             return m_b
         xx, yy, zz, xy, xz, yz = x["si"]
         return m_b + sp.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * m_b
+
+    def plausible(self, z: Array, known: Mapping[str, float]) -> NDArray[np.bool_]:
+        """Those whose magnitude is the field's, within the gate."""
+        gate = self.chosen["field_gate"]
+        if gate <= 0.0:
+            return super().plausible(z, known)
+        field = np.sqrt(sum(known.get(f"mag_{a}", 0.0) ** 2 for a in NED))
+        return np.asarray(np.abs(np.linalg.norm(z, axis=1) - field) <= gate * field)
 
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
         """The components of the field; those that are known stay where iron of the body adds to them."""

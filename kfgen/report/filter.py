@@ -126,13 +126,14 @@ def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answ
     if error is not None:
         words = (
             f"inclination RMSE {np.degrees(error.inclination):.3g} deg, heading RMSE "
-            f"{np.degrees(error.heading):.3g} deg against the reference attitude ({error.samples} samples)"
+            f"{np.degrees(error.heading):.3g} deg, total {np.degrees(error.total):.3g} deg against the reference attitude ({error.samples} samples)"
         )
         lines.append(f"  {words}")
         parts.append(sentence(words[0].upper() + words[1:] + "."))
         data["attitude_error"] = {
             "inclination_rmse": error.inclination,
             "heading_rmse": error.heading,
+            "total_rmse": error.total,
             "unit": "rad",
             "samples": error.samples,
         }
