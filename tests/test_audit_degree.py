@@ -297,6 +297,31 @@ def test_direction_at_a_point_of_roots_and_sines() -> None:
     assert d.vector == pytest.approx({"gain": 1.0, "level": -slope / math.cos(start["level"])}, rel=1e-6)
 
 
+TWICE = """
+name = "twice"
+[states]
+angle = "rad"
+first = "1"
+second = "1"
+[inputs]
+u = "rad/s"
+[dynamics]
+angle = "u"
+first = "0"
+second = "0"
+[measurements.shown]
+unit = "1"
+expression = "first*sin(2*angle) + 2*second*sin(angle)*cos(angle) + angle"
+effects = [ { effect = "white_noise", N = "0.01 1/sqrt(Hz)" } ]
+"""
+
+
+def test_sines_of_related_angles_stay_related() -> None:
+    """``sin 2a = 2 sin a cos a``: only the sum of the two amplitudes is seen."""
+    (d,) = audit(plant(TWICE)).first.directions
+    assert d.vector == pytest.approx({"first": 1.0, "second": -1.0}, rel=1e-9)
+
+
 PENDULUM = """
 format = "kfgen-model-1"
 name = "pendulum"
