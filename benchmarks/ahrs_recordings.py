@@ -1,7 +1,7 @@
 """Attitude from nine axes against an optical reference: kfgen's ahrs6 beside the packages ahrs and imufusion.
 
 Recordings: BROAD (Laidig et al., Data 6(7):72, 2021, CC BY 4.0). Every filter runs all of them with one setting.
-kfgen: scale factors and misalignments of the gyros as states, gyro samples that stand for the interval before them,
+kfgen: scale factors and misalignments of calibrated gyros (0.2 %) as states, gyro samples that stand for the interval before them,
 and noise of the class of the situation: a body moved by hand accelerates by 0.2 m/s^2/sqrt(Hz), a room bends the field
 by 2 uT/sqrt(Hz); samples of a field that is off by a tenth of its size are not used. ahrs: Madgwick with its defaults. imufusion: its defaults with the bias correction of its own example.
 
@@ -27,7 +27,13 @@ from kfgen.readers import read_log
 from kfgen.run import FilterRun, attitude_error, run
 
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
-OPTIONS = {"scale_factors": "true", "misalignment": "full", "samples": "before", "field_gate": "0.1"}
+OPTIONS = {
+    "scale_factors": "true",
+    "misalignment": "full",
+    "intrinsics_sd": "0.002",
+    "samples": "before",
+    "field_gate": "0.1",
+}
 MOVED = {"accel": ("m/s^2", 0.2), "mag": ("T", 2e-6)}
 NOISE = NoiseModel(
     {

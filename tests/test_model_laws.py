@@ -17,6 +17,7 @@ import sympy as sp
 from scipy.linalg import expm
 
 from kfgen.discretise import DiscreteModel
+from kfgen.effects import make
 from kfgen.model.blocks import Attitude
 from kfgen.model.convention import conventions
 from kfgen.model.filter import FilterModel
@@ -375,3 +376,24 @@ def test_a_second_of_the_linear_error_differs_by_second_order(case: tuple[str, d
     linear = np.linalg.norm(Phi @ (8.0 * direction) / moved)
     assert long < 0.1 * linear
     assert 3.9 < long / short < 4.1, (long, short, linear)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("real", [np.float64, np.float32])
+def test_process_noise_of_a_step_is_positive(name: str, real: type) -> None:
+    """Qd with Gauss-Markov terms fast and slow on the first input too, in both precisions."""
+    model = build(name)
+    channel = model.motion.inputs[0].channels[0]
+    for tau in (1e7, 0.1):  # steps over time constants from 1e-9 to 1
+        model = model.augment(channel, make("gauss_markov", sigma=1e-2, tau=tau))
+    d = DiscreteModel(model, order=1, max_step=0.1)
+    n = Numeric(model)
+    x = n.random(np.random.default_rng(2))
+    for dt in (1e-2, 0.1):
+        Qd = n.compiled(list(d.Qd))(x | {"dt": real(dt)}).reshape(d.Qd.shape).astype(float)
+        np.testing.assert_allclose(Qd, Qd.T, rtol=1e-6)
+        sd = np.sqrt(np.where(np.diag(Qd) > 0.0, np.diag(Qd), 1.0))
+        assert np.linalg.eigvalsh(Qd / np.outer(sd, sd)).min() > -1e-6
+        for tau, name_ in ((1e7, f"{channel}_gm"), (0.1, f"{channel}_gm2")):
+            at = [s.name for s in model.states].index(name_)
+            assert Qd[at, at] == pytest.approx(-1e-4 * np.expm1(-2 * dt / tau), rel=2e-6)

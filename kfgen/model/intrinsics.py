@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from kfgen.model.blocks import Vector
-from kfgen.model.option import Choice, Flag, Option
+from kfgen.model.option import Choice, Flag, Option, Quantity
 
 NONE, TRIANGULAR, DIAGONAL, FULL = "none", "triangular", "diagonal", "full"
 AXES = "xyz"
@@ -42,6 +42,10 @@ G_SENSITIVITY = Option(
     NONE,
 )
 
+INTRINSICS_SD = Option(
+    "intrinsics_sd", "deviation of scale factors and misalignments before the log", Quantity("1"), "0.005"
+)
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -50,7 +54,7 @@ class Intrinsics:
     Parameters
     ----------
     chosen : mapping of str to value
-        Of the three options.
+        Of the options above.
     triads : tuple of str
         Whose they are.
     """
@@ -62,16 +66,15 @@ class Intrinsics:
     def blocks(self) -> tuple[Vector, ...]:
         """Constant states, gyros first."""
         out: list[Vector] = []
+        sd = float(str(self.chosen["intrinsics_sd"]))
         words = {"gyro": "gyro", "accel": "accelerometer"}
         if self.chosen["scale_factors"]:
-            out += [
-                Vector(f"s{t[0]}", tuple(AXES), "1", f"{words[t]} scale factor", 5e-3) for t in self.triads
-            ]
+            out += [Vector(f"s{t[0]}", tuple(AXES), "1", f"{words[t]} scale factor", sd) for t in self.triads]
         if self.chosen["misalignment"] != NONE:
             above = {"accel"} if self.chosen["misalignment"] == TRIANGULAR else set()
             for t in self.triads:
                 beside = ABOVE if t in above else SIDE
-                out.append(Vector(f"m{t[0]}", beside, "rad", f"{words[t]} misalignment", 5e-3))
+                out.append(Vector(f"m{t[0]}", beside, "rad", f"{words[t]} misalignment", sd))
         if self.chosen.get("g_sensitivity", NONE) != NONE:
             entries = tuple(f"{a}{a}" for a in AXES) if self.chosen["g_sensitivity"] == DIAGONAL else ()
             entries = entries or tuple(f"{a}{b}" for a in AXES for b in AXES)

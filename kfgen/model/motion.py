@@ -20,7 +20,7 @@ import sympy as sp
 from kfgen.model.blocks import Attitude, Block, Vector
 from kfgen.model.convention import Phi, conventions
 from kfgen.model.earth import EARTH_RATE, normal_gravity, radii
-from kfgen.model.intrinsics import G_SENSITIVITY, MISALIGNMENT, SCALE_FACTORS, Intrinsics
+from kfgen.model.intrinsics import G_SENSITIVITY, INTRINSICS_SD, MISALIGNMENT, SCALE_FACTORS, Intrinsics
 from kfgen.model.option import NOTHING, Choice, Configured, Flag, Option, Quantity
 from kfgen.units import STANDARD_GRAVITY
 
@@ -109,7 +109,7 @@ GRAVITY_MODEL = Choice((CONSTANT, NORMAL))
 LATITUDE = Option("latitude", "geodetic latitude of the origin", Quantity("deg"), "45 deg")
 LONGITUDE = Option("longitude", "longitude of the origin", Quantity("deg"), "0 deg")
 HEIGHT = Option("height", "height of the origin above the ellipsoid", Quantity("m"), "0 m")
-COMMON = (ATTITUDE_ERROR, SAMPLES, SCALE_FACTORS, MISALIGNMENT, G_SENSITIVITY)
+COMMON = (ATTITUDE_ERROR, SAMPLES, SCALE_FACTORS, MISALIGNMENT, G_SENSITIVITY, INTRINSICS_SD)
 
 
 class Motion(Configured):
@@ -181,7 +181,7 @@ class Rotating(Motion):
     about one part in a thousand of a radian per second in a second.
     """
 
-    options = (ATTITUDE_ERROR, SAMPLES, LEFT_OUT, SCALE_FACTORS, MISALIGNMENT)
+    options = (ATTITUDE_ERROR, SAMPLES, LEFT_OUT, SCALE_FACTORS, MISALIGNMENT, INTRINSICS_SD)
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING) -> None:
         super().__init__(chosen)

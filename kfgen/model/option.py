@@ -99,7 +99,8 @@ class Quantity(Kind):
     @property
     def words(self) -> str:
         """The unit."""
-        return f"{self.count} numbers in {self.unit}" if self.count > 1 else f"a number in {self.unit}"
+        of = f" in {self.unit}" if self.unit != "1" else ""
+        return f"{self.count} numbers{of}" if self.count > 1 else f"a number{of}"
 
     def read(self, text: str, where: str) -> tuple[float, ...] | float:
         """The numbers [SI]."""
