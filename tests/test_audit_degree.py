@@ -15,9 +15,10 @@ from audit_models import DELAY, LEVER, With, antenna, flown, ins, late, model, p
 from scipy.integrate import solve_ivp
 
 from kfgen.audit.audit import audit, notes
-from kfgen.audit.chain import along
+from kfgen.audit.chain import along, null_space
 from kfgen.audit.degree import Horizon, degree
 from kfgen.audit.plan import Plan
+from kfgen.audit.ring import PRIMES, Ring
 from kfgen.discretise import DiscreteModel
 from kfgen.effects import make
 from kfgen.manoeuvre.flight import Flight
@@ -103,7 +104,7 @@ def float_singular(m: FilterModel, manoeuvre: Any, T: float = 20.0, steps: int =
     return np.linalg.svd(O, compute_uv=False)
 
 
-SMOOTH = ("static", "hover", "cruise", "drive", "coordinated-turn", "generic")
+TURNS = ("accelerate", "two-position", "six-position", "s-turn", "hover")
 MODELS: dict[str, Callable[[], FilterModel]] = {
     "ins": ins,
     "arm": lambda: model(With(Strapdown(), LEVER), antenna),
@@ -111,8 +112,10 @@ MODELS: dict[str, Callable[[], FilterModel]] = {
 }
 
 
-@pytest.mark.parametrize("name", SMOOTH)
-@pytest.mark.parametrize("which", MODELS)
+PAIRS = [("ins", n) for n in LIBRARY] + [(m, n) for m in ("arm", "delay") for n in TURNS]
+
+
+@pytest.mark.parametrize(("which", "name"), PAIRS)
 def test_exact_count_is_where_singular_values_drop(which: str, name: str) -> None:
     """The transition in floating point has its gap, of two decades at least, where the exact rank says."""
     m = MODELS[which]()
@@ -171,6 +174,37 @@ def test_lint_finds_three_redundant_constants() -> None:
     assert "ma triangular" in note
     m = build("ins15", None, {"scale_factors": "true", "misalignment": "triangular"})
     assert notes(Plan(m, m.sensors), None) == ()
+
+
+def test_what_no_motion_shows_no_manoeuvre_frees() -> None:
+    """Turned axes of the body with their misalignments, and the heading of a car, stay hidden in every column."""
+    m = build("ins15", None, {"scale_factors": "true", "misalignment": "full"})
+    table = audit(m, (LIBRARY["generic"],)).table
+    assert table is not None
+    assert not any(free for row in table.freed for free in row)
+    car = audit(build("ins15", None, {"sensors": "odometer,non_holonomic"}))
+    assert car.table is not None
+    rows = {tuple(d.vector): row for d, row in zip(car.first.directions, car.table.freed)}
+    for never in ("p_N", "p_E", "p_D", "phi_D"):
+        assert not any(rows[(never,)]), never
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_null_space_with_pivots_of_every_size(seed: int) -> None:
+    """Matrices ``A D B`` with powers of p in D: what B hides from the rows kept is found, and nothing else."""
+    rng = np.random.default_rng(seed)
+    ring = Ring(PRIMES[0], 12)
+    n, rank = 6, int(rng.integers(1, 6))
+    A = [[int(e) for e in row] for row in rng.integers(-9, 10, (8, rank))]
+    B = [[int(e) for e in row] for row in rng.integers(-9, 10, (rank, n))]
+    powers = [ring.p ** int(k) for k in rng.integers(0, 4, rank)]
+    rows = [[sum(a * d * b[j] for a, d, b in zip(line, powers, B)) for j in range(n)] for line in A]
+    basis, left = null_space(rows, n, ring)
+    assert basis.shape == (n, n - np.linalg.matrix_rank(np.array(B)))
+    assert left.digits >= 6
+    assert all(
+        sum(b * int(x) for b, x in zip(line, column)) % left.m == 0 for line in B for column in basis.T
+    )
 
 
 def test_lint_of_effects() -> None:
@@ -261,6 +295,31 @@ def test_direction_at_a_point_of_roots_and_sines() -> None:
     start = Plan(answer.model, answer.model.sensors).numbers(generic=answer.generic)
     slope = start["gain"] / (1.0 + start["gain"] ** 2)
     assert d.vector == pytest.approx({"gain": 1.0, "level": -slope / math.cos(start["level"])}, rel=1e-6)
+
+
+TWICE = """
+name = "twice"
+[states]
+angle = "rad"
+first = "1"
+second = "1"
+[inputs]
+u = "rad/s"
+[dynamics]
+angle = "u"
+first = "0"
+second = "0"
+[measurements.shown]
+unit = "1"
+expression = "first*sin(2*angle) + 2*second*sin(angle)*cos(angle) + angle"
+effects = [ { effect = "white_noise", N = "0.01 1/sqrt(Hz)" } ]
+"""
+
+
+def test_sines_of_related_angles_stay_related() -> None:
+    """``sin 2a = 2 sin a cos a``: only the sum of the two amplitudes is seen."""
+    (d,) = audit(plant(TWICE)).first.directions
+    assert d.vector == pytest.approx({"first": 1.0, "second": -1.0}, rel=1e-9)
 
 
 PENDULUM = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +13,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.audit.basis import Null, readable
+from kfgen.audit.carried import carried
 from kfgen.audit.chain import Hidden, along
 from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
 from kfgen.audit.lint import lint
@@ -179,7 +181,9 @@ def audit(
         others = [m for m in candidates(plan) if m.name not in {f.name for f in flown}]
         seen = [along(plan, [m], generic=generic)[0] for m in others] + found[1:]
         columns = (*others, *flown[1:])
-        rows = tuple(tuple(_freed(h, v, found[0]) for h in seen) for v in nulls[0])
+        rows = tuple(
+            tuple(_freed(h, carried(plan, v, flown[0], m)) for m, h in zip(columns, seen)) for v in nulls[0]
+        )
         table = Table(columns, rows) if columns else None
         freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
     audits = []
@@ -224,14 +228,11 @@ def hidden_directions(model: FilterModel) -> tuple[Direction, ...]:
     return tuple(_directions(plan, m, vs, [()] * len(vs), None, generic=generic))
 
 
-def _freed(h: Hidden, v: Null, first: Hidden) -> bool | None:
-    """Whether a direction of the first manoeuvre shows along another; None where it cannot be carried over."""
-    if h.ring.p == first.ring.p:
-        return not h.contains(v.residues, first.ring)
-    known = [e for e in v.values if e is not None]
-    if len(known) < len(v.values):
+def _freed(h: Hidden, variants: Sequence[Sequence[Fraction]] | None) -> bool | None:
+    """Whether a direction, in none of its variants, is hidden along another manoeuvre; None where it is no fraction."""
+    if variants is None:
         return None
-    return not h.contains([h.ring.of(e) for e in known], h.ring)
+    return not any(h.contains([h.ring.of(e) for e in v], h.ring) for v in variants)
 
 
 def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:

@@ -132,7 +132,13 @@ def _circuits(hidden: Hidden, moving: set[int]) -> list[Vector]:
     orders += [[*(o for o in reversed(states) if o != s), s] for s in states] if d > 1 else []
     for order in orders:
         found.update(_leading(v, ring) for v in _echelon(rows, order, ring))
-    return sorted(found, key=lambda v: (sum(map(bool, v)), sum(k in moving for k in _order(v)), _order(v)))
+    return sorted(found, key=lambda v: _weight(v, moving, ring))
+
+
+def _weight(v: Vector, moving: set[int], ring: Ring) -> tuple[bool, int, int, list[int]]:
+    """What is read last is largest: amounts that depend on durations, many states, states that move."""
+    plain = all(e % ring.p and ring.rational(e) is not None for e in v if e)
+    return not plain, sum(map(bool, v)), sum(k in moving for k in _order(v)), _order(v)
 
 
 def _echelon(rows: list[list[int]], order: Sequence[int], ring: Ring) -> list[list[int]]:

@@ -246,7 +246,6 @@ def null_space(rows: list[list[int]], columns: int, ring: Ring) -> tuple[Residue
         lost = max(lost, v)
         pivot = rows.pop(r)
         unit = ring.inverse(pivot[c] // p**v)
-        done = [(c2, _without(row2, pivot, c, unit, p**v, m), v2) for c2, row2, v2 in done]
         rows = [_without(row, pivot, c, unit, p**v, m) for row in rows]
         rows = [row for row in rows if any(row)]
         done.append((c, pivot, v))
@@ -254,9 +253,13 @@ def null_space(rows: list[list[int]], columns: int, ring: Ring) -> tuple[Residue
     left = Ring(p, ring.digits - lost)
     basis = np.zeros((columns, len(free)), dtype=object)
     for k, f in enumerate(free):
-        basis[f, k] = 1
-        for c, row, v in done:
-            basis[c, k] = -(row[f] // p**v) * pow(row[c] // p**v, -1, m) % left.m
+        x = {f: 1}
+        # From the last pivot back: an earlier one divides all that stood in its row, so that nothing is lost.
+        for c, row, v in reversed(done):
+            rest = sum(row[j] * value for j, value in x.items()) % m
+            x[c] = -(rest // p**v) * pow(row[c] // p**v, -1, m) % m
+        for c, value in x.items():
+            basis[c, k] = value % left.m
     return basis, left
 
 

@@ -20,8 +20,12 @@ State = Mapping[sp.Symbol, int]
 
 
 def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> dict[sp.Symbol, int]:
-    """Where a manoeuvre starts; `generic` as in `Plan.start`."""
-    out = {s: ring.of(v) for s, v in plan.start(generic=generic).items()}
+    """Where a manoeuvre starts; `generic` as in `Plan.start`.
+
+    At a generic start what stands inside a sine is a multiple of p, so that sines of related arguments stay related.
+    """
+    small = plan.curved if generic else frozenset()
+    out = {s: ring.of(v) * (ring.p if s in small else 1) for s, v in plan.start(generic=generic).items()}
     if not plan.rotation:
         return out
     level = turn_of(plan)

@@ -21,6 +21,8 @@ from kfgen.model.filter import FilterModel
 from kfgen.model.sensors import Sensor
 from kfgen.model.truth import level_at
 
+SERIES = (sp.sin, sp.cos, sp.tan, sp.exp, sp.atan)
+"""Functions whose power series around zero are summed exactly."""
 Entry = tuple[int, int, int]
 """Row, column, place."""
 
@@ -155,6 +157,17 @@ class Plan:
     def own(self) -> tuple[sp.Symbol, ...]:
         """Components of the blocks that no manoeuvre places: an arm, a feature, the states of a plant."""
         return tuple(s for b in self.vectors if not self._placed(b) for s in b.nominal)
+
+    @cached_property
+    def curved(self) -> frozenset[sp.Symbol]:
+        """Own components inside sines and the like, which have a value only where their power series converge."""
+        M = [*self.model.F, *(e for s in self.sensors for e in self.model.H(s))]
+        rates = [e for r in self._rates.values() for e in r]
+        found: set[sp.Symbol] = set()
+        for e in (*M, *rates):
+            for call in e.atoms(*SERIES):
+                found |= call.args[0].free_symbols
+        return frozenset(found & set(self.own))
 
     def numbers(self, *, generic: bool) -> dict[str, float]:
         """Where the plan's own components start, by name [SI]."""

@@ -125,7 +125,7 @@ def _said(a: Audit) -> Said:
     none = "Every state shows in the measurements"
     if a.recorded:
         head = f"{a.model.name}, {a.manoeuvre.name}: {a.nullity} of {a.states} hidden whatever is flown"
-        none = "Some motion shows every state; how well this one did, the filter's own covariance says"
+        none = "Some motion shows every state; how well this one did, the filter's covariance says, which trusts its linearisation"
     said = [d.sentence for d in a.directions] or [none]
     beside = [] if a.recorded else [f"{_beside(a)}."]
     lines = [head, *(f"  {w}." for w in said), *(f"  {w}" for w in beside)]
