@@ -20,7 +20,7 @@ from kfgen.emit.routines import Program
 from kfgen.errors import InputError
 from kfgen.log import Log
 from kfgen.model.equations import Equations, Shown
-from kfgen.model.motion import Constant, Input
+from kfgen.model.motion import AFTER, AT, BEFORE, Constant, Input
 from kfgen.model.sensors import Sensor
 from kfgen.model.truth import level_at
 
@@ -102,6 +102,7 @@ def run(program: Program, log: Log) -> FilterRun:
         else np.column_stack([log.values(c) for c in i.channels])
         for i in model.motion.inputs
     }
+    acting = {n: _over_steps(v, model.motion.chosen.get("samples", AFTER)) for n, v in inputs.items()}
     drive = {argument(d): log.values(d) for d in model.drivers}
     present = {
         s.name: np.column_stack([log.channel(c).values for c in s.channels])
@@ -130,7 +131,7 @@ def run(program: Program, log: Log) -> FilterRun:
                 seen[name].append((log.t[k], kf.innovation[: z.size].copy(), kf.nis))
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
         if steps[k] > 0.0:
-            given: dict[str, Any] = {n: v[k] for n, v in (inputs | drive).items() if n in stepping}
+            given: dict[str, Any] = {n: v[k] for n, v in (acting | drive).items() if n in stepping}
             kf.predict(**given, dt=steps[k])
     sensors = {
         name: SensorRun(
@@ -139,6 +140,12 @@ def run(program: Program, log: Log) -> FilterRun:
         for name, rows in seen.items()
     }
     return FilterRun(model.name, np.asarray(log.t), discrete.nominal_names, estimate, deviation, sensors)
+
+
+def _over_steps(values: Array, samples: str) -> Array:
+    """What acts from each sample to the next, by what a sample stands for."""
+    later: Array = np.concatenate([values[1:], values[-1:]])
+    return {AFTER: values, BEFORE: later, AT: 0.5 * (values + later)}[samples]
 
 
 def _align(kf: Any, discrete: DiscreteModel, log: Log, constants: tuple[Constant, ...]) -> None:

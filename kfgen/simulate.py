@@ -117,14 +117,26 @@ def simulate(
         return _plant_log(discrete, model.motion, manoeuvre, t, rng, drive)
     flown = MANOEUVRES[manoeuvre]
     wanted = Wanted(t, flown.rate(t), flown.acceleration(t), np.eye(3), np.zeros(3))
+    return simulate_motion(discrete, wanted, rng, drive, manoeuvre)
+
+
+def simulate_motion(
+    discrete: DiscreteModel,
+    wanted: Wanted,
+    rng: np.random.Generator,
+    drive: Mapping[str, Array] | None = None,
+    name: str = "own motion",
+) -> Log:
+    """A log along any motion; parameters as of `simulate`, `name` is said in the log's source."""
+    model, t = discrete.model, wanted.t
     true = along(model, wanted, drawn(model, rng))
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
-        channels[channel] = Channel(values + _own_noise(discrete, channel, n, rng), unit)
-    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {manoeuvre}")
+        channels[channel] = Channel(values + _own_noise(discrete, channel, t.size, rng), unit)
+    return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {name}")
 
 
 def _plant_log(

@@ -133,8 +133,8 @@ class Lowering:
         if (2 * exponent).is_Integer and not exponent.is_Integer and abs(exponent) < LONGEST_POWER:
             b, whole = self.expression(base), int(abs(exponent))
             b = self._local(b) if whole else b
-            start: Expr = Una("sqrt", b)
-            root = reduce(mul, [b] * whole, start)
+            root: Expr = Una("sqrt", b)
+            root = reduce(mul, [b] * whole, root)
             return root if exponent > 0 else Bin("/", Num(1.0), root)
         if not exponent.is_Integer or abs(int(exponent)) > LONGEST_POWER:
             raise InputError(f"the power {exponent} cannot be emitted")

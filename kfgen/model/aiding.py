@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import sympy as sp
 
 from kfgen.model.blocks import Vector
-from kfgen.model.motion import NED, Constant
+from kfgen.model.motion import LEFT_OUT, NED, Constant
 from kfgen.model.option import NOTHING, Flag, Option, Quantity
 from kfgen.model.sensor import Sensor, Views, triad
 
@@ -92,6 +92,7 @@ class NonHolonomic(Wheeled):
     channels = triad("nhc", "yz")
     sd = 0.1
     left_out = 0.05
+    options = (*Wheeled.options, LEFT_OUT)
 
     def predict(self, x: Views) -> sp.Matrix:
         """The two components across."""
@@ -131,6 +132,7 @@ class Airspeed(Sensor):
     channels = ("airspeed",)
     sd = 0.5
     left_out = 0.5
+    options = (LEFT_OUT,)
     needs = ("v", "level")
     blocks = (Vector("w", ("N", "E"), "m/s", "wind", 3.0),)
 

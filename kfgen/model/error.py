@@ -99,7 +99,7 @@ class ErrorState:
         out: Variation = {}
         for b in self.blocks:
             for nominal, e in zip(b.nominal, self.truth[b.name]):
-                out[nominal] = {places[s]: e.coeff(s) for s in e.free_symbols & places.keys()}
+                out[nominal] = {places[s]: e.diff(s) for s in e.free_symbols & places.keys()}
         return out
 
     def _linear(self, vector: sp.Matrix) -> sp.Matrix:

@@ -90,8 +90,8 @@ class FilterModel:
         """No two parts read one channel."""
         readers: dict[str, str] = {}
         parts = [
-            *((i.name, i.channels) for i in self.motion.inputs),
-            *((s.name, s.channels) for s in self.sensors),
+            *((f"the input {i.name}", i.channels) for i in self.motion.inputs),
+            *((f"the sensor {s.name}", s.channels) for s in self.sensors),
         ]
         for name, channels in parts:
             for c in channels:
@@ -99,7 +99,7 @@ class FilterModel:
                     raise InputError(
                         f"{readers[c]} and {name} of {self.name} both read the channel {c}",
                         where=self.name,
-                        remedy=f"Leave out the sensor {name}",
+                        remedy=f"Leave out {name}",
                     )
 
     def _check_needs(self) -> None:

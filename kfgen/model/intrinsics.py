@@ -51,26 +51,28 @@ class Intrinsics:
     ----------
     chosen : mapping of str to value
         Of the three options.
+    triads : tuple of str
+        Whose they are.
     """
 
     chosen: Mapping[str, object]
+    triads: tuple[str, ...] = ("gyro", "accel")
 
     @property
     def blocks(self) -> tuple[Vector, ...]:
         """Constant states, gyros first."""
         out: list[Vector] = []
+        words = {"gyro": "gyro", "accel": "accelerometer"}
         if self.chosen["scale_factors"]:
             out += [
-                Vector("sg", tuple(AXES), "1", "gyro scale factor", 5e-3),
-                Vector("sa", tuple(AXES), "1", "accelerometer scale factor", 5e-3),
+                Vector(f"s{t[0]}", tuple(AXES), "1", f"{words[t]} scale factor", 5e-3) for t in self.triads
             ]
         if self.chosen["misalignment"] != NONE:
-            beside = ABOVE if self.chosen["misalignment"] == TRIANGULAR else SIDE
-            out += [
-                Vector("mg", SIDE, "rad", "gyro misalignment", 5e-3),
-                Vector("ma", beside, "rad", "accelerometer misalignment", 5e-3),
-            ]
-        if self.chosen["g_sensitivity"] != NONE:
+            above = {"accel"} if self.chosen["misalignment"] == TRIANGULAR else set()
+            for t in self.triads:
+                beside = ABOVE if t in above else SIDE
+                out.append(Vector(f"m{t[0]}", beside, "rad", f"{words[t]} misalignment", 5e-3))
+        if self.chosen.get("g_sensitivity", NONE) != NONE:
             entries = tuple(f"{a}{a}" for a in AXES) if self.chosen["g_sensitivity"] == DIAGONAL else ()
             entries = entries or tuple(f"{a}{b}" for a in AXES for b in AXES)
             out.append(Vector("dg", entries, "rad*s/m", "gyro g-sensitivity", 2e-4))
@@ -86,8 +88,11 @@ class Intrinsics:
         return M
 
     def true_inputs(self, x: Mapping[str, sp.Matrix], shown: Mapping[str, sp.Matrix]) -> dict[str, sp.Matrix]:
-        """``accel`` and ``gyro`` from what they show."""
-        M = {t: self._matrix(x, f"s{t[0]}") + self._matrix(x, f"m{t[0]}") for t in ("accel", "gyro")}
-        f = shown["accel"] - M["accel"] * shown["accel"]
-        omega = shown["gyro"] - M["gyro"] * shown["gyro"] - self._matrix(x, "dg") * f
-        return {"accel": f, "gyro": omega}
+        """The true triads from what they show."""
+        out = {}
+        for t in self.triads:
+            M = self._matrix(x, f"s{t[0]}") + self._matrix(x, f"m{t[0]}")
+            out[t] = shown[t] - M * shown[t]
+        if "accel" in out:
+            out["gyro"] -= self._matrix(x, "dg") * out["accel"]
+        return out

@@ -106,20 +106,21 @@ class Moving(Entry):
 
 
 def _effects(model: FilterModel, noise: NoiseModel | None, biases: bool) -> dict[str, tuple[Effect, ...]]:
-    """White noise on every input, the noise file's effects where it has them, and a constant bias."""
+    """The noise file's effects, white noise on inputs that it does not know, and a constant bias where it has none."""
     known = {c: found.effects for c, found in (noise.channels if noise else {}).items()}
     effects: dict[str, tuple[Effect, ...]] = {}
+
+    def with_bias(own: tuple[Effect, ...], wanted: bool, prior: float) -> tuple[Effect, ...]:
+        return (*own, make("bias", sd=prior)) if wanted and not any(e.name == "bias" for e in own) else own
+
     for triad in model.motion.inputs:
         for channel in triad.channels:
             own = known.get(channel) or (make("white_noise", N=triad.N),)
-            effects[channel] = (*own, *((make("bias", sd=triad.bias_prior),) if biases else ()))
+            effects[channel] = with_bias(own, biases, triad.bias_prior)
     for sensor in model.sensors:
         for channel in sensor.channels:
-            found = known.get(channel, ())
-            found = (*found, *((make("bias", sd=sensor.bias_prior),) if sensor.biases else ()))
-            if found and channel not in effects:
-                effects[channel] = found
-    return effects
+            effects[channel] = with_bias(known.get(channel, ()), sensor.biases, sensor.bias_prior)
+    return {c: es for c, es in effects.items() if es}
 
 
 def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:

@@ -89,6 +89,13 @@ GRAVITY = Constant("g", "m/s^2", STANDARD_GRAVITY, "gravity, positive")
 ATTITUDE_ERROR = Option(
     "attitude_error", "how truth is made of estimate and error", Choice(tuple(conventions())), Phi.name
 )
+AFTER, BEFORE, AT = "after", "before", "at"
+SAMPLES = Option(
+    "samples",
+    "what a sample of the inputs stands for in a log: the interval after it, the one before it, or the instant",
+    Choice((AFTER, BEFORE, AT)),
+    AFTER,
+)
 LEFT_OUT = Option(
     "left_out",
     "add what the model leaves out (see derive) to the noise of inputs and sensors",
@@ -102,7 +109,7 @@ GRAVITY_MODEL = Choice((CONSTANT, NORMAL))
 LATITUDE = Option("latitude", "geodetic latitude of the origin", Quantity("deg"), "45 deg")
 LONGITUDE = Option("longitude", "longitude of the origin", Quantity("deg"), "0 deg")
 HEIGHT = Option("height", "height of the origin above the ellipsoid", Quantity("m"), "0 m")
-COMMON = (ATTITUDE_ERROR, SCALE_FACTORS, MISALIGNMENT, G_SENSITIVITY)
+COMMON = (ATTITUDE_ERROR, SAMPLES, SCALE_FACTORS, MISALIGNMENT, G_SENSITIVITY)
 
 
 class Motion(Configured):
@@ -174,12 +181,18 @@ class Rotating(Motion):
     about one part in a thousand of a radian per second in a second.
     """
 
-    options = (ATTITUDE_ERROR, LEFT_OUT)
+    options = (ATTITUDE_ERROR, SAMPLES, LEFT_OUT, SCALE_FACTORS, MISALIGNMENT)
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING) -> None:
         super().__init__(chosen)
-        self.blocks = (Attitude(convention=conventions()[self.chosen["attitude_error"]]),)
+        self.intrinsics = Intrinsics(self.chosen, ("gyro",))
+        convention = conventions()[self.chosen["attitude_error"]]
+        self.blocks = (Attitude(convention=convention), *self.intrinsics.blocks)
         self.inputs = (replace(GYRO, left_out=1e-3 if self.chosen["left_out"] else 0.0),)
+
+    def true_inputs(self, x: Views, shown: Views) -> Views:
+        """Without scale factors and misalignments."""
+        return self.intrinsics.true_inputs(x, shown)
 
     def rates(self, x: Views, u: Views) -> dict[str, sp.Matrix]:
         """The body rate is the gyros'."""

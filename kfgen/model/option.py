@@ -105,7 +105,7 @@ class Quantity(Kind):
         """The numbers [SI]."""
         parts = text.split()
         values, unit = parts[: self.count], " ".join(parts[self.count :])
-        if len(values) < self.count:
+        if len(values) < self.count or not all(re.fullmatch(r"[-+.\deE]+", v) for v in values):
             raise InputError(
                 f"'{text}' is not {self.count} numbers",
                 where=where,

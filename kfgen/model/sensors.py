@@ -111,7 +111,9 @@ class MagneticField(Sensor):
         return m_b + sp.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * m_b
 
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
-        """The components of the field."""
+        """The components of the field; those that are known stay where iron of the body adds to them."""
+        if self.biases and not self.field:
+            return {}
         down = -sum(z * u for z, u in zip(z_b, up_b))
         size2 = sum(z * z for z in z_b)
         return {"mag_N": max(size2 - down * down, 0.0) ** 0.5, "mag_D": down}

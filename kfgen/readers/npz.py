@@ -32,6 +32,7 @@ _USUAL = {
     "accel": ("accel", "m/s^2"),
     "mag": ("mag", "uT"),
     "quat": ("ref_q", ""),
+    "movement": ("movement", ""),
 }
 _SUFFIX = {3: "xyz", 4: "wxyz"}
 # ENU axes seen from NED: a half turn about the bisector of north and east.

@@ -11,6 +11,8 @@ import sympy as sp
 import kfgen
 from kfgen.audit.audit import Audit
 from kfgen.discretise import DiscreteModel
+from kfgen.model.motion import Input
+from kfgen.model.sensor import Sensor
 from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table, text
 
@@ -68,6 +70,26 @@ def state_rows(discrete: DiscreteModel) -> list[list[str]]:
     return [[str(i), s.name, s.unit, s.title, f"{s.prior:.3g}"] for i, s in enumerate(discrete.model.states)]
 
 
+def _parts(discrete: DiscreteModel) -> list[Input | Sensor]:
+    return [*discrete.model.motion.inputs, *discrete.model.sensors]
+
+
+def assumptions(discrete: DiscreteModel) -> list[str]:
+    """What a reader must know beside the matrices: frame, convention, and what is left out."""
+    model, said = discrete.model, []
+    if model.attitude is not None:
+        axes = ", ".join(model.motion.axes)
+        said.append(f"Navigation axes {axes}; R_nb takes body to navigation axes")
+        said.append(f"Error: {model.convention.title}; {model.convention.equation}")
+    for part in _parts(discrete):
+        if part.left_out:
+            said.append(
+                f"{part.name}: {part.left_out:g} {part.unit}/sqrt(Hz) is added to its noise for what the model "
+                "leaves out (off with --set left_out=false)"
+            )
+    return said
+
+
 STATE_HEAD = ("", "state", "unit", "meaning", "prior deviation")
 
 
@@ -80,6 +102,7 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
     }
     model, pairs = discrete.model, equations(discrete)
     body = [f"{model.name}: {model.title}", "", columns([list(STATE_HEAD), *state_rows(discrete)]), ""]
+    body += [f"{line}." for line in assumptions(discrete)] + [""]
     body += [f"{letter} =\n{printers[form](M)}\n" for letter, M in pairs]
     data = {
         "format": "kfgen-derive-1",
@@ -87,6 +110,14 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
         "model": model.name,
         "hash": model.hash,
         "states": [{"name": s.name, "unit": s.unit, "title": s.title} for s in model.states],
+        "options": dict(model.options),
+        "convention": model.convention.name if model.attitude else None,
+        "equation": model.convention.equation if model.attitude else None,
+        "left_out": {
+            p.name: {"value": p.left_out, "unit": f"{p.unit}/sqrt(Hz)"}
+            for p in _parts(discrete)
+            if p.left_out
+        },
         "matrices": {
             letter: [[str(M[i, j]) for j in range(M.cols)] for i in range(M.rows)] for letter, M in pairs
         },
@@ -96,6 +127,7 @@ def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
         (
             heading("States"),
             table(STATE_HEAD, state_rows(discrete)),
+            *(sentence(f"{line}.") for line in assumptions(discrete)),
             heading("Equations"),
             *equation_parts(discrete),
         ),

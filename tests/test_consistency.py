@@ -1,0 +1,159 @@
+"""Filters of the library are as sure as they should be: NEES and NIS of simulated flights against chi-square bands.
+
+Every flight draws its own start, biases, constants and noise from what the filter believes. Bands are two-sided, at a
+false alarm rate of `ALARM` for each number; the seeds are fixed, so a test that passes keeps passing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from kfgen.discretise import DiscreteModel
+from kfgen.effects import make
+from kfgen.emit.filterpy import class_name
+from kfgen.emit.routines import Program
+from kfgen.model.blocks import Attitude
+from kfgen.model.filter import FilterModel
+from kfgen.model.library import build
+from kfgen.run import load
+from kfgen.simulate import simulate
+
+ALARM = 1e-3
+RATE = 50.0
+SMALL = 0.1
+"""Share of the priors that is drawn and believed: small enough for a linear filter."""
+
+Case = tuple[str, tuple[tuple[str, str], ...]]
+
+
+@cache
+def program(case: Case) -> Program:
+    """The model with what it leaves out left out, and its start believed a share of its prior."""
+    model = build(case[0], None, dict(case[1]))
+    noise = {
+        c: tuple(make("bias", sd=SMALL * e.sd) if e.name == "bias" else e for e in es)  # type: ignore[attr-defined]
+        for c, es in model.noise.items()
+    }
+    motion = model.motion
+    motion.blocks = tuple(replace(b, prior=SMALL * b.prior) for b in motion.blocks)
+    for s in model.sensors:
+        s.blocks = tuple(replace(b, prior=SMALL * b.prior) for b in s.blocks)
+    model = FilterModel(model.name, model.title, motion, model.sensors, noise)
+    return Program(DiscreteModel(model, order=2, rate=RATE))
+
+
+def biases(program: Program, seed: int) -> tuple[dict[str, float], DiscreteModel]:
+    """Truth of the biases, and a model that simulates them."""
+    model, rng = program.discrete.model, np.random.default_rng(1000 + seed)
+    noise: dict[str, tuple[Any, ...]] = {}
+    truth: dict[str, float] = {}
+    for a in model.attached:
+        effect: Any = a.effect
+        if effect.name == "bias":
+            truth[model.states[a.states[0]].name] = float(effect.sd * rng.normal())
+            effect = make("bias", value=truth[model.states[a.states[0]].name])
+        noise[a.channel] = (*noise.get(a.channel, ()), effect)
+    return truth, DiscreteModel(replace(model, noise=noise), order=2, rate=RATE)
+
+
+@cache
+def flown(case: Case, duration: float, seed: int) -> tuple[float, dict[str, tuple[float, int]]]:
+    """NEES of the whole state at the end, and the sum and the number of rows of each sensor's NIS."""
+    p = program(case)
+    model = p.discrete.model
+    truth, simulated = biases(p, seed)
+    log = simulate(simulated, "generic", duration, np.random.default_rng(seed))
+    x = {n.removeprefix("ref_"): c.values for n, c in log.channels.items() if n.startswith("ref_")}
+    kf = getattr(load(p), class_name(p))()
+    rng = np.random.default_rng(2000 + seed)
+    error = dict(
+        zip((s.name for s in model.states), rng.normal(size=p.n) * np.sqrt(np.diag(kf.P)), strict=True)
+    )
+    start: list[float] = []
+    for b in model.blocks:
+        if isinstance(b, Attitude):
+            q = Rotation.from_quat([x[f"q_{a}"][0] for a in "wxyz"], scalar_first=True)
+            E = Rotation.from_rotvec([-error[n] for n in b.error_names])
+            start += list((q * E if b.convention.side.body else E * q).as_quat(scalar_first=True))
+        elif b in model.motion.blocks[:2]:
+            start += [x[n][0] - error[n] for n in b.error_names]
+        else:
+            start += list(b.start)  # the truth was drawn about it
+    kf.nominal[:] = [*start, *[0.0] * (len(p.discrete.nominal_names) - len(start))]
+    inputs = {i.name: np.column_stack([log.values(c) for c in i.channels]) for i in model.motion.inputs}
+    takes = {r.name: {a.name for a in r.arguments} for r in p.pieces}
+    nis = dict.fromkeys((s.name for s in model.sensors), (0.0, 0))
+    for k in range(log.n):
+        for s in model.sensors:
+            extra = {n: v[k] for n, v in inputs.items() if n in takes[f"expect_{s.name}"]}
+            getattr(kf, f"update_{s.name}")(np.array([log.values(c)[k] for c in s.channels]), **extra)
+            total, rows = nis[s.name]
+            nis[s.name] = total + float((kf.y.T @ kf.SI @ kf.y).item()), rows + len(s.channels)
+        if k < log.n - 1:
+            kf.predict(**{n: v[k] for n, v in inputs.items()}, dt=1.0 / RATE)
+    end = dict(zip(p.discrete.nominal_names, kf.nominal, strict=True))
+    e: list[float] = []
+    for b in model.blocks:
+        if isinstance(b, Attitude):
+            true, q = (
+                Rotation.from_quat([v[f"q_{a}"] for a in "wxyz"], scalar_first=True)
+                for v in ({n: x[n][-1] for n in b.nominal_names}, end)
+            )
+            e += list((q.inv() * true if b.convention.side.body else true * q.inv()).as_rotvec())
+        else:
+            e += [x[n][-1] - end[n] for n in b.error_names]
+    e += [truth[s.name] - end[s.name] for s in model.states[len(e) :]]
+    scale = np.sqrt(np.diag(kf.P))
+    unit = np.array(e) / scale
+    return float(unit @ np.linalg.solve(kf.P / np.outer(scale, scale), unit)), nis
+
+
+def in_band(total: float, freedom: int) -> bool:
+    low, high = chi2.ppf([ALARM / 2, 1 - ALARM / 2], freedom)
+    return bool(low < total < high)
+
+
+def consistent(case: Case, duration: float, flights: int) -> None:
+    runs = [flown(case, duration, seed) for seed in range(flights)]
+    n = program(case).n
+    nees = sum(r[0] for r in runs)
+    assert in_band(nees, n * flights), nees / (n * flights)
+    for sensor in runs[0][1]:
+        total, rows = (sum(r[1][sensor][k] for r in runs) for k in (0, 1))
+        assert in_band(total, int(rows)), (sensor, total / rows)
+
+
+AHRS: Case = ("ahrs6", (("left_out", "false"),))
+INS: Case = ("ins15", ())
+MORE: list[Case] = [
+    ("ins15", (("attitude_error", "local-quaternion"),)),
+    ("ins15", (("frame", "ecef"),)),
+    ("ins15", (("lever_arm", "state"), ("delay", "0.1 s"))),
+    ("ins21", (("earth_rate", "true"), ("transport_rate", "true"), ("gravity_model", "normal"))),
+    ("ins15", (("sensors", "gnss_position,heading,barometer,odometer"), ("wheel_scale", "true"))),
+    ("ins33", ()),
+]
+
+
+@pytest.mark.parametrize("case", [AHRS, INS], ids=["ahrs6", "ins15"])
+def test_a_filter_is_as_sure_as_it_should_be(case: Case) -> None:
+    consistent(case, 8.0, 8)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", [AHRS, INS, *MORE], ids=str)
+def test_a_filter_is_as_sure_as_it_should_be_over_many_flights(case: Case) -> None:
+    consistent(case, 30.0, 24)
+
+
+def test_the_band_can_fail() -> None:
+    """Errors half as large again than believed leave it."""
+    nees = sum(flown(INS, 8.0, seed)[0] for seed in range(8))
+    assert not in_band(1.5**2 * nees, program(INS).n * 8)
