@@ -46,6 +46,8 @@ STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion",
 STRICT += ["-Werror"]
 CASES = [(n, order) for n in NAMES for order in (1, 3)] + [("ahrs6 loaded", 1), ("ins15 loaded", 2)]
 CASES += [("ins23", 1), ("pendulum", 1)]
+ERRORS = ["right-invariant", "local-quaternion"]
+"""Conventions of the error of ins15: with noise of rank less than its states, and a transition in circles."""
 
 
 FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
@@ -55,6 +57,9 @@ FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
 def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> Program:
     if name == "pendulum":
         return Program(DiscreteModel(pendulum(), order=order), form, loops=loops)
+    if name in ERRORS:
+        model = build("ins15", None, {"attitude_error": name})
+        return Program(DiscreteModel(model, order=order), form, loops=loops)
     model = build(name.removesuffix(" loaded"))
     for channel in ("gyro_x", "accel_y", "mag_z", "gnss_v_N") if "loaded" in name else ():
         if channel in model.channel_units:
@@ -207,7 +212,7 @@ def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
     np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-14)
 
 
-@pytest.mark.parametrize(("name", "order"), CASES)
+@pytest.mark.parametrize(("name", "order"), [*CASES, *((e, 1) for e in ERRORS)])
 @pytest.mark.parametrize(("form", "loops"), FORMS)
 def test_prediction_is_the_dense_formula(name: str, order: int, form: str, loops: bool) -> None:
     f = Filter(name, order, 3, form=form, loops=loops)
@@ -818,3 +823,14 @@ def test_a_folder_with_other_files_below_is_left_alone(kfgen: Any, tmp_path: Pat
     (folder / "zephyr" / "mine.txt").write_text("mine")
     assert kfgen("emit", "gyro-static", "--target", "c", "-o", folder).exit_code == 2
     assert (folder / "zephyr" / "mine.txt").read_text() == "mine"
+
+
+def test_noise_of_less_rank_than_states_leaves_the_factors_whole() -> None:
+    """At the origin at rest, the right-invariant error's noise has exact zeros on its way to factors."""
+    f = Filter("right-invariant", 1, 3, form="ud")
+    f.x[:6] = 0.0
+    f.machine.arrays["x"][:] = f.x
+    Phi, Qd, _ = f.evaluate("step")
+    assert np.linalg.matrix_rank(Qd) < np.count_nonzero(np.diag(Qd)) or (np.diag(Qd)[:3] == 0).all()
+    assert f.machine.call("predict", f.arguments("predict")) == "OK"
+    assert_near(f.covariance(), Phi @ f.P @ Phi.T + Qd)

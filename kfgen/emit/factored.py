@@ -39,6 +39,8 @@ from kfgen.emit.ir import (
 )
 from kfgen.errors import InputError
 
+OVER = Ref("o_", 0)
+"""One over a variance of the noise; nothing where there is none, to the last bit."""
 LEAST = 1e-24
 """Variance of a state that starts known exactly: a zero in D would stop noise on its way up."""
 
@@ -191,8 +193,8 @@ class Factored(Bierman):
         """Local arrays of a prediction."""
         if self._triangular is None:
             rows = [Scratch(f"W{i}", 2 * self.n) for i in range(self.n)]
-            return (*rows, Scratch("weight", 2 * self.n), Scratch("g_", 2 * self.n))
-        return (Scratch("a_", self.n), Scratch("c_", 1)) if self.loops else ()
+            return (*rows, Scratch("weight", 2 * self.n), Scratch("g_", 2 * self.n), Scratch("o_", 1))
+        return (Scratch("o_", 1), *((Scratch("a_", self.n), Scratch("c_", 1)) if self.loops else ()))
 
     def matrix(self, values: Sequence[float]) -> list[list[float]]:
         """``U D U'``."""
@@ -239,7 +241,9 @@ def factors(
             body += use(j, {j: Num(1.0)}, c)
             continue
         c = let(body, f"q_{j}", c)
-        over = let(body, f"q_{j}_over", Bin("/", Num(1.0), c))
+        positive = Compare(">", c, Num(0.0))
+        body += [Store(OVER, Num(0.0)), When(positive, (Store(OVER, Bin("/", Num(1.0), c)),))]
+        over = let(body, f"q_{j}_over", OVER)
         a = {i: let(body, f"q_{i}_{j}", mul(q, over)) for i, q in above.items()}
         for i, q in above.items():
             for k in (k for k in above if k <= i):
@@ -247,5 +251,5 @@ def factors(
                 left = add(Q[k, i], neg(taken)) if (k, i) in Q else neg(taken)
                 Q[k, i] = let(body, f"q_{k}_{i}_{j}", left)
         inner = use(j, {**a, j: Num(1.0)}, c)
-        body.append(When(Compare(">", c, Num(0.0)), tuple(inner)))
+        body.append(When(positive, tuple(inner)))
     return body

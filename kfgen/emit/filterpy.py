@@ -7,6 +7,7 @@ from kfgen.emit.ir import STATUS, Argument, Routine
 from kfgen.emit.printer import PythonPrinter
 from kfgen.emit.routines import GATE, HUGE, Program
 from kfgen.emit.templates import render
+from kfgen.emit.words import frames
 
 TARGET = "filterpy"
 TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
@@ -64,6 +65,7 @@ def files(program: Program) -> dict[str, str]:
         name=program.name,
         model=discrete.model,
         version=kfgen.__version__,
+        frames=frames(discrete.model),
         hash=discrete.hash[:16],
         n=program.n,
         klass=class_name(program),
