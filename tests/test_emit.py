@@ -818,6 +818,29 @@ def test_a_wrong_option_is_said_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("option", [["--form", "ud"], ["--loops"]], ids=" ".join)
+def test_filterpy_has_no_factors_and_no_loops(option: list[str], kfgen: Any, tmp_path: Path) -> None:
+    assert kfgen("emit", "ahrs6", "--target", "filterpy", *option, "-o", tmp_path / "out").exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("form", "real", "loops"), [("p", "float", False), ("ud", "double", True)])
+def test_numpy_module_has_the_words_of_the_reference(
+    form: str, real: str, loops: bool, kfgen: Any, tmp_path: Path
+) -> None:
+    """And a changed gain in it is found."""
+    words = ["--form", form, "--real", real, *(["--loops"] if loops else [])]
+    folder = tmp_path / "n"
+    assert kfgen("emit", "gyro-static", "--target", "numpy", *words, "-o", folder).exit_code == 0
+    assert kfgen("verify", folder).exit_code == 0
+    path = folder / "gyro_static.py"
+    text = path.read_text()
+    head, body = text.split("def update_rest", 1)
+    assert "F(1.0) / S_0" in body
+    path.write_text(head + "def update_rest" + body.replace("F(1.0) / S_0", "F(1.001) / S_0", 1))
+    assert kfgen("verify", folder).exit_code == 1
+
+
 def test_a_folder_with_other_files_below_is_left_alone(kfgen: Any, tmp_path: Path) -> None:
     folder = emitted_c(tmp_path / "f", "gyro-static")
     (folder / "zephyr" / "mine.txt").write_text("mine")

@@ -129,8 +129,12 @@ def emit(
     built = model_of(model, noise, set_, sensor)
     program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops)
     if core:
+        from kfgen.emit.c import TARGET
+        from kfgen.errors import InputError
         from kfgen.verify.compare import costs
 
+        if target != TARGET:
+            raise InputError(f"only target {TARGET} is counted", where="--core", remedy="Leave it out")
         program = replace(program, costs=costs(program, core))
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)
