@@ -857,3 +857,36 @@ def test_noise_of_less_rank_than_states_leaves_the_factors_whole() -> None:
     assert np.linalg.matrix_rank(Qd) < np.count_nonzero(np.diag(Qd)) or (np.diag(Qd)[:3] == 0).all()
     assert f.machine.call("predict", f.arguments("predict")) == "OK"
     assert_near(f.covariance(), Phi @ f.P @ Phi.T + Qd)
+
+
+def test_noise_of_constant_states_may_wait() -> None:
+    """Biases that walk: nothing of their noise for two steps of 0.04 s, then that of three at once."""
+    model = build("ins15")
+    for axis in "xyz":
+        model = model.augment(f"gyro_{axis}", make("rate_random_walk", K=1e-3))
+    f = Filter("ins15", 1, 7, form="ud")
+    d = DiscreteModel(model)
+    lumped = Machine(Program(d, "ud", lump=0.1), np.float64)
+    prompt = Machine(Program(d, "p"), np.float64)
+    still = Machine(Program(DiscreteModel(build("ins15")), "p"), np.float64)
+    for machine in (lumped, prompt, still):
+        machine.call("init")
+        machine.arrays["x"][:] = f.x
+    lumped.arrays["UD"][:] = f.machine.arrays["UD"]
+    for machine in (prompt, still):
+        machine.arrays["P"][:] = f.P[np.triu_indices(15)]
+    walk = np.diag([0.0] * 12 + [1e-6] * 3)  # K^2 by the second, of the gyros' biases
+    for step in range(1, 4):
+        arguments = f.arguments("predict")
+        assert {m.call("predict", arguments) for m in (lumped, prompt, still)} == {"OK"}
+        assert_near(lumped.covariance(), still.covariance() + (walk * 0.12 if step == 3 else 0.0))
+    assert lumped.arrays["waiting"][0] == 0.0
+    sd = np.sqrt(np.diag(prompt.covariance()))
+    assert np.abs(np.sqrt(np.diag(lumped.covariance())) / sd - 1.0).max() < 1e-2
+    few, many = (Program(d, "ud", lump=s).predict.operations for s in (0.1, 0.0))
+    assert few < 0.6 * many
+
+
+def test_noise_waits_with_factors_only(kfgen: Any, tmp_path: Path) -> None:
+    assert kfgen("emit", "ins15", "--target", "c", "--lump", "0.2", "-o", tmp_path / "f").exit_code == 2
+    assert list(tmp_path.iterdir()) == []
