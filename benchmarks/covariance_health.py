@@ -102,12 +102,12 @@ def discrete() -> DiscreteModel:
     return DiscreteModel(build("ins15", NoiseModel(channels)), rate=float(RATE))
 
 
-def emitted(form: str, real: str) -> dict[str, str]:
+def emitted(form: str, real: str, lump: float = 0.0) -> dict[str, str]:
     """Files of an emitted filter with its driver."""
     driver = (
         EMITTED.replace("REAL", real).replace("GRAVITY", str(STANDARD_GRAVITY)).replace("DT", str(1.0 / RATE))
     )
-    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real))}
+    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, lump=lump))}
 
 
 def textbook(joseph: bool) -> dict[str, str]:
@@ -171,6 +171,7 @@ def main() -> None:
     forms = {
         "double, p": emitted("p", "double"),
         "float, ud": emitted("ud", "float"),
+        "float, ud, lump 0.2 s": emitted("ud", "float", 0.2),
         "float, p": emitted("p", "float"),
         "float, textbook (I-KH)P": textbook(joseph=False),
         "float, textbook Joseph": textbook(joseph=True),
@@ -184,7 +185,7 @@ def main() -> None:
         "  form                      first bad  smallest eigenvalue  negative variances  sigma / sigma of double"
     )
     lines = []
-    colors = ["#1b2430", "#1f5fa8", "#c4452f", "#b7791f", "#7a8794"]
+    colors = ["#1b2430", "#1f5fa8", "#2f855a", "#c4452f", "#b7791f", "#7a8794"]
     t = EVERY * np.arange(1, len(true) + 1) / 60.0
     for (name, P), color in zip(runs.items(), colors, strict=True):
         least = np.array([smallest(p) for p in P])

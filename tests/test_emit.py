@@ -46,6 +46,8 @@ STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion",
 STRICT += ["-Werror"]
 CASES = [(n, order) for n in NAMES for order in (1, 3)] + [("ahrs6 loaded", 1), ("ins15 loaded", 2)]
 CASES += [("ins23", 1), ("pendulum", 1)]
+ERRORS = ["right-invariant", "local-quaternion"]
+"""Conventions of the error of ins15: with noise of rank less than its states, and a transition in circles."""
 
 
 FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
@@ -55,6 +57,9 @@ FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
 def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> Program:
     if name == "pendulum":
         return Program(DiscreteModel(pendulum(), order=order), form, loops=loops)
+    if name in ERRORS:
+        model = build("ins15", None, {"attitude_error": name})
+        return Program(DiscreteModel(model, order=order), form, loops=loops)
     model = build(name.removesuffix(" loaded"))
     for channel in ("gyro_x", "accel_y", "mag_z", "gnss_v_N") if "loaded" in name else ():
         if channel in model.channel_units:
@@ -207,7 +212,7 @@ def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
     np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-14)
 
 
-@pytest.mark.parametrize(("name", "order"), CASES)
+@pytest.mark.parametrize(("name", "order"), [*CASES, *((e, 1) for e in ERRORS)])
 @pytest.mark.parametrize(("form", "loops"), FORMS)
 def test_prediction_is_the_dense_formula(name: str, order: int, form: str, loops: bool) -> None:
     f = Filter(name, order, 3, form=form, loops=loops)
@@ -601,9 +606,7 @@ def test_emission_is_the_same_byte_for_byte(name: str, target: str, tmp_path: Pa
         folder = tmp_path / seed
         words = [sys.executable, "-m", "kfgen", "emit", name, "--target", target, "-o", str(folder)]
         env = {**os.environ, "PYTHONHASHSEED": seed}
-        subprocess.run(
-            [*words, "--noise", str(noise), "--order", "2"], check=True, env=env, capture_output=True
-        )
+        subprocess.run([*words, "--noise", str(noise)], check=True, env=env, capture_output=True)
         folders.append(
             {f.relative_to(folder): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
         )
@@ -815,8 +818,75 @@ def test_a_wrong_option_is_said_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("option", [["--form", "ud"], ["--loops"]], ids=" ".join)
+def test_filterpy_has_no_factors_and_no_loops(option: list[str], kfgen: Any, tmp_path: Path) -> None:
+    assert kfgen("emit", "ahrs6", "--target", "filterpy", *option, "-o", tmp_path / "out").exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("form", "real", "loops"), [("p", "float", False), ("ud", "double", True)])
+def test_numpy_module_has_the_words_of_the_reference(
+    form: str, real: str, loops: bool, kfgen: Any, tmp_path: Path
+) -> None:
+    """And a changed gain in it is found."""
+    words = ["--form", form, "--real", real, *(["--loops"] if loops else [])]
+    folder = tmp_path / "n"
+    assert kfgen("emit", "gyro-static", "--target", "numpy", *words, "-o", folder).exit_code == 0
+    assert kfgen("verify", folder).exit_code == 0
+    path = folder / "gyro_static.py"
+    text = path.read_text()
+    head, body = text.split("def update_rest", 1)
+    assert "F(1.0) / S_0" in body
+    path.write_text(head + "def update_rest" + body.replace("F(1.0) / S_0", "F(1.001) / S_0", 1))
+    assert kfgen("verify", folder).exit_code == 1
+
+
 def test_a_folder_with_other_files_below_is_left_alone(kfgen: Any, tmp_path: Path) -> None:
     folder = emitted_c(tmp_path / "f", "gyro-static")
     (folder / "zephyr" / "mine.txt").write_text("mine")
     assert kfgen("emit", "gyro-static", "--target", "c", "-o", folder).exit_code == 2
     assert (folder / "zephyr" / "mine.txt").read_text() == "mine"
+
+
+def test_noise_of_less_rank_than_states_leaves_the_factors_whole() -> None:
+    """At the origin at rest, the right-invariant error's noise has exact zeros on its way to factors."""
+    f = Filter("right-invariant", 1, 3, form="ud")
+    f.x[:6] = 0.0
+    f.machine.arrays["x"][:] = f.x
+    Phi, Qd, _ = f.evaluate("step")
+    assert np.linalg.matrix_rank(Qd) < np.count_nonzero(np.diag(Qd)) or (np.diag(Qd)[:3] == 0).all()
+    assert f.machine.call("predict", f.arguments("predict")) == "OK"
+    assert_near(f.covariance(), Phi @ f.P @ Phi.T + Qd)
+
+
+def test_noise_of_constant_states_may_wait() -> None:
+    """Biases that walk: nothing of their noise for two steps of 0.04 s, then that of three at once."""
+    model = build("ins15")
+    for axis in "xyz":
+        model = model.augment(f"gyro_{axis}", make("rate_random_walk", K=1e-3))
+    f = Filter("ins15", 1, 7, form="ud")
+    d = DiscreteModel(model)
+    lumped = Machine(Program(d, "ud", lump=0.1), np.float64)
+    prompt = Machine(Program(d, "p"), np.float64)
+    still = Machine(Program(DiscreteModel(build("ins15")), "p"), np.float64)
+    for machine in (lumped, prompt, still):
+        machine.call("init")
+        machine.arrays["x"][:] = f.x
+    lumped.arrays["UD"][:] = f.machine.arrays["UD"]
+    for machine in (prompt, still):
+        machine.arrays["P"][:] = f.P[np.triu_indices(15)]
+    walk = np.diag([0.0] * 12 + [1e-6] * 3)  # K^2 by the second, of the gyros' biases
+    for step in range(1, 4):
+        arguments = f.arguments("predict")
+        assert {m.call("predict", arguments) for m in (lumped, prompt, still)} == {"OK"}
+        assert_near(lumped.covariance(), still.covariance() + (walk * 0.12 if step == 3 else 0.0))
+    assert lumped.arrays["waiting"][0] == 0.0
+    sd = np.sqrt(np.diag(prompt.covariance()))
+    assert np.abs(np.sqrt(np.diag(lumped.covariance())) / sd - 1.0).max() < 1e-2
+    few, many = (Program(d, "ud", lump=s).predict.operations for s in (0.1, 0.0))
+    assert few < 0.6 * many
+
+
+def test_noise_waits_with_factors_only(kfgen: Any, tmp_path: Path) -> None:
+    assert kfgen("emit", "ins15", "--target", "c", "--lump", "0.2", "-o", tmp_path / "f").exit_code == 2
+    assert list(tmp_path.iterdir()) == []

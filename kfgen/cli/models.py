@@ -146,6 +146,9 @@ def emit(
     form: Annotated[str, typer.Option(help="p: the covariance; ud: its factors, never indefinite.")] = "p",
     real: Annotated[str, typer.Option(help="float or double.")] = "float",
     loops: Annotated[bool, typer.Option("--loops", help="Loops: less code, more instructions.")] = False,
+    lump: Annotated[
+        float, typer.Option(help="With ud: noise of constant states comes in after so long [s].")
+    ] = 0.0,
     core: Annotated[
         list[str] | None, typer.Option(help="m4f, ...: its instructions, stack and code go into the header.")
     ] = None,
@@ -164,10 +167,14 @@ def emit(
     from kfgen.report.filter import emit_answer
 
     built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops)
+    program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops, lump)
     if core:
+        from kfgen.emit.c import TARGET
+        from kfgen.errors import InputError
         from kfgen.verify.compare import costs
 
+        if target != TARGET:
+            raise InputError(f"only target {TARGET} is counted", where="--core", remedy="Leave it out")
         program = replace(program, costs=costs(program, core))
     names = write_folder(program, target, noise_of(noise), output)
     deliver(emit_answer(program, target, str(output), names), json, report)

@@ -18,6 +18,7 @@ from kfgen.emit.printer import Printer
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import Call, scenario, split
 from kfgen.emit.templates import render
+from kfgen.emit.words import frames
 from kfgen.errors import InputError
 from kfgen.model.filter import FilterModel
 
@@ -205,6 +206,7 @@ def _common(program: Program) -> dict[str, Any]:
         "version": kfgen.__version__,
         "hash": discrete.hash[:16],
         "program": program,
+        "frames": frames(discrete.model),
         "form": program.covariance,
         "real": REAL[program.real],
         "discrete": discrete,

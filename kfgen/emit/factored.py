@@ -21,6 +21,7 @@ from kfgen.emit.bierman import Bierman, U, agee_turner, let
 from kfgen.emit.covariance import Noise, Place, Row, at, each, place, total
 from kfgen.emit.ir import (
     Bin,
+    Call,
     Compare,
     Expr,
     For,
@@ -28,6 +29,7 @@ from kfgen.emit.ir import (
     Note,
     Num,
     Ref,
+    Routine,
     Scratch,
     Stmt,
     Store,
@@ -39,6 +41,9 @@ from kfgen.emit.ir import (
 )
 from kfgen.errors import InputError
 
+OVER = Ref("o_", 0)
+"""One over a variance of the noise; nothing where there is none, to the last bit."""
+WAITING = Ref("waiting", 0)
 LEAST = 1e-24
 """Variance of a state that starts known exactly: a zero in D would stop noise on its way up."""
 
@@ -61,6 +66,7 @@ class Factored(Bierman):
 
     NAME = "ud"
     TITLE = "factors of P = U D U', upper triangle by rows, D on its diagonal"
+    LUMPS = True
 
     @cached_property
     def _triangular(self) -> tuple[int, ...] | None:
@@ -87,14 +93,51 @@ class Factored(Bierman):
             tuple(sorted((self.at[i], self.at[j]))): q for (i, j), q in Qd.items()
         }
         if self._triangular is None:
-            return self._thornton(rows, noise)
+            return self._thornton(rows, noise) + self._waiting()
         body: list[Stmt] = []
         for i in sorted(rows):
             body += self._row(i, rows[i])
         for k in sorted(rows):
             body += self._rescale(k, rows[k].get(k, Num(0.0)))
         body.append(Note("process noise"))
-        return body + factors(noise, self.n, self._rank_one)
+        return body + factors(noise, self.n, self._rank_one) + self._waiting()
+
+    def _waiting(self) -> list[Stmt]:
+        """Slow noise waits, and comes in when it has waited long enough."""
+        if not self.slow:
+            return []
+        due = When(Compare(">=", WAITING, Num(self.lump)), (Call("settle", ()),))
+        return [Store(WAITING, add(WAITING, Ref("dt"))), due]
+
+    @property
+    def memory(self) -> dict[str, tuple[int, str]]:
+        """How long slow noise has waited."""
+        return {WAITING.name: (1, "time whose slow noise is still to come in [s]")} if self.slow else {}
+
+    @property
+    def internals(self) -> tuple[Routine, ...]:
+        """What held states need, and slow noise."""
+        if not self.slow:
+            return super().internals
+        body: list[Stmt] = []
+        for state, density in sorted(self.slow.items(), key=lambda item: -self.at[item[0]]):
+            top = self.at[state]
+            body += [
+                For("i", 0, top, (Store(Ref("a_", "i"), Num(0.0)),)),
+                Store(Ref("a_", top), Num(1.0)),
+                Store(Ref("c_", 0), mul(Num(density), WAITING)),
+                *agee_turner(top + 1),
+            ]
+        body.append(Store(WAITING, Num(0.0)))
+        settle = Routine(
+            "settle",
+            "The noise of slow states that has waited comes in.",
+            (),
+            tuple(body),
+            (Scratch("a_", self.n), Scratch("c_", 1)),
+            internal=True,
+        )
+        return (*super().internals, settle)
 
     def _row(self, i: int, row: Row) -> list[Stmt]:
         """Row i of ``Phi U``: of later rows, whose diagonal is one, still old."""
@@ -191,8 +234,8 @@ class Factored(Bierman):
         """Local arrays of a prediction."""
         if self._triangular is None:
             rows = [Scratch(f"W{i}", 2 * self.n) for i in range(self.n)]
-            return (*rows, Scratch("weight", 2 * self.n), Scratch("g_", 2 * self.n))
-        return (Scratch("a_", self.n), Scratch("c_", 1)) if self.loops else ()
+            return (*rows, Scratch("weight", 2 * self.n), Scratch("g_", 2 * self.n), Scratch("o_", 1))
+        return (Scratch("o_", 1), *((Scratch("a_", self.n), Scratch("c_", 1)) if self.loops else ()))
 
     def matrix(self, values: Sequence[float]) -> list[list[float]]:
         """``U D U'``."""
@@ -239,7 +282,9 @@ def factors(
             body += use(j, {j: Num(1.0)}, c)
             continue
         c = let(body, f"q_{j}", c)
-        over = let(body, f"q_{j}_over", Bin("/", Num(1.0), c))
+        positive = Compare(">", c, Num(0.0))
+        body += [Store(OVER, Num(0.0)), When(positive, (Store(OVER, Bin("/", Num(1.0), c)),))]
+        over = let(body, f"q_{j}_over", OVER)
         a = {i: let(body, f"q_{i}_{j}", mul(q, over)) for i, q in above.items()}
         for i, q in above.items():
             for k in (k for k in above if k <= i):
@@ -247,5 +292,5 @@ def factors(
                 left = add(Q[k, i], neg(taken)) if (k, i) in Q else neg(taken)
                 Q[k, i] = let(body, f"q_{k}_{i}_{j}", left)
         inner = use(j, {**a, j: Num(1.0)}, c)
-        body.append(When(Compare(">", c, Num(0.0)), tuple(inner)))
+        body.append(When(positive, tuple(inner)))
     return body

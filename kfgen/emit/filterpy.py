@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import kfgen
+from kfgen.emit.forms import Packed
 from kfgen.emit.ir import STATUS, Argument, Routine
 from kfgen.emit.printer import PythonPrinter
 from kfgen.emit.routines import GATE, HUGE, Program
 from kfgen.emit.templates import render
+from kfgen.emit.words import frames
+from kfgen.errors import InputError
 
 TARGET = "filterpy"
 TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
@@ -39,7 +42,19 @@ def class_name(program: Program) -> str:
 
 
 def files(program: Program) -> dict[str, str]:
-    """The emitted module by name."""
+    """The emitted module by name.
+
+    Raises
+    ------
+    InputError
+        The program wants factors or loops, which filterpy has not.
+    """
+    if program.form != Packed.NAME or program.loops:
+        raise InputError(
+            "filterpy keeps the covariance itself, as a matrix",
+            where="--form" if program.form != Packed.NAME else "--loops",
+            remedy="Leave it out, or use --target numpy or c",
+        )
     discrete = program.discrete
     pieces = {r.name: r for r in program.pieces}
     sensors = [
@@ -64,6 +79,7 @@ def files(program: Program) -> dict[str, str]:
         name=program.name,
         model=discrete.model,
         version=kfgen.__version__,
+        frames=frames(discrete.model),
         hash=discrete.hash[:16],
         n=program.n,
         klass=class_name(program),

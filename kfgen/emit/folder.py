@@ -67,6 +67,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "form": program.form,
         "real": program.real,
         "loops": program.loops,
+        "lump": program.lump,
         "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
@@ -174,7 +175,10 @@ def read_folder(folder: str | Path) -> Emitted:
             where=str(folder / MANIFEST),
             remedy="Emit it again",
         )
+    lump = float(manifest.get("lump", 0.0))
     options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
     return Emitted(
-        Program(discrete, str(options[0]), str(options[1]), options[2]), str(manifest.get("target")), folder
+        Program(discrete, str(options[0]), str(options[1]), options[2], lump),
+        str(manifest.get("target")),
+        folder,
     )

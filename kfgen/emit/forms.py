@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from kfgen.emit.covariance import (
@@ -76,16 +76,29 @@ class Form:
         Of the states, for comments.
     loops : bool
         Loops in place of repeated columns.
+    slow : dict of int to float
+        States that keep their value under white noise of so much density [SI^2 s], whose noise waits.
+    lump : float
+        Until it has waited so long [s]; it then comes in at once.
     """
 
     n: int
     Phi: Mapping[int, Sequence[int]]
     names: tuple[str, ...]
     loops: bool = False
+    slow: Mapping[int, float] = field(default_factory=dict)
+    lump: float = 0.0
 
     NAME = ""
     TITLE = ""
     ARRAY = ""
+    LUMPS = False
+    """Whether noise may wait: it does where each term of it is dear."""
+
+    @property
+    def memory(self) -> dict[str, tuple[int, str]]:
+        """Further arrays of the filter: size and meaning."""
+        return {}
 
     @property
     def size(self) -> int:

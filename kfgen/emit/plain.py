@@ -11,6 +11,7 @@ from kfgen.emit.ir import STATUS, Routine, names_of
 from kfgen.emit.printer import PythonPrinter
 from kfgen.emit.routines import Program
 from kfgen.emit.templates import render
+from kfgen.emit.words import frames
 
 TARGET = "numpy"
 TITLE = "Python class on numpy alone, with the very words of the C"
@@ -56,6 +57,7 @@ def files(program: Program) -> dict[str, str]:
         "numpy/filter.py.j2",
         model=discrete.model,
         version=kfgen.__version__,
+        frames=frames(discrete.model),
         hash=discrete.hash[:16],
         program=program,
         form=form,

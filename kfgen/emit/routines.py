@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from kfgen.discretise import DiscreteModel
+from kfgen.discretise import DT, DiscreteModel
 from kfgen.emit.covariance import Row
 from kfgen.emit.factored import Factored
 from kfgen.emit.forms import ANY_HELD, HEALTH, HELD, Form, Packed
@@ -67,6 +67,8 @@ class Program:
         Of every number: a key of `REALS`.
     loops : bool
         Loops in place of repeated columns: less code, more instructions.
+    lump : float
+        Noise of states that keep their value waits and comes in after so long [s]; zero: at every step.
     costs : tuple of str
         What its calls cost on cores, in words for the reader of the code.
     """
@@ -75,6 +77,7 @@ class Program:
     form: str = Packed.NAME
     real: str = "float"
     loops: bool = False
+    lump: float = 0.0
     costs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -84,6 +87,12 @@ class Program:
                 raise InputError(
                     f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
                 )
+        if not 0.0 <= self.lump < float("inf") or (self.lump and not FORMS[self.form].LUMPS):
+            raise InputError(
+                f"noise cannot wait for {self.lump:g} s with --form {self.form}",
+                where="--lump",
+                remedy="Give zero or more seconds, with --form ud",
+            )
         if d.rate * d.max_step < 1.0:
             raise InputError(
                 f"the period of {d.rate:g} Hz is longer than the longest step of {d.max_step:g} s",
@@ -96,7 +105,16 @@ class Program:
         """How the covariance is stored and worked on."""
         rows, _ = self._transition
         names = tuple(s.name for s in self.discrete.model.states)
-        return FORMS[self.form](self.n, {i: tuple(row) for i, row in rows.items()}, names, self.loops)
+        Phi = {i: tuple(row) for i, row in rows.items()}
+        return FORMS[self.form](self.n, Phi, names, self.loops, self._slow, self.lump)
+
+    @cached_property
+    def _slow(self) -> dict[int, float]:
+        """States that keep their value under white noise alone, with its density, where it may wait."""
+        rows, noise = self._transition
+        mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
+        still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
+        return {i: float(q) for i, q in still.items() if self.lump > 0.0 and q.is_number}
 
     @property
     def type(self) -> type[np.floating[Any]]:
@@ -115,6 +133,7 @@ class Program:
             NIS.name: (1, "sum of squared innovations over their variances, of the rows that were fused"),
             HELD: (self.n, "1 for a state that is considered and not corrected, else 0"),
             ANY_HELD.name: (1, "how many there are"),
+            **self.covariance.memory,
             HEALTH.name: (1, "smallest pivot of the covariance over its variance, of the last check"),
         }
 
@@ -202,6 +221,7 @@ class Program:
     def predict(self) -> Routine:
         """State and covariance over one step."""
         rows, noise = self._transition
+        noise = {key: q for key, q in noise.items() if key[0] not in self._slow}
         lower = self.lowering()
         flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
         used = [*flat, *(self.atoms.free(e) for e in self.discrete.step)]

@@ -47,21 +47,25 @@ class Atoms:
         self.model = discrete.model
         self.inputs: dict[sp.Symbol, sp.Expr] = {}
         self.freed: dict[sp.Symbol, sp.Expr] = {}
+        self.shown: set[sp.Symbol] = set()
         for channel in (c for i in self.model.motion.inputs for c in i.channels):
             symbol, value = sp.Symbol(channel, real=True), self.model.freed(channel, False)
             if value != symbol:
                 atom = sp.Symbol(f"{channel}_hat", real=True)
                 self.inputs[atom] = value
                 self.freed[symbol] = atom + symbol - value
+                self.shown |= value.free_symbols - {symbol}
 
     def free(self, e: sp.Expr) -> sp.Expr:
         """An expression of the freed inputs in place of the raw ones."""
         return e.xreplace(self.freed) if self.freed and e.free_symbols & self.freed.keys() else e
 
     def entry(self, e: sp.Expr) -> sp.Expr:
-        """An entry of Phi or Qd, which came multiplied out, of the freed inputs and in factors."""
+        """An entry of Phi or Qd of the freed inputs; in factors where it came multiplied out."""
         freed = self.free(e)
-        return e if freed is e else sp.factor_terms(sp.expand(freed))
+        if freed is e or not freed.free_symbols & self.shown:
+            return freed
+        return sp.factor_terms(sp.expand(freed))
 
     def orthonormal(self, e: sp.Expr) -> sp.Expr:
         """An entry with ``R R' = I`` used up, where that makes it shorter."""
