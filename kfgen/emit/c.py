@@ -228,7 +228,12 @@ def _blocks(program: Program) -> list[tuple[str, str, int, int]]:
 
 
 def hidden_directions(model: FilterModel) -> tuple[str, ...]:
-    """What the audit at rest says no measurement shows, in sentences."""
+    """What the audit at rest says no measurement shows, in sentences.
+
+    Nothing of a model that a driver acts on: it hides other directions at every temperature.
+    """
+    if model.drivers:
+        return ()
     return tuple(d.sentence for d in audit(model).directions)
 
 
