@@ -11,6 +11,7 @@ import json
 import math
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -30,6 +31,7 @@ from kfgen.effects import make
 from kfgen.emit.c import files
 from kfgen.emit.filterpy import class_name
 from kfgen.emit.folder import write_folder
+from kfgen.emit.plain import files as module_files
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario, split
@@ -433,9 +435,9 @@ def compiler(name: str) -> str:
     return found
 
 
-def written(folder: Path, name: str) -> Path:
+def written(folder: Path, name: str, form: str = "p", loops: bool = False) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    for file, text in files(program(name)).items():
+    for file, text in files(program(name, 1, form, loops)).items():
         (folder / file).parent.mkdir(exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
     return folder
@@ -495,6 +497,14 @@ def self_test(folder: Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize("name", NAMES)
 def test_self_test_passes(name: str, tmp_path: Path) -> None:
     done = self_test(written(tmp_path, name))
+    assert done.returncode == 0
+    assert re.fullmatch(r"\d+ words, 0 differing\n", done.stdout)
+
+
+@pytest.mark.parametrize(("form", "loops"), FORMS)
+@pytest.mark.parametrize("name", ["pendulum", "ahrs6 loaded"])
+def test_self_test_passes_in_any_form(name: str, form: str, loops: bool, tmp_path: Path) -> None:
+    done = self_test(written(tmp_path, name, form, loops))
     assert done.returncode == 0
     assert re.fullmatch(r"\d+ words, 0 differing\n", done.stdout)
 
@@ -822,6 +832,28 @@ def test_a_wrong_option_is_said_and_nothing_is_written(
 def test_filterpy_has_no_factors_and_no_loops(option: list[str], kfgen: Any, tmp_path: Path) -> None:
     assert kfgen("emit", "ahrs6", "--target", "filterpy", *option, "-o", tmp_path / "out").exit_code == 2
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("form", "loops"), FORMS)
+@pytest.mark.parametrize("name", ["ins15", "pendulum", "ahrs6 loaded"])
+def test_numpy_module_of_any_form_is_python_with_the_words_of_the_reference(
+    name: str, form: str, loops: bool, tmp_path: Path
+) -> None:
+    p = program(name, 1, form, loops)
+    ((file, text),) = module_files(p).items()
+    (tmp_path / file).write_text(text)
+    kf = runpy.run_path(str(tmp_path / file))[class_name(p)]()
+    machine = Machine(p)
+    machine.call("init")
+    routines = {r.name: r for r in p.routines}
+    for call in scenario(p, 30):
+        routine = routines[call.routine]
+        values = split(routine, call.inputs)
+        status = getattr(kf, call.routine)(*values)
+        assert status.name == machine.call(call.routine, values)
+    words = np.array([*kf.x, *getattr(kf, p.covariance.ARRAY)], np.float32)
+    assert words.tobytes() == machine.words().tobytes()
+    assert kf.check().name == machine.call("check")
 
 
 @pytest.mark.parametrize(("form", "real", "loops"), [("p", "float", False), ("ud", "double", True)])

@@ -228,8 +228,11 @@ def _blocks(program: Program) -> list[tuple[str, str, int, int]]:
 
 
 def hidden(model: FilterModel) -> tuple[str, ...]:
-    """What the audit at rest says no measurement shows, in sentences."""
-    return tuple(d.sentence for d in hidden_directions(model))
+    """What the audit at rest says no measurement shows, in sentences.
+
+    Nothing of a model that a driver acts on: it hides other directions at every temperature.
+    """
+    return () if model.drivers else tuple(d.sentence for d in hidden_directions(model))
 
 
 PLAIN = ("main.c", "CMakeLists.txt", "library.properties", "library.json")

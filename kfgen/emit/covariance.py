@@ -171,7 +171,8 @@ def each(
     for run in runs:
         if loops and len(run) >= SHORTEST_LOOP:
             column = Column("col", max((s for s in special if s < run[0]), default=-1))
-            body.append(For("col", run[0], run[-1] + 1, tuple(of(column))))
+            turn = tuple(of(column))
+            body += [For("col", run[0], run[-1] + 1, turn)] if turn else []
         else:
             body += [s for k in run for s in of(k)]
     return body

@@ -19,7 +19,8 @@ def _function(routine: Routine, n: int) -> dict[str, object]:
     outputs = {"transition": ["Phi"], "noise": ["Qd"]}.get(
         routine.name, ["h", "H"] if routine.name.startswith("expect_") else []
     )
-    arguments = ["x", "k", *outputs, *(a.name for a in routine.arguments)]
+    arguments = ["x: list[float]", "k: list[float]", *(f"{o}: Vector" for o in outputs)]
+    arguments += [f"{a.name}: {'Vector' if a.size else 'float'}" for a in routine.arguments]
     return {
         "name": f"_{routine.name}",
         "text": routine.text,
