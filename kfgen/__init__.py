@@ -14,6 +14,8 @@ Quaternions
 Errors
     true = estimate "plus" error: additive for vectors, ``R_nb = Exp(phi) R_nb_hat``
     for attitudes, so that ``phi`` has navigation axes (the phi-angle convention).
+    Other conventions are chosen by name (`kfgen.model.convention`); so are Earth
+    axes as navigation axes, in which ``n`` stands for them.
 Noise
     Densities are two-sided (IEEE Std 952-1997, annex C): white noise ``N`` has the
     power spectral density ``N**2`` and, sampled every ``dt``, the standard

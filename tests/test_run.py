@@ -232,3 +232,44 @@ def test_real_recording_of_a_slow_rotation(
     assert error["unit"] == "rad"
     assert error["samples"] > 1000
     assert 0.0 < np.degrees(error["inclination_rmse"]) < 2.0
+
+
+@cache
+def turning() -> Log:
+    model = build("ahrs6", None, {"left_out": "false"})
+    return simulate(DiscreteModel(model, rate=RATE), "generic", 10.0, np.random.default_rng(8))
+
+
+def shifted(log: Log, by: int) -> Log:
+    channels = {
+        n: Channel(np.roll(c.values, by), c.unit) if n.startswith("gyro") else c
+        for n, c in log.channels.items()
+    }
+    return Log(log.t, channels, source=log.source)
+
+
+def ahrs(log: Log, **options: str) -> FilterRun:
+    return run(Program(DiscreteModel(build("ahrs6", None, options), rate=RATE)), log)
+
+
+def test_a_sample_of_the_interval_before_acts_a_step_earlier() -> None:
+    log = turning()
+    usual, before = ahrs(log).estimate, ahrs(shifted(log, 1), samples="before").estimate
+    np.testing.assert_allclose(before[:-1], usual[:-1], rtol=1e-12)
+    middle = ahrs(log, samples="at").estimate
+    assert 1e-4 < np.abs(middle - usual)[:, :4].max() < 0.02
+
+
+def test_samples_of_a_disturbed_field_are_left_out() -> None:
+    log = turning()
+    values = log.values("mag_x").copy()
+    values[200:300] += 60e-6
+    bent = Log(log.t, dict(log.channels) | {"mag_x": Channel(values, "T")}, source=log.source)
+    open_, gated = ahrs(bent), ahrs(bent, field_gate="0.1")
+    assert open_.sensors["mag"].t.size == log.n
+    assert gated.sensors["mag"].t.size == log.n - 100
+    assert gated.sensors["accel"].t.size == log.n
+    clean, off = attitude_error(gated, bent), attitude_error(open_, bent)
+    assert clean is not None
+    assert off is not None
+    assert clean.total < 0.2 * off.total
