@@ -27,6 +27,7 @@ from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.model.motion import Strapdown
 from kfgen.model.sensors import GnssPosition, Sensor, sensors
+from kfgen.noise import read_noise
 from kfgen.simulate import simulate
 
 G = 9.80665
@@ -385,3 +386,17 @@ def test_new_sensor_needs_one_class_and_nothing_else(invented: Any, tmp_path: Pa
 
 def test_invented_sensors_are_gone() -> None:
     assert "beacon" not in sensors()
+
+
+def test_every_axis_at_rest_is_a_sensor_of_its_own(tmp_path: Path) -> None:
+    """imu-static has the channels of the noise file, each with its bias; they do not touch one another."""
+    text = 'format = "kfgen-noise-1"\n' + "".join(
+        f'[{c}]\nunit = "{u}"\neffects = [{{ effect = "white_noise", N = "{n}" }}]\n'
+        for c, u, n in (("gyro_x", "deg/s", "0.01 deg/s/sqrt(Hz)"), ("pressure", "Pa", "2 Pa/sqrt(Hz)"))
+    )
+    (tmp_path / "noise.toml").write_text(text)
+    model = build("imu-static", read_noise(tmp_path / "noise.toml"))
+    assert [s.name for s in model.sensors] == ["rest_gyro_x", "rest_pressure"]
+    assert [s.name for s in model.states] == ["b_gyro_x", "b_pressure"]
+    assert sp.Matrix.vstack(*(model.H(s) for s in model.sensors)) == sp.eye(2)
+    assert len(build("imu-static").sensors) == 6

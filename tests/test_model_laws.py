@@ -21,7 +21,7 @@ from kfgen.effects import make
 from kfgen.model.blocks import Attitude
 from kfgen.model.convention import conventions
 from kfgen.model.filter import FilterModel
-from kfgen.model.library import LIBRARY, OneAxis, build
+from kfgen.model.library import LIBRARY, Resting, build
 from kfgen.model.option import STATE, Choice, Flag, Names, OrState
 from kfgen.model.sensors import AtRest, sensors
 
@@ -48,7 +48,7 @@ def variants(name: str) -> list[dict[str, str]]:
     return out
 
 
-FAMILIES = [n for n, e in LIBRARY.items() if not isinstance(e, OneAxis)]
+FAMILIES = [n for n, e in LIBRARY.items() if not isinstance(e, Resting)]
 CASES = [(n, o) for n in FAMILIES for o in variants(n)]
 CASES += [
     ("ins15", frame | {"attitude_error": c})

@@ -13,7 +13,7 @@ from kfgen.errors import InputError
 from kfgen.model.earth_fixed import FRAMES
 from kfgen.model.filter import FilterModel
 from kfgen.model.hemerly import hemerly
-from kfgen.model.motion import Motion, Rest, Rotating
+from kfgen.model.motion import GYRO, Motion, Rest, Rotating
 from kfgen.model.option import NOTHING, Choice, Flag, Names, Option, read_options
 from kfgen.model.sensors import AtRest, Sensor, sensors
 from kfgen.noise import NoiseModel, canonical
@@ -157,26 +157,34 @@ def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
 
 
 @dataclass(frozen=True)
-class OneAxis(Entry):
-    """One channel at rest: the first gyro channel of the noise file, or its first channel."""
+class Resting(Entry):
+    """Channels at rest, each the sum of its effects.
+
+    Parameters
+    ----------
+    title : str
+    usual : mapping of str to (unit, effects)
+        The channels without a noise file; with one, those that it has.
+    every : bool
+        All channels of the noise file, or the first gyro channel (the first channel where there is none).
+    """
 
     title: str
+    usual: Mapping[str, tuple[str, tuple[Effect, ...]]]
+    every: bool
 
     def build(self, name: str, noise: NoiseModel | None, texts: Mapping[str, str]) -> FilterModel:
-        """The channel's effects and nothing else."""
+        """The channels' effects and nothing else."""
         read_options((), texts, name)
-        effects: tuple[Effect, ...]
-        if noise is None:
-            effects = (make("white_noise", N=1.5e-4), make("gauss_markov", sigma=3e-5, tau=300.0))
-            channel, unit = "gyro_x", "rad/s"
-        else:
-            channel = next((c for c in noise.channels if c.startswith("gyro")), next(iter(noise.channels)))
-            effects = noise.channels[channel].effects
-            unit = noise.channels[channel].unit
-        si = parse_unit(unit).si
-        bias = make("bias", sd=_turn_on(si, effects))
+        found = {c: (n.unit, n.effects) for c, n in noise.channels.items()} if noise else dict(self.usual)
+        if not self.every:
+            first = next((c for c in found if c.startswith(GYRO.name)), next(iter(found)))
+            found = {first: found[first]}
+        si = {c: parse_unit(unit).si for c, (unit, _) in found.items()}
+        rest = [AtRest(c, u, f"rest_{c}") if self.every else AtRest(c, u) for c, u in si.items()]
+        effects = {c: (*es, make("bias", sd=_turn_on(si[c], es))) for c, (_, es) in found.items()}
         return FilterModel(
-            name, self.title, Rest(), (AtRest(channel, si),), {channel: (*effects, bias)}, {channel: unit}
+            name, self.title, Rest(), tuple(rest), effects, {c: unit for c, (unit, _) in found.items()}
         )
 
 
@@ -202,8 +210,20 @@ def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
 GNSS = ("gnss_position", "gnss_velocity")
 INTRINSICS = {"scale_factors": "true", "misalignment": "triangular", "g_sensitivity": "diagonal"}
 
+GYROS = {
+    f"gyro_{a}": ("rad/s", (make("white_noise", N=1.5e-4), make("gauss_markov", sigma=3e-5, tau=300.0)))
+    for a in "xyz"
+}
+ACCELS = {
+    f"accel_{a}": ("m/s^2", (make("white_noise", N=2e-3), make("gauss_markov", sigma=5e-4, tau=300.0)))
+    for a in "xyz"
+}
+
 LIBRARY: dict[str, Entry] = {
-    "gyro-static": OneAxis("one sensor axis at rest: the sum of its identified effects"),
+    "gyro-static": Resting("one sensor axis at rest: the sum of its identified effects", GYROS, every=False),
+    "imu-static": Resting(
+        "every axis of a sensor at rest, each the sum of its effects", GYROS | ACCELS, every=True
+    ),
     "ahrs6": Moving(
         "attitude and gyro bias from gyros, gravity and magnetic field", {"ned": Rotating}, ("accel", "mag")
     ),

@@ -139,11 +139,11 @@ class MagneticField(Sensor):
 class AtRest(Sensor):
     """One channel of a sensor at rest: it shows the sum of its effects and nothing else."""
 
-    name = "rest"
     title = "one axis at rest"
 
     channel: str = "gyro_x"
     unit: str = "rad/s"
+    name: str = "rest"  # type: ignore[misc]
 
     @property
     def channels(self) -> tuple[str, ...]:  # type: ignore[override]
