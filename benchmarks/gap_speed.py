@@ -78,7 +78,7 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
 
     rng = np.random.default_rng(2)
     t = np.arange(n) / 100.0
-    u = np.repeat(0.15 * rng.standard_normal(n // 50 + 1), 50)[:n]
+    u = np.repeat(0.08 * rng.standard_normal(n // 50 + 1), 50)[:n]
 
     def rate(s: float, x: np.ndarray) -> list[float]:
         drive = float(u[min(int(s * 100.0), n - 1)])
@@ -113,7 +113,7 @@ def motion(n: int = 100_000) -> tuple[int, list[str], float]:
         for axis, x in zip("xyz", truth):
             y = x + N * 10.0 * rng.standard_normal(n)
             if sensor == "gyro" and axis == "x":
-                y = y + 1e-4 * truth[1]
+                y = y + 5e-4 * truth[1]
             channels[f"{sensor}_{axis}"] = Channel(y, unit)
             channels[f"ref_{sensor}_{axis}"] = Channel(x, unit)
             noise[f"{sensor}_{axis}"] = ChannelNoise(unit, (Term(make("white_noise", N=N)),))

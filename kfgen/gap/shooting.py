@@ -30,6 +30,8 @@ NOISE = 2.0
 """Or this many deviations of its noise."""
 GROWTH = 1e3
 """How much an error of the initial state may grow."""
+UNSTABLE = 30.0
+"""How much an error of every initial state may grow."""
 FAR = 1e6
 """Deviations at which a simulation that diverges is held."""
 HIDDEN = 1e-6
@@ -72,6 +74,16 @@ class Shooting:
         for name, (at, values) in self.data.items():
             out[name] = np.full(self.t.size, np.nan)
             out[name][at] = values
+        return out
+
+    @cached_property
+    def _swing(self) -> dict[str, float]:
+        """Deviation of each channel within short windows [SI]: one that runs away over the record swings no wider."""
+        size, out = max(FIRST, self.t.size // SEGMENTS), {}
+        for name, full in self._full.items():
+            windows = [full[i : i + size] for i in range(0, max(full.size - size, 0) + 1, size)]
+            inside = [float(np.var(w[np.isfinite(w)])) for w in windows if np.isfinite(w).sum() > 1]
+            out[name] = float(np.sqrt(np.mean(inside))) if inside else np.inf
         return out
 
     @cached_property
@@ -185,12 +197,15 @@ class Shooting:
             good = np.isfinite(full[a:b])
             if good.sum() < 2:
                 continue
-            spread = float(np.std(full[a:b][good])) * self.weights[name]
+            spread = min(float(np.std(full[a:b][good])), self._swing[name]) * self.weights[name]
             if float(np.sqrt(np.mean(part[good] ** 2))) > max(FOLLOWED * spread, NOISE):
                 return False
         tenth, J = max(1, (b - a) // 10), J[:, :, : self.states]
-        early, late = (np.abs(part).max(axis=(0, 1)) for part in (J[:, :tenth], J[:, -tenth:]))
-        return not bool((late > GROWTH * np.maximum(early, 1e-300)).any())
+        first, early, most = (np.abs(J[:, :k]).max(axis=(0, 1)) for k in (FIRST, tenth, b - a))
+        if (most > GROWTH * np.maximum(early, 1e-300)).any():
+            return False
+        # A position answers ever more to where a speed began; where every state does so, the motion is unstable.
+        return not bool((most > UNSTABLE * np.maximum(first, 1e-300)).all() and most.size)
 
     def hidden(self, x0: Array) -> tuple[bool, ...]:
         """Which initial states, shape (states,), change no channel as the model is believed."""
