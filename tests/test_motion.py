@@ -19,6 +19,7 @@ from kfgen.effects import Parameter, make
 from kfgen.effects.motion import Signals, free
 from kfgen.errors import InputError
 from kfgen.gap.motion import MotionScene, motion_scene
+from kfgen.gap.outcome import find_scene_gap
 from kfgen.gap.scene import Placed, Point
 from kfgen.gap.spans import best_span, vibrations
 from kfgen.gap.truth import body_rate, truth_of
@@ -496,3 +497,22 @@ def test_the_vibration_of_a_recording(recording: Find, name: str, share: float) 
         inside |= (log.t >= start) & (log.t <= stop)
     assert inside[moving].mean() > share
     assert inside[~moving].mean() < 0.1
+
+
+def test_a_rate_table_shows_a_misalignment_in_the_axis_that_does_not_turn() -> None:
+    """Only x turns; y should read nothing and reads a part of it."""
+    rng, n, N = np.random.default_rng(3), 4000, 1e-4
+    t = np.arange(n) * 0.01
+    x = np.sin(2 * np.pi * 0.2 * t) + 0.5 * np.sin(2 * np.pi * 0.7 * t)
+    truth = np.array([x, np.zeros(n), np.zeros(n)])
+    read = truth + N * 10.0 * rng.standard_normal((3, n))
+    read[1] += 2e-3 * x
+    channels = {f"gyro_{a}": Channel(v, "rad/s") for a, v in zip("xyz", read)}
+    channels |= {f"ref_gyro_{a}": Channel(v, "rad/s") for a, v in zip("xyz", truth)}
+    noise = ChannelNoise("rad/s", (Term(make("white_noise", N=N)),))
+    scene = motion_scene(Log(t, channels), NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
+    assert scene is not None
+    (found,) = find_scene_gap(scene).findings
+    assert (found.placed.effect.name, found.placed.where) == ("misalignment", "gyro_y")
+    lo, hi = found.ci95["yx"]
+    assert lo < 2e-3 < hi

@@ -244,7 +244,8 @@ class MotionScene:
 
     def bench(self, placed: Sequence[Placed]) -> Bench:
         """What the candidates are chosen by."""
-        moved = tuple((c.name, c.sensor, c.axis) for c in self.compared if self.moving(c))
+        places = {(c.name, c.sensor, c.axis): self.moving(c) for c in self.compared}
+        moved, still = (tuple(k for k, v in places.items() if v is there) for there in (True, False))
         extra = np.zeros((self.truth.t.size, 3))
         y = np.zeros((self.truth.t.size, 3))
         spread = 0.0
@@ -260,7 +261,7 @@ class MotionScene:
         good = self.good.copy()
         for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
             good[(self.truth.t >= start) & (self.truth.t < stop)] = False
-        return Bench(self.truth, moved, good, y - extra, spread, field, self.drive)
+        return Bench(self.truth, moved, still, good, y - extra, spread, field, self.drive)
 
     def faults(self) -> tuple[Placed, ...]:
         """Channels that read another axis, the opposite, or another unit than they should."""

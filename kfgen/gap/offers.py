@@ -49,6 +49,8 @@ class Bench:
     truth : Truth
     moved : tuple of (channel, sensor, axis)
         The channels whose truth varies.
+    still : tuple of (channel, sensor, axis)
+        The others: what another axis of the triad moves may show in them.
     good : ndarray of bool, shape (n,)
     mag : ndarray, shape (n, 3)
         Magnetometer readings less what effects explain [T].
@@ -61,6 +63,7 @@ class Bench:
 
     truth: Truth
     moved: tuple[tuple[str, str, int], ...]
+    still: tuple[tuple[str, str, int], ...]
     good: NDArray[np.bool_]
     mag: Array
     spread: float
@@ -85,6 +88,9 @@ def offers(bench: Bench, placed: Sequence[Placed]) -> list[list[Placed]]:
         if sensor != "mag":
             found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
         found += _in_time(bench, name)
+    for name, sensor, axis in bench.still:
+        if sensor in sensors and sensor != "mag":
+            found += _rows(bench, name, sensor, axis) + _in_time(bench, name)
     for sensor in sensors:
         found += _lags(bench, sensor)
     if "accel" in sensors:
@@ -146,7 +152,8 @@ def _lags(bench: Bench, sensor: str) -> list[list[Placed]]:
     names = [c for c, s, _ in bench.moved if s == sensor]
     places = names if len(names) == 1 else [sensor, *names]
     dt = bench.truth.dt
-    corners = [0.2 / dt, 0.05 / dt, 0.01 / dt]
+    # The highest corners do what a delay does, of a hundredth and a tenth of a period.
+    corners = [16.0 / dt, 1.6 / dt, 0.2 / dt, 0.05 / dt, 0.01 / dt]
     found = [[Placed(TimeDelay(0.1 * dt), where)] for where in places]
     return found + [[Placed(Bandwidth(f), where) for f in corners] for where in places]
 
