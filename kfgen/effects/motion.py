@@ -301,6 +301,7 @@ class Bandwidth(Lag):
     weakens: ClassVar[bool] = True
     title: ClassVar[str] = "finite bandwidth"
     separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
+    rare: ClassVar[float] = 1.5
     saying: ClassVar[str] = "follows its input up to {corner} only"
 
     def passed(self, x: Array, dt: float) -> Array:

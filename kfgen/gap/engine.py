@@ -209,14 +209,15 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
     reference = evidence(scene, base)
     trials = []
     if known is not None:
-        trials.append(replace(known, gain=evidence(scene, known.fit) - reference - cost))
+        gain = evidence(scene, known.fit) - reference - cost - known.placed.effect.rare
+        trials.append(replace(known, gain=gain))
     for o in others[: PROMISING if known is None else PROMISING // 2]:
         if o.gain < 1.0:
             continue
         fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
         if _blind(base, fit):
             continue
-        value = evidence(scene, fit) - reference - cost
+        value = evidence(scene, fit) - reference - cost - o.start.effect.rare
         trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
 
