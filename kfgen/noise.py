@@ -8,7 +8,6 @@ name that its effect declares (``q`` or ``B_ieee`` for ``sigma``); it is always 
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from kfgen.document import document_of, text_of
 from kfgen.effects import Effect, effect_named
 from kfgen.errors import InputError
 from kfgen.units import derived_unit, from_si, parse_quantity, parse_unit
@@ -97,28 +97,12 @@ def read_noise(path: str | Path) -> NoiseModel:
     InputError
         No such file, no TOML, another format, an unknown effect, parameter or unit.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError("no such file", where=str(path))
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"it is no text: {error}", where=str(path)) from None
-    return parse_noise(text, str(path))
+    return parse_noise(text_of(path), str(path))
 
 
 def parse_noise(text: str, path: str) -> NoiseModel:
     """A noise model from the text of its file; `path` is said in errors, as in `read_noise`."""
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also numbers too long, nests too deep
-        raise InputError(f"it is no TOML: {error}", where=path) from None
-    if document.get("format") != FORMAT:
-        raise InputError(
-            f"its format is {document.get('format')!r}",
-            where=path,
-            remedy=f'A noise file begins with format = "{FORMAT}"',
-        )
+    document = document_of(text, path, FORMAT, "noise")
     origin = document.get("provenance", {})
     if not isinstance(origin, dict):
         raise InputError("provenance is no table", where=path)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 def is_model_file(model: str) -> bool:
     """Whether a path is a model file, by its format."""
+    from kfgen.model.user import FORMAT
+
     path = Path(model)
     if not path.is_file() or path.suffix != ".toml":
         return False
@@ -24,7 +26,7 @@ def is_model_file(model: str) -> bool:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError, OSError):
         return False  # the reader of noise files says what is wrong
-    return document.get("format") == "kfgen-model-1"
+    return document.get("format") == FORMAT
 
 
 def plant_gap(model: str, log: Log) -> tuple[Answer, str]:

@@ -6,13 +6,13 @@ A channel's readings are a combination of what the three axes should have read; 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect
-from kfgen.effects.integrity import Fault, between_units
+from kfgen.effects.integrity import Fault
 
 Array = NDArray[np.float64]
 
@@ -23,24 +23,7 @@ CLOSE = 0.25
 
 
 @dataclass(frozen=True)
-class AxisFault(Fault):
-    """A fault of a channel against its triad."""
-
-    @classmethod
-    def facing(cls, row: Array, axis: int) -> Effect | None:
-        """The fault, from the coefficients of the three axes in the channel of `axis`, shape (3,)."""
-        along = int(np.argmax(np.abs(row)))
-        clean = np.abs(np.delete(row, along)).max() < AT_RIGHT * abs(row[along])
-        return cls.turned(along == axis, float(row[along])) if clean else None
-
-    @classmethod
-    def turned(cls, own: bool, coefficient: float) -> Effect | None:
-        """The fault of a channel that reads its own axis, or another one, by a coefficient."""
-        return None
-
-
-@dataclass(frozen=True)
-class SignError(AxisFault):
+class SignError(Fault):
     """The readings have the wrong sign."""
 
     name: ClassVar[str] = "sign_error"
@@ -54,7 +37,7 @@ class SignError(AxisFault):
 
 
 @dataclass(frozen=True)
-class AxisSwap(AxisFault):
+class AxisSwap(Fault):
     """The readings are those of another axis."""
 
     name: ClassVar[str] = "axis_swap"
@@ -67,17 +50,10 @@ class AxisSwap(AxisFault):
         return cls() if not own and abs(abs(coefficient) - 1.0) < CLOSE else None
 
 
-@dataclass(frozen=True)
-class AxisUnit(AxisFault):
-    """See `kfgen.effects.integrity.UnitError`, which is what it says."""
-
-    @classmethod
-    def turned(cls, own: bool, coefficient: float) -> Effect | None:
-        """Near a factor between two units."""
-        return between_units(abs(coefficient)) if own else None
-
-
 def axis_faults(row: Array, axis: int) -> list[Effect]:
-    """What is wrong with a channel, from its row of coefficients, shape (3,)."""
-    found: list[Any] = [cls.facing(row, axis) for cls in AxisFault.__subclasses__()]
+    """What is wrong with the channel of `axis`, from the coefficients of the three axes in it, shape (3,)."""
+    along = int(np.argmax(np.abs(row)))
+    if np.abs(np.delete(row, along)).max() >= AT_RIGHT * abs(row[along]):
+        return []
+    found = [cls.turned(along == axis, float(row[along])) for cls in Fault.__subclasses__()]
     return [f for f in found if f is not None]

@@ -18,8 +18,6 @@ from kfgen.effects.series import Raw, Spotted, periods
 
 Array = NDArray[np.float64]
 
-RARE = 1e-6
-"""Chance below which something is no chance."""
 ENDS = 0.004
 """Share of the samples at one end of the range that is no chance."""
 JITTER = 0.02
@@ -47,6 +45,11 @@ class Fault(Effect):
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """Nothing is added."""
         return Form()
+
+    @classmethod
+    def turned(cls, own: bool, coefficient: float) -> Effect | None:
+        """Of a channel that reads its own axis, or another one of its triad, by a coefficient: whether this is why."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -218,11 +221,16 @@ class UnitError(Fault):
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
         """A noise that is larger or smaller than believed by just such a factor."""
-        found = between_units(raw.noise / raw.believed) if raw.believed > 0.0 else None
+        found = _between(raw.noise / raw.believed) if raw.believed > 0.0 else None
         return Spotted(found, float(raw.n), spoils=True) if found else None
 
+    @classmethod
+    def turned(cls, own: bool, coefficient: float) -> Effect | None:
+        """Near a factor between two units."""
+        return _between(abs(coefficient)) if own else None
 
-def between_units(ratio: float) -> UnitError | None:
+
+def _between(ratio: float) -> UnitError | None:
     """The unit error of a ratio that is near a known one."""
     known = [f for _, k in KNOWN for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < NEAR]
     return UnitError(known[0]) if known else None

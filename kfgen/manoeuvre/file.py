@@ -7,13 +7,13 @@ read by the grammar of model files: nothing is executed.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import sympy as sp
 
+from kfgen.document import document_of, text_of
 from kfgen.errors import InputError
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import NAMES, TIME, USUAL, Manoeuvre, Segment, Triple, of_time
@@ -41,13 +41,7 @@ def manoeuvre(name: str) -> Manoeuvre:
             where="--manoeuvre",
             remedy=f"Known are {', '.join(LIBRARY)}, or a manoeuvre file (.toml)",
         )
-    path = Path(name)
-    if not path.is_file():
-        raise InputError("no such file", where=name)
-    try:
-        return parse_manoeuvre(path.read_text(encoding="utf-8"), name)
-    except UnicodeDecodeError as error:
-        raise InputError(f"it is no text: {error}", where=name) from None
+    return parse_manoeuvre(text_of(name), name)
 
 
 def parse_manoeuvre(text: str, path: str) -> Manoeuvre:
@@ -59,16 +53,7 @@ def parse_manoeuvre(text: str, path: str) -> Manoeuvre:
         No TOML, another format, an unknown key, segments that overlap or leave a gap, a duration that is not
         positive, a value that is no expression or not finite.
     """
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"it is no TOML: {error}", where=path) from None
-    if document.get("format") != FORMAT:
-        raise InputError(
-            f"its format is {document.get('format')!r}",
-            where=path,
-            remedy=f'A manoeuvre file begins with format = "{FORMAT}"',
-        )
+    document = document_of(text, path, FORMAT, "manoeuvre")
     _keys(document, TOP, path)
     tables = document.get("segment", [])
     if not isinstance(tables, list) or not all(isinstance(s, dict) for s in tables):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from kfgen.document import document_of
 from kfgen.effects.plant import PlantEffect, SensorChange
 from kfgen.errors import InputError
 from kfgen.model.expression import FUNCTIONS, Expression, read_expression
@@ -25,16 +25,7 @@ _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\d.])")
 
 def parse_model(text: str, path: str) -> UserModel:
     """A model from the text of its file; `path` is said in errors, as in `read_model`."""
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"it is no TOML: {error}", where=path) from None
-    if document.get("format") != FORMAT:
-        raise InputError(
-            f"its format is {document.get('format')!r}",
-            where=path,
-            remedy=f'A model file begins with format = "{FORMAT}"',
-        )
+    document = document_of(text, path, FORMAT, "model")
     name = document.get("name")
     if not isinstance(name, str) or not name.strip():
         raise InputError("it has no name", where=path, remedy='Add a line like name = "pendulum"')

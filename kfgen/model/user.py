@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
+from kfgen.document import text_of
 from kfgen.effects import Effect
 from kfgen.effects.plant import PlantEffect, StateTerm
 from kfgen.errors import InputError
@@ -190,11 +191,4 @@ def read_model(path: str | Path) -> UserModel:
     """
     from kfgen.model.file import parse_model
 
-    path = Path(path)
-    if not path.is_file():
-        raise InputError("no such file", where=str(path))
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"it is no text: {error}", where=str(path)) from None
-    return parse_model(text, str(path))
+    return parse_model(text_of(path), str(path))
