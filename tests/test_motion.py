@@ -22,7 +22,7 @@ from kfgen.gap.motion import MotionScene, motion_scene
 from kfgen.gap.outcome import find_scene_gap
 from kfgen.gap.scene import Placed, Point
 from kfgen.gap.spans import best_span, vibrations
-from kfgen.gap.truth import body_rate, truth_of
+from kfgen.gap.truth import body_rate, running_variance, truth_of
 from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.readers import read_log
@@ -516,3 +516,11 @@ def test_a_rate_table_shows_a_misalignment_in_the_axis_that_does_not_turn() -> N
     assert (found.placed.effect.name, found.placed.where) == ("misalignment", "gyro_y")
     lo, hi = found.ci95["yx"]
     assert lo < 2e-3 < hi
+
+
+def test_motion_is_no_vibration() -> None:
+    """White shaking of a known deviation on a slow swing five times as large: its own variance, within 5 %."""
+    t = np.arange(20_000) * 0.01
+    swing = 5.0 * np.sin(2 * np.pi * 0.3 * t)[:, None] * np.ones(3)
+    shaken = swing + np.random.default_rng(4).standard_normal((t.size, 3))
+    assert running_variance(shaken, 10, 100).mean(axis=0) == pytest.approx(np.ones(3), rel=0.05)

@@ -7,7 +7,7 @@ the magnetometer. Size is found by bisection, for effects that are not linear in
 
 * ``misalignment`` and ``g_sensitivity``, entry xy: ``y_x += xy * w_y`` and ``y_x += xy * f_y``
 * ``nonlinearity``: ``w + k2 w^2`` or ``w + k3 w^3``; ``scale_asymmetry``: ``w + coefficient |w|``
-* ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration in accel_x
+* ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration, its axes together
 * ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late
 * ``soft_iron``, entry xy: ``B_x += xy * B_y``, both ways; ``magnetic_disturbance``: a constant in the
   navigation frame, in a span of time
@@ -92,7 +92,7 @@ def _regressor(run: Run, effect: str) -> Plan:
         "nonlinearity": (w[:, i] ** power, f"k{power}"),
         "misalignment": (w[:, j], entry),
         "g_sensitivity": (run.force[:, j], entry),
-        "vibration_rectification": (run.shaken**2, own),
+        "vibration_rectification": (3.0 * run.shaken**2, own),
     }
     signal, name = rows[effect]
     if effect == "misalignment" and run.table.name == "poor":  # only x turns

@@ -173,7 +173,7 @@ def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
     dt = log.uniform_dt()
     y = np.array([log.values(f"{sensor}_{a}") for a in AXES]).T
     size = max(3, round(WINDOW / dt))
-    deviation = np.sqrt(running_variance(y, size).sum(axis=1))
+    deviation = np.sqrt(running_variance(y, size, size).sum(axis=1))
     still = deviation < QUIET * max(float(np.quantile(deviation, 0.1)), 1e-9)
     marked, count = label(binary_erosion(still, iterations=size // 2))
     found = [np.flatnonzero(marked == k + 1) for k in range(count)]
