@@ -19,8 +19,6 @@ from kfgen.simulate import simulate
 
 STEPS = 500
 """Predictions."""
-STEP_FACTORS = (1.0, 0.5, 0.75)
-"""Steps in turn, in periods of the rate."""
 EVERY = 4
 """One update of each sensor per so many predictions."""
 REFUSED = (27, 28, 59)
