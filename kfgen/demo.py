@@ -15,13 +15,13 @@ import numpy as np
 from kfgen.audit.audit import audit
 from kfgen.discretise import DiscreteModel
 from kfgen.effects import Effect, make
+from kfgen.effects.driven import DRIVERS
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
 from kfgen.gap.workflow import find_gap
 from kfgen.identify.channel import identify
 from kfgen.identify.record import Record
 from kfgen.log import Channel, Log
-from kfgen.manoeuvre.flight import warming
 from kfgen.model.library import build
 from kfgen.noise import NoiseModel, write_noise
 from kfgen.readers import write_log
@@ -75,7 +75,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     rng = np.random.default_rng(SEED)
     t = np.arange(int(HOURS * 3600 * RATE)) / RATE
     bench = record_log("bench.npz", sensor(), np.full(t.size, 298.15), t, rng)
-    field = record_log("field.npz", (*sensor(), *hidden()), warming(t), t, rng)
+    field = record_log("field.npz", (*sensor(), *hidden()), DRIVERS["temperature"].course(t), t, rng)
     for log in (bench, field):
         write_log(log, out / log.source)
     say("1 identify the bench log")

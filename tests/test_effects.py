@@ -55,6 +55,7 @@ KINDS = {
     "signed": -0.4,
     "setting": 2.0,
     "frequency": 0.9,
+    "corner": 0.9,
     "ratio": 0.3,
     "width": 0.5,
     "place": 1.7,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.regular import regular
+from kfgen.gap.regular import drivers_of, regular
 from kfgen.gap.scene import Scene
 from kfgen.gap.workflow import find_gap
 from kfgen.identify.channel import identify
@@ -48,7 +48,7 @@ def thinned(log: Log, every: int) -> Log:
 
 def of_channel(log: Log, name: str, believed: NoiseModel) -> Case:
     """The gap of one channel at rest."""
-    record, stamps, _ = regular(log, name)
+    record, stamps, _ = regular(log, name, drivers_of(log)[0])
     gap = find_gap(name, record, believed.channel(name), stamps, log.stated)
     said = [f"verdict {gap.verdict}", *(finding_sentence(gap, f).split(". ")[0] for f in gap.findings)]
     return said, gap_answer(log, believed, {name: gap})

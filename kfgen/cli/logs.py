@@ -290,7 +290,7 @@ def gap(
     """Where model and record disagree, the missing effect by name, the mended model, before and after."""
     from kfgen.cli.worlds import is_model_file, motion_gap, plant_gap
     from kfgen.gap.cross import with_pairs
-    from kfgen.gap.regular import regular
+    from kfgen.gap.regular import drivers_of, regular
     from kfgen.gap.workflow import find_gap
     from kfgen.noise import write_noise
     from kfgen.report.again import with_proofs
@@ -315,9 +315,10 @@ def gap(
         if output:
             write_noise(mended, output)
         return deliver(answer, json, report)
-    said, gaps = [], {}
+    drive, said = drivers_of(data)
+    gaps = {}
     for name in wanted:
-        record, stamps, words = regular(data, name)
+        record, stamps, words = regular(data, name, drive)
         said += [w for w in words if w not in said]
         gaps[name] = find_gap(name, record, believed.channel(name), stamps, data.stated)
     gaps = with_pairs(gaps)
@@ -333,10 +334,11 @@ def gap(
 def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
     """The gap of every channel with a finding over another recording."""
     from kfgen.gap.again import again_on
-    from kfgen.gap.regular import regular
+    from kfgen.gap.regular import drivers_of, regular
 
     found = {n: g for n, g in gaps.items() if g.verdict != "bad_data" and (g.findings or g.retuned)}
-    return {n: again_on(g, regular(other, n)[0], Path(other.source).name) for n, g in found.items()}
+    drive, _ = drivers_of(other)
+    return {n: again_on(g, regular(other, n, drive)[0], Path(other.source).name) for n, g in found.items()}
 
 
 def _no_proof(others: Sequence[Log], what: str) -> None:

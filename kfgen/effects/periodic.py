@@ -29,6 +29,8 @@ FINE = 4
 """Frequencies looked at, over the record's own."""
 WIDTHS = (0.005, 0.02, 0.06, 0.2)
 """Damping ratios at which a resonance is looked for."""
+RISEN = 2.0
+"""Deviations by which the noise at the upper end of the band is above the middle's where nothing falls off."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ class Resonance(Effect):
 class LowPass(Effect):
     """An internal low-pass: what is measured is filtered with everything that is in it."""
 
-    corner: Any = parameter("Hz", "frequency")
+    corner: Any = parameter("Hz", "corner")
     order: int = parameter("", "setting", 1)
 
     name: ClassVar[str] = "low_pass"
@@ -219,9 +221,10 @@ class LowPass(Effect):
 
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
-        """From corners over the upper two decades of the band, of either order."""
-        nyquist = 0.5 / series.dt
-        power = np.add.reduceat(series.X**2, np.arange(0, series.n, max(series.n // 10, 1)))
-        if power[-1] > power[len(power) // 2]:
-            return []  # nothing falls off
-        return [Sought(cls(share * nyquist, order)) for order in (1, 2) for share in (0.05, 0.2, 0.6)]
+        """From corners over the upper two decades of the band and above it, of either order."""
+        nyquist, tenth = 0.5 / series.dt, max(series.n // 10, 1)
+        upper, middle = (float(np.mean(series.X[at:][:tenth] ** 2)) for at in (-tenth, series.n // 2))
+        if upper > middle * (1.0 + RISEN * float(np.sqrt(4.0 / tenth))):
+            return []  # it rises: nothing falls off
+        corners = [(1, 0.05), (1, 0.2), (1, 0.6), (1, 1.2), (2, 0.05), (2, 0.2), (2, 0.6)]
+        return [Sought(cls(share * nyquist, order)) for order, share in corners]

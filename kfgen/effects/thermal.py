@@ -1,4 +1,4 @@
-"""Effects driven by a thermometer.
+"""Effects of the past of a temperature: its rate, its play.
 
 References
 ----------
@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.base import Effect, Look, parameter
+from kfgen.effects.base import Effect, parameter
 from kfgen.effects.form import Form, State
 from kfgen.effects.series import Series, Sought
 
@@ -26,32 +26,6 @@ CLEAR = 0.1
 """Share of the rate's size below which its error must be, else it is smoothed more."""
 WIDTHS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Half-widths of hysteresis that are looked for, in the range of the temperature."""
-
-
-@dataclass(frozen=True)
-class Temperature(Effect):
-    """A bias proportional to the temperature, about a stated reference temperature."""
-
-    coefficient: Any = parameter("U/K", "signed")
-    reference: float = parameter("K", "setting", 298.15)
-
-    name: ClassVar[str] = "temperature"
-    title: ClassVar[str] = "bias proportional to temperature"
-    separator: ClassVar[str] = "a temperature that rises and falls"
-    saying: ClassVar[str] = "follows the temperature by {coefficient}"
-    driver: ClassVar[str] = "temperature"
-
-    @classmethod
-    def starts(cls, look: Look) -> list[Self]:
-        """About the mean temperature, where there is a thermometer."""
-        return [cls(0.0, look.drive[cls.driver])] if cls.driver in look.drive else []
-
-    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
-        """``y = coefficient (T - reference)``, the coefficient a constant state."""
-        away = drive["temperature"] - self.reference if drive else 0.0
-        return Form(
-            A=((0,),), W=((0,),), C=(away,), x0=(self.coefficient,), states=(State("temperature", "U/K"),)
-        )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 Under the right model every ordinate of the sine transform over its expectation is an independent
 chi-square of one degree of freedom, and the white series in time is normal and independent. So the power
 in each band and in each cell of an atlas (a stretch of time, a band) is a chi-square, the regression on a
-driver or on time a normal deviate, the largest ordinate an exponential; kurtosis and the correlation of
+driver, on any other channel or on time a normal deviate, the largest ordinate an exponential; kurtosis and the correlation of
 squares have their own laws. All p values are held together by Holm's method [1]_.
 
 References
@@ -36,6 +36,8 @@ STRETCHES = 8
 """Of the atlas."""
 LAGS = 20
 """At which squares are correlated."""
+LOWER = 0.9
+"""Share of a regressor's power below the band that is said of it."""
 CELL = 24
 """Ordinates that a cell of the atlas has at least."""
 
@@ -48,6 +50,8 @@ class Test:
     ----------
     span : (float, float), optional
         Time [s] from the first sample on, where it is not the whole record.
+    other : str
+        The channel that it was held against, of which no effect is known.
     """
 
     name: str
@@ -55,6 +59,7 @@ class Test:
     band_hz: tuple[float, float]
     ratio: float
     span: tuple[float, float] | None = None
+    other: str = ""
 
     @property
     def significant(self) -> bool:
@@ -80,6 +85,8 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: Array, seri
         shown = cls.starts(record.look)
         if shown and cls.coefficients() and not any(e.name == name for e in effects):
             tests.append(_driven(record, effects, coefficients, shown[0]))
+    known = {cls.driver for cls in catalogue().values()}
+    tests += [_followed(series, name) for name in series.drive if name not in known]
     return holm([*tests, *white_tests(series.z, series.dt, series.X)])
 
 
@@ -116,6 +123,22 @@ def _driven(record: Record, effects: Sequence[Effect], coefficients: Array, effe
     z = np.sqrt(max(2.0 * (best - base), 0.0))
     f = data.frequency
     return Test(effect.title, float(2.0 * norm.sf(z)), (0.0, float(f[min(5, f.size - 1)])), 1.0 + z**2)
+
+
+def _followed(series: Series, name: str) -> Test:
+    """Regression of the white series on another channel, of which no effect is known."""
+    from scipy.fft import dct
+    from scipy.stats import norm
+
+    x = series.drive[name]
+    u = dct(x - x.mean(), type=2, norm="ortho") * series.weight
+    u -= series.nuisance @ (series.nuisance.T @ u)
+    z = float(u @ series.X) / max(float(np.linalg.norm(u)), 1e-300)
+    share = np.cumsum(u**2) / max(float(u @ u), 1e-300)
+    last = int(np.searchsorted(share, LOWER))
+    p = float(2.0 * norm.sf(abs(z)))
+    band = (0.0, 0.5 * last / (series.n * series.dt))
+    return Test(f"regression on {name}", p, band, 1.0 + z**2, other=name)
 
 
 def white_tests(z: Array, dt: float, X: Array) -> list[Test]:

@@ -1,7 +1,7 @@
 """Noise that channels share: correlations of what the models leave of them.
 
-A correlation ``r`` of n pairs raises the log-likelihood by ``-n/2 ln(1 - r^2)``; uniform before the
-record, it is known to ``(1 - r^2) / sqrt(n)`` after it.
+A correlation ``r`` of n pairs raises the log-likelihood by ``-n/2 ln(1 - r^2)``; log-uniform in its size
+before the record, as every coefficient, it is known to ``(1 - r^2) / sqrt(n)`` after it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ import numpy as np
 
 from kfgen.effects import catalogue
 from kfgen.effects.cross import CrossAxisNoise
+from kfgen.effects.series import OF_A_COEFFICIENT
 from kfgen.gap.battery import Test
 from kfgen.gap.evidence import ABOVE
 from kfgen.gap.finding import ChannelGap, Finding
+from kfgen.gap.search import FIRST
 from kfgen.noise import ChannelNoise, Term
 
 
@@ -29,7 +31,7 @@ def with_pairs(gaps: Mapping[str, ChannelGap]) -> dict[str, ChannelGap]:
         if gaps[a].white.size == gaps[b].white.size > 0
         and not (_believes(gaps[a].mended) and _believes(gaps[b].mended))
     ]
-    cost = float(np.log(len(catalogue()) + 1) + np.log(2.0) + np.log(max(len(pairs), 1)))
+    cost = float(np.log(len(catalogue()) + 1) + np.log(max(len(pairs), 1)))
     for a, b in pairs:
         x, y = gaps[a].white, gaps[b].white
         n = x.size
@@ -37,7 +39,8 @@ def with_pairs(gaps: Mapping[str, ChannelGap]) -> dict[str, ChannelGap]:
         sd = (1.0 - r * r) / float(np.sqrt(n))
         evidence = -0.5 * n * float(np.log1p(-min(r * r, 1.0 - 1e-12)))
         evidence += 0.5 * float(np.log(2.0 * np.pi)) + float(np.log(max(sd, 1e-300))) - cost
-        if evidence > ABOVE:
+        evidence -= float(np.log(OF_A_COEFFICIENT * max(abs(r), sd)))
+        if evidence > (ABOVE if gaps[a].findings or gaps[b].findings else FIRST):
             out[a] = _with(out[a], r, sd, evidence, told=True)
             out[b] = _with(out[b], r, sd, evidence, told=False)
     return out

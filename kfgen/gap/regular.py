@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,18 +25,19 @@ UNEVEN = 0.35
 
 
 def drivers_of(log: Log) -> tuple[dict[str, Array], list[str]]:
-    """The drivers of effects that a log has, and what is to be said of those that it seems to have."""
-    names = dict.fromkeys(cls.driver for cls in catalogue().values() if cls.driver)
+    """All channels but references as what may drive others, and what is to be said of drivers that show nothing."""
+    known = {cls.driver for cls in catalogue().values()}
     drive, said = {}, []
-    for name in (n for n in names if n in log.channels):
+    for name in (n for n in log.channels if not n.startswith("ref_")):
         values = log.channel(name).values
         good = np.isfinite(values)
-        if not good.any():
-            said.append(f"channel {name} holds no number: no effect of it is looked for")
-        elif not np.ptp(values[good]) > 0.0:
-            said.append(f"channel {name} never changes: no effect of it can be seen")
-        else:
+        if good.any() and np.ptp(values[good]) > 0.0:
             drive[name] = smoothed(np.interp(log.t, log.t[good], values[good]))
+        elif name in known:
+            says = "never changes: no effect of it can be seen"
+            said.append(
+                f"channel {name} {says if good.any() else 'holds no number: no effect of it is looked for'}"
+            )
     return drive, said
 
 
@@ -68,8 +71,13 @@ def _parabolas(values: Array, window: int) -> Array:
     return np.asarray(np.interp(np.arange(values.size) + 0.5, middle, smooth))
 
 
-def regular(log: Log, name: str) -> tuple[Record, Array, list[str]]:
+def regular(log: Log, name: str, drive: Mapping[str, Array] | None = None) -> tuple[Record, Array, list[str]]:
     """A channel as an even record, its time stamps as they are, and what is to be said.
+
+    Parameters
+    ----------
+    drive : mapping, optional
+        As of `drivers_of`; the channel itself is none.
 
     Raises
     ------
@@ -77,7 +85,8 @@ def regular(log: Log, name: str) -> tuple[Record, Array, list[str]]:
         Most samples are missing, or time is uneven.
     """
     y = log.channel(name).values
-    drive, said = drivers_of(log)
+    said: list[str] = []
+    drive = {k: v for k, v in (drive or {}).items() if k != name}
     good = np.isfinite(y)
     stamps = log.t[good]
     if stamps.size < 3 or stamps.size < MOST_MISSING * y.size:

@@ -102,7 +102,7 @@ def _checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Ch
         f.effect.name: [
             p.name
             for p in f.effect.estimated()
-            if p.kind in ("size", "signed", "solved", "ratio", "frequency")
+            if p.kind in ("size", "signed", "solved", "ratio", "frequency", "corner")
         ]
         for f in findings
     }

@@ -42,6 +42,8 @@ CELLS = 1 << 14
 """Stretches of a record between which a smooth regressor of searched shape is differenced."""
 FASTEST = 10.0
 """Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
+LOWEST_CORNER = 0.005
+"""Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
 KEPT = 8
 """Likelihoods that are kept, one for each set of regressors."""
 
@@ -160,6 +162,8 @@ class Evidence(ABC):
             return float(np.log(least)), float(np.log(max(slowest * self.longest, 2.0 * least)))
         if kind == "frequency":
             return float(np.log(1.0 / self.longest)), float(np.log(0.5 / self.step))
+        if kind == "corner":
+            return float(np.log(LOWEST_CORNER / self.step)), float(np.log(1.0 / self.step))
         if kind == "ratio":
             return float(np.log(1e-3)), float(np.log(0.4))
         if kind == "width":

@@ -11,18 +11,13 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from kfgen.effects.driven import DRIVERS
 from kfgen.manoeuvre.manoeuvre import SIGNALS, Manoeuvre
 from kfgen.model.filter import FilterModel
 from kfgen.model.tape import Tape, tape
 from kfgen.model.truth import Wanted, along, attitudes
 
 Array = NDArray[np.float64]
-
-
-def warming(t: Array) -> Array:
-    """A temperature [K] that warms up by 12 K and then swings by 4 K, shape (n,)."""
-    T = float(t[-1] - t[0]) or 1.0
-    return np.asarray(293.15 + 12.0 * (1.0 - np.exp(-6.0 * t / T)) + 4.0 * np.sin(4.5 * np.pi * t / T))
 
 
 def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
@@ -71,7 +66,7 @@ class Flight:
     @cached_property
     def values(self) -> dict[str, Array]:
         """Every symbol of F, G, H and of the expected measurements by name, each of shape (n,)."""
-        drive = {d: self.drive.get(d, warming(self.t)) for d in self.model.drivers}
+        drive = {d: self.drive.get(d, DRIVERS[d].course(self.t)) for d in self.model.drivers}
         if self.model.attitude is not None:
             return along(self.model, wanted(self.manoeuvre, self.t), self.start) | drive
         values: dict[str, Any] = {c.name: c.value for c in self.model.constants}

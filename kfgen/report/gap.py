@@ -98,6 +98,13 @@ def verdict_sentence(g: ChannelGap) -> str:
     return f"{g.channel}: {VERDICTS[g.verdict]}"
 
 
+def sentences(g: ChannelGap) -> list[str]:
+    """The verdict, other channels that this one goes with though they have no effect that is known, the findings."""
+    others = [t.other for t in g.before if t.other and t.significant]
+    along = [f"{g.channel} goes with the channel {n}, of which no effect is known" for n in others]
+    return [verdict_sentence(g), *along, *(finding_sentence(g, f) for f in g.findings)]
+
+
 def mended_model(noise: NoiseModel, gaps: Mapping[str, ChannelGap]) -> NoiseModel:
     """The noise model with every finding added."""
     return NoiseModel(
@@ -122,9 +129,8 @@ def gap_answer(log: Log, believed: NoiseModel, gaps: Mapping[str, ChannelGap]) -
     """Text, JSON and page of all channels."""
     lines, parts = [], []
     for g in gaps.values():
-        words = [verdict_sentence(g), *(finding_sentence(g, f) for f in g.findings)]
         checked = [f"  check: {w}" for w in g.checks.words] if g.checks else []
-        lines += [f"{w}." for w in words] + [columns(_gap_rows(g)), *checked]
+        lines += [f"{w}." for w in sentences(g)] + [columns(_gap_rows(g)), *checked]
         lines += [*(f"  {m}" for m in _limit_lines(g)), ""]
         parts += _parts(g)
     diff = model_diff(believed, mended_model(believed, gaps))
@@ -181,8 +187,7 @@ def _parts(g: ChannelGap) -> list[Part]:
     key = g.channel
     parts = [
         heading(g.channel),
-        sentence(verdict_sentence(g) + "."),
-        *(sentence(finding_sentence(g, f) + ".") for f in g.findings),
+        *(sentence(f"{w}.") for w in sentences(g)),
         figure(
             _allan(g),
             "Allan deviation: the record with its 95 % band, what the believed model expects of "

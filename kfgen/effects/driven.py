@@ -1,0 +1,138 @@
+"""Biases proportional to something that is recorded beside the sensor.
+
+`Driver` says what a recorded driver is; each proportional effect is one class with its unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.base import Effect, Look, parameter
+from kfgen.effects.form import Form, State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A recorded quantity that drives effects.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit.
+    level, rise, swing : float
+        A course that people meet, for simulations: it starts at `level`, settles by `rise`, and swings.
+    """
+
+    unit: str
+    level: float
+    rise: float
+    swing: float
+
+    def course(self, t: Array) -> Array:
+        """A course over times `t` [s], shape (n,)."""
+        T = float(t[-1] - t[0]) or 1.0
+        settled = self.rise * (1.0 - np.exp(-6.0 * t / T))
+        return np.asarray(self.level + settled + self.swing * np.sin(4.5 * np.pi * t / T))
+
+
+DRIVERS: Mapping[str, Driver] = {
+    "temperature": Driver("K", 293.15, 12.0, 4.0),
+    "voltage": Driver("V", 5.0, -0.2, 0.05),
+    "current": Driver("A", 1.0, 0.5, 0.5),
+    "pressure": Driver("Pa", 101325.0, -300.0, 100.0),
+    "humidity": Driver("", 0.4, 0.1, 0.05),
+}
+"""By the name of its channel."""
+
+
+@dataclass(frozen=True)
+class Driven(Effect):
+    """A bias proportional to a driver, about a stated reference of it."""
+
+    coefficient: Any = parameter("U", "signed")
+    reference: float = parameter("", "setting", 0.0)
+
+    saying: ClassVar[str] = "follows the {driver} by {{coefficient}}"
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.title = f"bias proportional to {cls.driver}"
+        cls.saying = Driven.saying.format(driver=cls.driver)
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """About the driver's mean, where it is recorded and changes."""
+        return [cls(0.0, look.drive[cls.driver])] if cls.driver in look.drive else []
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``y = coefficient (driver - reference)``, the coefficient a constant state."""
+        away = drive[self.driver] - self.reference if drive else 0.0
+        unit = self.parameters()[0].unit
+        return Form(A=((0,),), W=((0,),), C=(away,), x0=(self.coefficient,), states=(State(self.name, unit),))
+
+
+@dataclass(frozen=True)
+class Temperature(Driven):
+    """A bias proportional to the temperature, about a stated reference temperature."""
+
+    coefficient: Any = parameter("U/K", "signed")
+    reference: float = parameter("K", "setting", 298.15)
+
+    name: ClassVar[str] = "temperature"
+    separator: ClassVar[str] = "a temperature that rises and falls"
+    driver: ClassVar[str] = "temperature"
+
+
+@dataclass(frozen=True)
+class SupplyVoltage(Driven):
+    """A bias proportional to the supply voltage."""
+
+    coefficient: Any = parameter("U/V", "signed")
+    reference: float = parameter("V", "setting", 0.0)
+
+    name: ClassVar[str] = "supply_voltage"
+    separator: ClassVar[str] = "a supply that is turned up and down at constant temperature"
+    driver: ClassVar[str] = "voltage"
+
+
+@dataclass(frozen=True)
+class SupplyCurrent(Driven):
+    """A bias proportional to a current nearby: of a motor beside a magnetometer, of a heater."""
+
+    coefficient: Any = parameter("U/A", "signed")
+    reference: float = parameter("A", "setting", 0.0)
+
+    name: ClassVar[str] = "supply_current"
+    separator: ClassVar[str] = "the current switched on and off while nothing else changes"
+    driver: ClassVar[str] = "current"
+
+
+@dataclass(frozen=True)
+class AirPressure(Driven):
+    """A bias proportional to the pressure of the air."""
+
+    coefficient: Any = parameter("U/Pa", "signed")
+    reference: float = parameter("Pa", "setting", 0.0)
+
+    name: ClassVar[str] = "air_pressure"
+    separator: ClassVar[str] = "a pressure chamber at constant temperature"
+    driver: ClassVar[str] = "pressure"
+
+
+@dataclass(frozen=True)
+class Humidity(Driven):
+    """A bias proportional to the humidity of the air, a share of one."""
+
+    coefficient: Any = parameter("U", "signed")
+    reference: float = parameter("", "setting", 0.0)
+
+    name: ClassVar[str] = "humidity"
+    separator: ClassVar[str] = "a climate chamber at constant temperature"
+    driver: ClassVar[str] = "humidity"

@@ -1,0 +1,77 @@
+"""Biases that follow another channel: of a declared driver they are named, of any other they are pointed at."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kfgen.effects import make
+from kfgen.effects.driven import DRIVERS
+from kfgen.gap.finding import ChannelGap
+from kfgen.gap.regular import drivers_of, regular
+from kfgen.gap.workflow import find_gap
+from kfgen.log import Channel, Log
+from kfgen.noise import ChannelNoise, Term
+
+Array = NDArray[np.float64]
+
+N, DT, SD = 8000, 0.1, 0.5
+T = np.arange(N) * DT
+COURSE = np.sin(2.0 * np.pi * T / 300.0) + 0.5 * np.sin(2.0 * np.pi * T / 190.0 + 1.0)
+"""Of a driver; neither a ramp nor an exponential."""
+CHANNELS = {
+    "voltage": ("supply_voltage", "V"),
+    "current": ("supply_current", "A"),
+    "pressure": ("air_pressure", "Pa"),
+    "humidity": ("humidity", ""),
+}
+
+
+def gap_beside(channel: str, unit: str, coefficient: float, seed: int) -> ChannelGap:
+    """White noise and a share of a driver, whose own noise is a twentieth of its swing."""
+    rng = np.random.default_rng(seed)
+    y = SD * rng.standard_normal(N) + coefficient * COURSE
+    driver = 3.0 + COURSE + 0.05 * rng.standard_normal(N)
+    log = Log(T, {"gyro_x": Channel.of(y, "rad/s"), channel: Channel.of(driver, unit)})
+    record, stamps, _ = regular(log, "gyro_x", drivers_of(log)[0])
+    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
+    return find_gap("gyro_x", record, believed, stamps)
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_a_bias_that_follows_a_driver_is_named(channel: str) -> None:
+    """The gain is 0.5 sum (c x / sd)^2 = 100 nats; the interval is held to 2.5 of its half-widths."""
+    effect, unit = CHANNELS[channel]
+    c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD
+    gap = gap_beside(channel, unit, c, seed=11)
+    assert [f.effect.name for f in gap.findings] == [effect]
+    assert gap.verdict == "effects_found"
+    lo, hi = gap.findings[0].ci95["coefficient"]
+    assert abs(c - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
+    assert 0.5 * (hi - lo) == pytest.approx(1.96 * c / np.sqrt(200.0), rel=0.1)
+
+
+def test_a_channel_of_no_known_effect_is_pointed_at() -> None:
+    """Regression on it is among the tests that fail before anything is added: z = sqrt(2 * 100) = 14."""
+    c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD
+    gap = gap_beside("fuel_level", "m", c, seed=12)
+    test = next(t for t in gap.before if t.name == "regression on fuel_level")
+    assert test.significant
+    assert np.sqrt(test.ratio - 1.0) == pytest.approx(np.sqrt(200.0), abs=4.0)
+
+
+def test_a_channel_that_has_nothing_to_do_with_it_is_not() -> None:
+    """Family-wise rate 0.1 %."""
+    gap = gap_beside("fuel_level", "m", 0.0, seed=13)
+    assert gap.verdict == "no_gap"
+    assert next(t for t in gap.before if t.name == "regression on fuel_level").p > 0.01
+
+
+def test_a_course_starts_at_its_level_and_settles() -> None:
+    """Of every driver, in its unit: within its rise and swing."""
+    for driver in DRIVERS.values():
+        x = driver.course(T)
+        assert x[0] == pytest.approx(driver.level)
+        assert np.ptp(x) > 0.0
+        assert np.abs(x - driver.level).max() <= abs(driver.rise) + abs(driver.swing)
