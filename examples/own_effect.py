@@ -15,7 +15,7 @@ from kfgen.gap.workflow import find_gap
 from kfgen.identify.record import Record
 from kfgen.model.library import build
 from kfgen.noise import ChannelNoise, Term
-from kfgen.report.gap import finding_sentence
+from kfgen.report.gap_words import finding_sentence
 
 
 @dataclass(frozen=True)

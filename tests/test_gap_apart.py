@@ -14,7 +14,7 @@ from kfgen.gap.workflow import find_gap
 from kfgen.identify.fit import Problem, maximise
 from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise, Term
-from kfgen.report.gap import finding_sentence
+from kfgen.report.gap_words import finding_sentence
 
 N, DT = 400, 0.1
 

@@ -18,7 +18,8 @@ from kfgen.identify.channel import identify
 from kfgen.identify.record import Record
 from kfgen.log import Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
-from kfgen.report.gap import finding_sentence, gap_answer
+from kfgen.report.gap import gap_answer
+from kfgen.report.gap_words import finding_sentence
 from kfgen.report.page import Answer, write_page
 from kfgen.report.scene import UnitOf, finding_words, scene_answer, units_of_channels
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 import kfgen
 from kfgen.effects import Effect
-from kfgen.effects.integrity import Fault
 from kfgen.gap.battery import RATE, Test, bands
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import METRIC, Gap
@@ -21,6 +20,7 @@ from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means, residual_ratio
 from kfgen.log import Log
 from kfgen.noise import NoiseModel, noise_text
+from kfgen.report.gap_words import finding_sentence, sentences
 from kfgen.report.identify import finite, quantity
 from kfgen.report.page import Answer, Page, Part, code, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import (
@@ -34,75 +34,9 @@ from kfgen.report.plots import (
     spectrum_picture,
     thin,
 )
-from kfgen.units import derived_unit, from_si, parse_unit
+from kfgen.units import derived_unit, parse_unit
 
 Array = NDArray[np.float64]
-
-VERDICTS = {
-    "no_gap": "model and record agree",
-    "effects_found": "an effect is missing from the model, and it is named",
-    "unknown_effect": "something is missing from the model that the catalogue does not explain",
-    "bad_data": "the samples are faulty, and a fit to them would mean nothing",
-}
-
-
-def finding_sentence(g: ChannelGap, f: Finding) -> str:
-    """A missing effect in words: name, size, share, band, alternatives; of a fault, what is wrong."""
-    if isinstance(f.effect, Fault):
-        return f.effect.sentence(g.channel, g.unit)
-    size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
-    words = (
-        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "
-        f"probable among all candidates; without it the disagreement is strongest {_where(f)}"
-    )
-    if g.gap.before > 0.0:
-        words += (
-            f", and on {g.gap.held_out}, which the fit did not see, {100 * g.gap.closed:.0f} % of it closes"
-        )
-    if f.indistinguishable:
-        told = {o.other: o.words(type(f.effect)) for o in f.others}
-        words += (
-            f". This record does not rule out {'; or '.join(told.get(n, n) for n in f.indistinguishable)}"
-        )
-    return words
-
-
-def _where(f: Finding) -> str:
-    """Band, and span of time where it is not the whole record."""
-    lo, hi = f.worst.band_hz
-    words = f"at {lo:.4g} Hz" if lo == hi else f"in {lo:.2g} to {hi:.2g} Hz"
-    return words + (f" from {f.worst.span[0]:.4g} to {f.worst.span[1]:.4g} s" if f.worst.span else "")
-
-
-def percent(p: float) -> str:
-    """A probability in words."""
-    return "more than 99.9 %" if p > 0.999 else f"{100 * p:.3g} %"
-
-
-def _with_interval(f: Finding, name: str, unit: str) -> str:
-    value = quantity(float(getattr(f.effect, name)), unit)
-    if name in f.ci95:
-        lo, hi = (from_si(v, unit) for v in f.ci95[name])
-        value += f" (95 %: {lo:.3g} to {hi:.3g})"
-    return f"{name} = {value}"
-
-
-def verdict_sentence(g: ChannelGap) -> str:
-    """The verdict of a channel in words."""
-    if g.verdict == "no_gap":
-        return f"{g.channel}: {VERDICTS[g.verdict]} as far as {g.record.duration:.0f} s can tell"
-    if g.retuned and not g.findings and g.verdict == "effects_found":
-        return f"{g.channel}: the structure of the model holds, its numbers do not; they are fitted anew"
-    if g.verdict == "effects_found" and len(g.findings) > 1:
-        return f"{g.channel}: {len(g.findings)} effects are missing from the model, and they are named"
-    return f"{g.channel}: {VERDICTS[g.verdict]}"
-
-
-def sentences(g: ChannelGap) -> list[str]:
-    """The verdict, other channels that this one goes with though they have no effect that is known, the findings."""
-    others = [t.other for t in g.before if t.other and t.significant]
-    along = [f"{g.channel} goes with the channel {n}, of which no effect is known" for n in others]
-    return [verdict_sentence(g), *along, *(finding_sentence(g, f) for f in g.findings)]
 
 
 def mended_model(noise: NoiseModel, gaps: Mapping[str, ChannelGap]) -> NoiseModel:

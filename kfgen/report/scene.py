@@ -19,7 +19,8 @@ from kfgen.gap.scene import Placed
 from kfgen.gap.whitened import Whitener
 from kfgen.identify.whittle import block_means
 from kfgen.log import Log
-from kfgen.report.gap import VERDICTS, gap_rows, percent
+from kfgen.report.gap import gap_rows
+from kfgen.report.gap_words import VERDICTS, percent
 from kfgen.report.identify import finite, quantity
 from kfgen.report.page import (
     Answer,
