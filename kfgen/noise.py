@@ -225,7 +225,7 @@ def entry_text(term: Term, unit: str) -> str:
 
 def valued(value: float, unit: str) -> str:
     """An SI number as a quoted text in `unit`."""
-    return quoted(f"{from_si(float(value), unit):.9g} {unit}")
+    return quoted(f"{from_si(float(value), unit):.9g} {unit}".rstrip())
 
 
 def quoted(text: str) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kfgen.discretise import DiscreteModel
 from kfgen.effects import Effect
-from kfgen.effects.driven import DRIVERS
+from kfgen.effects.driven import driver_named
 from kfgen.errors import InputError
 from kfgen.log import Channel, Log
 from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
@@ -79,8 +79,8 @@ def simulate_motion(
     """A log along any motion; parameters as of `simulate`, `name` is said in the log's source."""
     model, t = discrete.model, motion.t
     true = along(model, motion, drawn(model, rng))
-    drive = {d: drive[d] if drive and d in drive else DRIVERS[d].course(t) for d in model.drivers}
-    channels = {d: Channel(v, DRIVERS[d].unit) for d, v in drive.items()}
+    drive = {d: drive[d] if drive and d in drive else driver_named(d).course(t) for d in model.drivers}
+    channels = {d: Channel(v, driver_named(d).unit) for d, v in drive.items()}
     clean = _clean(model, true)
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
@@ -103,8 +103,8 @@ def _plant_log(
     inputs = {n: plant_input(manoeuvre, n, k, t) for k, n in enumerate(user.inputs)}
     run = simulated(user, t, inputs)
     clean = inputs | {n: h[:, 0] for n, h in run.channels.items()}
-    drive = {d: drive[d] if drive and d in drive else DRIVERS[d].course(t) for d in model.drivers}
-    channels = {d: Channel(v, DRIVERS[d].unit) for d, v in drive.items()}
+    drive = {d: drive[d] if drive and d in drive else driver_named(d).course(t) for d in model.drivers}
+    channels = {d: Channel(v, driver_named(d).unit) for d, v in drive.items()}
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
         channels[channel] = Channel(values, unit)

@@ -12,7 +12,7 @@ from kfgen.gap.finding import ChannelGap
 from kfgen.gap.regular import drivers_of, regular
 from kfgen.gap.workflow import find_gap
 from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, Term
+from kfgen.noise import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
 
 Array = NDArray[np.float64]
 
@@ -75,3 +75,24 @@ def test_a_course_starts_at_its_level_and_settles() -> None:
         assert x[0] == pytest.approx(driver.level)
         assert np.ptp(x) > 0.0
         assert np.abs(x - driver.level).max() <= abs(driver.rise) + abs(driver.swing)
+
+
+def test_a_bias_that_follows_any_channel_is_coupled_to_it() -> None:
+    """As of a declared driver; the file that names it is read again."""
+    c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD
+    gap = gap_beside("fuel_level", "m", c, seed=14)
+    assert [f.effect.name for f in gap.findings] == ["coupling:fuel_level"]
+    lo, hi = gap.findings[0].ci95["coefficient"]
+    assert abs(c - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
+    again = parse_noise(noise_text(NoiseModel({"gyro_x": gap.mended}, {})), "mended.toml")
+    effect = again.channels["gyro_x"].effects[-1]
+    assert (effect.name, effect.driver) == ("coupling:fuel_level", "fuel_level")
+    assert effect.values[0] == pytest.approx(gap.findings[0].effect.values[0], rel=1e-6)
+
+
+def test_another_sensor_is_no_driver() -> None:
+    """Two gyros drift alike where the thermometer is missing: neither is the cause."""
+    c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD
+    gap = gap_beside("gyro_y", "rad/s", c, seed=15)
+    assert not any(f.effect.name.startswith("coupling") for f in gap.findings)
+    assert next(t for t in gap.before if t.other == "gyro_y").significant

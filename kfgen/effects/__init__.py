@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any
 
 from kfgen.effects.base import Effect, Look, Parameter, filtered, sampled_spectrum
+from kfgen.effects.driven import COUPLING, coupled
 from kfgen.effects.form import Form, State
 from kfgen.errors import InputError
 
@@ -42,7 +43,7 @@ def catalogue() -> dict[str, type[Effect]]:
     while queue:
         cls = queue.pop(0)
         queue.extend(cls.__subclasses__())
-        if cls.name:
+        if cls.name and ":" not in cls.name:
             found[cls.name] = cls
     return found
 
@@ -56,6 +57,8 @@ def effect_named(name: str, *, where: str = "") -> type[Effect]:
         There is none.
     """
     known = catalogue()
+    if name.startswith(COUPLING) and name != COUPLING:
+        return coupled(name.removeprefix(COUPLING))
     if name not in known:
         raise InputError(f"there is no effect '{name}'", where=where, remedy=f"Known are {', '.join(known)}")
     return known[name]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, Look, parameter
 from kfgen.effects.form import Form, State
+from kfgen.effects.series import Series, Sought
 
 Array = NDArray[np.float64]
 
@@ -52,6 +54,11 @@ DRIVERS: Mapping[str, Driver] = {
 """By the name of its channel."""
 
 
+def driver_named(channel: str) -> Driver:
+    """What is known of a driver; of any other channel nothing."""
+    return DRIVERS.get(channel, Driver("", 1.0, 0.5, 0.2))
+
+
 @dataclass(frozen=True)
 class Driven(Effect):
     """A bias proportional to a driver, about a stated reference of it."""
@@ -59,12 +66,10 @@ class Driven(Effect):
     coefficient: Any = parameter("U", "signed")
     reference: float = parameter("", "setting", 0.0)
 
-    saying: ClassVar[str] = "follows the {driver} by {{coefficient}}"
-
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        cls.title = f"bias proportional to {cls.driver}"
-        cls.saying = Driven.saying.format(driver=cls.driver)
+        cls.title = f"bias proportional to {cls.driver or 'another channel'}"
+        cls.saying = f"follows the {cls.driver or 'other channel'} by {{coefficient}}"
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
@@ -75,7 +80,13 @@ class Driven(Effect):
         """``y = coefficient (driver - reference)``, the coefficient a constant state."""
         away = drive[self.driver] - self.reference if drive else 0.0
         unit = self.parameters()[0].unit
-        return Form(A=((0,),), W=((0,),), C=(away,), x0=(self.coefficient,), states=(State(self.name, unit),))
+        return Form(
+            A=((0,),),
+            W=((0,),),
+            C=(away,),
+            x0=(self.coefficient,),
+            states=(State(self.name.replace(":", "_"), unit),),
+        )
 
 
 @dataclass(frozen=True)
@@ -136,3 +147,41 @@ class Humidity(Driven):
     name: ClassVar[str] = "humidity"
     separator: ClassVar[str] = "a climate chamber at constant temperature"
     driver: ClassVar[str] = "humidity"
+
+
+COUPLING = "coupling:"
+"""Before the name of a channel: the effect of that channel."""
+SENSED = ("gyro", "accel", "mag", "ref_")
+"""How channels begin that are driven themselves, or what should have been read."""
+
+
+@dataclass(frozen=True)
+class Coupling(Driven):
+    """A bias proportional to any other recorded channel, ``coupling:NAME``; per SI unit of that channel."""
+
+    name: ClassVar[str] = "coupling"
+    rare: ClassVar[float] = 1.0
+    separator: ClassVar[str] = "that channel moved by itself, all else kept"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """Only where it is looked for."""
+        return []
+
+    @classmethod
+    def sought(cls, series: Series) -> list[Sought]:
+        """Each recorded channel that drives no other effect, that of highest regression first."""
+        known = {*DRIVERS, *(d for d in series.drive if d.startswith(SENSED))}
+        names = [n for n in series.drive if n not in known]
+        ranked = sorted(names, key=lambda n: -abs(series.regression(series.drive[n])[0]))
+        chance = -float(np.log(max(len(names), 1)))
+        return [Sought(coupled(n)(0.0, float(np.mean(series.drive[n]))), chance) for n in ranked[:1]]
+
+
+@cache
+def coupled(channel: str) -> type[Coupling]:
+    """The effect of a channel."""
+    doc = f"A bias proportional to the channel {channel}."
+    made = type("Coupled", (Coupling,), {"name": COUPLING + channel, "driver": channel, "__doc__": doc})
+    made.title += ", per SI unit of it"
+    return dataclass(frozen=True)(made)

@@ -87,6 +87,15 @@ class Series:
         quick = self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X))
         return np.asarray(quick / np.sqrt(1.0 - low / self.n))
 
+    def regression(self, x: Array) -> tuple[float, Array]:
+        """On a shape (n,): the coefficient in deviations, and the shape's whitened ordinates."""
+        from scipy.fft import dct
+
+        u = dct(x - x.mean(), type=2, norm="ortho") * self.weight
+        u -= self.nuisance @ (self.nuisance.T @ u)
+        size = float(np.linalg.norm(u))
+        return float(u @ self.X) / size if size > 0.0 else 0.0, u
+
     @staticmethod
     def in_time(X: Array) -> Array:
         """From ordinates to time."""

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
+from kfgen.effects.driven import DRIVERS
 from kfgen.effects.series import Series
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import Ordinates, residual_ratio
@@ -85,8 +86,7 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: Array, seri
         shown = cls.starts(record.look)
         if shown and cls.coefficients() and not any(e.name == name for e in effects):
             tests.append(_driven(record, effects, coefficients, shown[0]))
-    known = {cls.driver for cls in catalogue().values()}
-    tests += [_followed(series, name) for name in series.drive if name not in known]
+    tests += [_followed(series, name) for name in series.drive if name not in DRIVERS]
     return holm([*tests, *white_tests(series.z, series.dt, series.X)])
 
 
@@ -127,13 +127,9 @@ def _driven(record: Record, effects: Sequence[Effect], coefficients: Array, effe
 
 def _followed(series: Series, name: str) -> Test:
     """Regression of the white series on another channel, of which no effect is known."""
-    from scipy.fft import dct
     from scipy.stats import norm
 
-    x = series.drive[name]
-    u = dct(x - x.mean(), type=2, norm="ortho") * series.weight
-    u -= series.nuisance @ (series.nuisance.T @ u)
-    z = float(u @ series.X) / max(float(np.linalg.norm(u)), 1e-300)
+    z, u = series.regression(series.drive[name])
     share = np.cumsum(u**2) / max(float(u @ u), 1e-300)
     last = int(np.searchsorted(share, LOWER))
     p = float(2.0 * norm.sf(abs(z)))

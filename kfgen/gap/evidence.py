@@ -172,7 +172,11 @@ def additions(base: Candidate, series: Series, without: frozenset[str] = frozens
         for name, cls in catalogue().items()
         if (cls.repeatable and name not in without) or name not in present
     ]
-    return [starts for starts in shown if starts]
+    return [starts for starts in shown if starts and (starts[0].effect.repeatable or _new(starts, present))]
+
+
+def _new(starts: Sequence[Sought], present: frozenset[str] | set[str]) -> bool:
+    return starts[0].effect.name not in present
 
 
 def _retuned(base: Candidate, reference: float) -> Candidate:

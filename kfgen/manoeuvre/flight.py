@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.effects.driven import DRIVERS
+from kfgen.effects.driven import driver_named
 from kfgen.manoeuvre.manoeuvre import SIGNALS, Manoeuvre
 from kfgen.model.filter import FilterModel
 from kfgen.model.tape import Tape, tape
@@ -66,7 +66,7 @@ class Flight:
     @cached_property
     def values(self) -> dict[str, Array]:
         """Every symbol of F, G, H and of the expected measurements by name, each of shape (n,)."""
-        drive = {d: self.drive.get(d, DRIVERS[d].course(self.t)) for d in self.model.drivers}
+        drive = {d: self.drive.get(d, driver_named(d).course(self.t)) for d in self.model.drivers}
         if self.model.attitude is not None:
             return along(self.model, wanted(self.manoeuvre, self.t), self.start) | drive
         values: dict[str, Any] = {c.name: c.value for c in self.model.constants}

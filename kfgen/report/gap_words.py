@@ -70,5 +70,5 @@ def verdict_sentence(g: ChannelGap) -> str:
 def sentences(g: ChannelGap) -> list[str]:
     """The verdict, other channels that this one goes with though they have no effect that is known, the findings."""
     others = [t.other for t in g.before if t.other and t.significant]
-    along = [f"{g.channel} goes with the channel {n}, of which no effect is known" for n in others]
+    along = [f"{g.channel} goes with the channel {n}" for n in others]
     return [verdict_sentence(g), *along, *(finding_sentence(g, f) for f in g.findings)]
