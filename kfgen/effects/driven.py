@@ -182,6 +182,7 @@ class Coupling(Driven):
 def coupled(channel: str) -> type[Coupling]:
     """The effect of a channel."""
     doc = f"A bias proportional to the channel {channel}."
-    made = type("Coupled", (Coupling,), {"name": COUPLING + channel, "driver": channel, "__doc__": doc})
+    made: Any = type("Coupled", (Coupling,), {"name": COUPLING + channel, "driver": channel, "__doc__": doc})
     made.title += ", per SI unit of it"
-    return dataclass(frozen=True)(made)
+    coupled_class: type[Coupling] = dataclass(frozen=True)(made)
+    return coupled_class
