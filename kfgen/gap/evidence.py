@@ -217,7 +217,10 @@ def _added(starts: Sequence[Sought], base: Candidate, reference: float, cost: fl
     value = log_evidence(problem, fit)
     times = [key for key in fit.free if key[0] == at and _kind(problem, key) == "time"]
     if times and not _is_closed(problem, fit, times[0]):
-        value = _integrated(problem, fit, times[0])
+        value, best = _integrated(problem, fit, times[0])
+        if best.value > fit.value:
+            problem = problem.starting(best.effects)
+            fit = maximise(problem)
     if not fit.effects[-1].is_itself(base.problem.record.duration):
         value = -np.inf
     return Candidate(name, fit, problem, value + sought.located - reference, sought)
@@ -251,14 +254,15 @@ def _is_closed(problem: Problem, fit: Fit, key: Key) -> bool:
     return 0.0 < sd < CLOSED and lo + 2.0 * sd < x < hi - 2.0 * sd
 
 
-def _integrated(problem: Problem, fit: Fit, key: Key) -> float:
-    """The evidence integrated numerically over one time, the rest by Laplace's method."""
+def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
+    """The evidence integrated numerically over one time, the rest by Laplace's method; the best fit on the way."""
     lo, hi = problem.bounds[fit.free.index(key)]
-    values = []
+    values, fits = [], []
     for x in lo + (hi - lo) * (np.arange(TIMES) + 0.5) / TIMES:
         held = problem.starting(fit.effects).pin(key, float(np.exp(x)))
-        values.append(log_evidence(held, maximise(held)))
-    return log_mean(np.array(values))
+        fits.append(maximise(held))
+        values.append(log_evidence(held, fits[-1]))
+    return log_mean(np.array(values)), max(fits, key=lambda f: f.value)
 
 
 def _sizes(effect: Effect) -> list[str]:

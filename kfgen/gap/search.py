@@ -71,6 +71,8 @@ class Search:
     effects : tuple of Effect
         The believed random ones, with `priors`.
     chosen : tuple of Chosen
+    known : tuple of Effect
+        The believed and the chosen ones as they were fitted together last.
     """
 
     record: Record
@@ -78,11 +80,12 @@ class Search:
     priors: Mapping[Key, Prior]
     chosen: tuple[Chosen, ...] = ()
     without: frozenset[str] = field(default_factory=frozenset)
+    known: tuple[Effect, ...] = ()
 
     @property
     def added(self) -> tuple[Effect, ...]:
         """The chosen effects that are sums of a spectrum or a shape."""
-        return tuple(c.candidate.effect for c in self.chosen if not _alters(c) and c.name != RETUNE)
+        return tuple(c.candidate.effect for c in self.chosen if _is_summed(c))
 
     @property
     def altering(self) -> tuple[Effect, ...]:
@@ -101,7 +104,12 @@ class Search:
         at = len(self.effects)
         times = {at + k: BETWEEN[e.name] for k, e in enumerate(self.added) if e.name in BETWEEN}
         problem = Problem(self.record, (*self.effects, *self.added), priors, times=times)
-        base = Candidate("", maximise(problem), problem, 0.0)
+        fits = [maximise(problem)]
+        if len(self.known) == len(problem.effects):
+            # Else what is added next would be credited with leading out of a worse maximum.
+            fits.append(maximise(problem.starting(self.known)))
+        best = max(fits, key=lambda f: f.value)
+        base = Candidate("", best, problem, 0.0)
         for effect in self.altering:
             series = series_of(base)
             clean = effect.taken(series)
@@ -121,15 +129,35 @@ class Search:
 
     def plus(self, candidate: Candidate, ranked: Sequence[Candidate], below: Candidate) -> Search:
         """With one more."""
-        return replace(self, chosen=(*self.chosen, _chosen(candidate, ranked, below)))
+        known = below.fit.effects if candidate.alters else candidate.fit.effects
+        return replace(self, chosen=(*self.chosen, _chosen(candidate, ranked, below)), known=known)
 
     def less(self, index: int) -> Search:
         """With one fewer."""
-        return replace(self, chosen=self.chosen[:index] + self.chosen[index + 1 :])
+        place = self._place(index)
+        known = self.known[:place] + self.known[place + _is_summed(self.chosen[index]) :]
+        return replace(self, chosen=self.chosen[:index] + self.chosen[index + 1 :], known=known)
+
+    def moved(self, index: int) -> Search:
+        """With the last one put at `index`."""
+        *rest, last = self.chosen
+        known, place = self.known, self._place(index)
+        if _is_summed(last):
+            known = (*known[:place], known[-1], *known[place:-1])
+        return replace(self, chosen=(*rest[:index], last, *rest[index:]), known=known)
+
+    def _place(self, index: int) -> int:
+        """Where the effect of the chosen one is among all that are fitted."""
+        return len(self.effects) + sum(map(_is_summed, self.chosen[:index]))
 
 
 def _alters(chosen: Chosen) -> bool:
     return chosen.candidate.alters
+
+
+def _is_summed(chosen: Chosen) -> bool:
+    """Whether it adds a spectrum or a shape."""
+    return not _alters(chosen) and chosen.name != RETUNE
 
 
 def _chosen(candidate: Candidate, ranked: Sequence[Candidate], below: Candidate) -> Chosen:
@@ -228,8 +256,7 @@ def reconsidered(search: Search) -> Search:
             search = rest
             continue
         keep = same if same is not None and best.gain - same.gain < BETTER else best
-        new = _chosen(keep, ranked, below)
-        search = replace(rest, chosen=(*rest.chosen[:index], new, *rest.chosen[index:]))
+        search = rest.plus(keep, ranked, below).moved(index)
         index += 1
     return search
 
