@@ -39,7 +39,7 @@ def fleet_answer(fleet: Fleet, model: str = "", hashes: Mapping[str, str] | None
         SHA-256 of what was read beside the logs, by name.
     """
     names = short_names([o.log for o in (*fleet.done, *fleet.failed)])
-    words, apart = _sentences(fleet, model), _apart_rows(fleet, names)
+    words, apart = _sentences(fleet, model, names), _apart_rows(fleet, names)
     lines, parts = [f"{w}." for w in words], [sentence(f"{w}.") for w in words]
     parts += [text(f"Not used: {o.complaint}.") for o in fleet.failed]
     for channel in dict.fromkeys(s.number.channel for s in fleet.numbers):
@@ -80,7 +80,7 @@ def short_names(paths: Sequence[str]) -> dict[str, str]:
     return {p: os.path.relpath(os.path.abspath(p), folder) for p in paths}
 
 
-def _sentences(fleet: Fleet, model: str) -> list[str]:
+def _sentences(fleet: Fleet, model: str, names: Mapping[str, str]) -> list[str]:
     """What was read, then what differs, then who is apart, in words."""
     failed = f"; {len(fleet.failed)} could not be used" if fleet.failed else ""
     words = [f"{len(fleet.done)} logs were {'held against ' + model if model else 'identified'}{failed}"]
@@ -98,13 +98,15 @@ def _sentences(fleet: Fleet, model: str) -> list[str]:
             f"The sensors differ by more than their intervals, most in {widest.number.channel} "
             f"{widest.number.label}: {_spread(widest)}"
         )
-    elif fleet.tested:
+    elif any(s.population and s.population.size > 1 for s in fleet.numbers):
         words.append("No number differs between the sensors by more than its intervals")
-    logs = dict.fromkeys(r.log for s in fleet.numbers for r, _ in s.outliers)
-    if fleet.tested:
-        words.append(
-            f"{len(logs) or 'None'} of them {'is' if len(logs) < 2 else 'are'} apart from the others"
-        )
+    apart: dict[str, list[str]] = {}
+    for s in fleet.numbers:
+        for r, _ in s.outliers:
+            apart.setdefault(names[r.log], []).append(f"{s.number.channel} {s.number.label}")
+    words += [f"{log} is not like the others in {', '.join(which)}" for log, which in sorted(apart.items())]
+    if fleet.tested and not apart:
+        words.append("None of them is apart from the others")
     return words
 
 
@@ -113,7 +115,7 @@ def _differs(s: Shared) -> bool:
 
 
 def _excess(s: Shared) -> float:
-    """The least spread that the intervals allow, in deviations of the population's mean for signed numbers."""
+    """The least spread that the intervals allow: of logarithms, or over the mean."""
     assert s.population is not None
     least = s.population.spread95[0]
     return least if s.number.positive else least / max(abs(s.population.mean), 1e-300)
