@@ -185,11 +185,15 @@ def _on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Outcome]:
             f"no scheduler answers: {error}", where=address, remedy="Give one as tcp://host:8786"
         ) from None
     with client:
-        there = [replace(t, log=_absolute(t.log), model=_absolute(t.model)) for t in tasks]
-        waiting = {client.submit(work, far, pure=False): task for task, far in zip(tasks, there, strict=True)}
+        there = {_absolute(t.log): t for t in tasks}
+        waiting = {
+            client.submit(work, replace(t, log=log, model=_absolute(t.model)), pure=False): log
+            for log, t in there.items()
+        }
         for future in as_completed(list(waiting), loop=client.loop):
-            outcome = _told(waiting[future], future.exception(), future.result)
-            yield replace(outcome, log=waiting[future].log)
+            far = waiting[future]
+            outcome = _told(there[far], future.exception(), future.result)
+            yield replace(outcome, log=there[far].log, error=outcome.error.replace(far, there[far].log))
 
 
 def _absolute(name: str) -> str:
