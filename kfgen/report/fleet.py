@@ -23,6 +23,8 @@ from kfgen.units import display_unit, from_si
 
 MOST_SHARE = 0.3
 """Spread in logarithms up to which it is said in per cent, beyond as a factor."""
+BOUNDLESS = 5.0
+"""Spread in logarithms beyond which an interval has no upper end worth printing."""
 _HEAD = ("number", "sensors", "typical, 95 %", "between sensors, 95 %", "where a new one lies, 95 %")
 _VALUES = ("log", "number", "value", "95 % interval", "")
 _EFFECTS = ("channel", "effect", "found in", "")
@@ -62,7 +64,7 @@ def fleet_answer(fleet: Fleet, model: str = "", hashes: Mapping[str, str] | None
     )
     lines += [*([""] if fleet.failed else []), *(f"not used: {o.complaint}" for o in fleet.failed)]
     said = tuple(f"{o.log}: {w}" for o in fleet.done for w in o.warnings)
-    page = Page(f"{len(fleet.done)} sensors of one kind", tuple(parts))
+    page = Page("Sensors of one kind", tuple(parts))
     data = _data(fleet, model, dict(hashes or {}))
     return Answer("\n".join(lines), data, page, ok=not fleet.failed, warnings=said)
 
@@ -83,7 +85,8 @@ def short_names(paths: Sequence[str]) -> dict[str, str]:
 def _sentences(fleet: Fleet, model: str, names: Mapping[str, str]) -> list[str]:
     """What was read, then what differs, then who is apart, in words."""
     failed = f"; {len(fleet.failed)} could not be used" if fleet.failed else ""
-    words = [f"{len(fleet.done)} logs were {'held against ' + model if model else 'identified'}{failed}"]
+    many = "1 log was" if len(fleet.done) == 1 else f"{len(fleet.done)} logs were"
+    words = [f"{many} {'held against ' + model if model else 'identified'}{failed}"]
     if model:
         verdicts = [str((o.data or {}).get("verdict")) for o in fleet.done]
         words.append(", ".join(f"{v} in {verdicts.count(v)}" for v in sorted(set(verdicts))))
@@ -98,7 +101,7 @@ def _sentences(fleet: Fleet, model: str, names: Mapping[str, str]) -> list[str]:
             f"The sensors differ by more than their intervals, most in {widest.number.channel} "
             f"{widest.number.label}: {_spread(widest)}"
         )
-    elif any(s.population and s.population.size > 1 for s in fleet.numbers):
+    elif any(s.population and s.population.size > 2 for s in fleet.numbers):
         words.append("No number differs between the sensors by more than its intervals")
     apart: dict[str, list[str]] = {}
     for s in fleet.numbers:
@@ -111,7 +114,7 @@ def _sentences(fleet: Fleet, model: str, names: Mapping[str, str]) -> list[str]:
 
 
 def _differs(s: Shared) -> bool:
-    return s.population is not None and s.population.size > 1 and s.population.spread95[0] > 0.0
+    return s.population is not None and s.population.size > 2 and s.population.spread95[0] > 0.0
 
 
 def _excess(s: Shared) -> float:
@@ -145,8 +148,9 @@ def _row(s: Shared, fleet: Fleet) -> list[str]:
     typical = quantity(s.back(p.mean), shown_unit(s.unit))
     if p.size < 2:
         return [*row, typical, "", ""]
-    ahead = _span(s, p.next95) if p.size > 2 else ""
-    return [*row, f"{typical} ({_span(s, p.mean95)})", _spread(s), ahead]
+    if p.size < 3:  # the interval of a mean of two says nothing
+        return [*row, typical, _spread(s), ""]
+    return [*row, f"{typical} ({_span(s, p.mean95)})", _spread(s), _span(s, p.next95)]
 
 
 def _of(number: Number, fleet: Fleet) -> int:
@@ -165,7 +169,8 @@ def _spread(s: Shared) -> str:
         return f"{value * scale:.3g} {unit} ({lo * scale:.2g} to {hi * scale:.2g})"
     if hi <= MOST_SHARE:
         return f"{100 * value:.2g} % ({100 * lo:.2g} to {100 * hi:.2g} %)"
-    return f"a factor of {np.exp(value):.3g} ({np.exp(lo):.3g} to {np.exp(hi):.3g})"
+    end = f"{np.exp(lo):.3g} to {np.exp(hi):.3g}" if hi < BOUNDLESS else f"at least {np.exp(lo):.3g}"
+    return f"a factor of {np.exp(value):.3g} ({end})"
 
 
 def _value_rows(numbers: Sequence[Shared], names: Mapping[str, str]) -> list[list[str]]:
