@@ -67,7 +67,7 @@ def rate_ramp(r: Recording, X: float) -> Hidden:
 
 def sinusoid(r: Recording, X: float) -> Hidden:
     """A line, anywhere from ten periods in the record to 0.4 of the rate."""
-    p = nats.penalty(r.n, 2, 1)
+    p = nats.penalty(r.n, lines=1)
     f = float(np.exp(r.rng.uniform(np.log(10.0 / r.duration), np.log(0.4 / r.dt))))
     phase = float(r.rng.uniform(-np.pi, np.pi))
     size = _known(r, np.sin(2.0 * np.pi * f * r.elapsed + phase), X, p)
@@ -104,15 +104,21 @@ def temperature_rate(r: Recording, X: float) -> Hidden:
     return _hidden(r, "temperature_rate", {"coefficient": sign * size * r.si}, X + p, p)
 
 
+def play(temperature: Array, width: float) -> Array:
+    """``h = clip(h, T - width, T + width)``, from ``h = T`` at the start."""
+    h, values = float(temperature[0]), []
+    for low, high in zip((temperature - width).tolist(), (temperature + width).tolist()):
+        h = min(max(h, low), high)
+        values.append(h)
+    return np.asarray(values)
+
+
 def thermal_hysteresis(r: Recording, X: float) -> Hidden:
     """Play of a fifth of the range of temperature."""
     p, sign = nats.penalty(r.n, 2), _sign(r)
     width = 0.2 * float(np.ptp(r.temperature))
-    h, values = float(r.temperature[0]), []
-    for low, high in zip((r.temperature - width).tolist(), (r.temperature + width).tolist()):
-        h = min(max(h, low), high)
-        values.append(h)
-    shape, T = np.asarray(values) - 25.0, np.column_stack([np.ones(r.n), r.temperature])
+    shape = play(r.temperature, width) - 25.0
+    T = np.column_stack([np.ones(r.n), r.temperature])
     rest = shape - T @ np.linalg.lstsq(T, shape, rcond=None)[0]
     size = float(np.sqrt((X + p) / nats.known_gain(rest, r.spectrum)))
     r.added = r.added + sign * size * shape
@@ -158,7 +164,7 @@ def rate_random_walk(r: Recording, X: float) -> Hidden:
 
 def resonance(r: Recording, X: float) -> Hidden:
     """An oscillator driven by white noise."""
-    p = nats.penalty(r.n, 2, 1)
+    p = nats.penalty(r.n, 3)
     f = float(np.exp(r.rng.uniform(np.log(0.02), np.log(0.3))))
     damping = float(np.exp(r.rng.uniform(np.log(0.01), np.log(0.08))))
     a = poles(f, damping)
@@ -213,7 +219,7 @@ def random_telegraph(r: Recording, X: float) -> Hidden:
     drawn = [(r.rng.standard_normal(r.n), telegraph(r.rng, r.n, r.dt, dwell)) for _ in range(3)]
 
     def gain(size: float) -> float:
-        return float(np.mean([nats.telegraph_gain(w, level, size, stay) for w, level in drawn]))
+        return float(np.mean([nats.telegraph_gain(w + size * level, size, stay) for w, level in drawn]))
 
     size = nats.scaled(gain, X + p, 0.03, 3.0) * r.sensor.white
     r.added = r.added + size * telegraph(r.rng, r.n, r.dt, dwell)

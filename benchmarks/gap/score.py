@@ -34,7 +34,13 @@ class Score:
     covered : tuple of (str, bool)
         Parameters of the rightly named effects, and whether their 95 % intervals hold the truth.
     closed : float
-        Fraction of the held-out gap that the mended model closes.
+        Fraction of the held-out gap that the mended model closes, by the tool's own account.
+    after : float
+        Held-out gap of the mended model by the tool's own account; zero or less is none above chance.
+    remaining : bool
+        A test of what is left is significant, by the tool's own account.
+    gained, best : float
+        Nats over the believed model on a second record, of the mended model and of the oracle; see `second`.
     """
 
     id: str
@@ -54,8 +60,11 @@ class Score:
     exact: bool
     covered: tuple[tuple[str, bool], ...]
     closed: float
+    after: float
     remaining: bool
     seconds: float
+    gained: float = math.nan
+    best: float = math.nan
     error: str = ""
     allan_aic: str = ""
     allan_bic: str = ""
@@ -95,6 +104,7 @@ def score(truth: Mapping[str, Any], answer: Mapping[str, Any], seconds: float) -
         exact=_exact(named, names) if hidden else verdict == "no_gap",
         covered=_covered(hidden, steps),
         closed=_number(gap.get("closed_fraction")),
+        after=_number(gap.get("after")),
         remaining=bool((answer.get("remaining") or {}).get("significant", False)),
         seconds=seconds,
         error=str(answer.get("error", "")),

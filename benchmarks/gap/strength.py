@@ -13,8 +13,7 @@ jump between the ends of the record. The believed model may retune its level: a 
 * telegraph: mean over drawn records of the log-likelihood of the two-level hidden Markov model
   less that of the white noise
 
-The strength is this gain less a penalty: 2.5 nats per ordinary parameter, ln n per location that has
-to be searched (a time, a frequency).
+The strength X is this gain less a penalty, see `penalty`.
 """
 
 from __future__ import annotations
@@ -28,13 +27,20 @@ from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
-ORDINARY = 2.5
-"""Nats per ordinary parameter."""
 
+def penalty(n: int, ordinary: int = 0, located: int = 0, lines: int = 0) -> float:
+    """Nats that the parameters of an effect cost, with ``L = ln n``.
 
-def penalty(n: int, ordinary: int, located: int = 0) -> float:
-    """Nats of a number of ordinary and of searched parameters."""
-    return ORDINARY * ordinary + located * float(np.log(n))
+    ``L/2`` per ordinary parameter (half of what Schwarz's criterion takes from -2 ln likelihood), and ``L``
+    per place in time that has to be searched. A line of unknown frequency costs ``5L/2`` in all: two
+    amplitudes, and a frequency whose information grows as n^3 [1]_.
+
+    References
+    ----------
+    .. [1] P. M. Djuric, A model selection rule for sinusoids in white Gaussian noise, IEEE Trans. Signal
+       Processing 44, 1996.
+    """
+    return (0.5 * ordinary + located + 2.5 * lines) * float(np.log(n))
 
 
 def ordinates(n: int, dt: float) -> Array:
@@ -53,32 +59,46 @@ def random_gain(ratio: Array) -> float:
     return float(0.5 * (ratio.size * np.log(ratio.mean()) - np.log(ratio).sum()))
 
 
-def mixture_gain(n: int, share: float, size: float) -> float:
-    """Nats of outliers: a share of samples has noise of `size` added, in units of the white noise."""
-    y = np.linspace(-8.0 * (1.0 + size), 8.0 * (1.0 + size), 40_001)
-    wide, common = 1.0 + size**2, 1.0 + share * size**2
-    p = (1.0 - share) * _normal(y, 1.0) + share * _normal(y, wide)
-    integrand = np.where(
-        p > 0.0, p * np.log(np.maximum(p, 1e-300) / np.maximum(_normal(y, common), 1e-300)), 0.0
-    )
-    return float(n * integrand.sum() * (y[1] - y[0]))
-
-
-def _normal(y: Array, variance: float) -> Array:
-    return np.asarray(np.exp(-0.5 * y * y / variance) / np.sqrt(2.0 * np.pi * variance))
-
-
-def telegraph_gain(white: Array, level: Array, size: float, stay: float) -> float:
-    """Nats of a two-level bias ``size * level`` in white noise of deviation 1, for one record.
+def mixture_gain(
+    n: int, share: float, size: float, true: tuple[float, float] | None = None, white: float = 1.0
+) -> float:
+    """Nats of outliers over the normal law of equal variance: a share of samples has noise of `size` added.
 
     Parameters
     ----------
-    level : array, (n,)
-        Zeros and ones.
+    true : (float, float), optional
+        Share and size of the outliers that there are; those of the model by default.
+    white : float
+        Deviation of the model's white noise, in units of the true one; sizes are in these units too.
+    """
+    true = (share, size) if true is None else true
+    end = 8.0 * (1.0 + true[1])
+    y = np.linspace(-end, end, 40_001)
+    p = np.exp(_mixture(y, *true, 1.0))
+    gained = _mixture(y, share, size, white) - _log_normal(y, white**2 + share * size**2)
+    return float(n * (p * gained).sum() * (y[1] - y[0]))
+
+
+def _mixture(y: Array, share: float, size: float, white: float) -> Array:
+    """Logarithm of the density."""
+    quiet, loud = _log_normal(y, white**2), _log_normal(y, white**2 + size**2)
+    return np.asarray(np.logaddexp(np.log1p(-share) + quiet, np.log(max(share, 1e-300)) + loud))
+
+
+def _log_normal(y: Array, variance: float) -> Array:
+    return np.asarray(-0.5 * y * y / variance - 0.5 * np.log(2.0 * np.pi * variance))
+
+
+def telegraph_gain(y: Array, size: float, stay: float) -> float:
+    """Nats of two levels `size` apart over one level, in white noise of deviation 1, for one record.
+
+    Parameters
+    ----------
+    y : array, (n,)
+        The record.
     stay : float
         Probability of keeping the level from one sample to the next.
     """
-    y = white + size * level
     y = y - y.mean()
     odds = np.exp(np.clip(size * y, -50.0, 50.0)).tolist()  # of high against low: levels at +- size/2
     p, total, leave = 0.5, 0.0, 1.0 - stay
@@ -88,6 +108,21 @@ def telegraph_gain(white: Array, level: Array, size: float, stay: float) -> floa
         total += np.log(mixed)
         p = p * o / mixed
     return float(total - 0.5 * (size * y).sum() - y.size * size * size / 8.0)
+
+
+def expected(true: Array, left: Array, believed: Array) -> float:
+    """Mean log-likelihood [nats] of records under a believed spectrum at its best level, up to a constant.
+
+    Parameters
+    ----------
+    true, believed : array, (n - 1,)
+        Variance of each ordinate.
+    left : array, (n,)
+        The known signals that there are less those that are believed.
+    """
+    D = dct(left, norm="ortho")[1:]
+    level = ((true + D * D) / believed).mean()
+    return float(-0.5 * (np.log(believed).sum() + believed.size * np.log(level)))
 
 
 def scaled(gain: Callable[[float], float], wanted: float, lo: float, hi: float) -> float:

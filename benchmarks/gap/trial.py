@@ -6,6 +6,7 @@ import importlib
 import json
 import signal
 import time
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from typing import Any
 import numpy as np
 from baseline import said
 from case import Case, Request
-from score import Score, score
+from score import Score, score, steps_of
+from second import reached
 
 LIMIT = 300
 """Seconds after which a case counts as an error."""
@@ -35,6 +37,7 @@ def ask(place: Path, answer: Path) -> dict[str, Any]:
     from kfgen.cli.app import app
 
     words = ["gap", str(place / "log.csv"), "--model", str(place / "model.toml"), "--json", str(answer)]
+    words += ["-o", str(answer.with_suffix(".toml"))]
     signal.signal(signal.SIGALRM, _late)
     signal.alarm(LIMIT)
     try:
@@ -49,6 +52,25 @@ def ask(place: Path, answer: Path) -> dict[str, Any]:
     return {"error": f"{type(failure).__name__}: {failure}".replace("\n", " ").replace(f"{place}/", "")}
 
 
+def changed(case: Case, path: Path) -> dict[str, float]:
+    """What the mended noise file says of the believed noise and of a low-pass; nothing where there is none.
+
+    Values are text with units: those of the believed noise in the unit of the channel, as it was given.
+    """
+    name = case.hidden[0].channel
+    if not path.is_file():
+        return {}
+    channel = tomllib.loads(path.read_text(encoding="utf-8"))[name]
+    if channel["unit"] != case.channels[name][1]:
+        raise ValueError(f"{path}: channel {name} changed its unit to {channel['unit']}")
+    out: dict[str, float] = {}
+    for term in channel["effects"]:  # the believed terms come first
+        for key in ("N", "order") if "gauss_markov" not in term["effect"] else ("sigma", "tau"):
+            if key in term and key not in out and (key in case.base or key == "order"):
+                out[key] = float(str(term[key]).split()[0])
+    return out
+
+
 def run(request: Request, folder: Path) -> Score:
     """Make, write, ask, score."""
     cases, truths, answers = folder / "cases", folder / "truths", folder / "answers"
@@ -60,6 +82,9 @@ def run(request: Request, folder: Path) -> Score:
     seconds = time.perf_counter() - start
     truth = json.loads(case.write_truth(truths).read_text(encoding="utf-8"))
     result = score(truth, answer, seconds)
+    if case.base and request.kind == "single":
+        gained, best = reached(case, steps_of(answer), changed(case, answers / f"{request.id}.toml"))
+        result = replace(result, gained=gained, best=best)
     if case.base:
         y = next(iter(case.channels.values()))[0]
         aic, bic = said(y, float(np.median(np.diff(case.t))), case.base)

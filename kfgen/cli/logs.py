@@ -32,9 +32,11 @@ from kfgen.cli.options import (
 if TYPE_CHECKING:
     from kfgen.gap.finding import ChannelGap
     from kfgen.gap.proof import Gap
+    from kfgen.identify.channel import Identified
     from kfgen.identify.record import Evidence
     from kfgen.log import Log, StoredLog
     from kfgen.noise import NoiseModel
+    from kfgen.report.page import Answer
 
 Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 BAND = ("_lo", "_hi")
@@ -101,6 +103,44 @@ def _published(log: Log, name: str) -> Evidence:
     return Published.of(log.t, log.channel(name).values, *band)
 
 
+def channels_identified(
+    data: Sequence[Log | StoredLog], channels: str | None, effects: str | None, method: str
+) -> dict[str, Identified]:
+    """The noise terms of the channels of one log, or of several of one sensor, fitted together.
+
+    Raises
+    ------
+    InputError
+        There is nothing to identify, or a channel cannot be; the log and the channel are said.
+    """
+    from kfgen.errors import InputError
+    from kfgen.identify.channel import identify as identified
+
+    first = data[0]
+    names = _names(channels) or [
+        c
+        for c in first.channels
+        if not c.startswith(NOT_NOISY) and not (first.axis == "tau" and c.endswith(BAND))
+    ]
+    if not names:
+        raise InputError(
+            f"there is nothing to identify among {', '.join(first.channels)}",
+            where=first.source,
+            remedy="Name channels with --channels",
+        )
+    found = {}
+    for name in names:
+        try:
+            evidence, said = _evidence(data, name)
+            result = identified(evidence, _names(effects), method)
+        except InputError as error:
+            raise InputError(
+                error.what, where=error.where or f"{first.source}: channel {name}", remedy=error.remedy
+            ) from None
+        found[name] = replace(result, warnings=(*said, *result.warnings))
+    return found
+
+
 @app.command()
 def identify(
     logs: Annotated[
@@ -131,7 +171,6 @@ def identify(
 ) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
     from kfgen.errors import InputError
-    from kfgen.identify.channel import identify as identified
     from kfgen.noise import write_noise
     from kfgen.readers import ColumnMap, read_long
     from kfgen.report.identify import identify_answer, noise_model
@@ -145,27 +184,7 @@ def identify(
         curve = next(d for d in data if d.axis == "tau")
         raise InputError("an Allan curve is identified alone", where=curve.source)
     method = method or ("allan" if first.axis == "tau" else "ml")
-    names = _names(channels) or [
-        c
-        for c in first.channels
-        if not c.startswith(NOT_NOISY) and not (first.axis == "tau" and c.endswith(BAND))
-    ]
-    if not names:
-        raise InputError(
-            f"there is nothing to identify among {', '.join(first.channels)}",
-            where=first.source,
-            remedy="Name channels with --channels",
-        )
-    found = {}
-    for name in names:
-        try:
-            evidence, said = _evidence(data, name)
-            result = identified(evidence, _names(effects), method)
-        except InputError as error:
-            raise InputError(
-                error.what, where=error.where or f"{first.source}: channel {name}", remedy=error.remedy
-            ) from None
-        found[name] = replace(result, warnings=(*said, *result.warnings))
+    found = channels_identified(data, channels, effects, method)
     answer = identify_answer(data, found)
     if output:
         write_noise(noise_model(data, found, method), output)
@@ -288,33 +307,39 @@ def gap(
     report: Report = None,
 ) -> None:
     """Where model and record disagree, the missing effect by name, the mended model, before and after."""
-    from kfgen.cli.worlds import is_model_file, motion_gap, plant_gap
-    from kfgen.gap.cross import with_pairs
-    from kfgen.gap.regular import drivers_of, regular
-    from kfgen.gap.workflow import find_gap
-    from kfgen.noise import write_noise
-    from kfgen.report.again import with_proofs
-    from kfgen.report.gap import gap_answer, mended_model
     from kfgen.whole import write_text
 
     not_over(output, log)
     data = read(log, rate, columns)
     others = [read(path, rate, columns) for path in proof or ()]
+    answer, text = gap_between(model, data, channels, others)
+    if output:
+        write_text(output, text)
+    deliver(answer, json, report)
+
+
+def gap_between(
+    model: str, data: Log, channels: str | None = None, others: Sequence[Log] = ()
+) -> tuple[Answer, str]:
+    """The answer over the gap between a model and a log, in whichever world they are, and the mended model's file."""
+    from kfgen.cli.worlds import is_model_file, motion_gap, plant_gap
+    from kfgen.gap.cross import with_pairs
+    from kfgen.gap.regular import drivers_of, regular
+    from kfgen.gap.workflow import find_gap
+    from kfgen.noise import noise_text
+    from kfgen.report.again import with_proofs
+    from kfgen.report.gap import gap_answer, mended_model
+
     if is_model_file(model):
         _no_proof(others, model)
-        answer, text = plant_gap(model, data)
-        if output:
-            write_text(output, text)
-        return deliver(answer, json, report)
+        return plant_gap(model, data)
     believed = _believed(model, data)
     wanted = _names(channels) or list(believed.channels)
     moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
     if moving is not None:
         _no_proof(others, data.source)
         answer, mended = moving
-        if output:
-            write_noise(mended, output)
-        return deliver(answer, json, report)
+        return answer, noise_text(mended)
     drive, said = drivers_of(data)
     gaps = {}
     for name in wanted:
@@ -326,9 +351,7 @@ def gap(
     answer = replace(answer, warnings=(*said, *answer.warnings))
     if others:
         answer = with_proofs(answer, gaps, [(o, _again(gaps, o)) for o in others])
-    if output:
-        write_noise(mended_model(believed, gaps), output)
-    return deliver(answer, json, report)
+    return answer, noise_text(mended_model(believed, gaps))
 
 
 def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:

@@ -44,7 +44,8 @@ def again_on(found: ChannelGap, other: Record, words: str) -> Gap:
 
 def happens_once(effect: Effect) -> bool:
     """Whether an effect has a time at which it happened."""
-    return any(p.kind == "place" for p in effect.parameters()) and not is_line(effect)
+    placed = any(p.kind == "place" for p in effect.parameters())
+    return placed and not effect.driver and not is_line(effect)
 
 
 def _less(record: Record, effects: list[Effect]) -> Record:

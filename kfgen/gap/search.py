@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from kfgen.effects import Effect
 from kfgen.gap.apart import Apart, apart
+from kfgen.gap.comb import comb_of
 from kfgen.gap.evidence import (
     ABOVE,
     BETWEEN,
@@ -96,6 +97,12 @@ class Search:
     def worth(self) -> float:
         """Evidence of all that was chosen [nats]."""
         return sum(c.candidate.gain for c in self.chosen)
+
+    @property
+    def comb(self) -> float:
+        """The fundamental [Hz] of which its lines are harmonics; zero where they are not."""
+        lines = [_frequency(c.candidate) for c in self.chosen if c.name == LINE]
+        return comb_of(lines, self.record.duration)
 
     def base(self) -> Candidate:
         """The model with all that was chosen, fitted to the record without what alters samples."""
@@ -200,8 +207,8 @@ def settled(search: Search) -> Search:
 
 
 def grown(search: Search) -> Search:
-    """With every addition that has evidence, the best first."""
-    while len(search.chosen) < MOST:
+    """With every addition that has evidence, the best first; a comb of lines would have no end."""
+    while len(search.chosen) < MOST and not search.comb:
         below = search.base()
         ranked = search.ranked(below)
         if not ranked or ranked[0].gain < (ABOVE if search.chosen else FIRST):

@@ -82,7 +82,7 @@ def find_gap(
     return ChannelGap(
         channel,
         noise.unit,
-        _verdict(findings, retuned, after),
+        _verdict(findings, retuned, after, search.comb),
         tuple(findings),
         tuple(before),
         tuple(after),
@@ -135,8 +135,8 @@ def _without(record: Record, noise: ChannelNoise, altering: Sequence[Effect]) ->
     return record
 
 
-def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]) -> str:
-    if any(t.significant for t in tests):
+def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb: float) -> str:
+    if any(t.significant for t in tests) or comb > 0.0:
         return "unknown_effect"
     return "effects_found" if findings or retuned else "no_gap"
 

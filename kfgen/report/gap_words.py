@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from kfgen.effects.integrity import Fault
+from kfgen.effects.periodic import Sinusoid
+from kfgen.gap.comb import comb_of
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.report.identify import quantity
 from kfgen.units import derived_unit, from_si
@@ -71,4 +73,11 @@ def sentences(g: ChannelGap) -> list[str]:
     """The verdict, other channels that this one goes with though they have no effect that is known, the findings."""
     others = [t.other for t in g.before if t.other and t.significant]
     along = [f"{g.channel} goes with the channel {n}" for n in others]
+    comb = comb_of(
+        [e.frequency for e in (f.effect for f in g.findings) if isinstance(e, Sinusoid)], g.record.duration
+    )
+    if comb:
+        along.append(
+            f"its lines are harmonics of {comb:.6g} Hz: something repeats every {1.0 / comb:.6g} s, and more lines would follow"
+        )
     return [verdict_sentence(g), *along, *(finding_sentence(g, f) for f in g.findings)]

@@ -77,7 +77,7 @@ def quantity(value: float, unit: str) -> str:
 
 def identify_answer(logs: Sequence[Log | StoredLog], found: Mapping[str, Identified]) -> Answer:
     """Text, JSON and page of the channels of a log, or of several of one sensor."""
-    lines, parts, channels, log = [], [], {}, logs[0]
+    lines, parts, log = [], [], logs[0]
     warnings = [w for d in logs for w in d.warnings]
     for name, result in found.items():
         unit = display_unit(log.channel(name).unit)
@@ -101,17 +101,22 @@ def identify_answer(logs: Sequence[Log | StoredLog], found: Mapping[str, Identif
             *(text(m) for m in missing),
             *(text(w) for w in result.warnings),
         ]
-        channels[name] = _channel(result, log.channel(name).si)
-    data = {
+    page = Page(f"Sensor noise in {log.source.rsplit('/', 1)[-1]}", tuple(parts))
+    data = identify_data(logs, found)
+    return Answer("\n".join(lines).lstrip("\n"), data, page, warnings=tuple(warnings))
+
+
+def identify_data(logs: Sequence[Log | StoredLog], found: Mapping[str, Identified]) -> dict[str, Any]:
+    """The interface's JSON."""
+    log = logs[0]
+    return {
         "format": "kfgen-identify-1",
         "kfgen": kfgen.__version__,
         "log": log.source,
         "sha256": log.sha256,
         "logs": [{"log": d.source, "sha256": d.sha256} for d in logs],
-        "channels": channels,
+        "channels": {name: _channel(result, log.channel(name).si) for name, result in found.items()},
     }
-    page = Page(f"Sensor noise in {log.source.rsplit('/', 1)[-1]}", tuple(parts))
-    return Answer("\n".join(lines).lstrip("\n"), data, page, warnings=tuple(warnings))
 
 
 def _rows(result: Identified, unit: str) -> list[list[str]]:

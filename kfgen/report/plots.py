@@ -204,3 +204,35 @@ def maps_picture(maps: Sequence[Map], xlabel: str, ylabel: str, key: str) -> str
 def thin(x: Array, most: int = 1500) -> slice:
     """A stride that keeps a picture small."""
     return slice(None, None, max(1, x.size // most))
+
+
+@dataclass(frozen=True)
+class Dot:
+    """One row of a comparison: its name, value and interval; whether it stands apart."""
+
+    name: str
+    value: float
+    lo: float
+    hi: float
+    apart: bool = False
+
+
+def dots_picture(
+    dots: Sequence[Dot], band: tuple[float, float], xlabel: str, key: str, logarithmic: bool = False
+) -> str:
+    """Values with intervals below each other, over the band where the next one is expected."""
+    fig, (ax,) = _figure(7.4, 0.9 + 0.24 * len(dots))
+    if np.isfinite(band).all():
+        ax.axvspan(*band, color=BAND, alpha=0.35, linewidth=0)
+    for k, d in enumerate(dots):
+        color = BEFORE if d.apart else AFTER
+        if np.isfinite([d.lo, d.hi]).all():
+            ax.plot([d.lo, d.hi], [k, k], color=color, linewidth=1.6)
+        ax.plot([d.value], [k], ".", color=color, markersize=7)
+    ax.set_yticks(range(len(dots)), [d.name for d in dots])
+    ax.invert_yaxis()
+    values = [d.value for d in dots]
+    if logarithmic and max(values) > 10.0 * min(values):
+        ax.set_xscale("log")
+    ax.set(xlabel=xlabel)
+    return _svg(fig, key)
