@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -14,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.filterpy import class_name, files
+from kfgen.emit.loaded import loaded
 from kfgen.emit.routines import Program
 from kfgen.log import Log
 from kfgen.play import Play
@@ -59,17 +57,8 @@ class FilterRun:
 
 
 def load(program: Program) -> ModuleType:
-    """The emitted filterpy module, written to a scratch folder and imported from there."""
-    ((name, text),) = files(program).items()
-    with tempfile.TemporaryDirectory(prefix="kfgen-run-") as folder:
-        path = Path(folder) / name
-        path.write_text(text, encoding="utf-8")
-        spec = importlib.util.spec_from_file_location(f"kfgen_emitted_{program.name}", path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return module
+    """The emitted filterpy module, imported from a scratch folder."""
+    return loaded(files(program))
 
 
 def run(

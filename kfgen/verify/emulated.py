@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kfgen.emit.routines import Program
 from kfgen.emit.templates import template_folder
 from kfgen.errors import CheckFailed
-from kfgen.verify.core import Cost, Words, write_harness
+from kfgen.verify.core import Cost, Words, place_of, write_harness
 from kfgen.verify.host import contraction, missing
 from kfgen.verify.zig import command, environment
 
@@ -156,9 +156,9 @@ class Board:
         self._blocks: dict[tuple[int, int], int] = {}
         self._running = 0
 
-    def write(self, symbol: str, values: NDArray[Any]) -> None:
-        """Numbers into a variable."""
-        self._machine.mem_write(self.symbols[symbol], values.tobytes())
+    def write(self, symbol: str, values: NDArray[Any], first: int = 0) -> None:
+        """Numbers into a variable, from its element `first` on."""
+        self._machine.mem_write(self.symbols[symbol] + first * values.itemsize, values.tobytes())
 
     def read(self, symbol: str, size: int) -> bytes:
         """Bytes of a variable."""
@@ -215,13 +215,17 @@ class Emulated:
         self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
     ) -> None:
         self._board = Board(chip, write_harness(program, scratch, bare=True), source, scratch, contract)
-        self._type = np.dtype(program.type)
+        self._program, self._type = program, np.dtype(program.type)
         self._bytes = self._type.itemsize * program.word_count
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
         """Run one routine on the filter."""
         self._board.write("in", np.asarray(inputs, self._type))
         self._board.call(f"call_{routine}")
+
+    def put(self, array: str, values: Sequence[float]) -> None:
+        """Write the first numbers of one of the filter's arrays."""
+        self._board.write("kf", np.asarray(values, self._type), place_of(self._program, array))
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""
