@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import kfgen
 from kfgen.report.page import Answer, Page, columns, sentence, table
@@ -60,7 +61,7 @@ def on_log_sentences(found: OnLog) -> list[str]:
     r = found.rounding
     attitude = "" if r.attitude is None else f" the attitude within {r.attitude:.2g} rad,"
     return [
-        f"Over {found.seconds:.6g} s of {found.source}: {counts}; {refused}.",
+        f"Over {found.seconds:.6g} s of {Path(found.source).name}: {counts}; {refused}.",
         f"Beside double precision (kfgen run):{attitude} every state within {r.share:.2g} of its deviation "
         f"({r.state} at {r.t:.6g} s), deviations within {100.0 * r.spread:.2g} %.",
     ]
