@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.filterpy import class_name, files
+from kfgen.emit.filterpy import class_name, module
 from kfgen.emit.loaded import loaded
 from kfgen.emit.routines import Program
 from kfgen.log import Log
@@ -58,7 +58,7 @@ class FilterRun:
 
 def load(program: Program) -> ModuleType:
     """The emitted filterpy module, imported from a scratch folder."""
-    return loaded(files(program))
+    return loaded(module(program))
 
 
 def run(
@@ -84,9 +84,8 @@ def run(
     InputError
         An input is missing or not a number, or no sensor is in the log.
     """
-    module = load(program)
     play = Play(program, log, start or {})
-    emitted = getattr(module, class_name(program))
+    emitted = getattr(load(program), class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
     kf.gate = play.GATE
     kf.nominal[:], kf.constants[:] = play.start, play.constants

@@ -6,6 +6,7 @@ and the C header is compiled strictly, run by its own self-test, and altered to 
 
 from __future__ import annotations
 
+import compileall
 import ctypes
 import json
 import math
@@ -31,7 +32,7 @@ from kfgen.effects import make
 from kfgen.emit.c import files
 from kfgen.emit.filterpy import class_name
 from kfgen.emit.folder import write_folder
-from kfgen.emit.plain import files as module_files
+from kfgen.emit.plain import module as numpy_module
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario, split
@@ -840,7 +841,7 @@ def test_numpy_module_of_any_form_is_python_with_the_words_of_the_reference(
     name: str, form: str, loops: bool, tmp_path: Path
 ) -> None:
     p = program(name, 1, form, loops)
-    ((file, text),) = module_files(p).items()
+    ((file, text),) = numpy_module(p).items()
     (tmp_path / file).write_text(text)
     kf = runpy.run_path(str(tmp_path / file))[class_name(p)]()
     machine = Machine(p)
@@ -922,3 +923,34 @@ def test_noise_of_constant_states_may_wait() -> None:
 def test_noise_waits_with_factors_only(kfgen: Any, tmp_path: Path) -> None:
     assert kfgen("emit", "ins15", "--target", "c", "--lump", "0.2", "-o", tmp_path / "f").exit_code == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_whose_python_was_run_is_emitted_again(kfgen: Any, tmp_path: Path) -> None:
+    """Running the self-test leaves Python's cache, which is no file of the user's."""
+    folder = tmp_path / "f"
+    assert kfgen("emit", "gyro-static", "--target", "numpy", "-o", folder).exit_code == 0
+    compileall.compile_dir(folder, quiet=1)
+    assert any((folder / "__pycache__").iterdir())
+    assert kfgen("emit", "gyro-static", "--target", "numpy", "-o", folder).exit_code == 0
+
+
+@pytest.mark.parametrize("name", ["selftest", "numpy"])
+def test_a_model_that_hides_a_module_is_refused(name: str, kfgen: Any, tmp_path: Path) -> None:
+    text = f'''
+format = "kfgen-model-1"
+name = "{name}"
+[states]
+theta = "rad"
+[inputs]
+u = "rad/s"
+[dynamics]
+theta = "u"
+[measurements.angle]
+unit = "rad"
+expression = "theta"
+effects = [ {{ effect = "white_noise", N = "0.02 rad/sqrt(Hz)" }} ]
+'''
+    (tmp_path / "m.toml").write_text(text)
+    done = kfgen("emit", tmp_path / "m.toml", "--target", "numpy", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]

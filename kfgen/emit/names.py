@@ -75,6 +75,10 @@ C_WORDS = frozenset(
 )
 
 
+SHADOWING = frozenset(["enum", "filterpy", "math", "numpy", "selftest", "sys", "typing"])
+"""Modules that an emitted one of the same name would hide from its own folder."""
+
+
 def identifier(name: str) -> str:
     """A name with everything but letters, digits and underscores replaced."""
     return re.sub(r"\W", "_", name, flags=re.ASCII)
@@ -100,7 +104,8 @@ def check_names(discrete: DiscreteModel) -> None:
         seen: dict[str, str] = {}
         for name in names:
             word = identifier(name)
-            if word in C_WORDS or keyword.iskeyword(word) or not word or word[0].isdigit():
+            hides = family == "model" and word in SHADOWING
+            if hides or word in C_WORDS or keyword.iskeyword(word) or not word or word[0].isdigit():
                 raise InputError(
                     f"'{name}' cannot be the name of a {family} in C and Python",
                     where=model.name,

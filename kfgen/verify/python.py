@@ -19,13 +19,12 @@ from kfgen.emit.loaded import imported
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import split
+from kfgen.emit.selftest import TOLERANCE, deviations
 from kfgen.errors import CheckFailed, InputError
 from kfgen.verify.core import Cost, Verdict
 from kfgen.verify.replay import Replay
 
 Array = NDArray[np.float64]
-
-TOLERANCE = 1e-6
 
 
 def _module(program: Program, folder: Path) -> ModuleType:
@@ -75,7 +74,7 @@ def compare_filterpy(program: Program, folder: Path, played: Replay) -> Verdict:
         P = machine.covariance()
         sd = np.sqrt(np.diag(P))
         off_P = np.abs(kf.P - P)[upper] / np.outer(sd, sd)[upper]
-        off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / _deviations(program, sd)
+        off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / deviations(program, sd)
         differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum()) + (found.name != wanted)
         words += off_P.size + off_x.size + 1
         calls += 1
@@ -109,16 +108,8 @@ def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) 
     sd = np.sqrt(np.diag(P))
     upper = np.triu_indices(program.n)
     off_P = np.abs(Q - P)[upper] / np.outer(sd, sd)[upper]
-    off_x = np.abs(found[:nx].astype(float) - wanted[:nx]) / _deviations(program, sd)
+    off_x = np.abs(found[:nx].astype(float) - wanted[:nx]) / deviations(program, sd)
     return np.concatenate([off_x, off_P])
-
-
-def _deviations(program: Program, sd: Array) -> Array:
-    """The deviation of each stored component; of a quaternion's, half the attitude's smallest."""
-    names = [s.name for s in program.discrete.model.states]
-    attitude = program.discrete.model.attitude
-    least = min((sd[names.index(n)] for n in attitude.error_names), default=1.0) / 2.0 if attitude else 1.0
-    return np.array([sd[names.index(n)] if n in names else least for n in program.discrete.nominal_names])
 
 
 MODULES: dict[str, Callable[[Program, Path, Replay], Verdict]] = {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kfgen.emit.filterpy import class_name
 from kfgen.emit.loaded import loaded
-from kfgen.emit.plain import files
+from kfgen.emit.plain import module
 from kfgen.emit.routines import GATE, Program
 from kfgen.emit.scenario import Call, scenario
 from kfgen.play import Given, Play
@@ -48,7 +48,7 @@ class _Reference:
     """The emitted numpy module, which has the words of the interpreted reference and is a hundred times as fast."""
 
     def __init__(self, program: Program) -> None:
-        self._filter = getattr(loaded(files(program)), class_name(program))()
+        self._filter = getattr(loaded(module(program)), class_name(program))()
         self._program = program
         self._stored = program.covariance.ARRAY
         self.calls: list[Call] = []
