@@ -11,7 +11,7 @@ import numpy as np
 from kfgen.emit.c import header
 from kfgen.emit.folder import Emitted
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import scenario
+from kfgen.emit.scenario import REFUSED, scenario
 from kfgen.errors import InputError
 from kfgen.verify.core import Core, Verdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
@@ -92,7 +92,8 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             (folder / f"{program.name}.h").write_text(header(program), encoding="utf-8")
             core = Emulated(CHIPS[name], program, folder, folder)
             core.call("init", ())
-            for call in scenario(program, COUNTED_CALLS):
+            most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
+            for call in scenario(program, most):
                 core.call(call.routine, call.inputs)
             cost = core.cost()
         said += [
