@@ -31,7 +31,7 @@ from kfgen.discretise import DT, DiscreteModel
 from kfgen.effects import make
 from kfgen.emit.c import files
 from kfgen.emit.filterpy import class_name
-from kfgen.emit.folder import write_folder
+from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.plain import module as numpy_module
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
@@ -42,6 +42,7 @@ from kfgen.model.file import parse_model
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.run import load
+from kfgen.verify.compare import verify
 from kfgen.verify.host import Host
 
 NAMES = ["gyro-static", "ahrs6", "ins15"]
@@ -934,23 +935,43 @@ def test_a_folder_whose_python_was_run_is_emitted_again(kfgen: Any, tmp_path: Pa
     assert kfgen("emit", "gyro-static", "--target", "numpy", "-o", folder).exit_code == 0
 
 
-@pytest.mark.parametrize("name", ["selftest", "numpy"])
-def test_a_model_that_hides_a_module_is_refused(name: str, kfgen: Any, tmp_path: Path) -> None:
-    text = f'''
+TURNED = """
 format = "kfgen-model-1"
 name = "{name}"
 [states]
-theta = "rad"
+{state} = {{ unit = "rad", initial = "0 rad", sd = "0.1 rad" }}
 [inputs]
-u = "rad/s"
+{given} = "rad/s"
 [dynamics]
-theta = "u"
+{state} = "{given}"
 [measurements.angle]
 unit = "rad"
-expression = "theta"
+expression = "{state}"
 effects = [ {{ effect = "white_noise", N = "0.02 rad/sqrt(Hz)" }} ]
-'''
-    (tmp_path / "m.toml").write_text(text)
+"""
+
+
+@pytest.mark.parametrize("name", ["friend", "nullptr", "alignas"])
+def test_an_input_with_a_word_of_another_language_compiles_in_it(name: str, tmp_path: Path) -> None:
+    """C++ has words that C has not."""
+    compiler("g++")
+    file = tmp_path / "m.toml"
+    file.write_text(TURNED.format(name="turned", state="theta", given=name))
+    write_folder(Program(DiscreteModel(build(str(file)))), "c", None, tmp_path / "c")
+    (verdict,) = verify(read_folder(tmp_path / "c"), ["hostcpp"])
+    assert verdict.differing == 0
+
+
+@pytest.mark.parametrize("state", ["state", "nis", "covariance"])
+def test_a_state_with_the_name_of_a_getter_is_refused(state: str, kfgen: Any, tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(TURNED.format(name="turned", state=state, given="u"))
+    assert kfgen("emit", tmp_path / "m.toml", "--target", "c", "-o", tmp_path / "out").exit_code == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
+
+
+@pytest.mark.parametrize("name", ["selftest", "numpy", "status", "F"])
+def test_a_model_that_hides_a_module_is_refused(name: str, kfgen: Any, tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(TURNED.format(name=name, state="theta", given="u"))
     done = kfgen("emit", tmp_path / "m.toml", "--target", "numpy", "-o", tmp_path / "out")
     assert done.exit_code == 2
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
