@@ -975,3 +975,27 @@ def test_a_model_that_hides_a_module_is_refused(name: str, kfgen: Any, tmp_path:
     done = kfgen("emit", tmp_path / "m.toml", "--target", "numpy", "-o", tmp_path / "out")
     assert done.exit_code == 2
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
+
+
+SAMPLES = [
+    ({}, "Inputs of a step: the sample at its beginning."),
+    ({"samples": "before"}, "Inputs of a step: the sample at its end."),
+    (
+        {"field_gate": "0.1"},
+        "Leave out samples of mag whose length differs by more than 0.1 of the field's from it.",
+    ),
+]
+
+
+@pytest.mark.parametrize("target", ["c", "numpy", "filterpy"])
+@pytest.mark.parametrize(("options", "sentence"), SAMPLES)
+def test_what_acts_on_a_log_is_said_to_who_has_none(
+    options: dict[str, str], sentence: str, target: str, tmp_path: Path
+) -> None:
+    """Options that choose among the samples of a log are not in the filter: its text says what is left to do."""
+    write_folder(Program(DiscreteModel(build("ahrs6", None, options))), target, None, tmp_path / "f")
+    (text,) = (p.read_text() for p in (tmp_path / "f").glob("ahrs6.*"))
+    assert sentence in text
+    write_folder(Program(DiscreteModel(build("ahrs6"))), target, None, tmp_path / "g")
+    (text,) = (p.read_text() for p in (tmp_path / "g").glob("ahrs6.*"))
+    assert (sentence in text) == (options == {})
