@@ -185,7 +185,11 @@ def verify(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="As 'emit' wrote it.")],
     core: Annotated[list[str] | None, typer.Option(help="host, m4f, ...; may be repeated.")] = None,
     contract: Annotated[
-        bool, typer.Option("--contract", help="Compile with fused products and sums; words may then differ.")
+        bool,
+        typer.Option(
+            "--contract",
+            help="Compile with fused products and sums; words may differ by a thousandth of a deviation.",
+        ),
     ] = False,
     log: Annotated[
         Path | None, typer.Option(metavar="LOG", help="Prove it on this log instead of a simulated motion.")
