@@ -26,18 +26,12 @@ from kfgen.model.library import build
 from kfgen.noise import NoiseModel, write_noise
 from kfgen.readers import write_log
 from kfgen.report.audit import audit_answer
-from kfgen.report.filter import (
-    OPERATIONS,
-    VERDICT_HEAD,
-    operation_rows,
-    verdict_rows,
-    verify_answer,
-    verify_sentence,
-)
+from kfgen.report.filter import OPERATIONS, operation_rows
 from kfgen.report.gap import gap_answer, mended_model
 from kfgen.report.identify import identify_answer, noise_model
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
 from kfgen.report.page import Answer, Page, heading, sentence, table, text, write_page
+from kfgen.report.proof import VERDICT_HEAD, verdict_rows, verify_answer, verify_sentence
 from kfgen.verify.compare import verify
 
 SEED = 20261121

@@ -6,6 +6,7 @@ and the C header is compiled strictly, run by its own self-test, and altered to 
 
 from __future__ import annotations
 
+import compileall
 import ctypes
 import json
 import math
@@ -30,8 +31,8 @@ from kfgen.discretise import DT, DiscreteModel
 from kfgen.effects import make
 from kfgen.emit.c import files
 from kfgen.emit.filterpy import class_name
-from kfgen.emit.folder import write_folder
-from kfgen.emit.plain import files as module_files
+from kfgen.emit.folder import read_folder, write_folder
+from kfgen.emit.plain import module as numpy_module
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario, split
@@ -41,6 +42,7 @@ from kfgen.model.file import parse_model
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.run import load
+from kfgen.verify.compare import verify
 from kfgen.verify.host import Host
 
 NAMES = ["gyro-static", "ahrs6", "ins15"]
@@ -840,7 +842,7 @@ def test_numpy_module_of_any_form_is_python_with_the_words_of_the_reference(
     name: str, form: str, loops: bool, tmp_path: Path
 ) -> None:
     p = program(name, 1, form, loops)
-    ((file, text),) = module_files(p).items()
+    ((file, text),) = numpy_module(p).items()
     (tmp_path / file).write_text(text)
     kf = runpy.run_path(str(tmp_path / file))[class_name(p)]()
     machine = Machine(p)
@@ -922,3 +924,78 @@ def test_noise_of_constant_states_may_wait() -> None:
 def test_noise_waits_with_factors_only(kfgen: Any, tmp_path: Path) -> None:
     assert kfgen("emit", "ins15", "--target", "c", "--lump", "0.2", "-o", tmp_path / "f").exit_code == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_whose_python_was_run_is_emitted_again(kfgen: Any, tmp_path: Path) -> None:
+    """Running the self-test leaves Python's cache, which is no file of the user's."""
+    folder = tmp_path / "f"
+    assert kfgen("emit", "gyro-static", "--target", "numpy", "-o", folder).exit_code == 0
+    compileall.compile_dir(folder, quiet=1)
+    assert any((folder / "__pycache__").iterdir())
+    assert kfgen("emit", "gyro-static", "--target", "numpy", "-o", folder).exit_code == 0
+
+
+TURNED = """
+format = "kfgen-model-1"
+name = "{name}"
+[states]
+{state} = {{ unit = "rad", initial = "0 rad", sd = "0.1 rad" }}
+[inputs]
+{given} = "rad/s"
+[dynamics]
+{state} = "{given}"
+[measurements.angle]
+unit = "rad"
+expression = "{state}"
+effects = [ {{ effect = "white_noise", N = "0.02 rad/sqrt(Hz)" }} ]
+"""
+
+
+@pytest.mark.parametrize("name", ["friend", "nullptr", "alignas"])
+def test_an_input_with_a_word_of_another_language_compiles_in_it(name: str, tmp_path: Path) -> None:
+    """C++ has words that C has not."""
+    compiler("g++")
+    file = tmp_path / "m.toml"
+    file.write_text(TURNED.format(name="turned", state="theta", given=name))
+    write_folder(Program(DiscreteModel(build(str(file)))), "c", None, tmp_path / "c")
+    (verdict,) = verify(read_folder(tmp_path / "c"), ["hostcpp"])
+    assert verdict.differing == 0
+
+
+@pytest.mark.parametrize("state", ["state", "nis", "covariance"])
+def test_a_state_with_the_name_of_a_getter_is_refused(state: str, kfgen: Any, tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(TURNED.format(name="turned", state=state, given="u"))
+    assert kfgen("emit", tmp_path / "m.toml", "--target", "c", "-o", tmp_path / "out").exit_code == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
+
+
+@pytest.mark.parametrize("name", ["selftest", "numpy", "status", "F"])
+def test_a_model_that_hides_a_module_is_refused(name: str, kfgen: Any, tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text(TURNED.format(name=name, state="theta", given="u"))
+    done = kfgen("emit", tmp_path / "m.toml", "--target", "numpy", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
+
+
+SAMPLES = [
+    ({}, "Inputs of a step: the sample at its beginning."),
+    ({"samples": "before"}, "Inputs of a step: the sample at its end."),
+    (
+        {"field_gate": "0.1"},
+        "Leave out samples of mag whose length differs by more than 0.1 of the field's from it.",
+    ),
+]
+
+
+@pytest.mark.parametrize("target", ["c", "numpy", "filterpy"])
+@pytest.mark.parametrize(("options", "sentence"), SAMPLES)
+def test_what_acts_on_a_log_is_said_to_who_has_none(
+    options: dict[str, str], sentence: str, target: str, tmp_path: Path
+) -> None:
+    """Options that choose among the samples of a log are not in the filter: its text says what is left to do."""
+    write_folder(Program(DiscreteModel(build("ahrs6", None, options))), target, None, tmp_path / "f")
+    (text,) = (p.read_text() for p in (tmp_path / "f").glob("ahrs6.*"))
+    assert sentence in text
+    write_folder(Program(DiscreteModel(build("ahrs6"))), target, None, tmp_path / "g")
+    (text,) = (p.read_text() for p in (tmp_path / "g").glob("ahrs6.*"))
+    assert (sentence in text) == (options == {})

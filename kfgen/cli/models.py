@@ -185,16 +185,27 @@ def verify(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="As 'emit' wrote it.")],
     core: Annotated[list[str] | None, typer.Option(help="host, m4f, ...; may be repeated.")] = None,
     contract: Annotated[
-        bool, typer.Option("--contract", help="Compile with fused products and sums; words may then differ.")
+        bool,
+        typer.Option(
+            "--contract",
+            help="Compile with fused products and sums; words may differ by a thousandth of a deviation.",
+        ),
     ] = False,
+    log: Annotated[
+        Path | None, typer.Option(metavar="LOG", help="Prove it on this log instead of a simulated motion.")
+    ] = None,
+    columns: Columns = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """Compile, run on host and emulated cores, compare every word, count instructions, stack and code."""
     from kfgen.emit.folder import read_folder
-    from kfgen.report.filter import verify_answer
+    from kfgen.report.proof import verify_answer
     from kfgen.verify.compare import verify as verified
+    from kfgen.verify.rounding import over_log
 
     emitted = read_folder(folder)
-    verdicts = verified(emitted, core or ["host"], contract)
-    deliver(verify_answer(emitted.program.discrete.hash, verdicts), json, report)
+    data = None if log is None else read(log, None, columns)
+    played, beside = (None, None) if data is None else over_log(emitted.program, data)
+    verdicts = verified(emitted, core or ["host"], contract, played)
+    deliver(verify_answer(emitted.program.discrete.hash, verdicts, beside), json, report)

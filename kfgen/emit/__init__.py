@@ -1,6 +1,6 @@
 """Emission: a discrete model as code.
 
-A target is one module here with ``TARGET`` and ``files(program, folder name)``, and one folder of
+A target is one module here with ``TARGET`` and ``files(program)``, and one folder of
 templates; `targets` finds it.
 """
 

@@ -16,7 +16,8 @@ from kfgen.emit.ir import STATUS, Compare, Ref, Routine, names_of
 from kfgen.emit.names import identifier
 from kfgen.emit.printer import Printer
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import Call, scenario, split
+from kfgen.emit.scenario import Call, split
+from kfgen.emit.selftest import recorded
 from kfgen.emit.templates import render
 from kfgen.emit.words import frames
 from kfgen.errors import InputError
@@ -241,7 +242,7 @@ PLAIN = ("main.c", "CMakeLists.txt", "library.properties", "library.json")
 
 def files(program: Program) -> dict[str, str]:
     """The emitted files by name."""
-    calls = scenario(program, SELFTEST_CALLS)
+    calls = recorded(program)
     first = {c.routine: c for c in reversed(calls)}
     common = _common(program) | {
         "calls": _listed(program, calls),
@@ -310,7 +311,3 @@ def _bits(values: Sequence[float] | np.ndarray, program: Program) -> list[str]:
     exact = np.asarray(values, program.type)
     digits = 2 * exact.itemsize
     return [f"0x{int(w):0{digits}x}u{'ll' * (digits > 8)}" for w in exact.view(f"u{exact.itemsize}")]
-
-
-SELFTEST_CALLS = 100
-"""Calls in the self-test that goes with the header."""

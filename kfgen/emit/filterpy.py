@@ -7,6 +7,7 @@ from kfgen.emit.forms import Packed
 from kfgen.emit.ir import STATUS, Argument, Routine
 from kfgen.emit.printer import PythonPrinter
 from kfgen.emit.routines import GATE, HUGE, Program
+from kfgen.emit.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.templates import render
 from kfgen.emit.words import frames
 from kfgen.errors import InputError
@@ -43,6 +44,14 @@ def class_name(program: Program) -> str:
 
 
 def files(program: Program) -> dict[str, str]:
+    """The emitted files by name; raises as `module` does."""
+    emitted = module(program)
+    calls = recorded(program)
+    found = f"[*kf.nominal, *kf.P[np.triu_indices({program.n})]]"
+    return emitted | {FILE: selftest(program, class_name(program), calls, nearly(program, calls), found)}
+
+
+def module(program: Program) -> dict[str, str]:
     """The emitted module by name.
 
     Raises

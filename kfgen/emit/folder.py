@@ -23,6 +23,7 @@ MANIFEST = "kfgen.json"
 NOISE = "noise.toml"
 MODEL = "model.toml"
 FORMAT = "kfgen-manifest-1"
+PYTHON_CACHE = "__pycache__"
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,8 @@ def _check_free(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise InputError("it is a file, not a folder", where=str(folder))
-    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()}
+    found = (p for p in folder.rglob("*") if not p.is_dir() and p.parent.name != PYTHON_CACHE)
+    present = {p.relative_to(folder).as_posix() for p in found}
     present |= {p.name for p in folder.iterdir() if p.is_dir() and not any(p.iterdir())}
     if not present:
         return

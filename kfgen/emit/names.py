@@ -75,6 +75,55 @@ C_WORDS = frozenset(
 )
 
 
+SHADOWING = frozenset(["enum", "filterpy", "math", "numpy", "selftest", "sys", "typing"])
+"""Modules that an emitted one of the same name would hide from its own folder."""
+CLASSES = frozenset(["any", "f", "real", "status", "vector"])
+"""Models whose class would hide another one of the emitted module."""
+OWN = {
+    "model": SHADOWING | CLASSES,
+    "state": frozenset(["covariance", "innovation", "nis", "state", "variance"]),
+}
+"""Names that the emitted code has for itself: modules and classes, and what its getters end in."""
+CPP_WORDS = frozenset(
+    [
+        "alignas",
+        "alignof",
+        "asm",
+        "bitand",
+        "bitor",
+        "compl",
+        "concept",
+        "const_cast",
+        "consteval",
+        "constexpr",
+        "constinit",
+        "decltype",
+        "dynamic_cast",
+        "explicit",
+        "export",
+        "friend",
+        "mutable",
+        "noexcept",
+        "nullptr",
+        "reinterpret_cast",
+        "requires",
+        "static_assert",
+        "static_cast",
+        "thread_local",
+        "typeid",
+        "wchar_t",
+        "and_eq",
+        "not_eq",
+        "or_eq",
+        "xor_eq",
+        "char8_t",
+        "char16_t",
+        "char32_t",
+    ]
+)
+"""Words of C++ that C has not."""
+
+
 def identifier(name: str) -> str:
     """A name with everything but letters, digits and underscores replaced."""
     return re.sub(r"\W", "_", name, flags=re.ASCII)
@@ -100,9 +149,15 @@ def check_names(discrete: DiscreteModel) -> None:
         seen: dict[str, str] = {}
         for name in names:
             word = identifier(name)
-            if word in C_WORDS or keyword.iskeyword(word) or not word or word[0].isdigit():
+            if (
+                word.lower() in OWN.get(family, ())
+                or word in C_WORDS
+                or keyword.iskeyword(word)
+                or not word
+                or word[0].isdigit()
+            ):
                 raise InputError(
-                    f"'{name}' cannot be the name of a {family} in C and Python",
+                    f"'{name}' cannot be the name of a {family} in emitted C and Python",
                     where=model.name,
                     remedy="Give it another name",
                 )
@@ -142,5 +197,5 @@ RESERVED = frozenset(
 
 def argument(name: str) -> str:
     """The name of a channel as an argument: one that cannot meet a local of the routine."""
-    own = name in RESERVED or re.fullmatch(r"[A-Za-z]{1,2}|.*[0-9_]", name)
+    own = name in RESERVED | CPP_WORDS or re.fullmatch(r"[A-Za-z]{1,2}|.*[0-9_]", name)
     return f"{name}_in" if own else name

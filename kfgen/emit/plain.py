@@ -10,6 +10,7 @@ from kfgen.emit.filterpy import class_name
 from kfgen.emit.ir import STATUS, Routine, names_of
 from kfgen.emit.printer import PythonPrinter
 from kfgen.emit.routines import Program
+from kfgen.emit.selftest import FILE, exactly, recorded, selftest
 from kfgen.emit.templates import render
 from kfgen.emit.words import frames
 
@@ -51,6 +52,13 @@ def _method(program: Program, routine: Routine) -> dict[str, Any]:
 
 
 def files(program: Program) -> dict[str, str]:
+    """The emitted files by name."""
+    calls = recorded(program)
+    found = f"[*kf.x, *kf.{program.covariance.ARRAY}]"
+    return module(program) | {FILE: selftest(program, class_name(program), calls, exactly(calls), found)}
+
+
+def module(program: Program) -> dict[str, str]:
     """The emitted module by name."""
     discrete, form = program.discrete, program.covariance
     text = render(

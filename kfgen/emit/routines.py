@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,8 @@ from kfgen.model.sensors import Sensor
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
 HUGE = 1e30
 """Squares of inputs add up to less, unless one is no number."""
+LONGEST_WAIT = 2000
+"""Predictions for which noise may wait: the proof plays twice as many."""
 FORMS: dict[str, type[Form]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
@@ -93,6 +96,12 @@ class Program:
                 where="--lump",
                 remedy="Give zero or more seconds, with --form ud",
             )
+        if self.lump * d.rate > LONGEST_WAIT:
+            raise InputError(
+                f"noise that waits for {self.lump:g} s misses {self.lump * d.rate:.6g} predictions",
+                where="--lump",
+                remedy=f"Give {LONGEST_WAIT / d.rate:g} s or less, {LONGEST_WAIT} predictions",
+            )
         if d.rate * d.max_step < 1.0:
             raise InputError(
                 f"the period of {d.rate:g} Hz is longer than the longest step of {d.max_step:g} s",
@@ -115,6 +124,11 @@ class Program:
         mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
         still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
         return {i: float(q) for i, q in still.items() if self.lump > 0.0 and q.is_number}
+
+    @property
+    def settling(self) -> int:
+        """Predictions until noise that waits has come in; zero where none waits."""
+        return ceil(self.lump * self.discrete.rate) if self._slow else 0
 
     @property
     def type(self) -> type[np.floating[Any]]:

@@ -18,7 +18,7 @@ from kfgen.log import Log
 from kfgen.simulate import simulate
 
 STEPS = 500
-"""Predictions."""
+"""Predictions, or twice those for which noise waits where they are more."""
 EVERY = 4
 """One update of each sensor per so many predictions."""
 REFUSED = (27, 28, 59)
@@ -43,13 +43,13 @@ def scenario(program: Program, most: int | None = None) -> tuple[Call, ...]:
     most : int, optional
         The first so many calls only.
     """
-    discrete = program.discrete
+    discrete, steps = program.discrete, max(STEPS, 2 * program.settling)
     rng = np.random.default_rng(SEED)
-    log = simulate(discrete, "generic", (STEPS + 1) / discrete.rate, rng)
+    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng)
     machine = Machine(program)
     machine.call("init")
     calls: list[Call] = []
-    for k in range(STEPS):
+    for k in range(steps):
         due = program.routines[1:] if k % EVERY == EVERY - 1 else program.routines[1:2]
         for routine in due:
             inputs = _inputs(discrete, routine, log, k)

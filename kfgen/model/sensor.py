@@ -83,6 +83,10 @@ class Sensor(Configured):
         """Which samples (n, m) of a log are to be used, shape (n,), by the start of constants and states by name."""
         return np.ones(len(z), dtype=bool)
 
+    def handling(self) -> tuple[str, ...]:
+        """What must be done with samples before a filter gets them, in sentences: what `plausible` does in a log."""
+        return ()
+
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
         """Constants and states by name that a first sample at rest tells, `up_b` being the vertical."""
         return {}

@@ -126,6 +126,12 @@ class MagneticField(Sensor):
         field = np.sqrt(sum(known.get(f"mag_{a}", 0.0) ** 2 for a in NED))
         return np.asarray(np.abs(np.linalg.norm(z, axis=1) - field) <= gate * field)
 
+    def handling(self) -> tuple[str, ...]:
+        """The gate on the magnitude."""
+        gate = self.chosen["field_gate"]
+        said = f"Leave out samples of {self.name} whose length differs by more than {gate:.3g} of the field's from it."
+        return (said,) if gate > 0.0 else ()
+
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
         """The components of the field; those that are known stay where iron of the body adds to them."""
         if self.biases and not self.field:

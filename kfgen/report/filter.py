@@ -1,4 +1,4 @@
-"""The answers of ``emit``, ``verify``, ``run`` and ``simulate``."""
+"""The answers of ``emit``, ``run`` and ``simulate``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from kfgen.log import Log
 from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, MEASURED, Line, series_picture, thin
 from kfgen.run import AttitudeError, FilterRun
-from kfgen.verify.core import Verdict
 
 OPERATIONS = ("routine", "operations")
 
@@ -43,78 +42,6 @@ def emit_answer(program: Program, target: str, folder: str, names: list[str]) ->
     }
     page = Page(f"{model.name} as {target}", (table(OPERATIONS, operation_rows(program)),))
     return Answer("\n".join(lines), data, page)
-
-
-VERDICT_HEAD = ("core", "words", "differing", "instructions", "stack [B]", "code [B]")
-
-
-def verdict_rows(verdicts: list[Verdict]) -> list[list[str]]:
-    """One row a core."""
-    rows = []
-    for v in verdicts:
-        counts = ", ".join(f"{r} {n}" for r, n in v.cost.instructions.items())
-        rows.append(
-            [
-                v.core,
-                str(v.words),
-                str(v.differing),
-                counts or "not counted",
-                _known(v.cost.stack_bytes),
-                _known(v.cost.text_bytes),
-            ]
-        )
-    return rows
-
-
-def _known(value: int | None) -> str:
-    return "-" if value is None else str(value)
-
-
-def verify_sentence(verdicts: list[Verdict]) -> str:
-    """The proof in words."""
-    wrong = [v for v in verdicts if v.differing]
-    if wrong:
-        return "; ".join(
-            f"{v.differing} of {v.words} words differ on {v.core} (by up to {v.max_ulp} ulp)" for v in wrong
-        )
-    exact = [v for v in verdicts if not v.tolerance]
-    said = [
-        f"{v.core} agrees with the reference within {v.tolerance:g} of a deviation"
-        for v in verdicts
-        if v.tolerance
-    ]
-    if exact:
-        where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
-        said.insert(0, f"The emitted filter gives the words of its reference on {where}: 0 of {words} differ")
-    return "; ".join(said)
-
-
-def verify_answer(model_hash: str, verdicts: list[Verdict]) -> Answer:
-    """The comparison, with its counts."""
-    rows = verdict_rows(verdicts)
-    data = {
-        "format": "kfgen-verify-1",
-        "kfgen": kfgen.__version__,
-        "model_hash": model_hash,
-        "cores": {
-            v.core: {
-                "words": v.words,
-                "differing": v.differing,
-                "max_ulp": v.max_ulp,
-                "tolerance": v.tolerance,
-                "calls": v.calls,
-                "instructions": v.cost.instructions,
-                "stack_bytes": v.cost.stack_bytes,
-                "text_bytes": v.cost.text_bytes,
-                "stack_bytes_by_routine": v.cost.stacks,
-                "text_bytes_by_routine": v.cost.texts,
-            }
-            for v in verdicts
-        },
-    }
-    page = Page("Proof on cores", (sentence(verify_sentence(verdicts) + "."), table(VERDICT_HEAD, rows)))
-    text = columns([list(VERDICT_HEAD), *rows]) + f"\n{verify_sentence(verdicts)}."
-    return Answer(text, data, page, ok=not any(v.differing for v in verdicts))
 
 
 def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answer:

@@ -11,12 +11,13 @@ import numpy as np
 from kfgen.emit.c import header
 from kfgen.emit.folder import Emitted
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import Call, scenario
+from kfgen.emit.scenario import REFUSED, scenario
 from kfgen.errors import InputError
 from kfgen.verify.core import Core, Verdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
 from kfgen.verify.python import MODULES, deviations_off
+from kfgen.verify.replay import Replay, simulated
 
 
 def cores() -> dict[str, str]:
@@ -33,11 +34,15 @@ def _maker(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
     raise InputError(f"there is no core '{name}'", where="--core", remedy=f"Known are {', '.join(cores())}")
 
 
-def verify(emitted: Emitted, names: Sequence[str], contract: bool = False) -> list[Verdict]:
-    """Run the scenario on each core with the emitted files, and compare with the reference.
+def verify(
+    emitted: Emitted, names: Sequence[str], contract: bool = False, played: Replay | None = None
+) -> list[Verdict]:
+    """Make the same calls on each core with the emitted files, and compare with the reference.
 
     Parameters
     ----------
+    played : Replay, optional
+        The calls, as `kfgen.verify.replay.replay` has them from a log; a simulated scenario where left out.
     contract : bool
         Compile with fused products and sums; then words may differ by `CONTRACTED` of a deviation.
 
@@ -57,14 +62,14 @@ def verify(emitted: Emitted, names: Sequence[str], contract: bool = False) -> li
             raise InputError(
                 "a Python module runs on the host only", where="--core", remedy="Leave --core out"
             )
-        return [MODULES[emitted.target](program, emitted.folder)]
-    calls = scenario(program)
+        return [MODULES[emitted.target](program, emitted.folder, played or simulated(program))]
+    played = played or simulated(program)
     verdicts = []
     for name, make in makers:
         with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
             core = make(program, emitted.folder, Path(scratch))
             compare = _compare_contracted if contract else _compare
-            verdicts.append(compare(name, core, calls, program))
+            verdicts.append(compare(name, core, played, program))
     return verdicts
 
 
@@ -87,7 +92,8 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             (folder / f"{program.name}.h").write_text(header(program), encoding="utf-8")
             core = Emulated(CHIPS[name], program, folder, folder)
             core.call("init", ())
-            for call in scenario(program, COUNTED_CALLS):
+            most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
+            for call in scenario(program, most):
                 core.call(call.routine, call.inputs)
             cost = core.cost()
         said += [
@@ -105,23 +111,29 @@ CONTRACTED = 1e-3
 """With fused products and sums: share of a deviation by which a word may differ."""
 
 
-def _compare_contracted(name: str, core: Core, calls: Sequence[Call], program: Program) -> Verdict:
-    """Words on either side as state and covariance, against the reference's own deviations."""
+def _begin(core: Core, played: Replay) -> None:
     core.call("init", ())
+    for array, values in played.start.items():
+        core.put(array, values)
+
+
+def _compare_contracted(name: str, core: Core, played: Replay, program: Program) -> Verdict:
+    """Words on either side as state and covariance, against the reference's own deviations."""
+    _begin(core, played)
     words = differing = 0
-    for call in calls:
+    for call in played.calls:
         core.call(call.routine, call.inputs)
         found, wanted = core.words().view(program.type), call.words
         off = deviations_off(program, found, wanted)
         words += off.size
         differing += int((~(off <= CONTRACTED)).sum())
-    return Verdict(name, words, differing, 0, len(calls), core.cost(), CONTRACTED)
+    return Verdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED)
 
 
-def _compare(name: str, core: Core, calls: Sequence[Call], program: Program) -> Verdict:
-    core.call("init", ())
+def _compare(name: str, core: Core, played: Replay, program: Program) -> Verdict:
+    _begin(core, played)
     words = differing = ulp = 0
-    for call in calls:
+    for call in played.calls:
         core.call(call.routine, call.inputs)
         found, wanted = core.words(), call.words.view(f"u{call.words.dtype.itemsize}")
         wrong = found != wanted
@@ -129,7 +141,7 @@ def _compare(name: str, core: Core, calls: Sequence[Call], program: Program) -> 
         if wrong.any():
             differing += int(wrong.sum())
             ulp = max(ulp, int(np.abs(_ordered(found[wrong]) - _ordered(wanted[wrong])).max()))
-    return Verdict(name, words, differing, ulp, len(calls), core.cost())
+    return Verdict(name, words, differing, ulp, len(played.calls), core.cost())
 
 
 def _ordered(words: Words) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

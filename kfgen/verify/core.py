@@ -69,11 +69,20 @@ class Core(Protocol):
     def call(self, routine: str, inputs: Sequence[float]) -> None:
         """Run one routine on the filter."""
 
+    def put(self, array: str, values: Sequence[float]) -> None:
+        """Write the first numbers of one of the filter's arrays."""
+
     def words(self) -> Words:
         """State and covariance as bit patterns."""
 
     def cost(self) -> Cost:
         """What the calls so far have cost."""
+
+
+def place_of(program: Program, array: str) -> int:
+    """Numbers of the filter's memory that stand before an array."""
+    sizes = {name: size for name, (size, _) in program.arrays.items()}
+    return sum(list(sizes.values())[: list(sizes).index(array)])
 
 
 def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import importlib.util
 import subprocess
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
+from kfgen.emit.scenario import REFUSED
 from kfgen.emit.templates import template_folder
 from kfgen.errors import CheckFailed
-from kfgen.verify.core import Cost, Words, write_harness
+from kfgen.verify.core import Cost, Words, place_of, write_harness
 from kfgen.verify.host import contraction, missing
 from kfgen.verify.zig import command, environment
 
@@ -26,7 +28,8 @@ FLASH, RAM, SIZE = 0x08000000, 0x20000000, 0x100000
 STACK_TOP, STACK_SIZE, PAINT = RAM + 0x40000, 0x8000, 0xA5
 RETURN = FLASH + 0xFFFF0
 COUNTED = 6
-"""Calls of each routine that are counted; the rest runs without hooks."""
+"""Calls of each routine that are counted; the rest runs without hooks, but for those about which noise that waits
+comes in."""
 
 FLAGS = (
     "-std=c99",
@@ -133,6 +136,8 @@ class Board:
         Where the program is built.
     contract : bool
         Fused products and sums.
+    counted : container of int
+        The calls of each function that are counted, from zero on.
 
     Raises
     ------
@@ -142,7 +147,15 @@ class Board:
         The source does not compile.
     """
 
-    def __init__(self, chip: Chip, source: Path, folder: Path, scratch: Path, contract: bool = False) -> None:
+    def __init__(
+        self,
+        chip: Chip,
+        source: Path,
+        folder: Path,
+        scratch: Path,
+        contract: bool = False,
+        counted: Container[int] = range(COUNTED),
+    ) -> None:
         for module in ("unicorn", "elftools"):
             if importlib.util.find_spec(module) is None:
                 raise missing("pil", f"the emulator ({module})")
@@ -151,27 +164,30 @@ class Board:
         self._family = chip.family
         self._registers = importlib.import_module(f"unicorn.{chip.family.constants}")
         self._machine = _machine(chip, self._registers, segments)
+        self._counted, self._calls = counted, Counter[str]()
         self._counts: dict[str, list[int]] = {}
         self._stacks: dict[str, int] = {}
         self._blocks: dict[tuple[int, int], int] = {}
         self._running = 0
 
-    def write(self, symbol: str, values: NDArray[Any]) -> None:
-        """Numbers into a variable."""
-        self._machine.mem_write(self.symbols[symbol], values.tobytes())
+    def write(self, symbol: str, values: NDArray[Any], first: int = 0) -> None:
+        """Numbers into a variable, from its element `first` on."""
+        self._machine.mem_write(self.symbols[symbol] + first * values.itemsize, values.tobytes())
 
     def read(self, symbol: str, size: int) -> bytes:
         """Bytes of a variable."""
         return bytes(self._machine.mem_read(self.symbols[symbol], size))
 
     def call(self, function: str) -> None:
-        """Run a function without arguments; the first `COUNTED` calls are counted."""
+        """Run a function without arguments, and count it where it is one of the calls that are counted."""
         from unicorn import UC_HOOK_BLOCK
 
         uc, family = self._machine, self._family
         counts = self._counts.setdefault(function, [])
         hook = None
-        if len(counts) < COUNTED:
+        number = self._calls[function]
+        self._calls[function] = number + 1
+        if number in self._counted:
             self._running = 0
             hook = uc.hook_add(UC_HOOK_BLOCK, self._block)
             uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
@@ -214,14 +230,19 @@ class Emulated:
     def __init__(
         self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
     ) -> None:
-        self._board = Board(chip, write_harness(program, scratch, bare=True), source, scratch, contract)
-        self._type = np.dtype(program.type)
+        harness = write_harness(program, scratch, bare=True)
+        self._board = Board(chip, harness, source, scratch, contract, _counted(program))
+        self._program, self._type = program, np.dtype(program.type)
         self._bytes = self._type.itemsize * program.word_count
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
         """Run one routine on the filter."""
         self._board.write("in", np.asarray(inputs, self._type))
         self._board.call(f"call_{routine}")
+
+    def put(self, array: str, values: Sequence[float]) -> None:
+        """Write the first numbers of one of the filter's arrays."""
+        self._board.write("kf", np.asarray(values, self._type), place_of(self._program, array))
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""
@@ -235,6 +256,12 @@ class Emulated:
             for of in (cost.instructions, cost.stacks, cost.texts)
         ]
         return Cost(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
+
+
+def _counted(program: Program) -> set[int]:
+    """The first calls, and those about which noise that waits comes in: some steps are refused before."""
+    due = program.settling
+    return {*range(COUNTED), *(range(due - 2, due + len(REFUSED) + 2) if due else ())}
 
 
 def _build(chip: Chip, source: Path, folder: Path, elf: Path, contract: bool) -> Path:

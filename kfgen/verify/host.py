@@ -15,7 +15,7 @@ import numpy as np
 
 from kfgen.emit.routines import Program
 from kfgen.errors import CheckFailed, MissingExtra
-from kfgen.verify.core import Cost, Words, width, write_harness
+from kfgen.verify.core import Cost, Words, place_of, width, write_harness
 
 WARNINGS = (
     "-pedantic",
@@ -110,12 +110,19 @@ class Host:
         number, word = TYPES[program.real]
         self._inputs = (number * width(program)).in_dll(self._library, "in")
         self._words = (word * program.word_count).in_dll(self._library, "kf")
-        self._type = np.dtype(word)
+        memory = sum(size for size, _ in program.arrays.values())
+        self._memory = (number * memory).in_dll(self._library, "kf")
+        self._program, self._type = program, np.dtype(word)
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
         """Run one routine on the filter."""
         self._inputs[: len(inputs)] = list(inputs)
         getattr(self._library, f"call_{routine}")()
+
+    def put(self, array: str, values: Sequence[float]) -> None:
+        """Write the first numbers of one of the filter's arrays."""
+        at = place_of(self._program, array)
+        self._memory[at : at + len(values)] = list(values)
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""

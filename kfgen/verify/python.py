@@ -6,7 +6,6 @@ tolerance: `TOLERANCE` of a state's own deviation, or of the product of two for 
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -16,15 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.filterpy import class_name
+from kfgen.emit.loaded import imported
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import scenario, split
-from kfgen.errors import CheckFailed
+from kfgen.emit.scenario import split
+from kfgen.emit.selftest import TOLERANCE, deviations
+from kfgen.errors import CheckFailed, InputError
 from kfgen.verify.core import Cost, Verdict
+from kfgen.verify.replay import Replay
 
 Array = NDArray[np.float64]
-
-TOLERANCE = 1e-6
 
 
 def _module(program: Program, folder: Path) -> ModuleType:
@@ -36,26 +36,35 @@ def _module(program: Program, folder: Path) -> ModuleType:
         The module cannot be imported.
     """
     path = folder / f"{program.name}.py"
-    spec = importlib.util.spec_from_file_location(f"kfgen_verified_{program.name}", path)
-    if spec is None or spec.loader is None or not path.is_file():
+    if not path.is_file():
         raise CheckFailed("the module is missing", where=str(path))
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        return imported(path)
     except (ImportError, SyntaxError) as error:
         raise CheckFailed(f"the module cannot be imported: {error}", where=str(path)) from None
-    return module
 
 
-def compare_filterpy(program: Program, folder: Path) -> Verdict:
-    """Run the scenario through a filterpy module and count what is off by more than `TOLERANCE`."""
+def compare_filterpy(program: Program, folder: Path, played: Replay) -> Verdict:
+    """Make calls on a filterpy module and count what is off by more than `TOLERANCE`.
+
+    Raises
+    ------
+    InputError
+        The calls are those of a log: `kfgen run` makes them, on this very module.
+    """
+    if played.start:
+        raise InputError(
+            "no log is played through a filterpy module",
+            where="--log",
+            remedy="kfgen run MODEL LOG runs it over the log",
+        )
     kf = getattr(_module(program, folder), class_name(program))()
     machine, n = Machine(program, np.float64), program.n
     machine.call("init")
     routines = {r.name: r for r in program.routines}
     upper = np.triu_indices(n)
     words = differing = calls = 0
-    for call in scenario(program):
+    for call in played.calls:
         routine = routines[call.routine]
         values = split(routine, call.inputs)
         wanted = machine.call(call.routine, values)
@@ -65,20 +74,21 @@ def compare_filterpy(program: Program, folder: Path) -> Verdict:
         P = machine.covariance()
         sd = np.sqrt(np.diag(P))
         off_P = np.abs(kf.P - P)[upper] / np.outer(sd, sd)[upper]
-        off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / _deviations(program, sd)
+        off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / deviations(program, sd)
         differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum()) + (found.name != wanted)
         words += off_P.size + off_x.size + 1
         calls += 1
     return Verdict("filterpy", words, differing, 0, calls, Cost(), TOLERANCE)
 
 
-def compare_numpy(program: Program, folder: Path) -> Verdict:
-    """Run the scenario through a numpy module and count the words that differ in any bit."""
+def compare_numpy(program: Program, folder: Path, played: Replay) -> Verdict:
+    """Make calls on a numpy module and count the words that differ in any bit."""
     kf = getattr(_module(program, folder), class_name(program))()
+    for array, start in played.start.items():
+        getattr(kf, array)[:] = start
     routines = {r.name: r for r in program.routines}
-    calls = scenario(program)
     words = differing = 0
-    for call in calls:
+    for call in played.calls:
         routine = routines[call.routine]
         values = split(routine, call.inputs)
         getattr(kf, call.routine)(
@@ -88,7 +98,7 @@ def compare_numpy(program: Program, folder: Path) -> Verdict:
         found = np.array([*kf.x, *getattr(kf, program.covariance.ARRAY)], program.type)
         words += found.size
         differing += int((found.view(bits) != call.words.view(bits)).sum())
-    return Verdict("numpy", words, differing, 0, len(calls), Cost())
+    return Verdict("numpy", words, differing, 0, len(played.calls), Cost())
 
 
 def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) -> Array:
@@ -98,19 +108,11 @@ def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) 
     sd = np.sqrt(np.diag(P))
     upper = np.triu_indices(program.n)
     off_P = np.abs(Q - P)[upper] / np.outer(sd, sd)[upper]
-    off_x = np.abs(found[:nx].astype(float) - wanted[:nx]) / _deviations(program, sd)
+    off_x = np.abs(found[:nx].astype(float) - wanted[:nx]) / deviations(program, sd)
     return np.concatenate([off_x, off_P])
 
 
-def _deviations(program: Program, sd: Array) -> Array:
-    """The deviation of each stored component; of a quaternion's, half the attitude's smallest."""
-    names = [s.name for s in program.discrete.model.states]
-    attitude = program.discrete.model.attitude
-    least = min((sd[names.index(n)] for n in attitude.error_names), default=1.0) / 2.0 if attitude else 1.0
-    return np.array([sd[names.index(n)] if n in names else least for n in program.discrete.nominal_names])
-
-
-MODULES: dict[str, Callable[[Program, Path], Verdict]] = {
+MODULES: dict[str, Callable[[Program, Path, Replay], Verdict]] = {
     "filterpy": compare_filterpy,
     "numpy": compare_numpy,
 }

@@ -1,0 +1,91 @@
+"""A log through the reference: the calls that firmware would make, and the words after each of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.emit.filterpy import class_name
+from kfgen.emit.loaded import loaded
+from kfgen.emit.plain import module
+from kfgen.emit.routines import GATE, Program
+from kfgen.emit.scenario import Call, scenario
+from kfgen.play import Given, Play
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a core is given after ``init``, and what it must hold.
+
+    Parameters
+    ----------
+    start : mapping of str to sequence of float
+        Arrays of the filter that are set before the first call.
+    calls : tuple of Call
+    ends : tuple of int
+        How many of the calls were made when the updates of each sample of the log were done.
+    refused : mapping of str to int
+        How often the reference answered with each status but OK.
+    """
+
+    start: Mapping[str, Sequence[float]]
+    calls: tuple[Call, ...]
+    ends: tuple[int, ...] = ()
+    refused: Mapping[str, int] = field(default_factory=dict)
+
+
+def simulated(program: Program) -> Replay:
+    """The calls of the proof's own scenario."""
+    return Replay({}, scenario(program))
+
+
+class _Reference:
+    """The emitted numpy module, which has the words of the interpreted reference and is a hundred times as fast."""
+
+    def __init__(self, program: Program) -> None:
+        self._filter = getattr(loaded(module(program)), class_name(program))()
+        self._program = program
+        self._stored = program.covariance.ARRAY
+        self.calls: list[Call] = []
+        self.refused: Counter[str] = Counter()
+
+    def put(self, start: Mapping[str, Sequence[float]]) -> None:
+        """Set arrays of the filter."""
+        for name, values in start.items():
+            getattr(self._filter, name)[:] = values
+
+    def call(self, routine: str, given: Given) -> None:
+        """Make a call, with its arguments in the program's precision, and keep it."""
+        row = np.hstack([np.ravel(v) for v in given.values()]).astype(self._program.type)
+        status = getattr(self._filter, routine)(**given).name
+        if status != "OK":
+            self.refused[status] += 1
+        words: NDArray[np.floating[Any]] = np.concatenate(
+            [self._filter.x, getattr(self._filter, self._stored)]
+        )
+        self.calls.append(Call(routine, tuple(row.tolist()), words))
+
+
+def replay(play: Play) -> Replay:
+    """The calls of a log, with the words that the filter must have after each.
+
+    Firmware sets the same before its first call: the aligned state, the constants that the log shows, and here a
+    gate that is open, as in `kfgen.run.run`.
+    """
+    start = {"x": play.start, "k": [*play.constants, play.GATE]}
+    assert play.program.constants[-1] is GATE
+    reference = _Reference(play.program)
+    reference.put(start)
+    ends = []
+    for k in range(play.log.n):
+        for name, given in play.updates(k):
+            reference.call(f"update_{name}", given)
+        ends.append(len(reference.calls))
+        for given in play.steps(k):
+            reference.call("predict", given)
+    return Replay(start, tuple(reference.calls), tuple(ends), dict(reference.refused))

@@ -1,0 +1,85 @@
+"""Proves how many operations the emitted filters take: counts are the same on every machine, so budgets are exact.
+
+Targets are those that prototypes and peers reached: a covariance prediction in 950 flops for 15 states and in 1400 for 23
+(SymForce 1297 and 1756); in factors 1060 and 36 divisions for 15 states; an update by three rows of three non-zeros in 2300
+flops, in factors in 1600 and 28 divisions. Counts are of the printed C; instructions are budgeted in `test_verify`.
+"""
+
+from __future__ import annotations
+
+import re
+import runpy
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kfgen.discretise import DiscreteModel
+from kfgen.emit.c import CPrinter
+from kfgen.emit.routines import Program
+from kfgen.model.library import build
+
+MAG = {"sensors": "gnss_position,gnss_velocity,mag"}
+TARGETS = {("ins15", "p"): 950, ("ins23", "p"): 1400, ("ins15", "ud"): 1060 + 36, ("ins23", "ud"): 1400}
+COVARIANCE = {("ins15", "p"): 905, ("ins23", "p"): 1337, ("ins15", "ud"): 919, ("ins23", "ud"): 1171}
+ROUTINES = {
+    ("ahrs6", "p"): {"predict": 241, "update_accel": 423, "update_mag": 484},
+    ("ahrs6", "ud"): {"predict": 177, "update_accel": 573, "update_mag": 613},
+    ("ins15", "p"): {"predict": 1010, "update_gnss_position": 1053, "update_gnss_velocity": 1053},
+    ("ins15", "ud"): {"predict": 1024, "update_gnss_position": 1859, "update_gnss_velocity": 1697},
+    ("ins23", "p"): {
+        "predict": 1442, "update_gnss_position": 2117, "update_gnss_velocity": 2117, "update_mag": 3080,
+        "update_airspeed": 998,
+    },
+    ("ins23", "ud"): {
+        "predict": 1276, "update_gnss_position": 3931, "update_gnss_velocity": 3769, "update_mag": 4169,
+        "update_airspeed": 1489,
+    },
+}  # fmt: skip
+
+
+@cache
+def bench() -> dict[str, Any]:
+    return runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "codegen.py"))
+
+
+@pytest.mark.parametrize(("name", "form"), TARGETS)
+def test_covariance_prediction(name: str, form: str) -> None:
+    """Never more than budgeted; never under its bounds, else the count or the bound is wrong."""
+    problem = bench()["Problem"](DiscreteModel(build(name)))
+    flops = bench()["kfgen"](problem, form).flops
+    assert flops <= COVARIANCE[name, form] <= TARGETS[name, form]
+    assert flops > bench()["changes"](problem, form)
+    assert form == "ud" or flops > bench()["bound"](problem)
+
+
+@pytest.mark.parametrize(("name", "form"), ROUTINES)
+def test_whole_routines(name: str, form: str) -> None:
+    """State, guards, gate and injection with them."""
+    program = Program(DiscreteModel(build(name)), form)
+    found = {r.name: r.operations for r in program.routines if r.operations}
+    budget = ROUTINES[name, form]
+    assert found.keys() == budget.keys()
+    assert {k: v for k, v in found.items() if v > budget[k]} == {}
+
+
+def counted(text: str) -> tuple[int, int]:
+    """Flops but divisions, and divisions, of C."""
+    code = re.sub(r"/\*.*?\*/", "", text)
+    return len(re.findall(r" [-+*] ", code)), code.count(" / ")
+
+
+@pytest.mark.parametrize(("form", "flops", "divisions"), [("p", 2300, 3), ("ud", 1600, 28)])
+def test_three_rows_of_three_non_zeros(form: str, flops: int, divisions: int) -> None:
+    """The fusion of a field of three axes: from the first row to where the correction moves into the state."""
+    program = Program(DiscreteModel(build("ins15", None, MAG)), form)
+    sensor = program.discrete.model.sensor("mag")
+    H = program.discrete.model.H(sensor)
+    assert [sum(e != 0 for e in row) for row in H.tolist()] == [3, 3, 3]
+    text = CPrinter(program).body(program.update(sensor))
+    fusion = text[text.index("/* mag_x */") : text.index("/* correct the state */")]
+    found = counted(fusion)
+    assert found[0] <= flops
+    assert found[1] <= divisions
+    assert sum(found) > 3 * program.n, "three rows change every state at least"
