@@ -59,6 +59,30 @@ def test_a_believed_constant_is_no_gap() -> None:
     assert (g.verdict, g.findings) == ("no_gap", ())
 
 
+def flicker(seed: int, B: float) -> np.ndarray:
+    """Noise of two-sided density ``B^2 / (2 pi f)`` from the transform, with no shortest time but a sample."""
+    rng, m = np.random.default_rng(seed), 4 * T.size
+    f = np.fft.rfftfreq(m, 1.0 / RATE)
+    f[0] = np.inf
+    z = rng.standard_normal((2, f.size)) * np.sqrt(B**2 / (2 * np.pi * f) * m * RATE / 2.0)
+    return np.asarray(np.fft.irfft(z[0] + 1j * z[1], m)[: T.size])
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_flicker_of_which_only_B_is_stated_reaches_to_the_samples(seed: int) -> None:
+    g = answer(
+        noise(seed) + flicker(seed + 100, 2 * N), make("white_noise", N=N), make("bias_instability", B=2 * N)
+    )
+    assert (g.verdict, g.findings) == ("no_gap", ())
+
+
+def test_a_stated_band_of_flicker_is_believed() -> None:
+    stated = make("bias_instability", B=2 * N, shortest=1.0, longest=1000.0)
+    assert stated.reaching(0.05, 1e5) is stated
+    open_band = make("bias_instability", B=2 * N).reaching(0.05, 1e5)
+    assert open_band == make("bias_instability", B=2 * N, shortest=0.05, longest=1e5)
+
+
 def test_a_channel_of_any_name_puts_no_script_on_a_page() -> None:
     key = 'x"><script>alert(1)</script>\\d'
     page = page_html(Page(key, (figure(bars_picture(["a"], [1.0], "p", key), key),)))

@@ -306,7 +306,7 @@ def gap(
         if output:
             write_text(output, text)
         return deliver(answer, json, report)
-    believed = _believed(model, data)
+    believed = _believed(model, data).reaching(data.dt, data.duration)
     wanted = _names(channels) or list(believed.channels)
     moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
     if moving is not None:
