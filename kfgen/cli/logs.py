@@ -235,8 +235,8 @@ def run(
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 
 
-def _believed(model: str, log: Log) -> NoiseModel:
-    """What is believed of the channels of a log: a noise file, or a library model's own figures."""
+def _believed(model: str, log: Log) -> tuple[NoiseModel, list[str]]:
+    """What is believed of the channels of a log, from a noise file or a library model; what is to be said."""
     from kfgen.errors import InputError
     from kfgen.model.library import build
     from kfgen.noise import ChannelNoise, NoiseModel, Term
@@ -270,7 +270,9 @@ def _believed(model: str, log: Log) -> NoiseModel:
                 f"channel {c} is in {log.channels[c].unit} in the log, in {n.unit} in {model}",
                 where=log.source,
             )
-    return NoiseModel(known, noise.provenance)
+    lacking = [c for c in noise.channels if c not in known]
+    said = [f"{', '.join(lacking)} of {model} cannot be compared: the log lacks it"] if lacking else []
+    return NoiseModel(known, noise.provenance), said
 
 
 @app.command()
@@ -306,16 +308,17 @@ def gap(
         if output:
             write_text(output, text)
         return deliver(answer, json, report)
-    believed = _believed(model, data).reaching(data.dt, data.duration)
+    believed, said = _believed(model, data)
+    believed = believed.reaching(data.dt, data.duration)
     wanted = _names(channels) or list(believed.channels)
     moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
     if moving is not None:
         _no_proof(others, data.source)
-        answer, mended = moving
+        answer, mended = replace(moving[0], warnings=(*said, *moving[0].warnings)), moving[1]
         if output:
             write_noise(mended, output)
         return deliver(answer, json, report)
-    said, gaps = [], {}
+    gaps = {}
     for name in wanted:
         record, stamps, words = regular(data, name)
         said += [w for w in words if w not in said]

@@ -80,6 +80,10 @@ def regular(log: Log, name: str) -> tuple[Record, Array, list[str]]:
     drive, said = drivers_of(log)
     good = np.isfinite(y)
     stamps = log.t[good]
+    if y.size < 3:
+        raise InputError(
+            f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
+        )
     if stamps.size < 3 or stamps.size < MOST_MISSING * y.size:
         raise InputError(
             f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
