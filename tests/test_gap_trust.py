@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from kfgen.effects import make
+from kfgen.gap.regular import regular
 from kfgen.gap.workflow import ChannelGap, find_gap
 from kfgen.identify.record import Record
+from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, Term
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plots import bars_picture
@@ -57,6 +59,19 @@ def test_a_coefficient_that_is_right_is_no_gap() -> None:
 def test_a_believed_constant_is_no_gap() -> None:
     g = answer(noise(4) + 0.01, make("white_noise", N=N), make("bias", value=0.02))
     assert (g.verdict, g.findings) == ("no_gap", ())
+
+
+@pytest.mark.parametrize("holes", ["one of a tenth", "a third, anywhere"])
+def test_missing_samples_are_no_effect(holes: str) -> None:
+    y = noise(8)
+    y[10_000:12_400] = np.nan
+    if holes != "one of a tenth":
+        y[np.random.default_rng(9).random(T.size) < 0.25] = np.nan
+    effects = (make("white_noise", N=N),)
+    record, _, said = regular(Log(T, {"gyro_x": Channel(y, "deg/s")}), "gyro_x", effects)
+    g = find_gap("gyro_x", record, ChannelNoise("deg/s", tuple(Term(e) for e in effects)))
+    assert (g.verdict, g.findings) == ("no_gap", ())
+    assert any("are missing" in words for words in said)
 
 
 def flicker(seed: int, B: float) -> np.ndarray:

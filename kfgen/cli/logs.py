@@ -320,7 +320,7 @@ def gap(
         return deliver(answer, json, report)
     gaps = {}
     for name in wanted:
-        record, stamps, words = regular(data, name)
+        record, stamps, words = regular(data, name, believed.channel(name).effects)
         said += [w for w in words if w not in said]
         gaps[name] = find_gap(name, record, believed.channel(name), stamps, data.stated)
     gaps = with_pairs(gaps)
@@ -339,7 +339,10 @@ def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
     from kfgen.gap.regular import regular
 
     found = {n: g for n, g in gaps.items() if g.verdict != "bad_data" and (g.findings or g.retuned)}
-    return {n: again_on(g, regular(other, n)[0], Path(other.source).name) for n, g in found.items()}
+    return {
+        n: again_on(g, regular(other, n, g.mended.effects)[0], Path(other.source).name)
+        for n, g in found.items()
+    }
 
 
 def _no_proof(others: Sequence[Log], what: str) -> None:

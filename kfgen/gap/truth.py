@@ -36,7 +36,6 @@ ORDERS = (2, 4, 6, 8)
 """Differences of a turn that are looked at: noise survives them all, and fast motion the first alone."""
 ENDS = 4.0
 """Periods of the highest frequency of an attitude's rate that are left out at both ends."""
-
 SPECTRUM = 512
 """Samples below which a stretch is too short for a spectrum."""
 
