@@ -245,11 +245,14 @@ class LeverArm(Motion):
 
     def output(self, signals: Signals, axis: int) -> Array:
         """The acceleration by rotation."""
+        from scipy.interpolate import CubicSpline
+
         w = signals.omega_b
         if w is None:
             return np.zeros(signals.t.size)
         j, k = (axis + 1) % 3, (axis + 2) % 3
-        alpha = np.gradient(w, signals.dt, axis=0)
+        # A spline: the difference over two samples loses 1 % of the acceleration at a twenty-fifth of the rate.
+        alpha = CubicSpline(signals.t, w, axis=0)(signals.t, 1)
         r = (self.x, self.y, self.z)
         wr = w[:, j] * r[j] + w[:, k] * r[k]
         turning = w[:, axis] * wr - (w[:, j] ** 2 + w[:, k] ** 2) * r[axis]
