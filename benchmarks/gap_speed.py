@@ -44,7 +44,7 @@ def static(n: int = 1_000_000) -> tuple[int, list[str], float]:
         "rad/s", (Term(make("white_noise", N=6e-5)), Term(make("gauss_markov", sigma=3e-5, tau=100.0)))
     )
     start = time.perf_counter()
-    record, stamps, _ = regular(log, "gyro_x", drivers_of(log)[0])
+    record, stamps, _ = regular(log, "gyro_x", drive=drivers_of(log)[0])
     found = find_gap("gyro_x", record, noise, stamps)
     return n, [f.effect.name for f in found.findings], time.perf_counter() - start
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -62,6 +62,11 @@ class ChannelNoise:
         """The effects alone."""
         return tuple(term.effect for term in self.terms)
 
+    def reaching(self, dt: float, duration: float) -> ChannelNoise:
+        """The same noise for a record: a band that nobody stated is as wide as the record shows [s]."""
+        terms = tuple(replace(t, effect=t.effect.reaching(dt, duration)) for t in self.terms)
+        return replace(self, terms=terms)
+
 
 @dataclass(frozen=True)
 class NoiseModel:
@@ -87,6 +92,10 @@ class NoiseModel:
                 f"the noise file has no channel '{name}'", remedy=f"It has {', '.join(self.channels)}"
             )
         return self.channels[name]
+
+    def reaching(self, dt: float, duration: float) -> NoiseModel:
+        """Every channel's noise for a record of this sampling period and length [s]."""
+        return replace(self, channels={k: c.reaching(dt, duration) for k, c in self.channels.items()})
 
 
 def read_noise(path: str | Path) -> NoiseModel:

@@ -4,7 +4,7 @@ A unit is a factor to SI and rational exponents of the base units, read by the
 grammar ``factor (("/" | "*" | " ") factor)*`` with ``factor`` a name or a number with
 an optional ``^exponent``, ``sqrt(unit)`` or ``(unit)``. So ``deg/s/sqrt(Hz)``,
 ``deg/s^2/sqrt(Hz)``, ``deg/s^1.5``, ``g/16384`` and ``deg/sqrt(h)`` are all read, and
-equal units compare equal. The radian is kept as a base unit, so that an angle is
+equal units compare equal. So are the signs that people type: ``m/s2``, ``m/s²``, ``°/s``, ``µT``, ``°/√h``. The radian is kept as a base unit, so that an angle is
 not taken for a number.
 
 References
@@ -36,6 +36,8 @@ _NAMES: dict[str, tuple[float, dict[str, int], bool]] = {
     "s": (1.0, {"s": 1}, True),
     "min": (60.0, {"s": 1}, False),
     "h": (3600.0, {"s": 1}, False),
+    "hr": (3600.0, {"s": 1}, False),
+    "sec": (1.0, {"s": 1}, False),
     "A": (1.0, {"A": 1}, True),
     "K": (1.0, {"K": 1}, True),
     "degC": (1.0, {"K": 1}, False),
@@ -45,15 +47,19 @@ _NAMES: dict[str, tuple[float, dict[str, int], bool]] = {
     "arcmin": (math.pi / 10800.0, {"rad": 1}, False),
     "arcsec": (math.pi / 648000.0, {"rad": 1}, False),
     "rev": (2.0 * math.pi, {"rad": 1}, False),
+    "rpm": (2.0 * math.pi / 60.0, {"rad": 1, "s": -1}, False),
     "Hz": (1.0, {"s": -1}, True),
     "g": (STANDARD_GRAVITY, {"m": 1, "s": -2}, True),
     "Gal": (1e-2, {"m": 1, "s": -2}, True),
     "N": (1.0, {"kg": 1, "m": 1, "s": -2}, True),
     "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}, True),
     "hPa": (100.0, {"kg": 1, "m": -1, "s": -2}, False),
+    "bar": (1e5, {"kg": 1, "m": -1, "s": -2}, True),
     "J": (1.0, {"kg": 1, "m": 2, "s": -2}, True),
     "W": (1.0, {"kg": 1, "m": 2, "s": -3}, True),
     "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}, True),
+    "ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}, True),
+    "Ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}, True),
     "T": (1.0, {"kg": 1, "s": -2, "A": -1}, True),
     "G": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
     "gauss": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
@@ -64,6 +70,20 @@ _NAMES: dict[str, tuple[float, dict[str, int], bool]] = {
 }
 
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z%]+)|([/*^()]))")
+
+# The same sign as people type it; the degree of temperature before that of angle.
+_SIGNS = (
+    ("\N{DEGREE SIGN}C", "degC"),
+    ("\N{DEGREE SIGN}", "deg"),
+    ("\N{MICRO SIGN}", "u"),
+    ("\N{GREEK SMALL LETTER MU}", "u"),
+    ("\N{OHM SIGN}", "ohm"),
+    ("\N{GREEK CAPITAL LETTER OMEGA}", "ohm"),
+    ("\N{SUPERSCRIPT TWO}", "^2"),
+    ("\N{SUPERSCRIPT THREE}", "^3"),
+    ("\N{MIDDLE DOT}", "*"),
+)
+_ROOT = re.compile("\N{SQUARE ROOT}([A-Za-z]+)")
 
 _NAMED_SI = {
     "kg/s^2/A": "T",
@@ -119,17 +139,26 @@ def _number(value: Fraction) -> str:
     return str(value.numerator) if value.denominator == 1 else f"{float(value):g}"
 
 
+def _typed(text: str) -> str:
+    """A unit's text in the letters of the grammar."""
+    for sign, plain in _SIGNS:
+        text = text.replace(sign, plain)
+    return _ROOT.sub(r"sqrt(\1)", text).strip()
+
+
 class _Parser:
     """Recursive descent over one unit text."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.tokens: list[str] = []
-        position, stripped = 0, text.strip()
+        position, stripped = 0, _typed(text)
         while position < len(stripped):
             match = _TOKEN.match(stripped, position)
             if match is None:
                 raise self.error(f"cannot be read at '{stripped[position:]}'")
+            if match.group(1) and position == match.start(1) and self.peek_last().isalpha():
+                self.tokens.append("^")  # m/s2 is m/s^2, as many write it
             self.tokens.append(match.group(0).strip())
             position = match.end()
 
@@ -139,6 +168,10 @@ class _Parser:
             f"the unit '{self.text}' {what}",
             remedy="Write units like 'deg/s', 'm/s^2', 'mg/sqrt(Hz)', 'deg/sqrt(h)' or 'g/16384'",
         )
+
+    def peek_last(self) -> str:
+        """The last token that was read, empty at the beginning."""
+        return self.tokens[-1] if self.tokens else ""
 
     def peek(self) -> str:
         """The next token, empty at the end."""
@@ -249,7 +282,7 @@ def parse_unit(text: str) -> Unit:
         raise parser.error("is beyond any number")
     if parser.tokens:
         raise parser.error(f"has '{parser.peek()}' left over")
-    offset = 273.15 if text.strip() == "degC" else 0.0
+    offset = 273.15 if _typed(text) == "degC" else 0.0
     return Unit(text.strip(), unit.factor, unit.exponents, offset)
 
 
@@ -326,7 +359,8 @@ def derived_unit(template: str, unit: str) -> str:
     >>> derived_unit("U/sqrt(Hz)", "deg/s")
     'deg/s/sqrt(Hz)'
     """
-    unit = "K" if unit.strip() == "degC" else unit  # a size of an effect is a difference
+    unit = _typed(unit)
+    unit = "K" if unit == "degC" else unit  # a size of an effect is a difference
     plain = re.fullmatch(r"[A-Za-z%]+(/[A-Za-z]+(\^[0-9.]+)?)*", unit) is not None
     text = unit if plain else f"({unit.strip() or 1})"
     text = re.sub(r"\(\(([^()]*)\)\)", r"(\1)", re.sub(r"\bU\b", text, template))

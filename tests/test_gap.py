@@ -398,3 +398,23 @@ def test_a_channel_that_is_not_there_is_bad_input(
     log, believed = files
     believed.write_text(NOISE.format(N="1 deg/s/sqrt(Hz)").replace("gyro_x", "accel_q"))
     assert kfgen("gap", log, "--model", believed).exit_code == 2
+
+
+def test_a_channel_of_the_model_that_the_log_lacks_is_said(
+    files: tuple[Path, Path], kfgen: Callable[..., Result]
+) -> None:
+    log, believed = files
+    text = NOISE.format(N=f"{WHITE} deg/s/sqrt(Hz)")
+    believed.write_text(text + text[text.index("[gyro_x]") :].replace("gyro_x", "gyro_y"))
+    result = kfgen("gap", log, "--model", believed)
+    assert result.exit_code == 0, result.output
+    assert "gyro_y" in result.stderr
+
+
+def test_two_samples_are_too_few(
+    tmp_path: Path, files: tuple[Path, Path], kfgen: Callable[..., Result]
+) -> None:
+    short = tmp_path / "short.csv"
+    short.write_text("t [s],gyro_x [deg/s]\n0,0.1\n0.1,0.2\n")
+    result = kfgen("gap", short, "--model", files[1])
+    assert "gyro_x has 2 samples" in str(result.exception)

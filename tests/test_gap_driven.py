@@ -34,7 +34,7 @@ def gap_beside(channel: str, unit: str, coefficient: float, seed: int) -> Channe
     y = SD * rng.standard_normal(N) + coefficient * COURSE
     driver = 3.0 + COURSE + 0.05 * rng.standard_normal(N)
     log = Log(T, {"gyro_x": Channel.of(y, "rad/s"), channel: Channel.of(driver, unit)})
-    record, stamps, _ = regular(log, "gyro_x", drivers_of(log)[0])
+    record, stamps, _ = regular(log, "gyro_x", drive=drivers_of(log)[0])
     believed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
     return find_gap("gyro_x", record, believed, stamps)
 

@@ -112,7 +112,7 @@ def test_a_noisy_thermometer_names_the_same_effect() -> None:
     K[::7] = np.nan
     log = log_of(noise(1) + CASES["temperature"][0], K)
     drive, said = drivers_of(log)
-    record, _, words = regular(log, "gyro_x", drive)
+    record, _, words = regular(log, "gyro_x", drive=drive)
     assert [*said, *words] == []
     gap = find_gap("gyro_x", record, believed())
     assert names(gap) == ["temperature"]
@@ -133,7 +133,7 @@ def test_a_thermometer_without_numbers_is_said_and_not_blamed(temperature: Array
     log = log_of(noise(5) + 2e-3 * T, temperature)
     drive, said = drivers_of(log)
     assert any(words in s for s in said)
-    record, _, _ = regular(log, "gyro_x", drive)
+    record, _, _ = regular(log, "gyro_x", drive=drive)
     gap = find_gap("gyro_x", record, believed())
     assert names(gap) == ["rate_ramp"]
     assert not DRIVEN & {n for f in gap.findings for n, _ in f.alternatives}

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from kfgen.effects import make
+from kfgen.gap.regular import regular
 from kfgen.gap.workflow import ChannelGap, find_gap
 from kfgen.identify.record import Record
+from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, Term
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plots import bars_picture
@@ -57,6 +59,43 @@ def test_a_coefficient_that_is_right_is_no_gap() -> None:
 def test_a_believed_constant_is_no_gap() -> None:
     g = answer(noise(4) + 0.01, make("white_noise", N=N), make("bias", value=0.02))
     assert (g.verdict, g.findings) == ("no_gap", ())
+
+
+@pytest.mark.parametrize("holes", ["one of a tenth", "a third, anywhere"])
+def test_missing_samples_are_no_effect(holes: str) -> None:
+    y = noise(8)
+    y[10_000:12_400] = np.nan
+    if holes != "one of a tenth":
+        y[np.random.default_rng(9).random(T.size) < 0.25] = np.nan
+    effects = (make("white_noise", N=N),)
+    record, _, said = regular(Log(T, {"gyro_x": Channel(y, "deg/s")}), "gyro_x", effects)
+    g = find_gap("gyro_x", record, ChannelNoise("deg/s", tuple(Term(e) for e in effects)))
+    assert (g.verdict, g.findings) == ("no_gap", ())
+    assert any("are missing" in words for words in said)
+
+
+def flicker(seed: int, B: float) -> np.ndarray:
+    """Noise of two-sided density ``B^2 / (2 pi f)`` from the transform, with no shortest time but a sample."""
+    rng, m = np.random.default_rng(seed), 4 * T.size
+    f = np.fft.rfftfreq(m, 1.0 / RATE)
+    f[0] = np.inf
+    z = rng.standard_normal((2, f.size)) * np.sqrt(B**2 / (2 * np.pi * f) * m * RATE / 2.0)
+    return np.asarray(np.fft.irfft(z[0] + 1j * z[1], m)[: T.size])
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_flicker_of_which_only_B_is_stated_reaches_to_the_samples(seed: int) -> None:
+    g = answer(
+        noise(seed) + flicker(seed + 100, 2 * N), make("white_noise", N=N), make("bias_instability", B=2 * N)
+    )
+    assert (g.verdict, g.findings) == ("no_gap", ())
+
+
+def test_a_stated_band_of_flicker_is_believed() -> None:
+    stated = make("bias_instability", B=2 * N, shortest=1.0, longest=1000.0)
+    assert stated.reaching(0.05, 1e5) is stated
+    open_band = make("bias_instability", B=2 * N).reaching(0.05, 1e5)
+    assert open_band == make("bias_instability", B=2 * N, shortest=0.05, longest=1e5)
 
 
 def test_a_channel_of_any_name_puts_no_script_on_a_page() -> None:

@@ -112,6 +112,15 @@ def test_a_plant_that_lacks_nothing(plant: Any, kfgen: Cli, tmp_path: Path) -> N
     assert read_model(str(tmp_path / "improved.toml")).parameters == read_model(str(model)).parameters
 
 
+@pytest.mark.parametrize("term", ["omega**3", "sqrt(-1 - theta**2)", "u/0"])
+def test_a_simulation_that_is_no_number_is_named(plant: Any, kfgen: Cli, term: str) -> None:
+    """A blow-up within a swing, a root of what is negative, a division by zero: never an effect instead."""
+    log, model = plant(0.0)
+    model.write_text(PENDULUM.replace("+ u", f"+ u + 50*{term}"), encoding="utf-8")
+    done = kfgen("gap", log, "--model", model)
+    assert done.exit_code == 2 or "angle cannot be simulated" in str(done.exception)
+
+
 @pytest.fixture
 def table(tmp_path: Path) -> Callable[[float], tuple[Path, Path]]:
     def make(error: float) -> tuple[Path, Path]:

@@ -206,6 +206,16 @@ def test_g_sensitivity_feels_the_accelerometer() -> None:
     assert abs(theta - 1e-4) < LIMIT * sd
 
 
+def test_a_lever_arm_in_fast_motion_has_the_whole_acceleration() -> None:
+    """A swing of 2 Hz at 50 Hz: ``alpha r``, of which a difference over two samples would lose 1 %."""
+    t = np.arange(500) / 50.0
+    rate, turn = np.zeros((500, 3)), 2.0 * np.pi * 2.0
+    rate[:, 2] = np.sin(turn * t)
+    felt = Signals(t, np.zeros((500, 3)), rate, None, None, 1.0, None)
+    alone = make("lever_arm", x=0.1, y=0.0, z=0.0).output(felt, 1)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(alone[10:-10], (0.1 * turn * np.cos(turn * t))[10:-10], atol=1e-3 * 0.1 * turn)
+
+
 def test_a_lever_arm_is_that_of_a_turning_point() -> None:
     """The acceleration of a point at r is the second derivative of R r, taken here by differences of R."""
     r = np.array([0.1, -0.05, 0.2])

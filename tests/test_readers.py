@@ -135,6 +135,15 @@ def test_header_units_are_converted(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.values("temperature"), [298.15, 273.15], rtol=1e-15)
 
 
+def test_a_quaternion_needs_no_unit(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t [s],ref_q_w,ref_q_x\n0,1,0\n1,0.6,0.8\n")
+    assert read_log(path).channel("ref_q_x").values.tolist() == [0.0, 0.8]
+    path.write_text("t [s],gyro_w\n0,1\n1,0.6\n")
+    with pytest.raises(InputError, match="gyro_w"):
+        read_log(path)
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ; "])
 def test_separators(tmp_path: Path, separator: str) -> None:
     rows = [["t [s]", "a [m]", "b [m]"], ["0", "1", "2"], ["1", "3", "4.5"]]

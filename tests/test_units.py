@@ -61,6 +61,11 @@ FACTORS = [
     ("m/s/sqrt(h)", 1.0 / 60.0),
     ("deg/h^1.5", DEG / 3600.0**1.5),
     ("deg/h^(3/2)", DEG / 3600.0**1.5),
+    ("rpm", 2.0 * math.pi / 60.0),
+    ("mbar", 100.0),
+    ("Ohm", 1.0),
+    ("deg/hr", DEG / 3600.0),
+    ("deg/sec", DEG),
 ]
 
 
@@ -77,6 +82,14 @@ SAME = [
     ("m/s^2/sqrt(Hz)", "m/s/sqrt(s)"),
     ("m/s^2/sqrt(Hz)", "60 m/s/sqrt(h)"),
     ("N", "kg*m/s^2"),
+    ("m/s2", "m/s^2"),
+    ("m/s²", "m/s^2"),
+    ("kg m2", "kg*m^2"),
+    ("°/s", "deg/s"),
+    ("°/√h", "deg/sqrt(h)"),
+    ("µT", "uT"),
+    ("\N{GREEK SMALL LETTER MU}g/√Hz", "ug/sqrt(Hz)"),
+    ("ohm", "V/A"),
     ("Pa", "N/m^2"),
     ("J", "N m"),
     ("W", "V*A"),
@@ -146,6 +159,8 @@ def test_degrees_celsius_have_an_offset_of_their_own_only() -> None:
     assert to_si(25.0, "degC") == pytest.approx(298.15, abs=1e-12)
     assert from_si(273.15, "degC") == pytest.approx(0.0, abs=1e-12)
     assert to_si(25.0, "degC/s") == 25.0
+    assert to_si(25.0, "°C") == pytest.approx(298.15, abs=1e-12)
+    assert parse_unit(derived_unit("U/sqrt(Hz)", "°C")).same_dimension(parse_unit("K*sqrt(s)"))
     assert to_si(25.0, "m/degC") == 25.0
 
 

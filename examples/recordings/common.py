@@ -49,7 +49,7 @@ def thinned(log: Log, every: int) -> Log:
 
 def of_channel(log: Log, name: str, believed: NoiseModel) -> Case:
     """The gap of one channel at rest."""
-    record, stamps, _ = regular(log, name, drivers_of(log)[0])
+    record, stamps, _ = regular(log, name, believed.channel(name).effects, drivers_of(log)[0])
     gap = find_gap(name, record, believed.channel(name), stamps, log.stated)
     said = [f"verdict {gap.verdict}", *(finding_sentence(gap, f).split(". ")[0] for f in gap.findings)]
     return said, gap_answer(log, believed, {name: gap})

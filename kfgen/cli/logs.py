@@ -254,8 +254,8 @@ def run(
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
 
 
-def _believed(model: str, log: Log) -> NoiseModel:
-    """What is believed of the channels of a log: a noise file, or a library model's own figures."""
+def _believed(model: str, log: Log) -> tuple[NoiseModel, list[str]]:
+    """What is believed of the channels of a log, from a noise file or a library model; what is to be said."""
     from kfgen.errors import InputError
     from kfgen.model.library import build
     from kfgen.noise import ChannelNoise, NoiseModel, Term
@@ -289,7 +289,9 @@ def _believed(model: str, log: Log) -> NoiseModel:
                 f"channel {c} is in {log.channels[c].unit} in the log, in {n.unit} in {model}",
                 where=log.source,
             )
-    return NoiseModel(known, noise.provenance)
+    lacking = [c for c in noise.channels if c not in known]
+    said = [f"{', '.join(lacking)} of {model} cannot be compared: the log lacks it"] if lacking else []
+    return NoiseModel(known, noise.provenance), said
 
 
 @app.command()
@@ -333,17 +335,19 @@ def gap_between(
     if is_model_file(model):
         _no_proof(others, model)
         return plant_gap(model, data)
-    believed = _believed(model, data)
+    believed, said = _believed(model, data)
+    believed = believed.reaching(data.dt, data.duration)
     wanted = _names(channels) or list(believed.channels)
     moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
     if moving is not None:
         _no_proof(others, data.source)
         answer, mended = moving
-        return answer, noise_text(mended)
-    drive, said = drivers_of(data)
+        return replace(answer, warnings=(*said, *answer.warnings)), noise_text(mended)
+    drive, words = drivers_of(data)
+    said += words
     gaps = {}
     for name in wanted:
-        record, stamps, words = regular(data, name, drive)
+        record, stamps, words = regular(data, name, believed.channel(name).effects, drive)
         said += [w for w in words if w not in said]
         gaps[name] = find_gap(name, record, believed.channel(name), stamps, data.stated)
     gaps = with_pairs(gaps)
@@ -361,7 +365,10 @@ def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
 
     found = {n: g for n, g in gaps.items() if g.verdict != "bad_data" and (g.findings or g.retuned)}
     drive, _ = drivers_of(other)
-    return {n: again_on(g, regular(other, n, drive)[0], Path(other.source).name) for n, g in found.items()}
+    return {
+        n: again_on(g, regular(other, n, g.mended.effects, drive)[0], Path(other.source).name)
+        for n, g in found.items()
+    }
 
 
 def _no_proof(others: Sequence[Log], what: str) -> None:

@@ -163,6 +163,10 @@ class Effect:
         """Where fits should start; none for an effect that a record at rest cannot show."""
         return []
 
+    def reaching(self, dt: float, duration: float) -> Self:
+        """What the effect is in a record of this sampling period and length [s]: itself, unless its band is open."""
+        return self
+
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """The declared parameters in order."""

@@ -210,13 +210,13 @@ class DeadZone(Fault):
 
 @dataclass(frozen=True)
 class UnitError(Fault):
-    """All values are too large by a `factor` between two units."""
+    """All values are `factor` times what they should be, as by a wrong unit."""
 
     factor: Any = parameter("", "size")
 
     name: ClassVar[str] = "unit_error"
     title: ClassVar[str] = "a wrong unit"
-    saying: ClassVar[str] = "is too large by a factor of {factor}: check the unit of the column"
+    saying: ClassVar[str] = "is {factor} times as large as it should be: check the unit of the column"
 
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar, Self
 
@@ -169,6 +169,10 @@ class GaussMarkov(Effect):
         )
 
 
+UNSTATED = (1.0, 1e4)
+"""The band of a flicker of which only B is stated [s]."""
+
+
 @dataclass(frozen=True)
 class BiasInstability(Effect):
     """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
@@ -179,8 +183,8 @@ class BiasInstability(Effect):
     """
 
     B: Any = parameter("U")
-    shortest: float = parameter("s", "setting", 1.0)
-    longest: float = parameter("s", "setting", 1e4)
+    shortest: float = parameter("s", "setting", UNSTATED[0])
+    longest: float = parameter("s", "setting", UNSTATED[1])
 
     name: ClassVar[str] = "bias_instability"
     title: ClassVar[str] = "bias instability (flicker)"
@@ -198,6 +202,12 @@ class BiasInstability(Effect):
     def starts(cls, look: Look) -> list[Self]:
         """The floor of the Allan deviation, over the band that the record can show."""
         return [cls(float(look.deviation.min()), 10.0 * look.dt, look.duration)]
+
+    def reaching(self, dt: float, duration: float) -> Self:
+        """The same B over all that the record shows, where its band was not stated."""
+        if (self.shortest, self.longest) != UNSTATED:
+            return self
+        return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """A diagonal bank of Gauss-Markov processes."""

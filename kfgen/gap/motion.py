@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.axes import axis_faults
-from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay
+from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay, unheard
 from kfgen.errors import InputError
 from kfgen.gap.offers import Bench, offers
 from kfgen.gap.scene import Placed, Point, Unknown
@@ -31,6 +31,8 @@ from kfgen.units import STANDARD_GRAVITY, parse_unit
 
 Array = NDArray[np.float64]
 
+FEW = 128
+"""Samples without a truth that may follow the mean beside them; more would be seen in the spectrum."""
 BESIDE = 32
 """Samples on either side of a stretch that is not compared to which its noise is joined."""
 UNLIKE = 0.2
@@ -182,9 +184,26 @@ class MotionScene:
             if late not in lagged:  # the axes of a triad mostly lag alike
                 lagged[late] = delayed(felt[c.sensor], here)
             predicted = self._shown(c, lagged[late], here) + bias.get(c.name, 0.0)
-            left = np.where(self.good, c.y - predicted, 0.0)
+            left = self._believed_where(c, c.y - predicted, self.good & ~unheard(self.truth.t, here))
             out.append(self._believed_within(c, left, edges_of(here)))
         return out
+
+    def _believed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
+        """What is left, with noise as it is believed about the mean beside, where no truth is known."""
+        if known.all():
+            return left
+        k = self.compared.index(c)
+        noise = self.made_up[k]
+        away = np.where(known, left - noise, 0.0)
+        beside = np.ones(2 * BESIDE + 1)
+        count = np.convolve(known, beside, mode="same")
+        near = np.flatnonzero(count > min(BESIDE, 0.9 * float(count.max())))
+        level = np.interp(
+            np.arange(left.size), near, np.convolve(away, beside, mode="same")[near] / count[near]
+        )
+        if known.size - int(known.sum()) > FEW:
+            level = self.whiteners[k].completed(np.where(known, away, level), known)
+        return np.where(known, left, noise + level)
 
     def _believed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
         """What is left, with noise as it is believed where nobody knows what should have been read."""

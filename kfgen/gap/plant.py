@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 FAR = 1e3
 """Deviations of the data at which a simulation that diverges is held."""
+MOST_LOST = 0.05
+"""Share of the samples that the believed model may fail to simulate."""
 
 Kinds = tuple[tuple[str, type[PlantEffect]], ...]
 
@@ -105,7 +107,11 @@ class PlantScene:
         starts, initial, parameters = segments(shooting)
         begun = dict(zip(shooting.free, parameters.tolist()))
         hidden = shooting.hidden(initial[0])
-        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
+        scene = replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
+        shown = scene.simulated(scene.believed()).channels
+        for name, r in recorded.items():
+            _check_finite(np.asarray(log.t)[r.at], shown[name][r.at, 0], name, model)
+        return scene
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -294,6 +300,17 @@ def _left(recorded: Recorded, simulated: Array) -> Array:
     far = FAR * max(float(np.ptp(recorded.values)), 1.0 / float(recorded.whitener.weight[-1]))
     left = recorded.values[:, None] - simulated[recorded.at]
     return np.clip(np.where(np.isfinite(left), left, far), -far, far)
+
+
+def _check_finite(t: Array, shown: Array, name: str, model: UserModel) -> None:
+    lost = ~np.isfinite(shown)
+    if lost.mean() > MOST_LOST:
+        raise InputError(
+            f"{name} cannot be simulated: it is no number from t = {t[int(np.argmax(lost))]:.6g} s on, "
+            f"on {100.0 * lost.mean():.3g} % of the log",
+            where=model.name,
+            remedy="It diverges, divides by zero or takes the root or logarithm of a negative number: mend it",
+        )
 
 
 def _check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:

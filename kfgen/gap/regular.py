@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import catalogue
+from kfgen.effects import Effect, catalogue
 from kfgen.effects.series import periods
 from kfgen.errors import InputError
+from kfgen.gap.whitened import Whitener
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means
 from kfgen.log import Log
@@ -18,6 +19,8 @@ Array = NDArray[np.float64]
 
 MOST_MISSING = 0.5
 """Share of the samples that may be missing."""
+BESIDE = 512
+"""Samples at least of the mean about which missing ones are drawn."""
 SHORT = 51
 """Samples of a window that is smoothed as it is."""
 UNEVEN = 0.35
@@ -71,11 +74,17 @@ def _parabolas(values: Array, window: int) -> Array:
     return np.asarray(np.interp(np.arange(values.size) + 0.5, middle, smooth))
 
 
-def regular(log: Log, name: str, drive: Mapping[str, Array] | None = None) -> tuple[Record, Array, list[str]]:
+def regular(
+    log: Log, name: str, believed: Sequence[Effect] = (), drive: Mapping[str, Array] | None = None
+) -> tuple[Record, Array, list[str]]:
     """A channel as an even record, its time stamps as they are, and what is to be said.
+
+    Missing samples are drawn from the noise that is believed, about the mean beside them.
 
     Parameters
     ----------
+    believed : sequence of Effect
+        Of the channel.
     drive : mapping, optional
         As of `drivers_of`; the channel itself is none.
 
@@ -89,6 +98,10 @@ def regular(log: Log, name: str, drive: Mapping[str, Array] | None = None) -> tu
     drive = {k: v for k, v in (drive or {}).items() if k != name}
     good = np.isfinite(y)
     stamps = log.t[good]
+    if y.size < 3:
+        raise InputError(
+            f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
+        )
     if stamps.size < 3 or stamps.size < MOST_MISSING * y.size:
         raise InputError(
             f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
@@ -112,7 +125,26 @@ def regular(log: Log, name: str, drive: Mapping[str, Array] | None = None) -> tu
     dt = float(np.polyfit(place, stamps, 1)[0])
     even = np.arange(count)
     t = stamps[0] + dt * even
-    filled = np.interp(even, place, y[good])
+    filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), believed, dt)
     drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
-    said.append(f"{count - stamps.size} samples of {name} are missing; straight lines are drawn over them")
+    said.append(
+        f"{count - stamps.size} samples of {name} are missing; noise as it is believed is drawn over them"
+    )
     return Record(t, filled, drive), stamps, said
+
+
+def _drawn_over(y: Array, known: NDArray[np.bool_], believed: Sequence[Effect], dt: float) -> Array:
+    """The series with the unknown samples as the noise makes them likely, shape (n,); always the same."""
+    from scipy.ndimage import uniform_filter1d
+
+    random = [e for e in believed if not e.coefficients()]
+    if not random:
+        return y
+    hole = int(np.diff(np.flatnonzero(np.concatenate([[True], known, [True]]))).max())
+    window = min(max(BESIDE, 2 * hole), y.size)
+    count = uniform_filter1d(known.astype(np.float64), window)
+    mean = uniform_filter1d(np.where(known, y, 0.0), window) / np.maximum(count, 1.0 / window)
+    white = Whitener.of(random, y.size, dt, constant=True)
+    noise = Whitener.back(np.random.default_rng(0).standard_normal(y.size) / white.weight)
+    away = np.where(known, y - mean - noise, 0.0)
+    return np.where(known, y, mean + noise + white.completed(away, known))

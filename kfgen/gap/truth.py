@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -31,7 +32,10 @@ QUICK = 0.1
 """Length [s] over which the specific force of motion does not change: what does is vibration."""
 ABOVE = 4.0
 """How far the power of a rate must stand above the attitude's noise to be taken."""
-
+ORDERS = (2, 4, 6, 8)
+"""Differences of a turn that are looked at: noise survives them all, and fast motion the first alone."""
+ENDS = 4.0
+"""Periods of the highest frequency of an attitude's rate that are left out at both ends."""
 SPECTRUM = 512
 """Samples below which a stretch is too short for a spectrum."""
 
@@ -214,6 +218,10 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(0.5 * period)))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
+        ends = (
+            ENDS / corner
+        )  # a band-limited rate is not known where nobody knows what was before or comes after
+        good &= (truth.t >= truth.t[0] + ends) & (truth.t <= truth.t[-1] - ends)
     if "accel" not in read:
         read["accel"], axes["accel"] = -R_bn[:, :, 2] * (down * STANDARD_GRAVITY), (0, 1, 2)
     if "mag" not in read:
@@ -252,8 +260,7 @@ def body_rate(
     corner : float
         That frequency [Hz].
     angle : float
-        Deviation [rad] of the attitude's noise, taken to be white: a third difference has twenty times its
-        variance.
+        Deviation [rad] of the attitude's noise, taken to be white.
     floor : Floor
         The noise of the rate.
     """
@@ -262,11 +269,12 @@ def body_rate(
 
     nb = Rotation.from_quat(q_nb, scalar_first=True)
     turn = (nb[:-1].inv() * nb[1:]).as_rotvec()
-    third = np.diff(turn, n=2, axis=0)
-    angle = float(1.4826 * np.median(np.abs(third - np.median(third, axis=0)))) / np.sqrt(20.0)
+    angle = min(_noise_of_angle(np.diff(turn, n=n, axis=0), n + 1) for n in ORDERS)
     rate = np.empty((turn.shape[0] + 1, 3))
     rate[1:-1] = 0.5 * (turn[1:] + turn[:-1]) / dt
-    rate[0], rate[-1] = turn[0] / dt, turn[-1] / dt
+    # Magnus' second term: a turn about an axis that moves holds dt^3 (w x dw/dt) / 12 beside the integral.
+    rate[1:-1] -= np.cross(rate[1:-1], np.diff(turn, axis=0)) / 12.0
+    rate[0], rate[-1] = (1.5 * turn[0] - 0.5 * turn[1]) / dt, (1.5 * turn[-1] - 0.5 * turn[-2]) / dt
     clean = slice(None) if there is None else _liveliest(there, (rate**2).sum(axis=1))
     corner, floor = _spectrum(rate[clean], None if read is None else read[clean], angle, dt)
     w = np.arange(rate.shape[0]) * (np.pi / rate.shape[0])
@@ -274,6 +282,12 @@ def body_rate(
     kept = 0.5 * (1.0 + np.cos(np.pi * share)) / np.maximum(np.sinc(w / np.pi), 0.1)
     X = dct(rate, type=2, axis=0, norm="ortho") * kept[:, None]
     return np.asarray(idct(X, type=2, axis=0, norm="ortho")), corner, angle, floor
+
+
+def _noise_of_angle(differences: Array, order: int) -> float:
+    """Deviation of white noise from its differences: those of order k have C(2k, k) times its variance."""
+    spread = np.median(np.abs(differences - np.median(differences, axis=0)))
+    return float(1.4826 * spread) / math.sqrt(math.comb(2 * order, order))
 
 
 def _spectrum(rate: Array, read: Array | None, angle: float, dt: float) -> tuple[float, Floor]:

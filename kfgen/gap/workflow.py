@@ -54,6 +54,7 @@ def find_gap(
         The record is too short, or the model has no effect.
     """
     check(channel, record, noise)
+    noise = noise.reaching(record.dt, record.duration)
     faults = spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)

@@ -205,6 +205,8 @@ def _chosen(table: Table, columns: ColumnMap | None) -> dict[str, Column]:
 
 
 def _unit(table: Table, name: str, column: Column) -> str:
+    if column.unit is None and re.fullmatch(r"(ref_)?q_[wxyz]", name):
+        return ""  # an attitude's numbers have no other unit
     if column.unit is None:
         raise InputError(
             f"column '{name}' has no unit",
