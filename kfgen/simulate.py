@@ -20,7 +20,7 @@ from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
-from kfgen.model.truth import Wanted, along, drawn, numeric
+from kfgen.model.truth import Wanted, along, drawn, numeric, wandered
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def simulate_motion(
 ) -> Log:
     """A log along any motion; parameters as of `simulate`, `name` is said in the log's source."""
     model, t = discrete.model, motion.t
-    true = along(model, motion, drawn(model, rng))
+    true = along(model, motion, drawn(model, rng)) | wandered(model, t, rng)
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)

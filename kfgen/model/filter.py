@@ -237,6 +237,23 @@ class FilterModel:
         return tuple(b for b in self.blocks if isinstance(b, Vector) and b.driven)
 
     @cached_property
+    def wandering(self) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
+        """Blocks that white noise moves and nothing else: dynamics A and driving density W of their components."""
+        rates = self.rates(False)
+        own = [b for b in self.blocks if isinstance(b, Vector) and (b.driven or any(rates[b.name]))]
+        while True:
+            x = sp.Matrix([s for b in own for s in b.nominal])
+            closed = [b for b in own if not rates[b.name].jacobian(x).free_symbols and _spans(rates[b.name], x)]
+            if len(closed) == len(own):
+                break
+            own = closed
+        if not any(b.driven for b in own):
+            own, x = [], sp.zeros(0, 1)
+        A = sp.Matrix.vstack(sp.zeros(0, x.rows), *(rates[b.name].jacobian(x) for b in own))
+        W = sp.diag(*(sp.Float(b.driven) ** 2 for b in own for _ in b.error_names))
+        return tuple(own), A, W
+
+    @cached_property
     def _variation(self) -> Variation:
         """How every symbol varies with the error states and, after them, with `noise_symbols`."""
         out = self.error.variation
@@ -342,3 +359,8 @@ class FilterModel:
             for s in self.sensors
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _spans(rate: sp.Matrix, x: sp.Matrix) -> bool:
+    """Whether nothing but `x` is in a rate."""
+    return not rate.free_symbols - set(x)
