@@ -20,6 +20,7 @@ from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
+from kfgen.model.motion import AFTER, AT, BEFORE
 from kfgen.model.truth import Wanted, along, drawn, numeric, wandered
 
 Array = NDArray[np.float64]
@@ -81,10 +82,19 @@ def simulate_motion(
     drive = {d: drive[d] if drive and d in drive else warming(t) for d in model.drivers}
     channels = {d: Channel(v, "K") for d, v in drive.items()}
     clean = _clean(model, true)
+    sampled = model.motion.chosen.get("samples", AFTER)
+    clean |= {c: _sampled(clean[c], sampled) for i in model.motion.inputs for c in i.channels}
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
         channels[channel] = Channel(values + _own_noise(discrete, channel, t.size, rng), unit)
     return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {name}")
+
+
+def _sampled(acting: Array, samples: str) -> Array:
+    """The samples of what acts from each time to the next, shape (n,), by what a sample stands for."""
+    earlier = np.concatenate([acting[:1], acting[:-1]])
+    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]
+    return np.asarray(own * acting + (1.0 - own) * earlier)
 
 
 def _plant_log(

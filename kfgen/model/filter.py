@@ -239,19 +239,18 @@ class FilterModel:
     @cached_property
     def wandering(self) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
         """Blocks that white noise moves and nothing else: dynamics A and driving density W of their components."""
+        if not self.driven:
+            return (), sp.zeros(0, 0), sp.zeros(0, 0)
         rates = self.rates(False)
         own = [b for b in self.blocks if isinstance(b, Vector) and (b.driven or any(rates[b.name]))]
-        while True:
-            x = sp.Matrix([s for b in own for s in b.nominal])
-            closed = [b for b in own if not rates[b.name].jacobian(x).free_symbols and _spans(rates[b.name], x)]
+        x = sp.Matrix([s for b in own for s in b.nominal])
+        while closed := [b for b in own if _linear(rates[b.name], x)]:
             if len(closed) == len(own):
                 break
-            own = closed
-        if not any(b.driven for b in own):
-            own, x = [], sp.zeros(0, 1)
-        A = sp.Matrix.vstack(sp.zeros(0, x.rows), *(rates[b.name].jacobian(x) for b in own))
-        W = sp.diag(*(sp.Float(b.driven) ** 2 for b in own for _ in b.error_names))
-        return tuple(own), A, W
+            own, x = closed, sp.Matrix([s for b in closed for s in b.nominal])
+        A = sp.Matrix.vstack(*(rates[b.name].jacobian(x) for b in closed)) if closed else sp.zeros(0, 0)
+        W = sp.diag(*(sp.Float(b.driven) ** 2 for b in closed for _ in b.error_names))
+        return tuple(closed), A, W
 
     @cached_property
     def _variation(self) -> Variation:
@@ -361,6 +360,7 @@ class FilterModel:
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
-def _spans(rate: sp.Matrix, x: sp.Matrix) -> bool:
-    """Whether nothing but `x` is in a rate."""
-    return not rate.free_symbols - set(x)
+def _linear(rate: sp.Matrix, x: sp.Matrix) -> bool:
+    """Whether a rate is `x` times numbers and nothing else."""
+    J = rate.jacobian(x)
+    return not J.free_symbols and (rate - J * x).expand().is_zero_matrix is True

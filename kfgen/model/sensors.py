@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from kfgen.model.aiding import Airspeed, Barometer, NonHolonomic, Odometer, ZeroVelocity
 from kfgen.model.bearing import BeaconRange, Heading, LandmarkBearing
 from kfgen.model.blocks import Vector
-from kfgen.model.gnss import GnssPosition, GnssVelocity
 from kfgen.model.bounded import ACCELERATION, BOUNDED
+from kfgen.model.gnss import GnssPosition, GnssVelocity
 from kfgen.model.motion import GRAVITY, LEFT_OUT, NED, Constant
 from kfgen.model.option import NOTHING, STATE, Choice, Flag, Option, OrState, Quantity
 from kfgen.model.sensor import Array, Sensor, Views, triad, unknown
@@ -60,7 +60,7 @@ class GravityDirection(Sensor):
     channels = triad("accel")
     sd = 0.02
     left_out = 0.05
-    needs = ("phi", "level")
+    needs: tuple[str, ...] = ("phi", "level")
     constants = (GRAVITY,)
     options = (LEFT_OUT, ACCELERATION)
     at_rest = "up"
@@ -94,9 +94,11 @@ class MagneticField(Sensor):
     unit = "T"
     channels = triad("mag")
     sd = 2e-7
-    left_out = 1e-6  # a room bends the field by 1 to 2 uT, and a body meets another of its places twice a second
+    left_out = (
+        1e-6  # a room bends the field by 1 to 2 uT, and a body meets another of its places twice a second
+    )
     bias_prior = 2e-5
-    needs = ("phi", "level")
+    needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"
     options = (
         LEFT_OUT,
