@@ -232,6 +232,8 @@ MOVED = {
     # What a calibration of the magnetometer leaves: about its noise, half a microtesla.
     "hard_iron": "true",
     "hard_iron_sd": "0.5 uT",
+    # A room bends the field by 1 to 2 uT, and who moves about meets another of its places twice a second.
+    "field_left_out": "1 uT/sqrt(Hz)",
     "mag_delay": "state",
 }
 

@@ -183,8 +183,8 @@ class Rest(Motion):
 class Rotating(Motion):
     """Attitude driven by gyros: ``dR_nb/dt = R_nb [omega x]``.
 
-    Scale errors and misalignments of turning gyros, where they are no states, are left out: half a percent of a radian
-    per second that turns the same way for a tenth of a second is ``0.005 sqrt(2 0.1) = 2e-3`` rad/s/sqrt(Hz).
+    Scale errors and misalignments of turning gyros, where they are no states, are left out by
+    about one part in a thousand of a radian per second in a second.
     """
 
     options = (
@@ -212,7 +212,7 @@ class Rotating(Motion):
         moving = self.moved.blocks if self.moved else ()
         self.blocks = (Attitude(convention=convention), *moving, *self.intrinsics.blocks)
         known = chosen["scale_factors"] and chosen["misalignment"] == FULL
-        self.inputs = (replace(GYRO, left_out=2e-3 if chosen["left_out"] and not known else 0.0),)
+        self.inputs = (replace(GYRO, left_out=1e-3 if chosen["left_out"] and not known else 0.0),)
 
     def true_inputs(self, x: Views, shown: Views) -> Views:
         """Without scale factors and misalignments."""

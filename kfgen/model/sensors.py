@@ -94,16 +94,19 @@ class MagneticField(Sensor):
     unit = "T"
     channels = triad("mag")
     sd = 2e-7
-    left_out = (
-        1e-6  # a room bends the field by 1 to 2 uT, and a body meets another of its places twice a second
-    )
     bias_prior = 2e-5
     needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"
     options = (
         LEFT_OUT,
+        Option(
+            "field_left_out",
+            "how a room bends the field beyond what the model says, as a density",
+            Quantity("T/sqrt(Hz)"),
+            "0.5 uT/sqrt(Hz)",
+        ),
         Option("hard_iron", "a constant field of the body as states", Flag(), "false"),
-        Option("hard_iron_sd", "deviation of that field before the log", Quantity("T"), "20 uT"),
+        Option("hard_iron_sd", "deviation of that field before the log", Quantity("T"), "2e-5 T"),
         Option(
             "mag_delay",
             "age of the magnetometer's samples against those of the gyros: known, or a state",
@@ -127,6 +130,7 @@ class MagneticField(Sensor):
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
         super().__init__(chosen, axes)
+        self.left_out = self.chosen["field_left_out"] if self.chosen["left_out"] else 0.0
         self.biases, self.bias_prior = self.chosen["hard_iron"], self.chosen["hard_iron_sd"]
         blocks, known = [], {c.name[-1]: c.value for c in FIELD}
         self.field = {"known": (), STATE: ("N", "D"), "vector": NED}[self.chosen["field"]]
