@@ -1,47 +1,32 @@
-"""Attitude from nine axes against an optical reference: kfgen's ahrs6 beside the packages ahrs and imufusion.
+"""Attitude from nine axes against an optical reference: kfgen's models beside the packages ahrs, imufusion and vqf.
 
-Recordings: BROAD (Laidig et al., Data 6(7):72, 2021, CC BY 4.0). Every filter runs all of them with one setting.
-kfgen: scale factors and misalignments of calibrated gyros (0.2 %) as states, gyro samples that stand for the interval before them,
-and noise of the class of the situation: a body moved by hand accelerates by 0.2 m/s^2/sqrt(Hz), a room bends the field
-by 2 uT/sqrt(Hz); samples of a field that is off by a tenth of its size are not used. ahrs: Madgwick with its defaults. imufusion: its defaults with the bias correction of its own example.
+Recordings: BROAD (Laidig et al., Data 6(7):72, 2021, CC BY 4.0). Every filter runs all of them with its defaults: kfgen's ahrs25
+and ahrs6 as ``kfgen run`` runs them, without a noise file; Madgwick of ahrs; imufusion with the bias correction of its own
+example; VQF (Laidig, Seel, Information Fusion 91, 2023). ``--set NAME=VALUE`` changes options of ahrs25 (how much do they matter?),
+``--only kfgen`` leaves out what does not begin so, ``--trials 01,06`` takes some.
 
 Errors are root mean squares over the samples in movement. No two of them agree where north is, so each one's constant
 heading difference (its circular mean) is taken out. Needs ``pip install kfgen[peers]`` and the recordings.
 """
 
+import argparse
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kfgen.discretise import DiscreteModel
-from kfgen.effects import make
 from kfgen.emit.routines import Program
 from kfgen.log import Log
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.model.option import NOTHING, read_pairs
 from kfgen.readers import read_log
 from kfgen.run import FilterRun, attitude_error, run
 
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
-OPTIONS = {
-    "scale_factors": "true",
-    "misalignment": "full",
-    "intrinsics_sd": "0.002",
-    "samples": "before",
-    "field_gate": "0.1",
-}
-MOVED = {"accel": ("m/s^2", 0.2), "mag": ("T", 2e-6)}
-NOISE = NoiseModel(
-    {
-        f"{triad}_{a}": ChannelNoise(unit, (Term(make("white_noise", N=N)),))
-        for triad, (unit, N) in MOVED.items()
-        for a in "xyz"
-    }
-)
 
 
 def triad(log: Log, name: str) -> np.ndarray:
@@ -49,10 +34,22 @@ def triad(log: Log, name: str) -> np.ndarray:
     return np.column_stack([log.channels[f"{name}_{a}"].values for a in "xyz"])
 
 
-def by_kfgen(log: Log) -> np.ndarray:
+def by_kfgen(log: Log, name: str = "ahrs25", options: Mapping[str, str] = NOTHING) -> np.ndarray:
     """The emitted filter, shape (n, 4)."""
-    model = build("ahrs6", NOISE, OPTIONS)
-    return run(Program(DiscreteModel(model, rate=1.0 / log.dt)), log).estimate[:, :4]
+    model = build(name, None, options)
+    longest = max(0.1, 1.001 * float(np.diff(log.t).max()))
+    return run(Program(DiscreteModel.stepping(model, 1.0 / log.dt, max_step=longest)), log).estimate[:, :4]
+
+
+def by_vqf(log: Log) -> np.ndarray:
+    """VQF; its east-north-up is turned into north-east-down."""
+    import vqf
+    from scipy.spatial.transform import Rotation
+
+    samples = [np.ascontiguousarray(triad(log, n)) for n in ("gyro", "accel", "mag")]
+    q = vqf.VQF(log.dt).updateBatch(*samples)["quat9D"]
+    ned_of_enu = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    return (ned_of_enu * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True)
 
 
 def by_ahrs(log: Log) -> np.ndarray:
@@ -86,9 +83,11 @@ def by_imufusion(log: Log) -> np.ndarray:
 
 
 FILTERS: dict[str, Callable[[Log], np.ndarray]] = {
-    "kfgen": by_kfgen,
+    "kfgen ahrs25": by_kfgen,
+    "kfgen ahrs6": lambda log: by_kfgen(log, "ahrs6"),
     "ahrs Madgwick": by_ahrs,
     "imufusion": by_imufusion,
+    "vqf": by_vqf,
 }
 
 
@@ -100,14 +99,28 @@ def result_of(log: Log, q: np.ndarray) -> Any:
 
 def main() -> None:
     """All filters over all recordings."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--set", action="append", default=[], help="an option of ahrs25, name=value")
+    parser.add_argument("--only", default="", help="filters whose name begins so")
+    parser.add_argument("--trials", default="", help="numbers of recordings, separated by commas")
+    asked = parser.parse_args()
+    filters = {n: f for n, f in FILTERS.items() if n.startswith(asked.only)}
+    if asked.set:
+        options = read_pairs(asked.set)
+        filters = {f"kfgen {' '.join(asked.set)}": lambda log: by_kfgen(log, "ahrs25", options)}
+    wanted = [t for t in asked.trials.split(",") if t]
     paths = sorted((DATA / "dynamic").glob("broad_*.npz"))
     if not paths:
         print("skipped: the BROAD recordings are not here (set KFGEN_DATA)")
         return
     print(f"{'recording':44} {'filter':14} inclination  heading    total [deg]   seconds")
     for path in paths:
+        if wanted and path.stem.split("_")[1] not in wanted:
+            continue
         log = read_log(path)
-        for name, filtered in FILTERS.items():
+        for name, filtered in filters.items():
             start = time.perf_counter()
             q = filtered(log)
             took = time.perf_counter() - start

@@ -126,6 +126,7 @@ class DiscreteModel:
             # The series cut at dt^2 is not positive: the trapezoid of the integral is, to the same order.
             E = sp.eye(model.F.rows) + model.F * DT
             Qd = (density + E * density * E.T) * DT / 2
+        self._wander(Phi, Qd)
         A, W = model.effect_dynamics
         if A.rows:
             fastest = float(np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))).max())
@@ -139,6 +140,25 @@ class DiscreteModel:
             Phi[first:, first:] = Phi_e.applyfunc(self._series)
             Qd[first:, first:] = Qd_e.applyfunc(self._series)
         return Phi, Qd
+
+    @cached_property
+    def _wandering(self) -> tuple[tuple[int, ...], sp.Matrix, sp.Matrix]:
+        """Places of what noise alone moves, its transition and its process noise, exhausted like an effect's."""
+        blocks, A, W = self.model.wandering
+        if not blocks:
+            return (), A, W
+        names = [s.name for s in self.model.states]
+        fastest = float(np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))).max())
+        Phi, Qd = series(A, W, series_order(fastest, self.max_step) + 1)
+        places = tuple(names.index(n) for b in blocks for n in b.error_names)
+        return places, Phi.applyfunc(self._series), Qd.applyfunc(self._series)
+
+    def _wander(self, Phi: sp.Matrix, Qd: sp.Matrix) -> None:
+        """Put that into the matrices of the whole."""
+        places, Phi_w, Qd_w = self._wandering
+        for i, k in enumerate(places):
+            for j, l in enumerate(places):
+                Phi[k, l], Qd[k, l] = Phi_w[i, j], Qd_w[i, j]
 
     def _series(self, expression: sp.Expr) -> sp.Expr:
         """A series in the step without the terms that a slow effect has exhausted, as nested products."""
@@ -170,7 +190,7 @@ class DiscreteModel:
         """The stored state after a step, in the order of `nominal_names`; quaternions not normalised.
 
         Vectors to second order in `dt`, attitudes by the quaternion of the step's rotation vector,
-        effects by their own transition.
+        effects and what noise alone moves by their own transition.
         """
         rates = self.model.rates(False)
         vectors = {
@@ -180,9 +200,15 @@ class DiscreteModel:
             for s, r in zip(b.nominal, rates[b.name])
         }
         out: list[sp.Expr] = []
+        wandering = self.model.wandering[0]
+        x = sp.Matrix([s for b in wandering for s in b.nominal])
+        wandered = dict(zip(x, self._wandering[1] * x)) if wandering else {}
         for b in self.model.blocks:
             if isinstance(b, Attitude):
                 out.extend(hamilton(b.quaternion, small_quaternion(rates[b.name] * DT)))
+                continue
+            if b in wandering:
+                out.extend(wandered[s] for s in b.nominal)
                 continue
             for s, r in zip(b.nominal, rates[b.name]):
                 second = sum((_slope(r, other) * rate for other, rate in vectors.items()), sp.Integer(0))

@@ -21,7 +21,8 @@ from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.blocks import Attitude
 from kfgen.model.equations import Equations
 from kfgen.model.filter import FilterModel
-from kfgen.model.truth import Wanted, along, drawn, numeric
+from kfgen.model.motion import AFTER, AT, BEFORE
+from kfgen.model.truth import Wanted, along, drawn, numeric, wandered
 
 Array = NDArray[np.float64]
 
@@ -78,14 +79,23 @@ def simulate_motion(
 ) -> Log:
     """A log along any motion; parameters as of `simulate`, `name` is said in the log's source."""
     model, t = discrete.model, motion.t
-    true = along(model, motion, drawn(model, rng))
+    true = along(model, motion, drawn(model, rng)) | wandered(model, t, rng)
     drive = {d: drive[d] if drive and d in drive else driver_named(d).course(t) for d in model.drivers}
     channels = {d: Channel(v, driver_named(d).unit) for d, v in drive.items()}
     clean = _clean(model, true)
+    sampled = model.motion.chosen.get("samples", AFTER)
+    clean |= {c: _sampled(clean[c], sampled) for i in model.motion.inputs for c in i.channels}
     for channel, unit in model.channel_units.items():
         values = _measured(clean[channel], model.noise.get(channel, ()), t, rng, drive)
         channels[channel] = Channel(values + _own_noise(discrete, channel, t.size, rng), unit)
     return Log(t, channels | _references(model, true), source=f"simulated {model.name}, {name}")
+
+
+def _sampled(acting: Array, samples: str) -> Array:
+    """The samples of what acts from each time to the next, shape (n,), by what a sample stands for."""
+    earlier = np.concatenate([acting[:1], acting[:-1]])
+    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]
+    return np.asarray(own * acting + (1.0 - own) * earlier)
 
 
 def _plant_log(

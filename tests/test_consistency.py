@@ -132,6 +132,7 @@ def consistent(case: Case, duration: float, flights: int) -> None:
 
 
 AHRS: Case = ("ahrs6", (("left_out", "false"),))
+MOVED: Case = ("ahrs25", (("left_out", "false"), ("samples", "after")))
 INS: Case = ("ins15", ())
 MORE: list[Case] = [
     ("ins15", (("attitude_error", "local-quaternion"),)),
@@ -143,13 +144,13 @@ MORE: list[Case] = [
 ]
 
 
-@pytest.mark.parametrize("case", [AHRS, INS], ids=["ahrs6", "ins15"])
+@pytest.mark.parametrize("case", [AHRS, MOVED, INS], ids=["ahrs6", "ahrs25", "ins15"])
 def test_a_filter_is_as_sure_as_it_should_be(case: Case) -> None:
     consistent(case, 8.0, 8)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", [AHRS, INS, *MORE], ids=str)
+@pytest.mark.parametrize("case", [AHRS, MOVED, INS, *MORE], ids=str)
 def test_a_filter_is_as_sure_as_it_should_be_over_many_flights(case: Case) -> None:
     consistent(case, 30.0, 24)
 

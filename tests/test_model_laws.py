@@ -153,7 +153,8 @@ class Numeric:
             if isinstance(b, Attitude):
                 new["R"] = x["R"] + dt * x["R"] @ skew(rate)
             else:
-                new |= {n: x[n] + dt * r for n, r in zip(b.nominal_names, rate, strict=True)}
+                drive = [w.get(f"w_{n}", 0.0) for n in b.nominal_names]
+                new |= {n: x[n] + dt * (r + d) for n, r, d in zip(b.nominal_names, rate, drive, strict=True)}
         names = [s.name for s in m.states[self.first :]]
         drive = np.array([w.get(f"w_{n}", 0.0) for n in names])
         rate = self.effects @ np.array([x[n] for n in names]) + drive if names else []
@@ -210,7 +211,7 @@ class Error:
         if self.name == "psi":
             return {"v": expm(skew(-turn))}
         E = expm(skew(theta)) if self.name in ("modified-phi", "right-invariant") else np.eye(3)
-        return {"v": E, "p": E if self.name == "right-invariant" else np.eye(3)}
+        return {"v": E} | dict.fromkeys(("p", "vl", "al"), E if self.name == "right-invariant" else np.eye(3))
 
     def plus(self, x: Values, e: np.ndarray) -> Values:
         error = dict(zip(self.names, e, strict=True))
@@ -257,7 +258,7 @@ class Error:
         if self.name == "psi":
             return {"v": series(-turn)}
         E = series(theta) if self.name in ("modified-phi", "right-invariant") else np.eye(3)
-        return {"v": E, "p": E if self.name == "right-invariant" else np.eye(3)}
+        return {"v": E} | dict.fromkeys(("p", "vl", "al"), E if self.name == "right-invariant" else np.eye(3))
 
 
 def slope(f: Callable[[float], np.ndarray], h: float) -> np.ndarray:

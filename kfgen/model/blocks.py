@@ -28,6 +28,8 @@ class Vector:
         Deviation of the error before the first measurement [SI].
     initial : tuple of float
         The stored components before it [SI]; zeros where left out.
+    driven : float
+        Root density of the white noise that drives each component's rate [SI/sqrt(s)]; zero for none.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Vector:
     title: str
     prior: float
     initial: tuple[float, ...] = ()
+    driven: float = 0.0
 
     @cached_property
     def nominal(self) -> sp.Matrix:

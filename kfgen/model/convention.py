@@ -176,12 +176,15 @@ class ModifiedPhi(Convention):
 
 
 class RightInvariant(Convention):
-    """Velocity and position turn with the attitude: the error of the group of extended poses [4]_."""
+    """Velocity and position turn with the attitude: the error of the group of extended poses [4]_.
+
+    So does the unknown acceleration of `BoundedVelocity`: whatever it is, no heading shows in it.
+    """
 
     name = "right-invariant"
-    title = "right-invariant: velocity and position are turned with the attitude"
+    title = "right-invariant: velocity, position and acceleration are turned with the attitude"
     equation = "R_nb = Exp(phi) R_nb_hat, v = Exp(phi) v_hat + d_v, p = Exp(phi) p_hat + d_p"
-    carried = ("v", "p")
+    carried = ("v", "p", "vl", "al")
 
 
 class GlobalQuaternion(Convention):

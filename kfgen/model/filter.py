@@ -26,7 +26,7 @@ import sympy as sp
 from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.model.attach import Attached, Attachment, StateInfo
-from kfgen.model.blocks import Attitude, Block
+from kfgen.model.blocks import Attitude, Block, Vector
 from kfgen.model.convention import Convention
 from kfgen.model.error import ErrorState, Variation, slopes
 from kfgen.model.motion import Constant, Motion
@@ -226,9 +226,31 @@ class FilterModel:
 
     @cached_property
     def noise_symbols(self) -> tuple[sp.Symbol, ...]:
-        """White noises that drive the error: of the inputs, then of the effects' states."""
+        """White noises that drive the error: of the inputs, of the blocks, then of the effects' states."""
         inputs = [sp.Symbol(f"n_{c}", real=True) for i in self.motion.inputs for c in i.channels]
-        return (*inputs, *(sp.Symbol(f"w_{s.name}", real=True) for s in self._attachment[0]))
+        driven = [sp.Symbol(f"w_{n}", real=True) for b in self.driven for n in b.error_names]
+        return (*inputs, *driven, *(sp.Symbol(f"w_{s.name}", real=True) for s in self._attachment[0]))
+
+    @cached_property
+    def driven(self) -> tuple[Vector, ...]:
+        """The blocks that white noise drives."""
+        return tuple(b for b in self.blocks if isinstance(b, Vector) and b.driven)
+
+    @cached_property
+    def wandering(self) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
+        """Blocks that white noise moves and nothing else: dynamics A and driving density W of their components."""
+        if not self.driven:
+            return (), sp.zeros(0, 0), sp.zeros(0, 0)
+        rates = self.rates(False)
+        own = [b for b in self.blocks if isinstance(b, Vector) and (b.driven or any(rates[b.name]))]
+        x = sp.Matrix([s for b in own for s in b.nominal])
+        while closed := [b for b in own if _linear(rates[b.name], x)]:
+            if len(closed) == len(own):
+                break
+            own, x = closed, sp.Matrix([s for b in closed for s in b.nominal])
+        A = sp.Matrix.vstack(*(rates[b.name].jacobian(x) for b in closed)) if closed else sp.zeros(0, 0)
+        W = sp.diag(*(sp.Float(b.driven) ** 2 for b in closed for _ in b.error_names))
+        return tuple(closed), A, W
 
     @cached_property
     def _variation(self) -> Variation:
@@ -246,6 +268,11 @@ class FilterModel:
         columns = size + len(self.noise_symbols)
         rates = self.rates(False)
         variations = {b.name: slopes(rates[b.name], self._variation, columns) for b in self.blocks}
+        column = size + sum(len(i.channels) for i in self.motion.inputs)
+        for b in self.driven:
+            k = len(b.error_names)
+            variations[b.name][:, column : column + k] = sp.eye(k)
+            column += k
         effects = sp.zeros(size - first, columns)
         effects[:, first:size] = self.effect_dynamics[0]
         effects[:, columns - (size - first) :] = sp.eye(size - first)
@@ -293,7 +320,8 @@ class FilterModel:
     def W(self) -> sp.Matrix:
         """Densities of `noise_symbols`, shape (q, q)."""
         inputs = [self.white(c)[0] + i.left_out**2 for i in self.motion.inputs for c in i.channels]
-        return sp.diag(*inputs, self.effect_dynamics[1]) if self.noise_symbols else sp.zeros(0, 0)
+        driven = [sp.Float(b.driven) ** 2 for b in self.driven for _ in b.error_names]
+        return sp.diag(*inputs, *driven, self.effect_dynamics[1]) if self.noise_symbols else sp.zeros(0, 0)
 
     def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
         """The expected measurement with the effects of its channels, shape (m, 1)."""
@@ -330,3 +358,9 @@ class FilterModel:
             for s in self.sensors
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _linear(rate: sp.Matrix, x: sp.Matrix) -> bool:
+    """Whether a rate is `x` times numbers and nothing else."""
+    J = rate.jacobian(x)
+    return not J.free_symbols and (rate - J * x).expand().is_zero_matrix is True

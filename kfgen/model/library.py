@@ -219,6 +219,24 @@ ACCELS = {
     for a in "xyz"
 }
 
+MOVED = {
+    # What is unknown about the acceleration turns with the attitude, so that no heading is read into it.
+    "attitude_error": "right-invariant",
+    "acceleration": "bounded",
+    # A calibrated gyro: 0.2 % and 0.1 deg are usual in the data sheets of calibrated modules.
+    "scale_factors": "true",
+    "misalignment": "full",
+    "intrinsics_sd": "0.002",
+    # Integrating gyros send the mean of the interval that ends with the sample.
+    "samples": "before",
+    # What a calibration of the magnetometer leaves: about its noise, half a microtesla.
+    "hard_iron": "true",
+    "hard_iron_sd": "0.5 uT",
+    # A room bends the field by 1 to 2 uT, and who moves about meets another of its places twice a second.
+    "field_left_out": "1 uT/sqrt(Hz)",
+    "mag_delay": "state",
+}
+
 LIBRARY: dict[str, Entry] = {
     "gyro-static": Resting("one sensor axis at rest: the sum of its identified effects", GYROS, every=False),
     "imu-static": Resting(
@@ -226,6 +244,12 @@ LIBRARY: dict[str, Entry] = {
     ),
     "ahrs6": Moving(
         "attitude and gyro bias from gyros, gravity and magnetic field", {"ned": Rotating}, ("accel", "mag")
+    ),
+    "ahrs25": Moving(
+        "as ahrs6, of a body that is moved about: its acceleration, imperfect gyros, a late magnetometer with hard iron",
+        {"ned": Rotating},
+        ("accel", "mag"),
+        MOVED,
     ),
     "ins9": Moving(
         "position, velocity and attitude, sensors without bias, with GNSS", FRAMES, GNSS, {"biases": "false"}

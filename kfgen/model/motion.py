@@ -18,9 +18,10 @@ from typing import Any
 import sympy as sp
 
 from kfgen.model.blocks import Attitude, Block, Vector
+from kfgen.model.bounded import ACCELERATION, BOUNDED, SPEED, SPEED_TIME, BoundedVelocity
 from kfgen.model.convention import Phi, conventions
 from kfgen.model.earth import EARTH_RATE, normal_gravity, radii
-from kfgen.model.intrinsics import G_SENSITIVITY, INTRINSICS_SD, MISALIGNMENT, SCALE_FACTORS, Intrinsics
+from kfgen.model.intrinsics import FULL, G_SENSITIVITY, INTRINSICS_SD, MISALIGNMENT, SCALE_FACTORS, Intrinsics
 from kfgen.model.option import NOTHING, Choice, Configured, Flag, Option, Quantity
 from kfgen.units import STANDARD_GRAVITY
 
@@ -161,13 +162,15 @@ class Motion(Configured):
         -------
         mapping of str to Matrix
             ``level`` (3, 3), navigation axes to north-east-down here; ``omega`` (3, 1), rate of the body against the
-            navigation frame [rad/s]; ``acceleration`` (3, 1), rate of ``v`` [m/s^2]; ``height`` (1, 1) [m].
+            navigation frame [rad/s]; ``acceleration`` (3, 1), rate of ``v``, or a state [m/s^2]; ``height`` (1, 1) [m].
         """
         offered = {"level": sp.eye(3)}
         if "phi" in rates:
             offered["omega"] = rates["phi"]
         if "v" in rates:
             offered["acceleration"] = rates["v"]
+        if "al" in x:
+            offered["acceleration"] = x["al"]
         if "p" in x:
             offered["height"] = sp.Matrix([-x["p"][2]])
         return offered
@@ -180,26 +183,44 @@ class Rest(Motion):
 class Rotating(Motion):
     """Attitude driven by gyros: ``dR_nb/dt = R_nb [omega x]``.
 
-    Scale errors and misalignments of turning gyros, which are no states here, are left out by
+    Scale errors and misalignments of turning gyros, where they are no states, are left out by
     about one part in a thousand of a radian per second in a second.
     """
 
-    options = (ATTITUDE_ERROR, SAMPLES, LEFT_OUT, SCALE_FACTORS, MISALIGNMENT, INTRINSICS_SD)
+    options = (
+        ATTITUDE_ERROR,
+        SAMPLES,
+        LEFT_OUT,
+        SCALE_FACTORS,
+        MISALIGNMENT,
+        INTRINSICS_SD,
+        ACCELERATION,
+        SPEED,
+        SPEED_TIME,
+    )
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING) -> None:
         super().__init__(chosen)
         self.intrinsics = Intrinsics(self.chosen, ("gyro",))
         convention = conventions()[self.chosen["attitude_error"]]
-        self.blocks = (Attitude(convention=convention), *self.intrinsics.blocks)
-        self.inputs = (replace(GYRO, left_out=1e-3 if self.chosen["left_out"] else 0.0),)
+        chosen = self.chosen
+        self.moved = (
+            BoundedVelocity(chosen["speed"], chosen["speed_time"])
+            if chosen["acceleration"] == BOUNDED
+            else None
+        )
+        moving = self.moved.blocks if self.moved else ()
+        self.blocks = (Attitude(convention=convention), *moving, *self.intrinsics.blocks)
+        known = chosen["scale_factors"] and chosen["misalignment"] == FULL
+        self.inputs = (replace(GYRO, left_out=1e-3 if chosen["left_out"] and not known else 0.0),)
 
     def true_inputs(self, x: Views, shown: Views) -> Views:
         """Without scale factors and misalignments."""
         return self.intrinsics.true_inputs(x, shown)
 
     def rates(self, x: Views, u: Views) -> dict[str, sp.Matrix]:
-        """The body rate is the gyros'."""
-        return {"phi": u["gyro"]}
+        """The body rate is the gyros'; the velocity's as of `BoundedVelocity`."""
+        return {"phi": u["gyro"]} | (self.moved.rates(x) if self.moved else {})
 
 
 class Inertial(Motion):

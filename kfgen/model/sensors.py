@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from kfgen.model.aiding import Airspeed, Barometer, NonHolonomic, Odometer, ZeroVelocity
 from kfgen.model.bearing import BeaconRange, Heading, LandmarkBearing
 from kfgen.model.blocks import Vector
+from kfgen.model.bounded import ACCELERATION, BOUNDED
 from kfgen.model.gnss import GnssPosition, GnssVelocity
 from kfgen.model.motion import GRAVITY, LEFT_OUT, NED, Constant
-from kfgen.model.option import NOTHING, STATE, Choice, Flag, Option, Quantity
-from kfgen.model.sensor import Array, Sensor, Views, triad
+from kfgen.model.option import NOTHING, STATE, Choice, Flag, Option, OrState, Quantity
+from kfgen.model.sensor import Array, Sensor, Views, triad, unknown
 
 __all__ = [
     "FIELD",
@@ -46,8 +47,12 @@ FIELD = (
 )
 
 
+VIBRATION = 0.02
+"""Beside a bounded velocity accelerometers show vibration and its rectification [m/s^2/sqrt(Hz)]: 0.2 m/s^2 over 100 Hz."""
+
+
 class GravityDirection(Sensor):
-    """An accelerometer triad of a body that does not accelerate: ``f_b = -R_bn g_n``."""
+    """An accelerometer triad: ``f_b = R_bn (a_n - g_n)``, the acceleration being a state or left out."""
 
     name = "accel"
     title = "gravity seen by the accelerometers"
@@ -55,31 +60,59 @@ class GravityDirection(Sensor):
     channels = triad("accel")
     sd = 0.02
     left_out = 0.05
-    needs = ("phi", "level")
+    needs: tuple[str, ...] = ("phi", "level")
     constants = (GRAVITY,)
-    options = (LEFT_OUT,)
+    options = (LEFT_OUT, ACCELERATION)
     at_rest = "up"
 
+    def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
+        super().__init__(chosen, axes)
+        if self.chosen["acceleration"] == BOUNDED:
+            self.needs = ("phi", "level", "acceleration")
+            self.left_out = min(self.left_out, VIBRATION)
+
     def predict(self, x: Views) -> sp.Matrix:
-        """Specific force of a body at rest."""
-        return x["phi"].T * (x["level"].T * sp.Matrix([0, 0, -GRAVITY.symbol]))
+        """Specific force."""
+        f_n = x["level"].T * sp.Matrix([0, 0, -GRAVITY.symbol])
+        return x["phi"].T * (f_n + x["acceleration"] if "acceleration" in self.needs else f_n)
+
+
+FIELD_PRIOR = 1e-5
+"""How well the components of the field are known before a log [T]."""
+A_SAMPLE = 0.01
+"""How old a sample may be [s]: magnetometers convert some hundred times a second and are read between."""
 
 
 class MagneticField(Sensor):
-    """A magnetometer triad: ``m_b = (I + S) R_bn m_n + hard iron``, north being magnetic north."""
+    """A magnetometer triad: ``m_b = (I + S) R_bn m_n + hard iron``, north being magnetic north.
+
+    What arrives was valid a delay ago, taken back by first order: ``m_b(t - tm) = m_b + tm omega x m_b``.
+    """
 
     name = "mag"
     title = "magnetic field vector"
     unit = "T"
     channels = triad("mag")
     sd = 2e-7
-    left_out = 5e-7
     bias_prior = 2e-5
-    needs = ("phi", "level")
+    needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"
     options = (
         LEFT_OUT,
+        Option(
+            "field_left_out",
+            "how a room bends the field beyond what the model says, as a density",
+            Quantity("T/sqrt(Hz)"),
+            "0.5 uT/sqrt(Hz)",
+        ),
         Option("hard_iron", "a constant field of the body as states", Flag(), "false"),
+        Option("hard_iron_sd", "deviation of that field before the log", Quantity("T"), "2e-5 T"),
+        Option(
+            "mag_delay",
+            "age of the magnetometer's samples against those of the gyros: known, or a state",
+            OrState(Quantity("s")),
+            "0 s",
+        ),
         Option("soft_iron", "distortion of the field by the body as six states", Flag(), "false"),
         Option(
             "field",
@@ -97,22 +130,34 @@ class MagneticField(Sensor):
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
         super().__init__(chosen, axes)
-        self.biases = self.chosen["hard_iron"]
+        self.left_out = self.chosen["field_left_out"] if self.chosen["left_out"] else 0.0
+        self.biases, self.bias_prior = self.chosen["hard_iron"], self.chosen["hard_iron_sd"]
         blocks, known = [], {c.name[-1]: c.value for c in FIELD}
         self.field = {"known": (), STATE: ("N", "D"), "vector": NED}[self.chosen["field"]]
         if self.field:
             start = tuple(known.get(a, 0.0) for a in self.field)
-            blocks.append(Vector("mag", self.field, "T", "magnetic field", 1e-5, start))
+            blocks.append(Vector("mag", self.field, "T", "magnetic field", FIELD_PRIOR, start))
         if self.chosen["soft_iron"]:
             blocks.append(Vector("si", ("xx", "yy", "zz", "xy", "xz", "yz"), "1", "soft iron", 0.1))
-        self.blocks = tuple(blocks)
-        self.constants = () if self.field else FIELD
+        delay = self.chosen["mag_delay"]
+        self.late = unknown("mag_delay", self) or delay != 0.0
+        constants = () if self.field else FIELD
+        if unknown("mag_delay", self):
+            blocks.append(Vector("tm", ("",), "s", "magnetometer delay", A_SAMPLE))
+        elif self.late:
+            constants = (*constants, Constant("tm", "s", delay, "magnetometer delay"))
+        self.blocks, self.constants = tuple(blocks), constants
+        if self.late:
+            self.needs = ("phi", "level", "omega")
 
     def predict(self, x: Views) -> sp.Matrix:
         """The field in body axes."""
         part = dict(zip(self.field, x["mag"])) if self.field else {c.name[-1]: c.symbol for c in FIELD}
         m_l = sp.Matrix([part.get(a, 0) for a in NED])
         m_b = x["phi"].T * (x["level"].T * m_l)
+        if self.late:
+            age = x["tm"][0] if unknown("mag_delay", self) else self.constants[-1].symbol
+            m_b = m_b + age * x["omega"].cross(m_b)
         if not self.chosen["soft_iron"]:
             return m_b
         xx, yy, zz, xy, xz, yz = x["si"]
@@ -133,8 +178,8 @@ class MagneticField(Sensor):
         return (said,) if gate > 0.0 else ()
 
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
-        """The components of the field; those that are known stay where iron of the body adds to them."""
-        if self.biases and not self.field:
+        """The components of the field; those that are known stay where more iron of the body may add to them."""
+        if self.biases and not self.field and self.bias_prior >= FIELD_PRIOR:
             return {}
         down = -sum(z * u for z, u in zip(z_b, up_b))
         size2 = sum(z * z for z in z_b)

@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from kfgen import linear
 from kfgen.model.blocks import Attitude, Vector
 from kfgen.model.filter import FilterModel
 
@@ -150,6 +151,19 @@ def _shown(model: FilterModel, values: Mapping[str, Any], wanted: Mapping[str, A
     right = np.column_stack([wanted[name] for name in wanted]) - free
     u: Array = np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0], dtype=np.float64)
     return {c: u[:, k] for k, c in enumerate(channels)}
+
+
+def wandered(model: FilterModel, t: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Random courses of the blocks that noise alone moves, from a draw of their priors on, each of shape (n,)."""
+    blocks, A, W = model.wandering
+    if not blocks:
+        return {}
+    names = [n for b in blocks for n in b.nominal_names]
+    start = np.array([b.prior for b in blocks for _ in b.nominal_names]) * rng.standard_normal(len(names))
+    dt = float(t[1] - t[0]) if t.size > 1 else 1.0
+    Phi, Qd = linear.van_loan(np.array(A, dtype=np.float64), np.array(W, dtype=np.float64), dt)
+    x = linear.simulate(Phi, Qd, start, t.size, rng)
+    return {n: x[:, k] for k, n in enumerate(names)}
 
 
 def drawn(model: FilterModel, rng: np.random.Generator) -> dict[str, float]:
