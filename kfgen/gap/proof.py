@@ -4,7 +4,8 @@ On a held-out stretch the parameters are frozen. In each band of ``m`` ordinates
 ``r`` of power to expectation is one where the model holds; what the model loses against one that
 has the band's own level is ``m/2 (r - 1 - ln r)`` nats, of which half a nat is chance. The sum per
 sample is the gap, its floor zero. The stretch suits the effect: the tail for noise, ramps and lines,
-every other block for what happens once, the extreme third of its driver for what is driven. There the
+every other block for what happens once or is over before the tail, the extreme third of its driver for
+what is driven. There the
 coefficients are fitted to the rest, and the bands are those of the white series in each held-out block.
 
 References
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 
 HELD_OUT = 0.3
 """Share of the record, at its end, that no fit sees."""
+OVER = 0.01
+"""Share of a shape's power in the tail below which the tail cannot show it."""
 BLOCKS = 32
 """Into which a record is cut to leave out every other one."""
 DRAWS = 2000
@@ -66,12 +69,18 @@ def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], mended: 
     mended : Problem
         The mended model on the clean record.
     """
-    blocked = [
-        e for e in mended.effects if e.coefficients() and (e.driver or (e.repeatable and not is_line(e)))
-    ]
+    shapes = [e for e in mended.effects if e.coefficients()]
+    blocked = [e for e in shapes if e.driver or (e.repeatable and not is_line(e)) or _is_over(e, clean)]
     if blocked:
         return _masked(clean, mended, blocked)
     return _tail(raw, clean, written, mended)
+
+
+def _is_over(effect: Effect, record: Record) -> bool:
+    """Whether next to nothing of a shape is left in the tail: an exponential that has died."""
+    power = np.sum(np.square(effect.regressors(record.elapsed, record.drive)), axis=0)
+    tail = int(record.n * (1.0 - HELD_OUT))
+    return bool(np.sum(power[tail:]) < OVER * np.sum(power))
 
 
 def is_line(effect: Effect) -> bool:
