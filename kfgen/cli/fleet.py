@@ -141,7 +141,7 @@ def _identify(task: Task) -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def _gap(task: Task) -> tuple[dict[str, Any], tuple[str, ...]]:
-    from kfgen.cli.logs import gap_between
+    from kfgen.cli.gap import gap_between
     from kfgen.cli.options import read
 
     answer, _ = gap_between(task.model, read(Path(task.log), task.rate, task.columns), task.channels)

@@ -1,9 +1,9 @@
-"""Commands on logs: identify, simulate, run, gap, demo."""
+"""Commands on logs: identify, simulate, run, demo."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,34 +17,26 @@ from kfgen.cli.options import (
     LogPath,
     ModelName,
     Noise,
+    Output,
     Rate,
     Report,
     SampleRate,
     Sensors,
     Set,
     deliver,
+    listed,
     model_of,
-    noise_of,
     not_over,
     read,
 )
 
 if TYPE_CHECKING:
-    from kfgen.gap.finding import ChannelGap
-    from kfgen.gap.proof import Gap
     from kfgen.identify.channel import Identified
     from kfgen.identify.record import Evidence
     from kfgen.log import Log, StoredLog
-    from kfgen.noise import NoiseModel
-    from kfgen.report.page import Answer
 
-Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 BAND = ("_lo", "_hi")
 NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
-
-
-def _names(text: str | None) -> list[str] | None:
-    return [part.strip() for part in text.split(",") if part.strip()] if text else None
 
 
 def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, list[str]]:
@@ -117,7 +109,7 @@ def channels_identified(
     from kfgen.identify.channel import identify as identified
 
     first = data[0]
-    names = _names(channels) or [
+    names = listed(channels) or [
         c
         for c in first.channels
         if not c.startswith(NOT_NOISY) and not (first.axis == "tau" and c.endswith(BAND))
@@ -132,7 +124,7 @@ def channels_identified(
     for name in names:
         try:
             evidence, said = _evidence(data, name)
-            result = identified(evidence, _names(effects), method)
+            result = identified(evidence, listed(effects), method)
         except InputError as error:
             raise InputError(
                 error.what, where=error.where or f"{first.source}: channel {name}", remedy=error.remedy
@@ -252,132 +244,6 @@ def run(
     rule = rule_named(adaptive, "--adaptive") if adaptive else None
     result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)
-
-
-def _believed(model: str, log: Log) -> tuple[NoiseModel, list[str]]:
-    """What is believed of the channels of a log, from a noise file or a library model; what is to be said."""
-    from kfgen.errors import InputError
-    from kfgen.model.library import build
-    from kfgen.noise import ChannelNoise, NoiseModel, Term
-    from kfgen.units import parse_unit
-
-    if model.endswith(".toml"):
-        noise = noise_of(Path(model))
-        assert noise is not None
-    else:
-        built = build(model)
-        noise = NoiseModel(
-            {
-                c: ChannelNoise(
-                    log.channels[c].unit if c in log.channels else u,
-                    tuple(Term(e) for e in built.noise[c] if e.name != "bias"),
-                )
-                for c, u in built.channel_units.items()
-                if c in built.noise
-            }
-        )
-    known = {c: n for c, n in noise.channels.items() if c in log.channels}
-    if not known:
-        raise InputError(
-            f"no channel of {model} is in the log",
-            where=log.source,
-            remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}",
-        )
-    for c, n in known.items():
-        if not parse_unit(n.unit).same_dimension(parse_unit(log.channels[c].unit)):
-            raise InputError(
-                f"channel {c} is in {log.channels[c].unit} in the log, in {n.unit} in {model}",
-                where=log.source,
-            )
-    lacking = [c for c in noise.channels if c not in known]
-    said = [f"{', '.join(lacking)} of {model} cannot be compared: the log lacks it"] if lacking else []
-    return NoiseModel(known, noise.provenance), said
-
-
-@app.command()
-def gap(
-    log: LogPath,
-    model: Annotated[str, typer.Option(help="What is believed: a noise file or a library model.")],
-    channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
-    proof: Annotated[
-        list[Path] | None, typer.Option(help="Another recording of the sensor at rest, to prove it on.")
-    ] = None,
-    rate: Rate = None,
-    columns: Columns = None,
-    output: Output = None,
-    json: Json = None,
-    report: Report = None,
-) -> None:
-    """Where model and record disagree, the missing effect by name, the mended model, before and after."""
-    from kfgen.whole import write_text
-
-    not_over(output, log)
-    data = read(log, rate, columns)
-    others = [read(path, rate, columns) for path in proof or ()]
-    answer, text = gap_between(model, data, channels, others)
-    if output:
-        write_text(output, text)
-    deliver(answer, json, report)
-
-
-def gap_between(
-    model: str, data: Log, channels: str | None = None, others: Sequence[Log] = ()
-) -> tuple[Answer, str]:
-    """The answer over the gap between a model and a log, in whichever world they are, and the mended model's file."""
-    from kfgen.cli.worlds import is_model_file, motion_gap, plant_gap
-    from kfgen.gap.cross import with_pairs
-    from kfgen.gap.regular import drivers_of, regular
-    from kfgen.gap.workflow import find_gap
-    from kfgen.noise import noise_text
-    from kfgen.report.again import with_proofs
-    from kfgen.report.gap import gap_answer, mended_model
-
-    if is_model_file(model):
-        _no_proof(others, model)
-        return plant_gap(model, data)
-    believed, said = _believed(model, data)
-    believed = believed.reaching(data.dt, data.duration)
-    wanted = _names(channels) or list(believed.channels)
-    moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
-    if moving is not None:
-        _no_proof(others, data.source)
-        answer, mended = moving
-        return replace(answer, warnings=(*said, *answer.warnings)), noise_text(mended)
-    drive, words = drivers_of(data)
-    said += words
-    gaps = {}
-    for name in wanted:
-        record, stamps, words = regular(data, name, believed.channel(name).effects, drive)
-        said += [w for w in words if w not in said]
-        gaps[name] = find_gap(name, record, believed.channel(name), stamps, data.stated)
-    gaps = with_pairs(gaps)
-    answer = gap_answer(data, believed, gaps)
-    answer = replace(answer, warnings=(*said, *answer.warnings))
-    if others:
-        answer = with_proofs(answer, gaps, [(o, _again(gaps, o)) for o in others])
-    return answer, noise_text(mended_model(believed, gaps))
-
-
-def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
-    """The gap of every channel with a finding over another recording."""
-    from kfgen.gap.again import again_on
-    from kfgen.gap.regular import drivers_of, regular
-
-    found = {n: g for n, g in gaps.items() if g.verdict != "bad_data" and (g.findings or g.retuned)}
-    drive, _ = drivers_of(other)
-    return {
-        n: again_on(g, regular(other, n, g.mended.effects, drive)[0], Path(other.source).name)
-        for n, g in found.items()
-    }
-
-
-def _no_proof(others: Sequence[Log], what: str) -> None:
-    from kfgen.errors import InputError
-
-    if others:
-        raise InputError(
-            "another recording can be given for sensors at rest only", where=what, remedy="Leave --proof out"
-        )
 
 
 @app.command()

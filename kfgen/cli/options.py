@@ -30,6 +30,7 @@ Columns = Annotated[
     typer.Option(help="Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."),
 ]
 Noise = Annotated[Path | None, typer.Option(help="A noise file, as 'identify -o' writes it.")]
+Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
 Json = Annotated[
     str | None, typer.Option("--json", metavar="FILE", help="The answer as JSON; - for standard output.")
 ]
@@ -127,3 +128,8 @@ def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     print(data if json_to == "-" else answer.text)
     if not answer.ok:
         raise typer.Exit(1)
+
+
+def listed(text: str | None) -> list[str] | None:
+    """Names separated by commas."""
+    return [part.strip() for part in text.split(",") if part.strip()] if text else None

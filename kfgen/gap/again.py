@@ -42,7 +42,7 @@ def again_on(found: ChannelGap, other: Record, words: str) -> Gap:
     return divergence(r0, r1, m, chance, words)
 
 
-def happens_once(effect: Effect) -> bool:
+def happens_once(effect: Effect | type[Effect]) -> bool:
     """Whether an effect has a time at which it happened."""
     placed = any(p.kind == "place" for p in effect.parameters())
     return placed and not effect.driver and not is_line(effect)

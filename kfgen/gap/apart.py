@@ -18,7 +18,7 @@ import numpy as np
 from kfgen.effects import Effect, effect_named
 from kfgen.gap.evidence import Candidate
 from kfgen.gap.whitened import Whitener
-from kfgen.identify.record import Record
+from kfgen.identify.record import Record, records_of
 
 TOLD = 3.0
 """Nats at which two names are told apart: twenty to one."""
@@ -65,8 +65,10 @@ def apart(named: Candidate, other: Candidate, nothing: Candidate) -> Apart:
 
 def divergence(a: Candidate, b: Candidate) -> float:
     """Nats by which the record is expected to prefer `a`, if it is right."""
-    record = a.problem.record
-    assert isinstance(record, Record)
+    return sum(_between(a, b, record) for record in records_of(a.problem.record))
+
+
+def _between(a: Candidate, b: Candidate, record: Record) -> float:
     wa, wb = (Whitener.of(c.fit.effects, record.n, record.dt).weight[1:] for c in (a, b))
     ratio = np.maximum(wb / wa, 1e-9) ** 2
     between = record.drift(a.fit.effects) - record.drift(b.fit.effects)

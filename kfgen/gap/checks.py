@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.search import RETUNE, Search, grown
-from kfgen.identify.record import Record
+from kfgen.identify.record import Evidence, Joint, Record, records_of
 
 Array = NDArray[np.float64]
 
@@ -82,8 +82,7 @@ def checks_of(
         seen[name] = seen.get(name, False) or lo > 0.0 or hi < 0.0
     again = None
     if search.record.n <= LONG:
-        record = replace(search.record, y=simulated(search.record, effects, search.altering))
-        found = grown(replace(search, record=record, chosen=()))
+        found = grown(replace(search, record=_simulated_again(search, effects), chosen=(), known=()))
         again = tuple(c.name for c in found.chosen if c.name != RETUNE)
     return Checks(_nested(search, effects), seen, again)
 
@@ -110,9 +109,20 @@ def _without_size(effect: Effect) -> Effect | None:
     return replace(effect, **dict.fromkeys(sizes, 0.0)) if sizes and not effect.filters else None
 
 
-def simulated(record: Record, effects: Sequence[Effect], altering: Sequence[Effect]) -> Array:
+def _simulated_again(search: Search, effects: Sequence[Effect]) -> Evidence:
+    """What the search was made on, simulated from a model."""
+    parts = [
+        replace(r, y=simulated(r, effects, search.altering, SEED + k))
+        for k, r in enumerate(records_of(search.record))
+    ]
+    return parts[0] if len(parts) == 1 else Joint(tuple(parts))
+
+
+def simulated(
+    record: Record, effects: Sequence[Effect], altering: Sequence[Effect], seed: int = SEED
+) -> Array:
     """A record of the model on the same times and drivers, shape (n,)."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     t = record.elapsed
     y = sum((e.simulate(t, rng, record.drive) for e in effects), np.zeros(record.n))
     for e in [*altering, *(e for e in effects if e.filters)]:

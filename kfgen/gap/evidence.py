@@ -25,7 +25,7 @@ from kfgen.effects import Effect, catalogue
 from kfgen.effects.series import DECADES, Series, Sought, log_mean
 from kfgen.gap.whitened import Whitener
 from kfgen.identify.fit import Fit, Key, Prior, Problem, curvature, maximise
-from kfgen.identify.record import Record
+from kfgen.identify.record import Record, records_of
 
 ABOVE = 3.0
 """Nats of evidence above which one more effect is named."""
@@ -123,9 +123,8 @@ def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Pri
 
 
 def series_of(base: Candidate) -> Series:
-    """The record as a white series, if the base is right."""
-    record, effects = base.problem.record, base.fit.effects
-    assert isinstance(record, Record)
+    """The record as a white series, if the base is right; of several the first."""
+    record, effects = records_of(base.problem.record)[0], base.fit.effects
     n, dt = record.n, record.dt
     whitener = Whitener.of(effects, n, dt)
     fast = Whitener.of([e for e in effects if not e.form().order or e.filters], n, dt)

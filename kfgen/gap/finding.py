@@ -69,6 +69,8 @@ class ChannelGap:
         What the mended model leaves, fast part: white and of unit variance.
     checks : Checks, optional
         Of what was added.
+    clean : Record, optional
+        The record without what changes single samples.
     """
 
     channel: str
@@ -85,3 +87,4 @@ class ChannelGap:
     retuned: bool = False
     white: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     checks: Checks | None = None
+    clean: Record | None = None

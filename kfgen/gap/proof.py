@@ -83,7 +83,7 @@ def _is_over(effect: Effect, record: Record) -> bool:
     return bool(np.sum(power[tail:]) < OVER * np.sum(power))
 
 
-def is_line(effect: Effect) -> bool:
+def is_line(effect: Effect | type[Effect]) -> bool:
     """Whether its amplitude and phase are two coefficients."""
     return len(effect.coefficients()) > 1
 

@@ -20,7 +20,7 @@ from kfgen.gap.evidence import (
     series_of,
 )
 from kfgen.identify.fit import Key, Prior, Problem, maximise
-from kfgen.identify.record import Record
+from kfgen.identify.record import Evidence, records_of
 
 MOST = 8
 """Effects on one channel: beyond, what is missing is no list of effects."""
@@ -67,8 +67,8 @@ class Search:
 
     Parameters
     ----------
-    record : Record
-        Less the trusted deterministic terms.
+    record : Evidence
+        One record, or several together; less the trusted deterministic terms.
     effects : tuple of Effect
         The believed random ones, with `priors`.
     chosen : tuple of Chosen
@@ -76,7 +76,7 @@ class Search:
         The believed and the chosen ones as they were fitted together last.
     """
 
-    record: Record
+    record: Evidence
     effects: tuple[Effect, ...]
     priors: Mapping[Key, Prior]
     chosen: tuple[Chosen, ...] = ()
@@ -121,8 +121,8 @@ class Search:
             series = series_of(base)
             clean = effect.taken(series)
             assert clean is not None
-            y = self.record.y if base.problem.record is self.record else base.problem.record.y  # type: ignore[attr-defined]
-            record = replace(self.record, y=y - series.y + clean)
+            (record,) = records_of(base.problem.record)
+            record = replace(record, y=record.y - series.y + clean)
             problem = replace(problem, record=record, effects=base.fit.effects)
             base = Candidate("", maximise(problem), problem, 0.0)
         return base

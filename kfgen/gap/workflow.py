@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from kfgen.gap.trust import check, merged, moved, priors_of, taken_out
 from kfgen.identify.channel import LONG
 from kfgen.identify.fit import Problem, maximise
 from kfgen.identify.interval import intervals95
-from kfgen.identify.record import Evidence, Record
+from kfgen.identify.record import Evidence, Record, records_of
 from kfgen.noise import ChannelNoise, Term
 
 __all__ = ["SET", "ChannelGap", "Finding", "find_gap"]
@@ -31,6 +31,30 @@ DETECTABLE = 8.0
 """Nats that an effect must be worth on average to be named."""
 FINE = 200
 """Bins of the transform in a decade: a resonance may be narrow."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A record made ready.
+
+    Parameters
+    ----------
+    whole, raw : Record
+        As it is, and less what believed shapes and changes of samples give it.
+    trusted, altering : tuple of Term
+        These.
+    random : ChannelNoise
+        The other terms.
+    search : Search
+        To begin with.
+    """
+
+    whole: Record
+    raw: Record
+    trusted: tuple[Term, ...]
+    altering: tuple[Term, ...]
+    random: ChannelNoise
+    search: Search
 
 
 def find_gap(
@@ -58,47 +82,56 @@ def find_gap(
     faults = spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
-    whole = replace(record, block=max(1, record.y.size // LONG), per_decade=FINE)
-    raw, trusted, random = taken_out(whole, noise)
-    altering = tuple(t for t in random.terms if t.effect.alters)
-    random = replace(random, terms=tuple(t for t in random.terms if not t.effect.alters))
-    priors = priors_of(random)
-    raw = _without(raw, random, [t.effect for t in altering])
-    start = Search(raw, random.effects, priors, without=frozenset(t.effect.name for t in altering))
-    before = _tests(_written(raw, random.effects))
-    first = start.base()
-    search = searched(start)
+    at = prepared(record, noise)
+    raw, random = at.raw, at.random
+    before = tests_of(written(raw, random.effects))
+    first = at.search.base()
+    search = searched(at.search)
     base = search.base()
-    after = _tests(base)
+    after = tests_of(base)
     retuned = any(c.name == RETUNE for c in search.chosen)
-    findings, terms = _terms(search, base, random, retuned, before)
+    findings, terms = terms_of(search, base, random, retuned, before)
     if not findings and not retuned and any(t.significant for t in before):
-        retuned = moved(first.fit, priors)
-        terms = _terms(search, base, random, retuned, before)[1] if retuned else terms
-    checks = _checked(search, base, findings) if findings else None
+        retuned = moved(first.fit, at.search.priors)
+        terms = terms_of(search, base, random, retuned, before)[1] if retuned else terms
+    checks = checked(search, base, findings) if findings else None
     findings = [*(said_of(f, record) for f in faults), *findings]
     clean = base.problem.record
     assert isinstance(clean, Record)
-    mended = replace(noise, terms=(*merged(trusted, terms), *altering), covariance=None)
+    trusted = tuple(t.effect for t in at.trusted)
+    mended = replace(noise, terms=(*merged(at.trusted, terms), *at.altering), covariance=None)
     return ChannelGap(
         channel,
         noise.unit,
-        _verdict(findings, retuned, after, search.comb),
+        verdict_of(findings, retuned, after, search.comb),
         tuple(findings),
         tuple(before),
         tuple(after),
         held_out_gap(raw, clean, random.effects, replace(base.problem, effects=base.fit.effects)),
-        (*random.effects, *(t.effect for t in trusted)),
+        (*random.effects, *trusted),
         mended,
-        tuple(m for m in _limits(base) if m[0].name not in {t.effect.name for t in trusted}),
-        whole,
+        tuple(m for m in limits_of(base) if m[0].name not in {e.name for e in trusted}),
+        at.whole,
         retuned,
         series_of(base).fast,
         checks,
+        replace(at.whole, y=at.whole.y - raw.y + clean.y),
     )
 
 
-def _checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Checks:
+def prepared(record: Record, noise: ChannelNoise) -> Prepared:
+    """A record and what is believed of it, made ready for the search."""
+    whole = replace(record, block=max(1, record.y.size // LONG), per_decade=FINE)
+    raw, trusted, random = taken_out(whole, noise)
+    altering = tuple(t for t in random.terms if t.effect.alters)
+    random = replace(random, terms=tuple(t for t in random.terms if not t.effect.alters))
+    raw = without_altering(raw, random, [t.effect for t in altering])
+    names = frozenset(t.effect.name for t in altering)
+    search = Search(raw, random.effects, priors_of(random), without=names)
+    return Prepared(whole, raw, trusted, altering, random, search)
+
+
+def checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Checks:
     sizes = {
         f.effect.name: [
             p.name
@@ -113,36 +146,41 @@ def _checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Ch
     return checks_of(search, base.fit.effects, intervals)
 
 
-def _written(record: Record, effects: tuple[Effect, ...]) -> Candidate:
+def written(record: Evidence, effects: tuple[Effect, ...]) -> Candidate:
     """The believed model exactly as it is written."""
     every = frozenset((i, p.name) for i, e in enumerate(effects) for p in e.searched())
     problem = Problem(record, effects, fixed=every)
     return Candidate("", maximise(problem), problem, 0.0)
 
 
-def _tests(base: Candidate) -> list[Test]:
-    record = base.problem.record
-    assert isinstance(record, Record)
-    return battery(record, base.fit.effects, base.fit.likelihood.coefficients, series_of(base))
+def tests_of(base: Candidate) -> list[Test]:
+    """The battery on what a model leaves; of several records together at one family-wise rate."""
+    fit, records = base.fit, records_of(base.problem.record)
+    found = []
+    for record in records:
+        alone = replace(base, problem=replace(base.problem, record=record))
+        tests = battery(record, fit.effects, fit.likelihood.coefficients, series_of(alone))
+        found += [replace(t, p=min(1.0, len(records) * t.p)) for t in tests]
+    return sorted(found, key=lambda t: t.p)
 
 
-def _without(record: Record, noise: ChannelNoise, altering: Sequence[Effect]) -> Record:
+def without_altering(record: Record, noise: ChannelNoise, altering: Sequence[Effect]) -> Record:
     """The record without what believed effects do to its samples."""
     for effect in altering:
-        series = series_of(_written(record, noise.effects))
+        series = series_of(written(record, noise.effects))
         clean = effect.taken(series)
         assert clean is not None
         record = replace(record, y=record.y - series.y + clean)
     return record
 
 
-def _verdict(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb: float) -> str:
+def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb: float) -> str:
     if any(t.significant for t in tests) or comb > 0.0:
         return "unknown_effect"
     return "effects_found" if findings or retuned else "no_gap"
 
 
-def _terms(
+def terms_of(
     search: Search, base: Candidate, noise: ChannelNoise, retuned: bool, before: Sequence[Test]
 ) -> tuple[list[Finding], tuple[Term, ...]]:
     """The findings, and the terms of the mended model, with intervals."""
@@ -165,7 +203,7 @@ def _terms(
             i = next(added)
             term = terms[i] = replace(terms[i], ci95=found | dict(terms[i].ci95))
         rest = search.less(search.chosen.index(chosen))
-        worst = _tests(rest.base())[0] if len(search.chosen) > 1 else before[0]
+        worst = tests_of(rest.base())[0] if len(search.chosen) > 1 else before[0]
         findings.append(_finding(chosen, term, worst))
     if not retuned:
         terms[:kept] = noise.terms
@@ -185,7 +223,7 @@ def _finding(chosen: Chosen, term: Term, worst: Test) -> Finding:
     )
 
 
-def _limits(base: Candidate) -> list[tuple[Effect, str, float]]:
+def limits_of(base: Candidate) -> list[tuple[Effect, str, float]]:
     """For each effect that was not found, the size that would be worth `DETECTABLE` nats."""
     present, record = {e.name for e in base.fit.effects}, base.problem.record
     out = []

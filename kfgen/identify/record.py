@@ -392,3 +392,18 @@ class Joint(Evidence):
             count=np.concatenate([p.count for p in parts]),
             gram=np.concatenate([p.gram for p in parts]),
         )
+
+
+def records_of(evidence: Evidence) -> tuple[Record, ...]:
+    """The even records that it is made of.
+
+    Raises
+    ------
+    TypeError
+        It is not made of such.
+    """
+    if isinstance(evidence, Joint):
+        return evidence.records
+    if isinstance(evidence, Record):
+        return (evidence,)
+    raise TypeError(f"{type(evidence).__name__} is not made of even records")

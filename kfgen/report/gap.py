@@ -261,7 +261,7 @@ def gap_data(gaps: Mapping[str, ChannelGap]) -> dict[str, Any]:
     return {
         "verdict": verdict,
         "localised": localised,
-        "steps": [_step(g, f) for g in gaps.values() for f in g.findings],
+        "steps": [step_data(g, f) for g in gaps.values() for f in g.findings],
         "gap": {
             "metric": METRIC,
             "held_out": worst.gap.held_out,
@@ -299,7 +299,8 @@ def _test(g: ChannelGap, t: Any) -> dict[str, Any]:
     }
 
 
-def _step(g: ChannelGap, f: Finding) -> dict[str, Any]:
+def step_data(g: ChannelGap, f: Finding) -> dict[str, Any]:
+    """A finding as the interface's JSON has it."""
     si = parse_unit(g.unit).si
     return {
         "effect": f.effect.name,

@@ -1,0 +1,103 @@
+"""Several recordings of one sensor: what lasts is named from all of them, what happened once is said of its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from numpy.typing import NDArray
+
+from kfgen.effects import make
+from kfgen.gap.together import Recording, Together, find_together
+from kfgen.identify.record import Record
+from kfgen.noise import ChannelNoise, Term
+
+Array = NDArray[np.float64]
+
+N, DT, COUNT = 4000, 0.1, 3
+T = np.arange(N) * DT
+
+
+def together(kind: str, seed: int) -> Together:
+    """Three recordings of white noise of deviation one and something else."""
+    rng, parts = np.random.default_rng(seed), []
+    for k in range(COUNT):
+        y = rng.standard_normal(N)
+        if kind == "walk":
+            y += 0.5 * np.cumsum(rng.standard_normal(N)) / np.sqrt(N)
+        elif kind == "ramp":
+            y += 0.4 * T / T[-1]
+        elif kind == "step" and k == 1:
+            y += 0.6 * (T > 170.0)
+        parts.append(Recording(f"log {k}", Record(T, y)))
+    return find_together("gyro_x", parts, ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),)))
+
+
+def test_a_walk_that_goes_another_way_each_time_is_a_walk() -> None:
+    """Of one realisation a ramp or a step may be named; K is 0.5 / sqrt(400 s), held to 2.5 half-widths."""
+    found = together("walk", 1)
+    assert [f.effect.name for f in found.gap.findings] == ["rate_random_walk"]
+    lo, hi = np.log(found.gap.findings[0].ci95["K"])
+    assert abs(np.log(0.5 / np.sqrt(N * DT)) - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
+    assert found.gap.gap.held_out == "each recording in turn"
+    assert found.gap.gap.closed > 0.8
+
+
+def test_a_ramp_comes_again_with_one_slope() -> None:
+    """Its deviation is that of a straight line through all three: sqrt(12 / (3 N)) over the length of one."""
+    found = together("ramp", 2)
+    assert [f.effect.name for f in found.gap.findings] == ["rate_ramp"]
+    lo, hi = found.gap.findings[0].ci95["R"]
+    assert abs(0.4 / T[-1] - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
+    assert hi - lo == pytest.approx(2.0 * 1.96 * np.sqrt(12.0 / (COUNT * N)) / (N * DT), rel=0.05)
+
+
+def test_a_step_in_one_is_said_of_that_one() -> None:
+    """And is no part of the model."""
+    found = together("step", 3)
+    assert found.gap.findings == ()
+    assert found.gap.mended.terms == (found.gap.mended.terms[0],)
+    assert [(name, f.effect.name) for name, _, f in found.once] == [("log 1", "bias_step")]
+
+
+def files(folder: Path, unit: str = "rad/s") -> tuple[list[Path], Path]:
+    """Two recordings, the second with a step, and the noise that is believed of them."""
+    rng, paths = np.random.default_rng(4), []
+    for k in range(2):
+        y = rng.standard_normal(N) + 0.7 * k * (T > 200.0)
+        paths.append(folder / f"log{k}.csv")
+        header = f"t [s],gyro_x [{unit if k else 'rad/s'}]"
+        np.savetxt(paths[-1], np.column_stack([T, y]), delimiter=",", header=header, comments="")
+    noise = folder / "noise.toml"
+    effects = f'[ {{ effect = "white_noise", N = "{np.sqrt(DT)} rad/s/sqrt(Hz)" }} ]'
+    noise.write_text(f'format = "kfgen-noise-1"\n[gyro_x]\nunit = "rad/s"\neffects = {effects}\n')
+    return paths, noise
+
+
+def test_the_command_says_what_happened_once(kfgen: Callable[..., Result], tmp_path: Path) -> None:
+    paths, noise = files(tmp_path)
+    result = kfgen(
+        "gap", *paths, "--model", noise, "--json", tmp_path / "gap.json", "--report", tmp_path / "gap.html"
+    )
+    assert result.exit_code == 0, result.output
+    answer = json.loads((tmp_path / "gap.json").read_text())
+    assert answer["verdict"] == "effects_found"
+    assert [(s["effect"], s["recording"]) for s in answer["steps"]] == [("bias_step", str(paths[1]))]
+    assert [r["verdicts"]["gyro_x"] for r in answer["recordings"]] == ["no_gap", "effects_found"]
+    assert f"Once, in {paths[1]} only" in result.output
+    assert "Each recording by itself" in (tmp_path / "gap.html").read_text()
+
+
+@pytest.mark.parametrize("wrong", ["twice", "proof", "unit"])
+def test_what_cannot_be_compared_together_is_refused(
+    kfgen: Callable[..., Result], tmp_path: Path, wrong: str
+) -> None:
+    paths, noise = files(tmp_path, "m/s^2" if wrong == "unit" else "rad/s")
+    more = {"twice": [paths[0]], "proof": [paths[1], "--proof", paths[1]], "unit": [paths[1]]}[wrong]
+    result = kfgen("gap", paths[0], *more, "--model", noise)
+    assert result.exit_code != 0
+    assert {"twice": "twice", "proof": "--proof", "unit": "m/s^2"}[wrong] in str(result.exception)
