@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from kfgen.effects import make
 from kfgen.errors import InputError
 from kfgen.identify.channel import Identified, identify
+from kfgen.identify.joint import Joint
 from kfgen.identify.kalman import Exact
-from kfgen.identify.record import Joint, Record
+from kfgen.identify.record import Record
 from kfgen.identify.sampling import evidence
 
 Array = NDArray[np.float64]

@@ -42,7 +42,8 @@ NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
 def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, list[str]]:
     """A channel of one log or of several, or a published curve, and what is to be said of its sampling."""
     from kfgen.errors import InputError
-    from kfgen.identify.record import Joint, Record
+    from kfgen.identify.joint import Joint
+    from kfgen.identify.record import Record
     from kfgen.identify.sampling import evidence
     from kfgen.log import Log
     from kfgen.units import parse_unit

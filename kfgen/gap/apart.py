@@ -18,7 +18,8 @@ import numpy as np
 from kfgen.effects import Effect, effect_named
 from kfgen.gap.evidence import Candidate
 from kfgen.gap.whitened import Whitener
-from kfgen.identify.record import Record, records_of
+from kfgen.identify.joint import records_of
+from kfgen.identify.record import Record
 
 TOLD = 3.0
 """Nats at which two names are told apart: twenty to one."""

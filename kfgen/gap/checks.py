@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.search import RETUNE, Search, grown
-from kfgen.identify.record import Evidence, Joint, Record, records_of
+from kfgen.identify.joint import Joint, records_of
+from kfgen.identify.record import Evidence, Record
 
 Array = NDArray[np.float64]
 

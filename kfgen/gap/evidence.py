@@ -25,7 +25,8 @@ from kfgen.effects import Effect, catalogue
 from kfgen.effects.series import DECADES, Series, Sought, log_mean
 from kfgen.gap.whitened import Whitener
 from kfgen.identify.fit import Fit, Key, Prior, Problem, curvature, maximise
-from kfgen.identify.record import Record, records_of
+from kfgen.identify.joint import records_of
+from kfgen.identify.record import Record
 
 ABOVE = 3.0
 """Nats of evidence above which one more effect is named."""

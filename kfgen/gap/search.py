@@ -20,7 +20,8 @@ from kfgen.gap.evidence import (
     series_of,
 )
 from kfgen.identify.fit import Key, Prior, Problem, maximise
-from kfgen.identify.record import Evidence, records_of
+from kfgen.identify.joint import records_of
+from kfgen.identify.record import Evidence
 
 MOST = 8
 """Effects on one channel: beyond, what is missing is no list of effects."""

@@ -34,7 +34,8 @@ from kfgen.gap.workflow import (
     written,
 )
 from kfgen.identify.fit import Problem, maximise
-from kfgen.identify.record import Evidence, Joint, Record
+from kfgen.identify.joint import Joint
+from kfgen.identify.record import Evidence, Record
 from kfgen.noise import ChannelNoise
 
 Array = NDArray[np.float64]

@@ -20,7 +20,8 @@ from kfgen.gap.trust import check, merged, moved, priors_of, taken_out
 from kfgen.identify.channel import LONG
 from kfgen.identify.fit import Problem, maximise
 from kfgen.identify.interval import intervals95
-from kfgen.identify.record import Evidence, Record, records_of
+from kfgen.identify.joint import records_of
+from kfgen.identify.record import Evidence, Record
 from kfgen.noise import ChannelNoise, Term
 
 __all__ = ["SET", "ChannelGap", "Finding", "find_gap"]
@@ -132,6 +133,7 @@ def prepared(record: Record, noise: ChannelNoise) -> Prepared:
 
 
 def checked(search: Search, base: Candidate, findings: Sequence[Finding]) -> Checks:
+    """The checks of what was added."""
     sizes = {
         f.effect.name: [
             p.name
@@ -175,6 +177,7 @@ def without_altering(record: Record, noise: ChannelNoise, altering: Sequence[Eff
 
 
 def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb: float) -> str:
+    """The verdict by what was found, by the tests of what is left, and by a comb of lines."""
     if any(t.significant for t in tests) or comb > 0.0:
         return "unknown_effect"
     return "effects_found" if findings or retuned else "no_gap"

@@ -16,13 +16,14 @@ from kfgen.identify.clean import amplitude_faults, is_outlier, mended, noise_cha
 from kfgen.identify.estimate import Estimate
 from kfgen.identify.fit import Fit, Key, Problem, maximise
 from kfgen.identify.interval import intervals95
+from kfgen.identify.joint import Joint
 from kfgen.identify.kalman import Exact
 from kfgen.identify.likelihood import METHODS, covariance
 from kfgen.identify.limits import Limit
 from kfgen.identify.lines import PeriodicLine, find_lines, without_line
 from kfgen.identify.long import Long, Stream, condense
 from kfgen.identify.published import Published
-from kfgen.identify.record import Evidence, Joint, Record
+from kfgen.identify.record import Evidence, Record
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.errors import InputError
+from kfgen.identify.joint import Joint
 from kfgen.identify.kalman import Exact
-from kfgen.identify.record import Evidence, Joint, Record
+from kfgen.identify.record import Evidence, Record
 
 Array = NDArray[np.float64]
 
