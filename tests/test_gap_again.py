@@ -55,3 +55,16 @@ def test_a_plant_has_no_other_recording(tmp_path: Path, kfgen: Callable[..., Res
     done = kfgen("gap", first, "--model", model, "--proof", first)
     assert done.exit_code == 2
     assert "at rest only" in str(done.exception) + done.output
+
+
+def test_what_has_a_driver_comes_again() -> None:
+    """A play of the temperature has a width that was looked for, and no time at which it happened."""
+    from kfgen.effects import effect_named
+    from kfgen.gap.again import happens_once
+
+    once = {
+        n
+        for n in ("bias_step", "noise_change", "thermal_hysteresis", "temperature")
+        if happens_once(effect_named(n))
+    }
+    assert once == {"bias_step", "noise_change"}

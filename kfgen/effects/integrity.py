@@ -22,7 +22,7 @@ ENDS = 0.004
 """Share of the samples at one end of the range that is no chance."""
 JITTER = 0.02
 """Of a period: root mean square of the steps' error that is said."""
-COARSE = 1.2
+COARSE = 1.0
 """Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
 INTEGRATED = 1.04
 """Ratio of the mean square of steps to neighbours and to next neighbours: one for samples that are rounded."""
