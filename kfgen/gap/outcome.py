@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.errors import InputError
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, explained, limits
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
@@ -194,8 +195,8 @@ def held_out(scene: Scene, found: Explained) -> Gap:
     cut = t0 + (1.0 - HELD_OUT) * (t1 - t0)
     try:
         seen, unseen = scene.part(t0, cut), scene.part(cut, t1)
-    except ValueError:
-        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: the log is too short")
+    except (ValueError, InputError):
+        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
     placed = found.fit.point.placed
     trained = fitted(seen, Point(placed, _values(seen))).point.placed if placed else ()
     before = fitted(unseen, Point((), _values(unseen)))
