@@ -43,7 +43,7 @@ def refuse(
         Samples at which a channel is so far from the data that it cannot be a matter of a missing effect.
     """
     states = run.states[:, :, 0]
-    lost = ~np.isfinite(states).all(axis=1)
+    lost = np.asarray(~np.isfinite(states).all(axis=1))
     blank = [n for n, h in run.channels.items() if not np.isfinite(h).all()]
     shown = np.column_stack([h[:, 0] for h in run.channels.values()])
     bad = lost | beyond | ~np.isfinite(shown).all(axis=1)
