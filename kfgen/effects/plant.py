@@ -334,7 +334,7 @@ class Backlash(SensorChange):
 
 @dataclass(frozen=True)
 class ParameterError(PlantEffect):
-    """A parameter of the model file that is off by `value`; JSON calls it by the parameter's own name."""
+    """A number of the model file that is off by `value`; JSON has the right one, by the number's own name."""
 
     value: Any = parameter("U", "signed")
 

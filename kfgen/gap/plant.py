@@ -11,7 +11,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -24,18 +24,20 @@ from kfgen.errors import InputError
 from kfgen.gap.places import additions
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.shooting import Shooting, segments
+from kfgen.gap.trust import FAR_FROM
 from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
 from kfgen.model.equations import unknown_deviation
 from kfgen.model.plant import Batch, Plant, Run, stacked
 from kfgen.model.user import UserModel
-from kfgen.noise import Term
 from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
 FAR = 1e3
 """Deviations of the data at which a simulation that diverges is held."""
+FAR_FROM_START = 4.0
+"""Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
 MOST_LOST = 0.05
 """Share of the samples that the believed model may fail to simulate."""
 
@@ -70,6 +72,8 @@ class PlantScene:
         Those that no channel shows: their prior is wide, but finite.
     begun : mapping of str to float
         Parameters that are not trusted, as that fit has them [SI].
+    doubted : tuple of str
+        States that do not start where the model file says.
     """
 
     model: UserModel
@@ -79,6 +83,7 @@ class PlantScene:
     initial: Array = field(default_factory=lambda: np.zeros((1, 0)))
     hidden: tuple[bool, ...] = ()
     begun: Mapping[str, float] = field(default_factory=dict)
+    doubted: tuple[str, ...] = ()
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 
@@ -149,16 +154,33 @@ class PlantScene:
                 unit = parse_unit(state.unit).si
                 unseen = unknown_deviation(unit, value) if self.hidden[i] else np.inf
                 label = f"{name} at {self.log.t[first]:.6g} s"
-                out.append(Unknown(label, unit, value, state.sd if known else unseen))
+                own = name if known and name not in self.doubted else ""
+                sd = state.sd if known else unseen
+                out.append(Unknown(label, unit, value, sd, own=own, far=FAR_FROM_START))
         for name, p in self.model.parameters.items():
             if p.sd > 0.0:
-                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, self.begun.get(name)))
+                begun = self.begun.get(name)
+                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, begun, name, FAR_FROM))
         return tuple(out)
 
     def unit(self, placed: Placed) -> str:
         """The unit `U` of a placed effect's parameters."""
         assert isinstance(placed.effect, PlantEffect)
+        if isinstance(placed.effect, ParameterError) and placed.where in self.model.states:
+            return self.model.states[placed.where].unit
         return self.model.unit_at(placed.where, placed.effect)
+
+    def held(self, names: Collection[str]) -> PlantScene:
+        """See `kfgen.gap.scene.Trusting`."""
+        parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
+        doubted = tuple(n for n in self.model.states if n in names)
+        model = replace(self.model, parameters=parameters)
+        return replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+
+    def stated(self, where: str) -> float:
+        """See `kfgen.gap.scene.Trusting`."""
+        found = self.model.parameters.get(where)
+        return self.model.states[where].initial if found is None else found.value
 
     def residuals(self, points: Sequence[Point]) -> Array:
         """Whitened measured less simulated values, shape (sum of lengths, points)."""
@@ -232,7 +254,10 @@ class PlantScene:
         """The points as columns."""
         states, segs = len(self.model.states), len(self.starts)
         values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
-        initial = values[: states * segs].reshape(segs, states, len(points))
+        initial = values[: states * segs].reshape(segs, states, len(points)).copy()
+        for i, (name, state) in enumerate(self.model.states.items()):
+            if name in self.doubted:
+                initial[0, i] = state.initial
         fitted = dict(zip([u.name for u in self.unknowns[states * segs :]], values[states * segs :]))
         parameters = {
             n: np.array(fitted.get(n, np.full(len(points), p.value)))
@@ -243,7 +268,11 @@ class PlantScene:
             kind = [p.effect for p in column]
             where = column[0].where
             if isinstance(kind[0], ParameterError):
-                parameters[where] = parameters[where] + np.array([float(e.value) for e in kind])
+                error = np.array([float(e.value) for e in kind])
+                if where in parameters:
+                    parameters[where] = parameters[where] + error
+                else:
+                    initial[0, list(self.model.states).index(where)] += error
             else:
                 effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
         return Batch(parameters, tuple(effects), initial)
@@ -268,9 +297,10 @@ class PlantScene:
         run = self.simulated(self.believed())
         speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
         seen = {n: _rms(r.values - r.values.mean()) for n, r in self.recorded.items()}
-        return additions(
-            self.model, self.inputs, speeds, seen, (self.dt, self.span[1] - self.span[0]), placed
-        )
+        times = self.dt, self.span[1] - self.span[0]
+        found = additions(self.model, self.inputs, speeds, seen, times, placed)
+        known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
+        return found + [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
 
     def part(self, start: float, stop: float) -> PlantScene:
         """The same model over the samples from `start` to `stop` [s], from unknown initial states."""
@@ -352,45 +382,3 @@ def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Arra
             drive = {e.driver: log.values(e.driver)[at]} if e.driver else None
             total = total + e.mean(t, drive)
     return total
-
-
-def mended(
-    model: UserModel, placed: Sequence[Placed], values: Mapping[str, float] | None = None
-) -> UserModel:
-    """The model with effects added and parameters as they were found.
-
-    Parameters
-    ----------
-    placed : sequence of Placed
-        A wrong parameter is corrected in its place; of an effect that the model has, coefficients add.
-    values : mapping of str to float, optional
-        Parameters that were fitted [SI].
-    """
-    from kfgen.model.user import Acting
-
-    parameters = {
-        n: replace(p, value=float((values or {}).get(n, p.value))) for n, p in model.parameters.items()
-    }
-    acting, measurements = list(model.dynamics_effects), dict(model.measurements)
-    for p in placed:
-        effect = p.effect
-        assert isinstance(effect, PlantEffect)
-        if isinstance(effect, ParameterError):
-            old = parameters[p.where]
-            parameters[p.where] = replace(old, value=old.value + float(effect.value))
-        elif effect.acts == "channel":
-            m = measurements[p.where]
-            measurements[p.where] = replace(m, noise=replace(m.noise, terms=(*m.noise.terms, Term(effect))))
-        else:
-            same = [k for k, a in enumerate(acting) if a.where == p.where and type(a.effect) is type(effect)]
-            if same:
-                acting[same[0]] = Acting(p.where, Term(_sum(acting[same[0]].effect, effect)))
-            else:
-                acting.append(Acting(p.where, Term(effect)))
-    return replace(model, parameters=parameters, measurements=measurements, dynamics_effects=tuple(acting))
-
-
-def _sum(a: Effect, b: Effect) -> Effect:
-    """Two effects of one kind: coefficients and delays add."""
-    names = [p.name for p in a.estimated()]
-    return replace(a, **{n: float(getattr(a, n)) + float(getattr(b, n)) for n in names})
