@@ -23,7 +23,7 @@ from kfgen.gap.newton import (
     keys_of,
     log_posterior,
 )
-from kfgen.gap.scene import Placed, Point, Scene
+from kfgen.gap.scene import Integrating, Placed, Point, Scene
 from kfgen.gap.screen import LOST, Screened, basis, freed, new_columns, screen
 
 Array = NDArray[np.float64]
@@ -267,6 +267,7 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
 def evidence(scene: Scene, fit: Fitted) -> float:
     """Log of the marginal likelihood of a fit, up to a constant of the scene [nats]."""
     value = log_posterior(scene, fit.residual, fit.point.unknowns)
+    value -= scene.spread(fit.point) if isinstance(scene, Integrating) else 0.0
     H = fit.information
     size = H.shape[0]
     if not size:

@@ -18,14 +18,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
-from kfgen.effects.plant import ParameterError, PlantEffect
+from kfgen.effects.plant import ParameterError, PlantEffect, SensorChange
 from kfgen.errors import InputError
 from kfgen.gap.places import additions
+from kfgen.gap.recorded import Recorded, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.shooting import Shooting, segments
 from kfgen.gap.trust import FAR_FROM
-from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
 from kfgen.model.equations import unknown_deviation
 from kfgen.model.plant import Batch, Plant, Run, stacked
@@ -34,23 +33,10 @@ from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
-FAR = 1e3
-"""Deviations of the data at which a simulation that diverges is held."""
 FAR_FROM_START = 4.0
 """Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
-MOST_LOST = 0.05
-"""Share of the samples that the believed model may fail to simulate."""
 
 Kinds = tuple[tuple[str, type[PlantEffect]], ...]
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
-
-    at: NDArray[np.intp]
-    values: Array
-    whitener: Whitener
 
 
 @dataclass(frozen=True)
@@ -94,13 +80,13 @@ class PlantScene:
         Raises
         ------
         InputError
-            An input is missing or not a number, no measurement is in the log, a unit does not fit, or a
-            measurement has no white noise.
+            An input is missing or not a number, no measurement is in the log, a unit does not fit, a
+            measurement has no white noise, or the model cannot be simulated over the log.
         """
         for name, unit in model.inputs.items():
-            _check_unit(log, name, unit, model)
+            check_unit(log, name, unit, model)
             log.values(name)
-        recorded = {n: _recorded(model, log, n) for n in model.measurements if n in log.channels}
+        recorded = {n: recorded_of(model, log, n) for n in model.measurements if n in log.channels}
         if not recorded:
             raise InputError(
                 f"no measurement of {model.name} is in the log",
@@ -112,11 +98,7 @@ class PlantScene:
         starts, initial, parameters = segments(shooting)
         begun = dict(zip(shooting.free, parameters.tolist()))
         hidden = shooting.hidden(initial[0])
-        scene = replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
-        shown = scene.simulated(scene.believed()).channels
-        for name, r in recorded.items():
-            _check_finite(np.asarray(log.t)[r.at], shown[name][r.at, 0], name, model)
-        return scene
+        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -189,7 +171,8 @@ class PlantScene:
         for j, point in enumerate(points):
             groups.setdefault(_kinds(point.placed), []).append(j)
         for members in groups.values():
-            out[:, members] = self._whitened(self._shown([points[j] for j in members]))
+            alike = [points[j] for j in members]
+            out[:, members] = self._whitened(self._shown(alike), alike)
         return out
 
     def _shown(self, points: Sequence[Point]) -> Mapping[str, Array]:
@@ -277,11 +260,28 @@ class PlantScene:
                 effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
         return Batch(parameters, tuple(effects), initial)
 
-    def _whitened(self, channels: Mapping[str, Array]) -> Array:
+    def _whitened(self, channels: Mapping[str, Array], points: Sequence[Point]) -> Array:
         parts = []
         for name, recorded in self.recorded.items():
-            parts.append(recorded.whitener.ordinates(_left(recorded, channels[name])))
+            left = recorded.whitener.ordinates(recorded.left(channels[name]))
+            for E in self._begun(name, channels[name], points):
+                left = recorded.integrated(left, E)
+            parts.append(left)
         return np.concatenate(parts)
+
+    def _begun(self, name: str, shown: Array, points: Sequence[Point]) -> list[Array]:
+        """Whitened, what the sensor of a channel may have begun with, each of shape (n, points)."""
+        effects = [e for w, e in self._batch(self._own(), points).effects if w == name]
+        t = np.asarray(self.log.t)
+        return [self.recorded[name].begun(e, t, shown) for e in effects if isinstance(e, SensorChange)]
+
+    def spread(self, point: Point) -> float:
+        """See `kfgen.gap.scene.Integrating`."""
+        if not any(isinstance(e, SensorChange) for _, e in self._batch(self._own(), [point]).effects):
+            return 0.0
+        shown = self._shown([point])
+        powers = [float(np.sum(E**2)) for n in self.recorded for E in self._begun(n, shown[n], [point])]
+        return 0.5 * float(np.sum(np.log1p(powers)))
 
     @property
     def _shooting(self) -> Shooting:
@@ -323,62 +323,3 @@ def _kinds(placed: Sequence[Placed]) -> Kinds:
 def _rms(x: Array) -> float:
     good = x[np.isfinite(x)]
     return float(np.sqrt(np.mean(good**2))) if good.size else 0.0
-
-
-def _left(recorded: Recorded, simulated: Array) -> Array:
-    """Measured less simulated, shape (n, points), finite even where the simulation is not."""
-    far = FAR * max(float(np.ptp(recorded.values)), 1.0 / float(recorded.whitener.weight[-1]))
-    left = recorded.values[:, None] - simulated[recorded.at]
-    return np.clip(np.where(np.isfinite(left), left, far), -far, far)
-
-
-def _check_finite(t: Array, shown: Array, name: str, model: UserModel) -> None:
-    lost = ~np.isfinite(shown)
-    if lost.mean() > MOST_LOST:
-        raise InputError(
-            f"{name} cannot be simulated: it is no number from t = {t[int(np.argmax(lost))]:.6g} s on, "
-            f"on {100.0 * lost.mean():.3g} % of the log",
-            where=model.name,
-            remedy="It diverges, divides by zero or takes the root or logarithm of a negative number: mend it",
-        )
-
-
-def _check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
-    given = log.channel(name).unit
-    if not parse_unit(given).same_dimension(parse_unit(unit)):
-        raise InputError(
-            f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
-            where=log.source,
-            remedy="Mend the unit in the header, or in the model file",
-        )
-
-
-def _recorded(model: UserModel, log: Log, name: str) -> Recorded:
-    """The samples of a channel, less the deterministic effects that are believed of it."""
-    measurement = model.measurements[name]
-    _check_unit(log, name, measurement.unit, model)
-    effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
-    if not any(e.form().V or e.form().Z for e in effects):
-        raise InputError(
-            f"the model of {name} has no white noise",
-            where=model.path,
-            remedy="Give it an effect white_noise",
-        )
-    values = np.asarray(log.channel(name).values)
-    at = np.flatnonzero(np.isfinite(values))
-    if at.size < 8:
-        raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
-    y = values[at] - _believed(effects, log, at)
-    dt = float((log.t[at[-1]] - log.t[at[0]]) / (at.size - 1))
-    return Recorded(at, y, Whitener.of(effects, at.size, dt, constant=True))
-
-
-def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
-    """What the deterministic effects of a channel give [SI], shape (n,)."""
-    t = np.asarray(log.t)[at] - log.t[0]
-    total = np.zeros(at.size)
-    for e in effects:
-        if e.coefficients():
-            drive = {e.driver: log.values(e.driver)[at]} if e.driver else None
-            total = total + e.mean(t, drive)
-    return total

@@ -133,3 +133,11 @@ class Trusting(Protocol):
 
     def stated(self, where: str) -> float:
         """What is believed of a number [SI]."""
+
+
+@runtime_checkable
+class Integrating(Protocol):
+    """A world whose residuals have unknowns integrated out."""
+
+    def spread(self, point: Point) -> float:
+        """Logarithm of how much wider that makes the data [nats]."""
