@@ -325,7 +325,8 @@ class SensorLag(SensorChange):
         """``exp(-t / tau)``, as large as it lags behind all along: ``tau dy/dt``."""
         tau = np.atleast_1d(np.asarray(self.tau, dtype=np.float64))
         slope = np.diff(y, axis=0) / np.diff(t)[:, None]
-        behind = tau * np.sqrt(np.mean(slope**2, axis=0))
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
+            behind = tau * np.sqrt(np.mean(slope**2, axis=0))
         return np.asarray(behind * np.exp(-(t - t[0])[:, None] / tau))
 
 

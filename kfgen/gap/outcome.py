@@ -13,7 +13,7 @@ from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, limits
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
-from kfgen.gap.scene import Inspected, Placed, Point, Scene, Trusting, Unknown
+from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Trusting, Unknown
 from kfgen.gap.screen import basis
 from kfgen.gap.search import SET
 from kfgen.gap.whitened import Whitener
@@ -71,6 +71,8 @@ class SceneGap:
         Root mean square of the residuals in deviations of the noise.
     limits : tuple of (Placed, parameter, value)
         What would not have been seen [SI].
+    idle : tuple of str
+        Inputs that never change.
     """
 
     scene: Scene
@@ -83,6 +85,7 @@ class SceneGap:
     believed: Fitted
     fit: Fitted
     limits: tuple[tuple[Placed, str, float], ...] = ()
+    idle: tuple[str, ...] = ()
 
     @property
     def unknowns(self) -> dict[str, tuple[Unknown, float]]:
@@ -121,6 +124,10 @@ def _gap_of(answer: Answered) -> SceneGap:
     verdict = "effects_found" if findings else "no_gap"
     if any(t.significant for _, t in after):
         verdict = "unknown_effect"
+    idle = scene.idle if isinstance(scene, Driven) else ()
+    rms = _rms(scene, found.believed, found.fit)
+    if verdict == "unknown_effect" and idle and isinstance(scene, Driven) and scene.astray:
+        return replace(_spoilt(scene, ()), limits=tuple(limits(scene, found.believed)), idle=idle)
     return SceneGap(
         scene,
         verdict,
@@ -128,10 +135,11 @@ def _gap_of(answer: Answered) -> SceneGap:
         tuple(before),
         tuple(after),
         held_out(answer),
-        _rms(scene, found.believed, found.fit),
+        rms,
         found.believed,
         found.fit,
         tuple(limits(scene, found.fit)),
+        idle,
     )
 
 

@@ -23,7 +23,7 @@ from kfgen.errors import InputError
 from kfgen.gap.places import additions
 from kfgen.gap.recorded import Recorded, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
-from kfgen.gap.shooting import Shooting, segments
+from kfgen.gap.shooting import Shooting, segments, shortest
 from kfgen.gap.trust import FAR_FROM
 from kfgen.log import Log
 from kfgen.model.equations import unknown_deviation
@@ -33,6 +33,8 @@ from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
+ASTRAY = 0.8
+"""Share of the shortest segments that make up a record in which a model follows it nowhere."""
 FAR_FROM_START = 4.0
 """Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
 
@@ -124,6 +126,16 @@ class PlantScene:
     def inputs(self) -> dict[str, Array]:
         """The model's inputs [SI], each of shape (n,)."""
         return {n: self.log.values(n) for n in self.model.inputs}
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """See `kfgen.gap.scene.Driven`."""
+        return tuple(n for n, u in self.inputs.items() if not np.ptp(u) > 0.0)
+
+    @property
+    def astray(self) -> bool:
+        """See `kfgen.gap.scene.Driven`."""
+        return len(self.starts) > 1 and len(self.starts) > ASTRAY * self.log.n / shortest(self.log.n)
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:

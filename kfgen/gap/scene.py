@@ -141,3 +141,16 @@ class Integrating(Protocol):
 
     def spread(self, point: Point) -> float:
         """Logarithm of how much wider that makes the data [nats]."""
+
+
+@runtime_checkable
+class Driven(Protocol):
+    """A world with inputs."""
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Those that never change: no effect of them can be seen."""
+
+    @property
+    def astray(self) -> bool:
+        """Whether the believed model follows the record nowhere."""

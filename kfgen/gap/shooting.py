@@ -255,7 +255,7 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
     if k == 0:
         shooting.check(shooting.trusted, 0, n)
         return (0,), np.zeros((1, 0)), shooting.trusted
-    least = min(n, max(FIRST, -(-n // SEGMENTS)))
+    least = min(n, shortest(n))
     starts, initial, a = [0], [], 0
     before: Array | None = None
     while True:
@@ -271,6 +271,11 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
         before = shooting.last(x0, a, b + 1)
         starts.append(b)
         a = b
+
+
+def shortest(n: int) -> int:
+    """Samples of the shortest segment of a record of n."""
+    return max(FIRST, -(-n // SEGMENTS))
 
 
 def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[Array, Array]:

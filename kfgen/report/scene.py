@@ -75,7 +75,8 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
         **scene_data(g, unit_of),
     }
     page = Page(f"Model against {log.source.rsplit('/', 1)[-1]}", tuple(parts))
-    return Answer("\n".join(lines), data, page)
+    said = tuple(f"the input {n} never changes: no effect of it can be seen" for n in g.idle)
+    return Answer("\n".join(lines), data | {"warnings": list(said)}, page, warnings=said)
 
 
 _HEAD = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
@@ -83,6 +84,9 @@ _CAPTION = f"Tests that the believed model fails (family-wise rate {100 * RATE:g
 
 
 def _verdict(g: SceneGap) -> str:
+    if g.verdict == "bad_data" and g.idle:
+        moving, still = ", ".join(g.scene.channels), ", ".join(g.idle)
+        return f"{moving}: what was recorded is not driven by the input {still}, which never changes; check its column"
     return f"{', '.join(g.scene.channels)}: {VERDICTS[g.verdict]}"
 
 
