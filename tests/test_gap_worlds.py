@@ -161,6 +161,8 @@ def test_a_gyro_on_a_rate_table_that_reads_too_much(table: Any, kfgen: Cli, tmp_
 
 
 def test_a_gyro_on_a_rate_table_that_is_right(table: Any, kfgen: Cli) -> None:
-    """Its bias is no effect that is missing."""
+    """Its bias is no effect that is missing; what would not have been seen is said once."""
     answer = asked(kfgen, *table(0.0))
+    said = [(m["effect"], m["channel"], m["parameter"]) for m in answer["limits"]]
+    assert len(said) == len(set(said)) > 10
     assert (answer["verdict"], answer["steps"]) == ("no_gap", [])

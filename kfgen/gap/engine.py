@@ -245,9 +245,12 @@ def _blind(base: Fitted, fit: Fitted) -> bool:
 
 
 def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
-    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats."""
+    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats.
+
+    Of several with the same first parameter (an entry of a matrix, its row), that of the first.
+    """
     Q = basis(fit.jacobian)
-    out = []
+    out: dict[tuple[str, str, str], tuple[Placed, str, float]] = {}
     for starts in scene.candidates(fit.point.placed):
         if starts[0].effect.weakens:
             continue  # the larger its parameter, the less it does
@@ -260,8 +263,9 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
         effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
-            out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
-    return out
+            limit = scale * float(np.sqrt(2.0 * DETECTABLE)) / own
+            out.setdefault((effect.name, starts[0].where, name), (starts[0], name, limit))
+    return list(out.values())
 
 
 def evidence(scene: Scene, fit: Fitted) -> float:

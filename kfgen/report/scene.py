@@ -258,11 +258,10 @@ def _unit(placed: Placed, name: str, unit_of: UnitOf) -> str:
 
 
 def _limit_lines(g: SceneGap, unit_of: UnitOf) -> list[str]:
-    lines = [
+    return [
         f"would not have been seen: {p.effect.name} of {p.where}, {n} below {quantity(v, _unit(p, n, unit_of))}"
         for p, n, v in g.limits
     ]
-    return list(dict.fromkeys(lines))
 
 
 def _test(g: SceneGap, channel: str, t: Test) -> dict[str, Any]:
