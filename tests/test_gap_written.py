@@ -43,9 +43,9 @@ effects = [ {{ effect = "white_noise", N = "0.08 mm/sqrt(Hz)" }} ]
 """
 
 
-def position(k: float, x0: float, force: Array) -> Array:
-    """Of 2 kg on a spring of k [N/m] with 1.5 N s/m, the force held for 0.01 s each."""
-    A = np.array([[0.0, 1.0, 0.0], [-k / 2.0, -0.75, 0.5], [0.0, 0.0, 0.0]])
+def position(k: float, x0: float, force: Array, more: float) -> Array:
+    """Of 2 kg on a spring of k [N/m] with 1.5 N s/m and more, the force held for 0.01 s each."""
+    A = np.array([[0.0, 1.0, 0.0], [-k / 2.0, -0.75 - more / 2.0, 0.5], [0.0, 0.0, 0.0]])
     Phi = expm(0.01 * A)
     x, out = np.array([x0, 0.0]), np.empty(force.size)
     for i, u in enumerate(force):
@@ -56,10 +56,10 @@ def position(k: float, x0: float, force: Array) -> Array:
 
 @pytest.fixture
 def asked(kfgen: Cli, tmp_path: Path) -> Asked:
-    def ask(k: float, x0: float = 0.0, sd: float = 1.0) -> dict[str, Any]:
+    def ask(k: float, x0: float = 0.0, sd: float = 1.0, more: float = 0.0) -> dict[str, Any]:
         t, rng = np.arange(2500) * 0.01, np.random.default_rng(4)
         force = np.repeat(rng.uniform(-15.0, 15.0, 20), 125)
-        y = 1e3 * position(k, x0, force) + 0.8 * rng.standard_normal(t.size)
+        y = 1e3 * position(k, x0, force, more) + 0.8 * rng.standard_normal(t.size)
         header = "t [s],force [N],pos [mm]"
         path, model, out = tmp_path / "log.csv", tmp_path / "model.toml", tmp_path / "out.json"
         np.savetxt(
@@ -104,6 +104,7 @@ def test_a_state_that_starts_elsewhere(asked: Asked, tmp_path: Path) -> None:
     answer = asked(150.0, x0=0.05)
     (step,) = answer["steps"]
     assert (step["effect"], step["channel"]) == ("parameter_error", "x")
+    assert step["sentence"].startswith("x starts at 0.0")
     found = step["parameters"]["x"]
     assert abs(found["value"] - 0.05) < 2.5 * 0.5 * (found["ci95"][1] - found["ci95"][0])
     assert read_model(tmp_path / "improved.toml").states["x"].initial == pytest.approx(found["value"])
@@ -112,3 +113,12 @@ def test_a_state_that_starts_elsewhere(asked: Asked, tmp_path: Path) -> None:
 def test_a_state_that_starts_within_its_deviation_is_no_gap(asked: Asked) -> None:
     answer = asked(150.0, x0=0.005)  # two and a half deviations
     assert (answer["verdict"], answer["steps"]) == ("no_gap", [])
+
+
+def test_an_effect_is_not_laid_to_where_the_motion_starts(asked: Asked) -> None:
+    """Twice the damping: without it even the start does not fit, and with it there is nothing wrong with that."""
+    answer = asked(150.0, more=1.5)
+    assert answer["verdict"] == "effects_found"
+    (step,) = answer["steps"]
+    assert (step["effect"], step["channel"]) in (("viscous_friction", "v"), ("parameter_error", "c"))
+    assert answer["unknowns"]["k"]["value"] == pytest.approx(150.0, abs=0.1)

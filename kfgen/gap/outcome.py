@@ -40,6 +40,8 @@ class PlacedFinding:
         Squared cosine between its direction in this record and that of others, by effect and place.
     stated : float, optional
         What is believed of the number of which it is the error [SI].
+    once : bool
+        Whether that is where a state starts in this record.
     """
 
     placed: Placed
@@ -49,6 +51,7 @@ class PlacedFinding:
     alternatives: tuple[tuple[str, str, float], ...]
     alike: dict[tuple[str, str], float]
     stated: float | None = None
+    once: bool = False
 
     @property
     def indistinguishable(self) -> tuple[str, ...]:
@@ -166,6 +169,7 @@ def _finding(scene: Scene, added: Added, index: int, found: Explained) -> Placed
         tuple(sorted(others, key=lambda a: -a[2])),
         dict(added.alike),
         scene.stated(placed.where) if isinstance(scene, Trusting) and wrong else None,
+        wrong and any(u.once and u.own == placed.where for u in scene.unknowns),
     )
 
 

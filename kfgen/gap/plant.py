@@ -148,9 +148,9 @@ class PlantScene:
                 unit = parse_unit(state.unit).si
                 unseen = unknown_deviation(unit, value) if self.hidden[i] else np.inf
                 label = f"{name} at {self.log.t[first]:.6g} s"
-                own = name if known and name not in self.doubted else ""
+                own, far = (name if known else ""), np.inf if name in self.doubted else FAR_FROM_START
                 sd = state.sd if known else unseen
-                out.append(Unknown(label, unit, value, sd, own=own, far=FAR_FROM_START))
+                out.append(Unknown(label, unit, value, sd, own=own, far=far, once=True))
         for name, p in self.model.parameters.items():
             if p.sd > 0.0:
                 begun = self.begun.get(name)

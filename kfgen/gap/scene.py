@@ -52,6 +52,8 @@ class Unknown:
         How the model file calls it, where it says both value and deviation.
     far : float
         Deviations from what is believed beyond which it does not hold.
+    once : bool
+        Whether it belongs to this record alone.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Unknown:
     begun: float | None = None
     own: str = ""
     far: float = np.inf
+    once: bool = False
 
     @property
     def start(self) -> float:

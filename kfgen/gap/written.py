@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kfgen.effects.plant import ParameterError
-from kfgen.gap.engine import Explained, explained, with_values
+from kfgen.gap.engine import Added, Explained, explained, with_values
 from kfgen.gap.newton import fitted
 from kfgen.gap.scene import Point, Scene, Trusting
 
@@ -43,7 +43,9 @@ def answered(scene: Scene) -> Answered:
     if not isinstance(scene, Trusting):
         return Answered(scene, scene, explained(scene))
     here: Scene = scene
-    wrong = moved(scene, fitted(scene, start_of(scene)).point)
+    # A start far from where it should be is mostly a sign of something else, and takes up little of it.
+    starts = {u.own for u in scene.unknowns if u.once}
+    wrong = moved(scene, fitted(scene, start_of(scene)).point) - starts
     for _ in range(ROUNDS):
         here = scene.held(wrong) if wrong else scene
         found = explained(here)
@@ -55,15 +57,19 @@ def answered(scene: Scene) -> Answered:
     named = {
         a.trial.placed.where
         for a in found.added
-        if isinstance(a.trial.placed.effect, ParameterError)
-        and abs(float(a.trial.placed.effect.value)) > far.get(a.trial.placed.where, 0.0)
+        if _is_error(a)
+        and abs(float(getattr(a.trial.placed.effect, "value", 0.0))) > far.get(a.trial.placed.where, 0.0)
     }
     if wrong <= named:
         return Answered(here, here, found)
     free = scene.held(wrong & named)
-    kept = [a for a in found.added if a.trial.placed.where not in wrong - named]
+    kept = [a for a in found.added if not (_is_error(a) and a.trial.placed.where in wrong - named)]
     fit = fitted(free, Point(tuple(a.trial.placed for a in kept), start_of(free).unknowns))
     return Answered(free, here, Explained(found.believed, tuple(with_values(kept, fit)), fit))
+
+
+def _is_error(added: Added) -> bool:
+    return isinstance(added.trial.placed.effect, ParameterError)
 
 
 def start_of(scene: Scene) -> Point:

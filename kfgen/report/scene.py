@@ -113,7 +113,7 @@ def _what(f: PlacedFinding, unit_of: UnitOf) -> str:
     unit, error = unit_of(f.placed), float(getattr(f.placed.effect, _VALUE))
     away = derived_unit("U", unit)
     new, old = (_beside(v, error, unit) for v in (f.stated + error, f.stated))
-    words = f"{f.placed.where} is {new} instead of {old}"
+    words = f"{f.placed.where} {'starts at' if f.once else 'is'} {new} instead of {old}"
     lo, hi = (from_si(v, away) for v in f.ci95[_VALUE])
     return f"{words}, off by {quantity(error, away)} (95 %: {lo:.3g} to {hi:.3g})"
 
