@@ -20,8 +20,9 @@ from scipy.integrate import solve_ivp
 from kfgen.effects import Effect, catalogue, make
 from kfgen.effects.plant import PlantEffect, StateTerm
 from kfgen.errors import InputError
+from kfgen.gap.mended import mended
 from kfgen.gap.places import moving
-from kfgen.gap.plant import PlantScene, mended
+from kfgen.gap.plant import PlantScene
 from kfgen.gap.scene import Placed, Point
 from kfgen.log import Channel, Log
 from kfgen.model.file import model_text, parse_model

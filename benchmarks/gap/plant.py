@@ -1,7 +1,8 @@
 """Records of a plant with an input: pendulum, motor, cart.
 
-The gain of a hidden effect is ``1/2 sum |h_true - h_believed|^2 / sigma^2`` between the two noise-free
-simulations from the same start. Coefficients of friction, drag and springs act on the acceleration:
+The gain of a hidden effect is ``1/2 d' (I + J J')^-1 d``: ``d`` is ``(h_true - h_believed) / sigma`` between the two
+noise-free simulations from the same start, and a column of ``J`` is what one deviation of a state's start adds to it. A
+start is known no better than the model file says (`START`); what another start explains is no gap. Coefficients of friction, drag and springs act on the acceleration:
 ``v' = … - coefficient v``, ``- level tanh(v / v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``,
 ``- coefficient q``, ``- coefficient q^3``. The others act on the input: ``clip(u, ±limit)``,
 ``u + k2 u^2``, ``u + value``, ``u(t - delay)``, one pole `tau`; ``sensor_lag`` is a pole on the measurement.
@@ -19,6 +20,8 @@ from case import OBVIOUS, Array, Case, Hidden, Request
 from machine import Change, Machine, excite, respond
 
 DEGREE = np.pi / 180.0
+START = 0.01
+"""Deviation of where states start [SI]."""
 FARTHEST = 1.6
 """Angle of the believed pendulum [rad]."""
 
@@ -161,7 +164,7 @@ def make(request: Request) -> Case:
         which = (which + 1) % len(MACHINES)
     m = MACHINES[which]
     n = int(rng.integers(2000, 4001))
-    u, start = excite(rng, m, n), (0.01 * rng.standard_normal(len(m.states))).tolist()
+    u, start = excite(rng, m, n), (START * rng.standard_normal(len(m.states))).tolist()
     believed = {k: v for k, (v, _) in m.parameters.items()}
     plain = respond(m, u, start, Change())
     while m is PENDULUM and np.abs(plain).max() > FARTHEST:  # over the top nothing can be predicted
@@ -197,9 +200,14 @@ def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array
             return Change(saturation=float(np.abs(u).max()) * (1.0 - min(size, 0.95)))
         return Change(**{name: sign * size})  # type: ignore[arg-type]
 
+    starts = [[x + START * (i == k) for i, x in enumerate(start)] for k in range(len(start))]
+    J = np.column_stack([respond(m, u, s, Change()) - plain for s in starts]) / (m.factor * m.noise)
+
     def gain(size: float) -> float:
         away = (respond(m, u, start, change(size)) - plain) / (m.factor * m.noise)
-        return max(float(0.5 * away @ away), 1e-12)
+        taken = J.T @ away
+        kept = away @ away - taken @ np.linalg.solve(np.eye(len(start)) + J.T @ J, taken)
+        return max(float(0.5 * kept), 1e-12)
 
     p = nats.penalty(u.size, 1)
     size = SIZES[name][which]

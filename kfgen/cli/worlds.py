@@ -31,8 +31,9 @@ def is_model_file(model: str) -> bool:
 
 def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
     """The answer for a plant, and the text of its mended model file."""
+    from kfgen.gap.mended import mended
     from kfgen.gap.outcome import find_scene_gap
-    from kfgen.gap.plant import PlantScene, mended
+    from kfgen.gap.plant import PlantScene
     from kfgen.model.file import model_text
     from kfgen.model.user import read_model
     from kfgen.report.scene import scene_answer

@@ -291,6 +291,18 @@ class SensorChange(PlantEffect):
         """What the channel shows of the true values `h` at times `t` [s], shape (n, batch)."""
         raise NotImplementedError
 
+    def begun(self, t: Array, y: Array) -> Array | None:
+        """One deviation of what it may have begun with, which nobody knows, shape (n, batch).
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Times [s].
+        y : ndarray, shape (n, batch)
+            What it shows.
+        """
+        return None
+
 
 @dataclass(frozen=True)
 class SensorLag(SensorChange):
@@ -308,6 +320,14 @@ class SensorLag(SensorChange):
         slope = np.diff(h[:3], axis=0) / np.diff(t[:3])[:, None]
         first = 1.5 * slope[0] - 0.5 * slope[-1] if len(slope) else np.zeros(h.shape[1])
         return lagged(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
+
+    def begun(self, t: Array, y: Array) -> Array:
+        """``exp(-t / tau)``, as large as it lags behind all along: ``tau dy/dt``."""
+        tau = np.atleast_1d(np.asarray(self.tau, dtype=np.float64))
+        slope = np.diff(y, axis=0) / np.diff(t)[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
+            behind = tau * np.sqrt(np.mean(slope**2, axis=0))
+        return np.asarray(behind * np.exp(-(t - t[0])[:, None] / tau))
 
 
 @dataclass(frozen=True)
@@ -334,7 +354,7 @@ class Backlash(SensorChange):
 
 @dataclass(frozen=True)
 class ParameterError(PlantEffect):
-    """A parameter of the model file that is off by `value`; JSON calls it by the parameter's own name."""
+    """A number of the model file that is off by `value`; JSON has the right one, by the number's own name."""
 
     value: Any = parameter("U", "signed")
 

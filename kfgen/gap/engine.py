@@ -23,7 +23,7 @@ from kfgen.gap.newton import (
     keys_of,
     log_posterior,
 )
-from kfgen.gap.scene import Placed, Point, Scene
+from kfgen.gap.scene import Integrating, Placed, Point, Scene
 from kfgen.gap.screen import LOST, Screened, basis, freed, new_columns, screen
 
 Array = NDArray[np.float64]
@@ -103,12 +103,12 @@ def _grown(
         if not trials or trials[0].gain < ABOVE:
             break
         fit = trials[0].fit
-        out = _moved([*out, _chosen(trials[0], trials)], fit)
+        out = with_values([*out, _chosen(trials[0], trials)], fit)
         others = screen(scene, fit)
     return out, fit, others
 
 
-def _moved(added: Sequence[Added], fit: Fitted) -> list[Added]:
+def with_values(added: Sequence[Added], fit: Fitted) -> list[Added]:
     """The additions with the values that they have in a fit of all of them."""
     pairs = zip(added, fit.point.placed)
     return [replace(a, trial=replace(a.trial, placed=p)) for a, p in pairs]
@@ -131,12 +131,12 @@ def _reconsidered(
         known = replace(out[index].trial, placed=same.point.placed[-1], fit=same)
         trials = ranked(scene, without, screen(scene, without), known)
         if not trials or trials[0].gain < ABOVE:
-            out, fit = _moved(rest, without), without
+            out, fit = with_values(rest, without), without
             doubtful.pop(index)
             continue
         own = next((t for t in trials if t.fit is same), None)
         keep = own if own is not None and trials[0].gain - own.gain < BETTER else trials[0]
-        out, fit = _moved([*rest, _chosen(keep, trials)], keep.fit), keep.fit
+        out, fit = with_values([*rest, _chosen(keep, trials)], keep.fit), keep.fit
         out, fit = [*out[:index], out[-1], *out[index:-1]], _last(fit, index, back=True)
         index += 1
     return out, fit
@@ -209,7 +209,7 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
     reference = evidence(scene, base)
     trials = []
     if known is not None:
-        gain = evidence(scene, known.fit) - reference - cost - known.placed.effect.rare
+        gain = evidence(scene, known.fit) - reference - cost - _rare(known.placed)
         trials.append(replace(known, gain=gain))
     for o in others[: PROMISING if known is None else PROMISING // 2]:
         if o.gain < 1.0:
@@ -217,9 +217,14 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
         fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
         if _blind(base, fit):
             continue
-        value = evidence(scene, fit) - reference - cost - o.start.effect.rare
+        value = evidence(scene, fit) - reference - cost - _rare(o.start)
         trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _rare(placed: Placed) -> float:
+    """Nats by which an effect is rarer than others at its place."""
+    return placed.effect.rare + placed.rare
 
 
 def _alike(a: Placed, b: Placed) -> bool:
@@ -240,9 +245,12 @@ def _blind(base: Fitted, fit: Fitted) -> bool:
 
 
 def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
-    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats."""
+    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats.
+
+    Of several with the same first parameter (an entry of a matrix, its row), that of the first.
+    """
     Q = basis(fit.jacobian)
-    out = []
+    out: dict[tuple[str, str, str], tuple[Placed, str, float]] = {}
     for starts in scene.candidates(fit.point.placed):
         if starts[0].effect.weakens:
             continue  # the larger its parameter, the less it does
@@ -255,13 +263,15 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
         effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
-            out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
-    return out
+            limit = scale * float(np.sqrt(2.0 * DETECTABLE)) / own
+            out.setdefault((effect.name, starts[0].where, name), (starts[0], name, limit))
+    return list(out.values())
 
 
 def evidence(scene: Scene, fit: Fitted) -> float:
     """Log of the marginal likelihood of a fit, up to a constant of the scene [nats]."""
     value = log_posterior(scene, fit.residual, fit.point.unknowns)
+    value -= scene.spread(fit.point) if isinstance(scene, Integrating) else 0.0
     H = fit.information
     size = H.shape[0]
     if not size:

@@ -32,6 +32,8 @@ SHARE = 1e-5
 """Or this share of what the fit gained in all."""
 VISIBLE = 0.1
 """Change of the residuals [deviations] by which they are differentiated."""
+FARTHEST = 1e12
+"""Largest relative change where nothing shows it."""
 LONGEST = 1.0
 """Longest step in a logarithm."""
 
@@ -163,6 +165,7 @@ def derivative(scene: Scene, point: Point, residual: Array, steps: Array) -> tup
         if good.all():
             break
         better = steps * np.clip(VISIBLE / np.maximum(size, 1e-12), 1e-8, 1e8)
+        better = np.minimum(better, FARTHEST * np.maximum(np.abs(x), 1.0))
         logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
         better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
         steps = np.where(good, steps, better)

@@ -8,14 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.errors import InputError
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.engine import Added, Explained, explained, limits
+from kfgen.gap.engine import Added, Explained, limits
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
-from kfgen.gap.scene import Inspected, Placed, Point, Scene, Unknown
+from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Trusting, Unknown
 from kfgen.gap.screen import basis
 from kfgen.gap.search import SET
 from kfgen.gap.whitened import Whitener
+from kfgen.gap.written import Answered, answered
 
 Array = NDArray[np.float64]
 
@@ -36,6 +38,10 @@ class PlacedFinding:
     alternatives : tuple of (name, place, probability)
     alike : mapping
         Squared cosine between its direction in this record and that of others, by effect and place.
+    stated : float, optional
+        What is believed of the number of which it is the error [SI].
+    once : bool
+        Whether that is where a state starts in this record.
     """
 
     placed: Placed
@@ -44,6 +50,8 @@ class PlacedFinding:
     evidence: float
     alternatives: tuple[tuple[str, str, float], ...]
     alike: dict[tuple[str, str], float]
+    stated: float | None = None
+    once: bool = False
 
     @property
     def indistinguishable(self) -> tuple[str, ...]:
@@ -66,6 +74,8 @@ class SceneGap:
         Root mean square of the residuals in deviations of the noise.
     limits : tuple of (Placed, parameter, value)
         What would not have been seen [SI].
+    idle : tuple of str
+        Inputs that never change.
     """
 
     scene: Scene
@@ -78,6 +88,7 @@ class SceneGap:
     believed: Fitted
     fit: Fitted
     limits: tuple[tuple[Placed, str, float], ...] = ()
+    idle: tuple[str, ...] = ()
 
     @property
     def unknowns(self) -> dict[str, tuple[Unknown, float]]:
@@ -88,7 +99,7 @@ class SceneGap:
 def find_scene_gap(scene: Scene) -> SceneGap:
     """Where a scene disagrees with its log, and what is missing."""
     faults = scene.faults() if isinstance(scene, Inspected) else ()
-    return _spoilt(scene, faults) if faults else _gap_of(scene, explained(scene))
+    return _spoilt(scene, faults) if faults else _gap_of(answered(scene))
 
 
 def _spoilt(scene: Scene, faults: Sequence[Placed]) -> SceneGap:
@@ -108,28 +119,34 @@ def _rms(scene: Scene, before: Fitted, after: Fitted) -> tuple[tuple[str, float,
     return tuple((c, float(np.sqrt(np.mean(a**2))), float(np.sqrt(np.mean(b**2)))) for c, a, b in parts)
 
 
-def _gap_of(scene: Scene, found: Explained) -> SceneGap:
+def _gap_of(answer: Answered) -> SceneGap:
     """The answer where effects were looked for."""
+    scene, found = answer.scene, answer.found
     before, after = tests_of(scene, found.believed), tests_of(scene, found.fit)
-    findings = tuple(_finding(a, i, found) for i, a in enumerate(found.added))
+    findings = tuple(_finding(scene, a, i, found) for i, a in enumerate(found.added))
     verdict = "effects_found" if findings else "no_gap"
     if any(t.significant for _, t in after):
         verdict = "unknown_effect"
+    idle = scene.idle if isinstance(scene, Driven) else ()
+    rms = _rms(scene, found.believed, found.fit)
+    if verdict == "unknown_effect" and idle and isinstance(scene, Driven) and scene.astray:
+        return replace(_spoilt(scene, ()), limits=tuple(limits(scene, found.believed)), idle=idle)
     return SceneGap(
         scene,
         verdict,
         findings,
         tuple(before),
         tuple(after),
-        held_out(scene, found),
-        _rms(scene, found.believed, found.fit),
+        held_out(answer),
+        rms,
         found.believed,
         found.fit,
         tuple(limits(scene, found.fit)),
+        idle,
     )
 
 
-def _finding(added: Added, index: int, found: Explained) -> PlacedFinding:
+def _finding(scene: Scene, added: Added, index: int, found: Explained) -> PlacedFinding:
     """With intervals from the last fit."""
     fit, x = found.fit, coordinates(found.fit.point)
     placed = fit.point.placed[index]
@@ -142,6 +159,7 @@ def _finding(added: Added, index: int, found: Explained) -> PlacedFinding:
                 lo, hi = float(np.exp(lo)), float(np.exp(min(hi, 700.0)))
             ci95[name] = (lo, hi)
     own = added.trial.label
+    wrong = isinstance(scene, Trusting) and placed.effect.name == "parameter_error"
     others = [(n, w, p) for (n, w), p in added.shares.items() if (n, w) != own]
     return PlacedFinding(
         placed,
@@ -150,6 +168,8 @@ def _finding(added: Added, index: int, found: Explained) -> PlacedFinding:
         added.trial.gain,
         tuple(sorted(others, key=lambda a: -a[2])),
         dict(added.alike),
+        scene.stated(placed.where) if isinstance(scene, Trusting) and wrong else None,
+        wrong and any(u.once and u.own == placed.where for u in scene.unknowns),
     )
 
 
@@ -188,19 +208,20 @@ def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
     return out
 
 
-def held_out(scene: Scene, found: Explained) -> Gap:
+def held_out(answer: Answered) -> Gap:
     """The gap over the last part of the log: effects from the first part, only what is unknown fitted anew."""
+    scene, found = answer.scene, answer.found
     t0, t1 = scene.span
     cut = t0 + (1.0 - HELD_OUT) * (t1 - t0)
     try:
-        seen, unseen = scene.part(t0, cut), scene.part(cut, t1)
-    except ValueError:
-        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: the log is too short")
+        seen, unseen, written = scene.part(t0, cut), scene.part(cut, t1), answer.written.part(cut, t1)
+    except (ValueError, InputError):
+        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
     placed = found.fit.point.placed
     trained = fitted(seen, Point(placed, _values(seen))).point.placed if placed else ()
-    before = fitted(unseen, Point((), _values(unseen)))
+    before = fitted(written, Point((), _values(written)))
     after = fitted(_Frozen(unseen, trained), Point((), _values(unseen)))
-    r0, m = _ratios(unseen, before)
+    r0, m = _ratios(written, before)
     r1, _ = _ratios(unseen, after)
     rng = np.random.default_rng(0)
     chance = rng.chisquare(m, (DRAWS, m.size)) / m

@@ -10,19 +10,23 @@ from numpy.typing import NDArray
 from kfgen.effects import catalogue
 from kfgen.effects.plant import (
     Backlash,
+    ConstantInput,
     CoulombFriction,
     InputDelay,
     InputLag,
     InputNonlinearity,
     ParameterError,
     PlantEffect,
+    QuadraticDrag,
     Saturation,
     SensorLag,
     StateTerm,
+    ViscousFriction,
 )
 from kfgen.gap.scene import Placed
 from kfgen.model.expression import symbol
 from kfgen.model.user import UserModel
+from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
@@ -36,6 +40,11 @@ LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 """Start values of a saturation, in largest inputs."""
 PLAYS = (0.02, 0.1, 0.3)
 """Start values of a backlash, in rms of the channel."""
+SPEEDS = ("m/s", "rad/s", "Hz")
+NO_SPEED = 2.0
+"""Nats by which friction is rarer in the equation of a state that is no speed."""
+SIMPLER = 0.05
+"""Nats that settle a tie."""
 
 
 def additions(
@@ -71,10 +80,26 @@ def additions(
     found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]
     known = {(p.where, p.effect.name) for p in placed} | _present(model)
     return [
-        [Placed(e, where) for where, e in starts]
+        [Placed(e, where, _rare(model, where, e)) for where, e in starts]
         for starts in found
         if starts and (starts[0][0], starts[0][1].name) not in known
     ]
+
+
+def _rare(model: UserModel, where: str, effect: PlantEffect) -> float:
+    """Friction slows what moves: a level or a current has none, and what looks like it is mostly something else.
+
+    Where the record cannot tell, what is simpler comes first: a wrong number, a constant, then a new term.
+    """
+    if isinstance(effect, ParameterError):
+        return 0.0
+    if isinstance(effect, ConstantInput):
+        return SIMPLER
+    if not isinstance(effect, ViscousFriction | CoulombFriction | QuadraticDrag):
+        return 2.0 * SIMPLER
+    unit = parse_unit(model.states[where].unit)
+    speed = any(unit.same_dimension(parse_unit(u)) for u in SPEEDS)
+    return 2.0 * SIMPLER + (0.0 if speed or model.position_of(where) is not None else NO_SPEED)
 
 
 def moving(model: UserModel) -> list[str]:

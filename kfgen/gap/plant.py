@@ -11,44 +11,34 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
-from kfgen.effects.plant import ParameterError, PlantEffect
+from kfgen.effects.plant import ParameterError, PlantEffect, SensorChange
 from kfgen.errors import InputError
 from kfgen.gap.places import additions
+from kfgen.gap.recorded import Recorded, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
-from kfgen.gap.shooting import Shooting, segments
-from kfgen.gap.whitened import Whitener
+from kfgen.gap.shooting import Shooting, segments, shortest
+from kfgen.gap.trust import FAR_FROM
 from kfgen.log import Log
 from kfgen.model.equations import unknown_deviation
 from kfgen.model.plant import Batch, Plant, Run, stacked
 from kfgen.model.user import UserModel
-from kfgen.noise import Term
 from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
-FAR = 1e3
-"""Deviations of the data at which a simulation that diverges is held."""
-MOST_LOST = 0.05
-"""Share of the samples that the believed model may fail to simulate."""
+ASTRAY = 0.8
+"""Share of the shortest segments that make up a record in which a model follows it nowhere."""
+FAR_FROM_START = 4.0
+"""Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
 
 Kinds = tuple[tuple[str, type[PlantEffect]], ...]
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
-
-    at: NDArray[np.intp]
-    values: Array
-    whitener: Whitener
 
 
 @dataclass(frozen=True)
@@ -70,6 +60,8 @@ class PlantScene:
         Those that no channel shows: their prior is wide, but finite.
     begun : mapping of str to float
         Parameters that are not trusted, as that fit has them [SI].
+    doubted : tuple of str
+        States that do not start where the model file says.
     """
 
     model: UserModel
@@ -79,6 +71,7 @@ class PlantScene:
     initial: Array = field(default_factory=lambda: np.zeros((1, 0)))
     hidden: tuple[bool, ...] = ()
     begun: Mapping[str, float] = field(default_factory=dict)
+    doubted: tuple[str, ...] = ()
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 
@@ -89,13 +82,13 @@ class PlantScene:
         Raises
         ------
         InputError
-            An input is missing or not a number, no measurement is in the log, a unit does not fit, or a
-            measurement has no white noise.
+            An input is missing or not a number, no measurement is in the log, a unit does not fit, a
+            measurement has no white noise, or the model cannot be simulated over the log.
         """
         for name, unit in model.inputs.items():
-            _check_unit(log, name, unit, model)
+            check_unit(log, name, unit, model)
             log.values(name)
-        recorded = {n: _recorded(model, log, n) for n in model.measurements if n in log.channels}
+        recorded = {n: recorded_of(model, log, n) for n in model.measurements if n in log.channels}
         if not recorded:
             raise InputError(
                 f"no measurement of {model.name} is in the log",
@@ -107,11 +100,7 @@ class PlantScene:
         starts, initial, parameters = segments(shooting)
         begun = dict(zip(shooting.free, parameters.tolist()))
         hidden = shooting.hidden(initial[0])
-        scene = replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
-        shown = scene.simulated(scene.believed()).channels
-        for name, r in recorded.items():
-            _check_finite(np.asarray(log.t)[r.at], shown[name][r.at, 0], name, model)
-        return scene
+        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -138,6 +127,16 @@ class PlantScene:
         """The model's inputs [SI], each of shape (n,)."""
         return {n: self.log.values(n) for n in self.model.inputs}
 
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """See `kfgen.gap.scene.Driven`."""
+        return tuple(n for n, u in self.inputs.items() if not np.ptp(u) > 0.0)
+
+    @property
+    def astray(self) -> bool:
+        """See `kfgen.gap.scene.Driven`."""
+        return len(self.starts) > 1 and len(self.starts) > ASTRAY * self.log.n / shortest(self.log.n)
+
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
         """Initial states of every segment, then the parameters that are not trusted."""
@@ -149,16 +148,33 @@ class PlantScene:
                 unit = parse_unit(state.unit).si
                 unseen = unknown_deviation(unit, value) if self.hidden[i] else np.inf
                 label = f"{name} at {self.log.t[first]:.6g} s"
-                out.append(Unknown(label, unit, value, state.sd if known else unseen))
+                own, far = (name if known else ""), np.inf if name in self.doubted else FAR_FROM_START
+                sd = state.sd if known else unseen
+                out.append(Unknown(label, unit, value, sd, own=own, far=far, once=True))
         for name, p in self.model.parameters.items():
             if p.sd > 0.0:
-                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, self.begun.get(name)))
+                begun = self.begun.get(name)
+                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, begun, name, FAR_FROM))
         return tuple(out)
 
     def unit(self, placed: Placed) -> str:
         """The unit `U` of a placed effect's parameters."""
         assert isinstance(placed.effect, PlantEffect)
+        if isinstance(placed.effect, ParameterError) and placed.where in self.model.states:
+            return self.model.states[placed.where].unit
         return self.model.unit_at(placed.where, placed.effect)
+
+    def held(self, names: Collection[str]) -> PlantScene:
+        """See `kfgen.gap.scene.Trusting`."""
+        parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
+        doubted = tuple(n for n in self.model.states if n in names)
+        model = replace(self.model, parameters=parameters)
+        return replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+
+    def stated(self, where: str) -> float:
+        """See `kfgen.gap.scene.Trusting`."""
+        found = self.model.parameters.get(where)
+        return self.model.states[where].initial if found is None else found.value
 
     def residuals(self, points: Sequence[Point]) -> Array:
         """Whitened measured less simulated values, shape (sum of lengths, points)."""
@@ -167,7 +183,8 @@ class PlantScene:
         for j, point in enumerate(points):
             groups.setdefault(_kinds(point.placed), []).append(j)
         for members in groups.values():
-            out[:, members] = self._whitened(self._shown([points[j] for j in members]))
+            alike = [points[j] for j in members]
+            out[:, members] = self._whitened(self._shown(alike), alike)
         return out
 
     def _shown(self, points: Sequence[Point]) -> Mapping[str, Array]:
@@ -232,7 +249,10 @@ class PlantScene:
         """The points as columns."""
         states, segs = len(self.model.states), len(self.starts)
         values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
-        initial = values[: states * segs].reshape(segs, states, len(points))
+        initial = values[: states * segs].reshape(segs, states, len(points)).copy()
+        for i, (name, state) in enumerate(self.model.states.items()):
+            if name in self.doubted:
+                initial[0, i] = state.initial
         fitted = dict(zip([u.name for u in self.unknowns[states * segs :]], values[states * segs :]))
         parameters = {
             n: np.array(fitted.get(n, np.full(len(points), p.value)))
@@ -243,16 +263,37 @@ class PlantScene:
             kind = [p.effect for p in column]
             where = column[0].where
             if isinstance(kind[0], ParameterError):
-                parameters[where] = parameters[where] + np.array([float(e.value) for e in kind])
+                error = np.array([float(e.value) for e in kind])
+                if where in parameters:
+                    parameters[where] = parameters[where] + error
+                else:
+                    initial[0, list(self.model.states).index(where)] += error
             else:
                 effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
         return Batch(parameters, tuple(effects), initial)
 
-    def _whitened(self, channels: Mapping[str, Array]) -> Array:
+    def _whitened(self, channels: Mapping[str, Array], points: Sequence[Point]) -> Array:
         parts = []
         for name, recorded in self.recorded.items():
-            parts.append(recorded.whitener.ordinates(_left(recorded, channels[name])))
+            left = recorded.whitener.ordinates(recorded.left(channels[name]))
+            for E in self._begun(name, channels[name], points):
+                left = recorded.integrated(left, E)
+            parts.append(left)
         return np.concatenate(parts)
+
+    def _begun(self, name: str, shown: Array, points: Sequence[Point]) -> list[Array]:
+        """Whitened, what the sensor of a channel may have begun with, each of shape (n, points)."""
+        effects = [e for w, e in self._batch(self._own(), points).effects if w == name]
+        t = np.asarray(self.log.t)
+        return [self.recorded[name].begun(e, t, shown) for e in effects if isinstance(e, SensorChange)]
+
+    def spread(self, point: Point) -> float:
+        """See `kfgen.gap.scene.Integrating`."""
+        if not any(isinstance(e, SensorChange) for _, e in self._batch(self._own(), [point]).effects):
+            return 0.0
+        shown = self._shown([point])
+        powers = [float(np.sum(E**2)) for n in self.recorded for E in self._begun(n, shown[n], [point])]
+        return 0.5 * float(np.sum(np.log1p(powers)))
 
     @property
     def _shooting(self) -> Shooting:
@@ -268,9 +309,10 @@ class PlantScene:
         run = self.simulated(self.believed())
         speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
         seen = {n: _rms(r.values - r.values.mean()) for n, r in self.recorded.items()}
-        return additions(
-            self.model, self.inputs, speeds, seen, (self.dt, self.span[1] - self.span[0]), placed
-        )
+        times = self.dt, self.span[1] - self.span[0]
+        found = additions(self.model, self.inputs, speeds, seen, times, placed)
+        known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
+        return found + [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
 
     def part(self, start: float, stop: float) -> PlantScene:
         """The same model over the samples from `start` to `stop` [s], from unknown initial states."""
@@ -293,104 +335,3 @@ def _kinds(placed: Sequence[Placed]) -> Kinds:
 def _rms(x: Array) -> float:
     good = x[np.isfinite(x)]
     return float(np.sqrt(np.mean(good**2))) if good.size else 0.0
-
-
-def _left(recorded: Recorded, simulated: Array) -> Array:
-    """Measured less simulated, shape (n, points), finite even where the simulation is not."""
-    far = FAR * max(float(np.ptp(recorded.values)), 1.0 / float(recorded.whitener.weight[-1]))
-    left = recorded.values[:, None] - simulated[recorded.at]
-    return np.clip(np.where(np.isfinite(left), left, far), -far, far)
-
-
-def _check_finite(t: Array, shown: Array, name: str, model: UserModel) -> None:
-    lost = ~np.isfinite(shown)
-    if lost.mean() > MOST_LOST:
-        raise InputError(
-            f"{name} cannot be simulated: it is no number from t = {t[int(np.argmax(lost))]:.6g} s on, "
-            f"on {100.0 * lost.mean():.3g} % of the log",
-            where=model.name,
-            remedy="It diverges, divides by zero or takes the root or logarithm of a negative number: mend it",
-        )
-
-
-def _check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
-    given = log.channel(name).unit
-    if not parse_unit(given).same_dimension(parse_unit(unit)):
-        raise InputError(
-            f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
-            where=log.source,
-            remedy="Mend the unit in the header, or in the model file",
-        )
-
-
-def _recorded(model: UserModel, log: Log, name: str) -> Recorded:
-    """The samples of a channel, less the deterministic effects that are believed of it."""
-    measurement = model.measurements[name]
-    _check_unit(log, name, measurement.unit, model)
-    effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
-    if not any(e.form().V or e.form().Z for e in effects):
-        raise InputError(
-            f"the model of {name} has no white noise",
-            where=model.path,
-            remedy="Give it an effect white_noise",
-        )
-    values = np.asarray(log.channel(name).values)
-    at = np.flatnonzero(np.isfinite(values))
-    if at.size < 8:
-        raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
-    y = values[at] - _believed(effects, log, at)
-    dt = float((log.t[at[-1]] - log.t[at[0]]) / (at.size - 1))
-    return Recorded(at, y, Whitener.of(effects, at.size, dt, constant=True))
-
-
-def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
-    """What the deterministic effects of a channel give [SI], shape (n,)."""
-    t = np.asarray(log.t)[at] - log.t[0]
-    total = np.zeros(at.size)
-    for e in effects:
-        if e.coefficients():
-            drive = {e.driver: log.values(e.driver)[at]} if e.driver else None
-            total = total + e.mean(t, drive)
-    return total
-
-
-def mended(
-    model: UserModel, placed: Sequence[Placed], values: Mapping[str, float] | None = None
-) -> UserModel:
-    """The model with effects added and parameters as they were found.
-
-    Parameters
-    ----------
-    placed : sequence of Placed
-        A wrong parameter is corrected in its place; of an effect that the model has, coefficients add.
-    values : mapping of str to float, optional
-        Parameters that were fitted [SI].
-    """
-    from kfgen.model.user import Acting
-
-    parameters = {
-        n: replace(p, value=float((values or {}).get(n, p.value))) for n, p in model.parameters.items()
-    }
-    acting, measurements = list(model.dynamics_effects), dict(model.measurements)
-    for p in placed:
-        effect = p.effect
-        assert isinstance(effect, PlantEffect)
-        if isinstance(effect, ParameterError):
-            old = parameters[p.where]
-            parameters[p.where] = replace(old, value=old.value + float(effect.value))
-        elif effect.acts == "channel":
-            m = measurements[p.where]
-            measurements[p.where] = replace(m, noise=replace(m.noise, terms=(*m.noise.terms, Term(effect))))
-        else:
-            same = [k for k, a in enumerate(acting) if a.where == p.where and type(a.effect) is type(effect)]
-            if same:
-                acting[same[0]] = Acting(p.where, Term(_sum(acting[same[0]].effect, effect)))
-            else:
-                acting.append(Acting(p.where, Term(effect)))
-    return replace(model, parameters=parameters, measurements=measurements, dynamics_effects=tuple(acting))
-
-
-def _sum(a: Effect, b: Effect) -> Effect:
-    """Two effects of one kind: coefficients and delays add."""
-    names = [p.name for p in a.estimated()]
-    return replace(a, **{n: float(getattr(a, n)) + float(getattr(b, n)) for n in names})

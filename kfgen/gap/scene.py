@@ -6,7 +6,7 @@ Everything else (screening, fitting, comparing, intervals, tests) follows from t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -20,10 +20,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect and where it acts: a channel, a triad of channels, a state or an input of a plant."""
+    """An effect and where it acts: a channel, a triad of channels, a state or an input of a plant.
+
+    Parameters
+    ----------
+    effect : Effect
+    where : str
+    rare : float
+        Nats by which it is rarer there than elsewhere, beside what its class says.
+    """
 
     effect: Effect
     where: str
+    rare: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,12 @@ class Unknown:
         Deviation of a Gaussian prior [SI]; infinite for none.
     begun : float, optional
         Where fits begin, if not there [SI].
+    own : str
+        How the model file calls it, where it says both value and deviation.
+    far : float
+        Deviations from what is believed beyond which it does not hold.
+    once : bool
+        Whether it belongs to this record alone.
     """
 
     name: str
@@ -46,6 +61,9 @@ class Unknown:
     value: float
     sd: float
     begun: float | None = None
+    own: str = ""
+    far: float = np.inf
+    once: bool = False
 
     @property
     def start(self) -> float:
@@ -107,3 +125,35 @@ class Inspected(Protocol):
 
     def faults(self) -> tuple[Placed, ...]:
         """What spoils the readings: wrong units, signs, axes."""
+
+
+@runtime_checkable
+class Trusting(Protocol):
+    """A world with numbers that are believed."""
+
+    def held(self, names: Collection[str]) -> Scene:
+        """The same world with these unknowns as they are believed; their errors are candidates."""
+
+    def stated(self, where: str) -> float:
+        """What is believed of a number [SI]."""
+
+
+@runtime_checkable
+class Integrating(Protocol):
+    """A world whose residuals have unknowns integrated out."""
+
+    def spread(self, point: Point) -> float:
+        """Logarithm of how much wider that makes the data [nats]."""
+
+
+@runtime_checkable
+class Driven(Protocol):
+    """A world with inputs."""
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Those that never change: no effect of them can be seen."""
+
+    @property
+    def astray(self) -> bool:
+        """Whether the believed model follows the record nowhere."""

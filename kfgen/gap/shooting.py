@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects.plant import PlantEffect
 from kfgen.model.expression import symbol
-from kfgen.model.plant import Batch, Plant, stacked
+from kfgen.model.plant import Batch, Plant, Run, stacked
+from kfgen.model.runaway import refuse
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,8 @@ UNSTABLE = 30.0
 """How much an error of every initial state may grow."""
 FAR = 1e6
 """Deviations at which a simulation that diverges is held."""
+RANGES = 1e3
+"""Ranges of a channel beyond which, and so many deviations, a simulation runs away."""
 HIDDEN = 1e-6
 """Deviations of the noise below which a change of a state by its size is not seen."""
 ITERATIONS = 12
@@ -112,19 +115,33 @@ class Shooting:
 
     def _simulated(self, X0: Array, a: int, b: int) -> tuple[Array, Array]:
         """Weighted residuals (channels, b - a, batch) and last states (states, batch) of what is fitted."""
-        size, k = X0.shape[1], self.states
-        parameters = {n: np.full(size, p.value) for n, p in self.plant.model.parameters.items()}
-        parameters |= dict(zip(self.free, X0[k:]))
-        X0 = X0[:k]
-        effects = tuple((w, stacked([e] * size)) for w, e in self.effects)
-        inputs = {n: u[a:b] for n, u in self.inputs.items()}
-        run = self.plant.simulate(self.t[a:b], inputs, Batch(parameters, effects, X0[None]))
+        run = self._run(X0, a, b)[1]
         out = []
         for name, full in self._full.items():
             seen, shown = full[a:b, None], run.channels[name]
             r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], FAR)
             out.append(np.where(np.isfinite(seen), np.clip(r, -FAR, FAR), 0.0))
         return np.array(out), run.states[-1]
+
+    def _run(self, X0: Array, a: int, b: int) -> tuple[Batch, Run]:
+        """Columns of what is fitted, and their simulation over samples a to b."""
+        size, k = X0.shape[1], self.states
+        parameters = {n: np.full(size, p.value) for n, p in self.plant.model.parameters.items()}
+        parameters |= dict(zip(self.free, X0[k:]))
+        effects = tuple((w, stacked([e] * size)) for w, e in self.effects)
+        inputs = {n: u[a:b] for n, u in self.inputs.items()}
+        batch = Batch(parameters, effects, X0[:k][None])
+        return batch, self.plant.simulate(self.t[a:b], inputs, batch)
+
+    def check(self, x0: Array, a: int, b: int) -> None:
+        """Raise `InputError` where what is fitted cannot be simulated from sample a to b, or runs away."""
+        batch, run = self._run(x0[:, None], a, b)
+        beyond = np.zeros(b - a, dtype=bool)
+        for name, full in self._full.items():
+            seen = full[np.isfinite(full)]
+            far = max(FAR / self.weights[name], RANGES * float(np.ptp(seen)))
+            beyond |= np.abs(run.channels[name][:, 0] - float(seen.mean())) > far
+        refuse(self.plant, self.t[a:b], {n: u[a:b] for n, u in self.inputs.items()}, batch, run, beyond)
 
     def left(self, X0: Array, a: int, b: int) -> Array:
         """Weighted residuals in samples a to b, shape (channels, b - a, batch), of columns of what is fitted."""
@@ -227,21 +244,38 @@ def _damped(J: Array, r: Array) -> Array:
 
 
 def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
-    """Where segments start, their initial states, shape (segments, states), and the untrusted parameters."""
+    """Where segments start, their initial states, shape (segments, states), and the untrusted parameters.
+
+    Raises
+    ------
+    InputError
+        The model cannot be simulated even over a segment.
+    """
     n, k = shooting.t.size, shooting.states
     if k == 0:
+        shooting.check(shooting.trusted, 0, n)
         return (0,), np.zeros((1, 0)), shooting.trusted
-    least = min(n, max(FIRST, -(-n // SEGMENTS)))
+    least = min(n, shortest(n))
     starts, initial, a = [0], [], 0
     before: Array | None = None
     while True:
         x0, b = _segment(shooting, a, least, before)
+        shooting.check(x0, a, b)
         initial.append(x0)
         if b == n:
-            return tuple(starts), *_agreed(shooting, (*starts, n), np.array(initial))
+            edges = (*starts, n)
+            agreed, parameters = _agreed(shooting, edges, np.array(initial))
+            for x0, a, b in zip(agreed, edges[:-1], edges[1:]):
+                shooting.check(np.concatenate([x0, parameters]), a, b)
+            return tuple(starts), agreed, parameters
         before = shooting.last(x0, a, b + 1)
         starts.append(b)
         a = b
+
+
+def shortest(n: int) -> int:
+    """Samples of the shortest segment of a record of n."""
+    return max(FIRST, -(-n // SEGMENTS))
 
 
 def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from kfgen.effects.plant import InputChange, PlantEffect, SensorChange, StateTerm
 from kfgen.errors import InputError
 from kfgen.model.expression import symbol
+from kfgen.model.runaway import refuse
 from kfgen.model.runge_kutta import Steps, integrate
 from kfgen.model.signal import Signal
 from kfgen.model.tape import Tape, tape
@@ -168,7 +169,7 @@ class Plant:
         signals = [
             Signal(t, inputs[n], not n.startswith("ref_"), self._changes(batch, n)) for n in self.inputs
         ]
-        task = _Task(t, signals, self._given(batch), batch, starts)
+        task = _Task(t, signals, self.given(batch), batch, starts)
         with np.errstate(all="ignore"):
             X = self._states(task, substeps)
             wanted = self._wanted(task, X)
@@ -183,7 +184,7 @@ class Plant:
     def _changes(self, batch: Batch, name: str) -> list[InputChange]:
         return [e for where, e in batch.effects if where == name and isinstance(e, InputChange)]
 
-    def _given(self, batch: Batch) -> list[Array]:
+    def given(self, batch: Batch) -> list[Array]:
         """Parameters and numbers of the effects, in the order of the variables, each of shape (batch,)."""
         out = [batch.parameters[n] for n in self.model.parameters]
         for _, effect in batch.effects:
@@ -310,20 +311,7 @@ def simulate(
     X0 = np.array([start[n] for n in model.states], dtype=np.float64).reshape(1, len(model.states), 1)
     batch = Batch({n: np.array([p.value]) for n, p in model.parameters.items()}, effects, X0)
     plant = Plant(model, [(w, type(e)) for w, e in effects])
-    run = plant.simulate(np.asarray(t, dtype=np.float64), inputs, batch)
-    check_finite(model, t, run)
+    t = np.asarray(t, dtype=np.float64)
+    run = plant.simulate(t, inputs, batch)
+    refuse(plant, t, inputs, batch, run, np.zeros(t.size, bool))
     return run
-
-
-def check_finite(model: UserModel, t: Array, run: Run) -> None:
-    """Raise `InputError` that says when a simulation diverges."""
-    good = np.isfinite(run.states).all(axis=(1, 2))
-    for h in run.channels.values():
-        good &= np.isfinite(h).all(axis=1)
-    bad = np.flatnonzero(~good)
-    if bad.size:
-        raise InputError(
-            f"the simulation of {model.name} diverges at t = {t[bad[0]]:.6g} s",
-            where=model.path,
-            remedy="Check signs and units of its equations, or give the states an initial value",
-        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -74,7 +75,8 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
         **scene_data(g, unit_of),
     }
     page = Page(f"Model against {log.source.rsplit('/', 1)[-1]}", tuple(parts))
-    return Answer("\n".join(lines), data, page)
+    said = tuple(f"the input {n} never changes: no effect of it can be seen" for n in g.idle)
+    return Answer("\n".join(lines), data | {"warnings": list(said)}, page, warnings=said)
 
 
 _HEAD = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
@@ -82,6 +84,9 @@ _CAPTION = f"Tests that the believed model fails (family-wise rate {100 * RATE:g
 
 
 def _verdict(g: SceneGap) -> str:
+    if g.verdict == "bad_data" and g.idle:
+        moving, still = ", ".join(g.scene.channels), ", ".join(g.idle)
+        return f"{moving}: what was recorded is not driven by the input {still}, which never changes; check its column"
     return f"{', '.join(g.scene.channels)}: {VERDICTS[g.verdict]}"
 
 
@@ -89,11 +94,7 @@ def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     """A missing effect in words: what, where, how large, how sure, what else it could be."""
     if isinstance(f.placed.effect, Fault):
         return f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
-    size = ", ".join(_shown(f, p, derived_unit(p.unit, unit_of(f.placed))) for p in _known(f))
-    words = (
-        f"{f.placed.where} misses an effect of the model: {f.placed.effect.title}, {size}{_when(f)}. "
-        f"It is {percent(f.probability)} probable among all candidates"
-    )
+    words = f"{_what(f, unit_of)}. It is {percent(f.probability)} probable among all candidates"
     near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
     if f.indistinguishable:
@@ -104,9 +105,31 @@ def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     return words
 
 
+def _what(f: PlacedFinding, unit_of: UnitOf) -> str:
+    """The effect with its size; of a wrong number, what it is and what the model says."""
+    if f.stated is None:
+        size = ", ".join(_shown(f, p, derived_unit(p.unit, unit_of(f.placed))) for p in _known(f))
+        return f"{f.placed.where} misses an effect of the model: {f.placed.effect.title}, {size}{_when(f)}"
+    unit, error = unit_of(f.placed), float(getattr(f.placed.effect, _VALUE))
+    away = derived_unit("U", unit)
+    new, old = (_beside(v, error, unit) for v in (f.stated + error, f.stated))
+    words = f"{f.placed.where} {'starts at' if f.once else 'is'} {new} instead of {old}"
+    lo, hi = (from_si(v, away) for v in f.ci95[_VALUE])
+    return f"{words}, off by {quantity(error, away)} (95 %: {lo:.3g} to {hi:.3g})"
+
+
+def _beside(value: float, error: float, unit: str) -> str:
+    """A value [SI] in a unit, with as many digits as its error has."""
+    orders = [math.floor(math.log10(abs(v))) if v else 0 for v in (value, error)]
+    return f"{from_si(value, unit):.{min(3 + max(orders[0] - orders[1], 0), 12)}g} {unit}".rstrip()
+
+
+_VALUE = "value"
+
+
 def _shown(f: PlacedFinding, p: Parameter, unit: str) -> str:
     """A parameter with its interval in the user's unit."""
-    words = f"{_called(f, p)} = {quantity(float(getattr(f.placed.effect, p.name)), unit)}"
+    words = f"{p.name} = {quantity(float(getattr(f.placed.effect, p.name)), unit)}"
     if p.name in f.ci95:
         lo, hi = (from_si(v, unit) for v in f.ci95[p.name])
         words += f" (95 %: {lo:.3g} to {hi:.3g})"
@@ -124,21 +147,26 @@ def _known(f: PlacedFinding) -> list[Parameter]:
     return [p for p in f.placed.effect.estimated() if p.name in f.ci95 or getattr(f.placed.effect, p.name)]
 
 
-def _called(f: PlacedFinding, p: Parameter) -> str:
-    return f.placed.where if f.placed.effect.name == "parameter_error" else p.name
+def _si(unit: str) -> str:
+    """The SI form of a unit, in the user's own words where these are SI already."""
+    found = parse_unit(unit)
+    return unit if found.factor == 1.0 and not found.offset and unit.strip() else found.si
 
 
 def parameters_of(f: PlacedFinding, unit_of: UnitOf) -> dict[str, dict[str, Any]]:
-    """Its parameters by name, with units and intervals [SI]."""
+    """Its parameters by name, with units and intervals [SI]; a wrong number by its own name, with its new value."""
     out = {}
     for p in _known(f):
+        value, base = float(getattr(f.placed.effect, p.name)), f.stated or 0.0
         entry: dict[str, Any] = {
-            "value": float(getattr(f.placed.effect, p.name)),
-            "unit": parse_unit(derived_unit(p.unit, unit_of(f.placed))).si,
+            "value": base + value,
+            "unit": _si(derived_unit(p.unit, unit_of(f.placed))),
         }
         if p.name in f.ci95:
-            entry["ci95"] = [finite(v) for v in f.ci95[p.name]]
-        out[_called(f, p)] = entry
+            entry["ci95"] = [finite(base + v) for v in f.ci95[p.name]]
+        if f.stated is not None:
+            entry |= {"believed": base, "off_by": value}
+        out[p.name if f.stated is None else f.placed.where] = entry
     return out
 
 
@@ -218,7 +246,7 @@ def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
                 "channel": p.where,
                 "parameter": name,
                 "would_not_see_below": finite(value),
-                "unit": parse_unit(_unit(p, name, unit_of)).si,
+                "unit": _si(_unit(p, name, unit_of)),
             }
             for p, name, value in g.limits
         ],

@@ -1,0 +1,93 @@
+"""`Recorded`: a channel of a plant's log, made ready to be compared with a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.effects.plant import PlantEffect, SensorChange
+from kfgen.errors import InputError
+from kfgen.gap.whitened import Whitener
+from kfgen.log import Log
+from kfgen.model.user import UserModel
+from kfgen.units import parse_unit
+
+Array = NDArray[np.float64]
+
+FAR = 1e3
+"""Deviations of the data at which a simulation that diverges is held."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
+
+    at: NDArray[np.intp]
+    values: Array
+    whitener: Whitener
+
+    def left(self, simulated: Array) -> Array:
+        """Measured less simulated, shape (n, points), finite even where the simulation is not."""
+        far = FAR * max(float(np.ptp(self.values)), 1.0 / float(self.whitener.weight[-1]))
+        left = self.values[:, None] - simulated[self.at]
+        return np.clip(np.where(np.isfinite(left), left, far), -far, far)
+
+    def begun(self, effect: SensorChange, t: Array, shown: Array) -> Array:
+        """Whitened, one deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
+        found = effect.begun(t[self.at], shown[self.at])
+        if found is None or not np.isfinite(found).all():
+            return np.zeros((self.at.size, shown.shape[1]))
+        return self.whitener.ordinates(found)
+
+    @staticmethod
+    def integrated(left: Array, E: Array) -> Array:
+        """Whitened residuals whose squares are what is left of the likelihood without a unit normal deviate times `E`."""
+        power = np.sum(E**2, axis=0)
+        kept = 1.0 / np.sqrt(1.0 + power)
+        return np.asarray(left - E * (np.sum(E * left, axis=0) / np.maximum(power, 1e-300) * (1.0 - kept)))
+
+
+def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
+    """Raise `InputError` where a channel of the log has another dimension than the model's."""
+    given = log.channel(name).unit
+    if not parse_unit(given).same_dimension(parse_unit(unit)):
+        raise InputError(
+            f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
+            where=log.source,
+            remedy="Mend the unit in the header, or in the model file",
+        )
+
+
+def recorded_of(model: UserModel, log: Log, name: str) -> Recorded:
+    """The samples of a channel, less the deterministic effects that are believed of it."""
+    measurement = model.measurements[name]
+    check_unit(log, name, measurement.unit, model)
+    effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
+    if not any(e.form().V or e.form().Z for e in effects):
+        raise InputError(
+            f"the model of {name} has no white noise",
+            where=model.path,
+            remedy="Give it an effect white_noise",
+        )
+    values = np.asarray(log.channel(name).values)
+    at = np.flatnonzero(np.isfinite(values))
+    if at.size < 8:
+        raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
+    y = values[at] - _believed(effects, log, at)
+    dt = float((log.t[at[-1]] - log.t[at[0]]) / (at.size - 1))
+    return Recorded(at, y, Whitener.of(effects, at.size, dt, constant=True))
+
+
+def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
+    """What the deterministic effects of a channel give [SI], shape (n,)."""
+    t = np.asarray(log.t)[at] - log.t[0]
+    total = np.zeros(at.size)
+    for e in effects:
+        if e.coefficients():
+            drive = {e.driver: log.values(e.driver)[at]} if e.driver else None
+            total = total + e.mean(t, drive)
+    return total
