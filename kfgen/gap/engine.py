@@ -242,21 +242,23 @@ def _blind(base: Fitted, fit: Fitted) -> bool:
 def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
     """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats."""
     Q = basis(fit.jacobian)
-    out = []
+    out: dict[tuple[str, str, str], tuple[Placed, str, float]] = {}
     for starts in scene.candidates(fit.point.placed):
         if starts[0].effect.weakens:
             continue  # the larger its parameter, the less it does
+        effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
+        if (what := (effect.name, starts[0].where, name)) in out:
+            continue  # alone it was looked at already: a row of a matrix begins with its first entry
         point = Point((*fit.point.placed, starts[0]), fit.point.unknowns)
         residual = scene.residuals([point])[:, 0]
         if not np.isfinite(residual).all():
             continue
         column = new_columns(scene, fit, point, residual)[:, 0]
         own = float(np.linalg.norm(freed(column, Q)))
-        effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
-            out.append((starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own))
-    return out
+            out[what] = starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own
+    return list(out.values())
 
 
 def evidence(scene: Scene, fit: Fitted) -> float:

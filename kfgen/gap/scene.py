@@ -107,3 +107,12 @@ class Inspected(Protocol):
 
     def faults(self) -> tuple[Placed, ...]:
         """What spoils the readings: wrong units, signs, axes."""
+
+
+@runtime_checkable
+class Telling(Protocol):
+    """A world in which faults were left out or mended, with which a fit means something."""
+
+    @property
+    def said(self) -> tuple[Placed, ...]:
+        """Those faults."""
