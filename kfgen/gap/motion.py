@@ -25,6 +25,7 @@ from kfgen.gap.acting import delayed, edges_of, needs_of
 from kfgen.gap.compared import Compared, compared_of, sound_samples
 from kfgen.gap.convention import misread
 from kfgen.gap.likeness import HALF, Likeness, combination, likeness
+from kfgen.gap.memory import Memory
 from kfgen.gap.offers import Bench, offers
 from kfgen.gap.reference import heard, references
 from kfgen.gap.scene import Placed, Point, Unknown
@@ -40,6 +41,8 @@ FEW = 128
 """Samples without a truth that may follow the mean beside them; more would be seen in the spectrum."""
 BESIDE = 32
 """Samples on either side of a stretch that is not compared to which its noise is joined."""
+RECENT = 4
+"""Results of a channel that are kept: those of the point about which a fit or a screen moves, and of some beside."""
 NOTICED = 3.0
 """Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
 
@@ -149,46 +152,76 @@ class MotionScene:
 
     def residuals(self, points: Sequence[Point]) -> Array:
         """Whitened residuals, shape (sum of lengths, points)."""
-        out = np.empty((sum(self.lengths), len(points)))
+        out = np.empty((sum(self.lengths), len(points)), order="F")
+        ends = np.cumsum(self.lengths)
         for k, point in enumerate(points):
-            at = 0
-            for c, white, left in zip(self.compared, self.whiteners, self.left(point)):
-                out[at : at + c.keep, k] = white.ordinates(left)[: c.keep]
-                at += c.keep
+            for i, (c, end) in enumerate(zip(self.compared, ends)):
+                out[end - c.keep : end, k] = self._ordinates(i, point)
         return out
+
+    def _ordinates(self, i: int, point: Point) -> Array:
+        """Whitened residuals of one channel; most points differ in what acts on another."""
+        c, white = self.compared[i], self.whiteners[i]
+        acting = self._acting(c, (*self.own, *point.placed))
+        unknowns = self._unknowns_of(c, point.unknowns)
+        return self.memory[i].recalled(
+            (*acting, *unknowns), lambda: white.ordinates(self._left(c, acting, unknowns))[: c.keep]
+        )
+
+    @cached_property
+    def memory(self) -> tuple[Memory[Array], ...]:
+        """What was computed of each channel last."""
+        return tuple(Memory(RECENT) for _ in self.compared)
+
+    @cached_property
+    def lagged(self) -> Memory[Signals]:
+        """What triads felt late, as it was computed last: their axes mostly lag alike."""
+        return Memory(RECENT)
 
     def left(self, point: Point) -> list[Array]:
         """What is left of each channel in time [SI], each of shape (n,); zero where nothing is compared."""
-        biased = [c for c in self.compared if c.sensor != "mag"]
-        bias = {c.name: float(b) for c, b in zip(biased, point.unknowns)}
-        m_n = point.unknowns[len(biased) :]
-        felt = {s: self.truth.signals(s, m_n) for s in {c.sensor for c in self.compared}}
-        out, lagged = [], {}
-        for c in self.compared:
-            here = self._acting(c, (*self.own, *point.placed))
-            late = (c.sensor, *(e for e in here if isinstance(e, Lag)), *needs_of(here))
-            if late not in lagged:  # the axes of a triad mostly lag alike
-                lagged[late] = delayed(felt[c.sensor], here)
-            predicted = self._shown(c, lagged[late], here) + bias.get(c.name, 0.0)
-            left = self._believed_where(
-                c, c.y - predicted, self.good & c.there & ~unheard(self.truth.t, here)
+        placed = (*self.own, *point.placed)
+        return [
+            self._left(c, self._acting(c, placed), self._unknowns_of(c, point.unknowns))
+            for c in self.compared
+        ]
+
+    def _unknowns_of(self, c: Compared, unknowns: Array) -> tuple[float, ...]:
+        """The bias of a channel, or the field in space of a magnetometer."""
+        biased = [b.name for b in self.compared if b.sensor != "mag"]
+        if c.sensor == "mag":
+            return tuple(map(float, unknowns[len(biased) :]))
+        return tuple(map(float, unknowns[: len(biased)][biased.index(c.name) :][:1]))
+
+    def _left(self, c: Compared, here: Sequence[Effect], unknowns: tuple[float, ...]) -> Array:
+        """What effects and unknowns of a channel leave of it in time [SI], shape (n,)."""
+        m_n = np.array(unknowns if c.sensor == "mag" else ())
+        bias = sum(() if c.sensor == "mag" else unknowns)
+        lags = tuple(e for e in here if isinstance(e, Lag))
+        felt = (
+            self.truth.signals(c.sensor, m_n)
+            if not lags
+            else self.lagged.recalled(
+                (c.sensor, *m_n.tolist(), *lags, *needs_of(here)),
+                lambda: delayed(self.truth.signals(c.sensor, m_n), here),
             )
-            out.append(self._believed_within(c, left, edges_of(here)))
-        return out
+        )
+        left = c.y - self._shown(c, felt, here) - bias
+        left = self._believed_where(c, left, self.good & c.there & ~unheard(self.truth.t, here))
+        return self._believed_within(c, left, edges_of(here))
 
     def _believed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
         """What is left, with noise as it is believed about the mean beside, where no truth is known."""
         if known.all():
             return left
-        k = self.compared.index(c)
+        from scipy.ndimage import uniform_filter1d
+
+        k, width = self.compared.index(c), 2 * BESIDE + 1
         noise = self.made_up[k]
         away = np.where(known, left - noise, 0.0)
-        beside = np.ones(2 * BESIDE + 1)
-        count = np.convolve(known, beside, mode="same")
-        near = np.flatnonzero(count > min(BESIDE, 0.9 * float(count.max())))
-        level = np.interp(
-            np.arange(left.size), near, np.convolve(away, beside, mode="same")[near] / count[near]
-        )
+        count, mean = (uniform_filter1d(x, width, mode="constant") for x in (known.astype(np.float64), away))
+        near = np.flatnonzero(count > min(BESIDE / width, 0.9 * float(count.max())))
+        level = np.interp(np.arange(left.size), near, mean[near] / count[near])
         if known.size - int(known.sum()) > FEW:
             level = self.whiteners[k].completed(np.where(known, away, level), known)
         return np.where(known, left, noise + level)
