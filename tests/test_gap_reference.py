@@ -78,6 +78,13 @@ def test_another_convention_is_said(change: Callable[[Array], Array], expected: 
     assert (gap.verdict, names(gap)) == ("bad_data", expected)
 
 
+def test_a_sensor_that_is_dead_has_no_bandwidth() -> None:
+    """A corner below the lowest frequency of the log is none: it reads nothing of what it should."""
+    gap = gap_of(log_of(rate(T) * [1.0, 0.0, 1.0], table(rate(T)), 15))
+    assert [(f.placed.effect.name, f.placed.where) for f in gap.findings] == [("scale_factor", "gyro_y")]
+    assert float(gap.findings[0].placed.effect.coefficient) == pytest.approx(-1.0, abs=1e-3)  # type: ignore[attr-defined]
+
+
 def test_some_columns_of_an_attitude_are_no_attitude() -> None:
     q = quaternion(attitude())
     del q["ref_q_w"]

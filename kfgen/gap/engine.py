@@ -215,7 +215,7 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
         if o.gain < 1.0:
             continue
         fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
-        if _blind(base, fit):
+        if _blind(base, fit) or _too_slow(scene, fit.point.placed[-1]):
             continue
         value = evidence(scene, fit) - reference - cost - o.start.effect.rare
         trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
@@ -228,6 +228,13 @@ def _alike(a: Placed, b: Placed) -> bool:
     names = [{p.name for p in free(x.effect)} for x in (a, b)]
     same = type(a.effect) is type(b.effect) and a.where == b.where
     return same and spans[0] == spans[1] and names[0] == names[1]
+
+
+def _too_slow(scene: Scene, placed: Placed) -> bool:
+    """Whether a corner lies below the lowest frequency of the log: nothing passes, and that is another effect."""
+    lowest = 1.0 / (scene.span[1] - scene.span[0])
+    found = (p.name for p in free(placed.effect) if p.kind == "frequency")
+    return any(float(getattr(placed.effect, n)) < lowest for n in found)
 
 
 def _blind(base: Fitted, fit: Fitted) -> bool:
