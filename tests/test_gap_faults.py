@@ -166,6 +166,12 @@ def test_sound_samples_have_no_fault(name: str) -> None:
 def test_every_fault_has_its_test() -> None:
     faults = {n for n, cls in catalogue().items() if issubclass(cls, Fault)}
     elsewhere = {"sample_rate_error", "sign_error", "axis_swap"}  # see tests/test_gap_axes.py
+    elsewhere |= {
+        "other_motion",
+        "reversed_attitude",
+        "scalar_last_attitude",
+    }  # see tests/test_gap_reference.py
+    elsewhere |= {"held_reference", "stuck_reference"}
     assert faults == {*SPOIL, "timestamp_jitter", "dropped_samples"} | elsewhere
 
 

@@ -313,8 +313,8 @@ def test_iron_on_a_magnetometer(turning: tuple[Array, Array, Array]) -> None:
         if name == "hard_iron":
             assert (np.abs(theta - h) < LIMIT * sd).all()
         if added is magnet:
-            assert found.effect.time == pytest.approx(20.0, abs=0.3)
-            assert found.effect.duration == pytest.approx(21.0, abs=0.3)
+            assert found.effect.time == pytest.approx(20.0, abs=DT)  # to the sample: of ten deviations
+            assert found.effect.duration == pytest.approx(21.0, abs=DT)
             assert "from 2" in found.effect.sentence("mag", "uT")
         else:
             assert abs(left / (3 * (N - 20)) - 1.0) < 0.05

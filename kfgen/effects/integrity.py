@@ -18,6 +18,8 @@ from kfgen.effects.series import Raw, Spotted, periods
 
 Array = NDArray[np.float64]
 
+FEW = 64
+"""Steps below which nothing is said of those that repeat."""
 ENDS = 0.004
 """Share of the samples at one end of the range that is no chance."""
 JITTER = 0.02
@@ -40,7 +42,12 @@ NEAR = 0.05
 
 @dataclass(frozen=True)
 class Fault(Effect):
-    """An effect of the rig, which a filter does not model."""
+    """An effect of the rig, which a filter does not model.
+
+    `moving` says whether the samples show it where the sensor moves.
+    """
+
+    moving: ClassVar[bool] = True
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """Nothing is added."""
@@ -65,11 +72,15 @@ class RepeatedSamples(Fault):
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:
         """More equal neighbours than the lattice of values and the noise explain."""
-        equal = float(np.mean(np.diff(raw.y) == 0.0))
+        same = np.diff(raw.y) == 0.0
+        looked = same if raw.still is None else same[~raw.still]
+        if looked.size < FEW or raw.lattice > COARSE * raw.believed:
+            return None
+        equal = float(np.mean(looked))
         chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
         share = (equal - chance) / max(1.0 - chance, 1e-9)
-        least = 3.0 / raw.n + 5.0 * np.sqrt(chance / raw.n) + 0.25 * chance
-        if raw.lattice > COARSE * raw.believed or equal - chance < max(least, 0.005):
+        least = 3.0 / looked.size + 5.0 * np.sqrt(chance / looked.size) + 0.25 * chance
+        if equal - chance < max(least, 0.005):
             return None
         one, two = raw.steps
         if one > (1.0 - 0.25 * share) * two:  # samples that repeat make steps to neighbours small
@@ -84,6 +95,7 @@ class DroppedSamples(Fault):
     share: Any = parameter("", "ratio")
 
     name: ClassVar[str] = "dropped_samples"
+    moving: ClassVar[bool] = False
     title: ClassVar[str] = "dropped samples"
     saying: ClassVar[str] = "lacks a share of {share} of its samples"
 
@@ -103,6 +115,7 @@ class TimestampJitter(Fault):
     sigma: Any = parameter("s", "size")
 
     name: ClassVar[str] = "timestamp_jitter"
+    moving: ClassVar[bool] = False
     title: ClassVar[str] = "jitter of the time stamps"
     saying: ClassVar[str] = "has time stamps that are off by {sigma}"
 
@@ -217,6 +230,7 @@ class UnitError(Fault):
     name: ClassVar[str] = "unit_error"
     title: ClassVar[str] = "a wrong unit"
     saying: ClassVar[str] = "is {factor} times as large as it should be: check the unit of the column"
+    moving: ClassVar[bool] = False
 
     @classmethod
     def spotted(cls, raw: Raw) -> Spotted | None:

@@ -6,6 +6,7 @@ size and of either sign, places uniform over the record or the band.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -161,6 +162,24 @@ def middle95(at: Array, w: Array) -> tuple[float, float]:
     return float(at[lo]), float(at[min(hi, at.size - 1)])
 
 
+SWIFT = 6.0
+"""Deviations of the noise by which a sample of a sensor that moves differs from the one before."""
+ORDERS = (1, 2, 4, 6, 8)
+"""Differences that are looked at: noise survives them all, and fast motion the first alone."""
+
+
+def noise_of(x: Array) -> float:
+    """Deviation of the white noise of samples that move, shape (n, ...): the smallest of differences of several orders."""
+    return min(noise_of_differences(np.diff(x, n=k, axis=0), k) for k in ORDERS if k < len(x))
+
+
+def noise_of_differences(differences: Array, order: int) -> float:
+    """Deviation of white noise from its differences: those of order k have C(2k, k) times its variance."""
+    moved = differences[differences != 0.0]
+    spread = float(np.median(np.abs(moved - np.median(moved)))) if moved.size else 0.0
+    return 1.4826 * spread / math.sqrt(math.comb(2 * order, order))
+
+
 @dataclass(frozen=True)
 class Raw:
     """A channel as it was logged, before any model.
@@ -173,12 +192,15 @@ class Raw:
         Deviation of the white part of a sample that the model believes [SI].
     stated : float
         How long the log says that it lasted [s], beside its times; zero where it does not.
+    moves : bool
+        Whether the sensor moved: differences between neighbours are then of its motion too.
     """
 
     t: Array
     y: Array
     believed: float
     stated: float = 0.0
+    moves: bool = False
 
     @property
     def n(self) -> int:
@@ -193,10 +215,20 @@ class Raw:
     @cached_property
     def noise(self) -> float:
         """Deviation of a sample's white part [SI], from differences between neighbours that are not equal."""
+        if self.moves:
+            return noise_of(self.y)
         steps = np.diff(self.y)
         moved = steps[steps != 0.0]
         middle = float(np.median(np.abs(moved))) if moved.size else 0.0
         return 1.4826 * middle / float(np.sqrt(2.0))
+
+    @cached_property
+    def still(self) -> NDArray[np.bool_] | None:
+        """Of a sensor that moves, the steps about which it does not move for sure, shape (n - 1,)."""
+        if not self.moves:
+            return None
+        about = np.abs(self.y[3:] - self.y[:-3]) > 3.0 * (SWIFT * self.noise + self.lattice)
+        return ~np.concatenate([[False], about, [False]])
 
     @cached_property
     def steps(self) -> tuple[float, float]:

@@ -215,7 +215,7 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
         if o.gain < 1.0:
             continue
         fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
-        if _blind(base, fit):
+        if _blind(base, fit) or _too_slow(scene, fit.point.placed[-1]):
             continue
         value = evidence(scene, fit) - reference - cost - _rare(o.start)
         trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
@@ -233,6 +233,13 @@ def _alike(a: Placed, b: Placed) -> bool:
     names = [{p.name for p in free(x.effect)} for x in (a, b)]
     same = type(a.effect) is type(b.effect) and a.where == b.where
     return same and spans[0] == spans[1] and names[0] == names[1]
+
+
+def _too_slow(scene: Scene, placed: Placed) -> bool:
+    """Whether a corner lies below the lowest frequency of the log: nothing passes, and that is another effect."""
+    lowest = 1.0 / (scene.span[1] - scene.span[0])
+    found = (p.name for p in free(placed.effect) if p.kind == "frequency")
+    return any(float(getattr(placed.effect, n)) < lowest for n in found)
 
 
 def _blind(base: Fitted, fit: Fitted) -> bool:
@@ -254,17 +261,18 @@ def limits(scene: Scene, fit: Fitted) -> list[tuple[Placed, str, float]]:
     for starts in scene.candidates(fit.point.placed):
         if starts[0].effect.weakens:
             continue  # the larger its parameter, the less it does
+        effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
+        if (what := (effect.name, starts[0].where, name)) in out:
+            continue  # alone it was looked at already: a row of a matrix begins with its first entry
         point = Point((*fit.point.placed, starts[0]), fit.point.unknowns)
         residual = scene.residuals([point])[:, 0]
         if not np.isfinite(residual).all():
             continue
         column = new_columns(scene, fit, point, residual)[:, 0]
         own = float(np.linalg.norm(freed(column, Q)))
-        effect, name = starts[0].effect, keys_of((starts[0],))[0][1]
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
-            limit = scale * float(np.sqrt(2.0 * DETECTABLE)) / own
-            out.setdefault((effect.name, starts[0].where, name), (starts[0], name, limit))
+            out[what] = starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own
     return list(out.values())
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import catalogue
+from kfgen.effects import Effect, catalogue
+from kfgen.effects.integrity import Clipping, Fault
 from kfgen.effects.series import Raw, Spotted
 from kfgen.gap.battery import Test
 from kfgen.gap.finding import ChannelGap, Finding
@@ -17,22 +19,56 @@ from kfgen.noise import ChannelNoise
 
 Array = NDArray[np.float64]
 
+FEW = 64
+"""Samples below which nothing is looked for."""
+
 
 def spotted_in(
     record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
 ) -> list[Spotted]:
     """The faults that a channel shows, those that spoil it first."""
-    white = sum(float(e.form().V) / record.dt + 2.0 * float(e.form().Z) / record.dt**2 for e in noise.effects)
     known = {e.name for e in noise.effects}
+    believed = _believed(noise.effects, record.dt)
     if stamps is None or stamps.size == record.n:
-        raw = Raw(record.t if stamps is None else stamps, record.y, float(np.sqrt(white)), stated)
+        raw = Raw(record.t if stamps is None else stamps, record.y, believed, stated)
     else:
-        raw = Raw(stamps, np.interp(stamps, record.t, record.y), float(np.sqrt(white)), stated)
-    found = [cls.spotted(raw) for name, cls in catalogue().items() if name not in known]
-    faults = [f for f in found if f is not None]
+        raw = Raw(stamps, np.interp(stamps, record.t, record.y), believed, stated)
+    return _of(raw, [cls for name, cls in catalogue().items() if name not in known])
+
+
+def _of(raw: Raw, effects: Sequence[type[Effect]]) -> list[Spotted]:
+    """The faults among effects that samples show, those that spoil them first."""
+    faults = [f for cls in effects if (f := cls.spotted(raw)) is not None]
     if len(faults) > 1:  # values on a faulty lattice repeat by themselves
         faults = [f for f in faults if f.effect.name != "repeated_samples" or f.samples > 0.2 * raw.n]
     return sorted(faults, key=lambda f: not f.spoils)
+
+
+def _believed(effects: Sequence[Effect], dt: float) -> float:
+    """Deviation of the white part of a sample [SI]."""
+    white = sum(float(e.form().V) / dt + 2.0 * float(e.form().Z) / dt**2 for e in effects)
+    return float(np.sqrt(white))
+
+
+def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> list[Spotted]:
+    """The faults that the samples of a sensor show that moves, those that spoil them first; both ends of a clipping.
+
+    Clipped samples can be left out, and spoil nothing if they are no more than half of all.
+    """
+    known = {e.name for e in effects}
+    looked = [c for n, c in catalogue().items() if n not in known and issubclass(c, Fault) and c.moving]
+    raw = Raw(t, y, _believed(effects, dt), moves=True)
+    clipped: list[Spotted] = []
+    while (one := Clipping.spotted(raw)) is not None and len(clipped) < 2 and "clipping" not in known:
+        clipped.append(one)
+        assert isinstance(one.effect, Clipping)
+        inside = raw.y != float(one.effect.limit)
+        raw = replace(raw, t=raw.t[inside], y=raw.y[inside])
+        if raw.n < FEW:
+            break
+    spoilt = sum(c.samples for c in clipped) > 0.5 * y.size
+    others = [c for c in looked if c is not Clipping]
+    return [*(replace(c, spoils=spoilt) for c in clipped), *(_of(raw, others) if raw.n >= FEW else ())]
 
 
 def said_of(fault: Spotted, record: Record) -> Finding:

@@ -11,19 +11,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.axes import axis_faults
-from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay, unheard
+from kfgen.effects.motion import Lag, Motion, Signals, unheard
+from kfgen.effects.reference import OtherMotion
 from kfgen.errors import InputError
+from kfgen.gap.acting import delayed, edges_of, needs_of
+from kfgen.gap.compared import Compared, compared_of, sound_samples
+from kfgen.gap.convention import misread
+from kfgen.gap.likeness import HALF, Likeness, combination, likeness
+from kfgen.gap.memory import Memory
 from kfgen.gap.offers import Bench, offers
+from kfgen.gap.reference import heard, references
 from kfgen.gap.scene import Placed, Point, Unknown
-from kfgen.gap.truth import Truth, held, place, truth_of
+from kfgen.gap.truth import Truth, held, truth_of
 from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
 from kfgen.noise import NoiseModel
@@ -35,34 +41,10 @@ FEW = 128
 """Samples without a truth that may follow the mean beside them; more would be seen in the spectrum."""
 BESIDE = 32
 """Samples on either side of a stretch that is not compared to which its noise is joined."""
-UNLIKE = 0.2
-"""Share of a channel's power that may be no motion of the triad where its axes are looked at."""
+RECENT = 4
+"""Results of a channel that are kept: those of the point about which a fit or a screen moves, and of some beside."""
 NOTICED = 3.0
 """Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
-
-
-@dataclass(frozen=True)
-class Compared:
-    """A channel against its truth.
-
-    Parameters
-    ----------
-    name, sensor, unit : str
-    axis : int
-    y : ndarray, shape (n,)
-        What was read [SI], zero where nothing was.
-    noise : tuple of Effect
-    keep : int
-        Ordinates that are compared, from the lowest frequency on.
-    """
-
-    name: str
-    sensor: str
-    unit: str
-    axis: int
-    y: Array
-    noise: tuple[Effect, ...]
-    keep: int
 
 
 @dataclass(frozen=True)
@@ -79,6 +61,10 @@ class MotionScene:
         Recorded drivers, the temperature.
     own : tuple of Placed
         What is believed of the channels beside their noise.
+    said : tuple of Placed
+        Faults of the samples and the references that were left out, or mended.
+    spoilt : tuple of Placed
+        Faults with which a fit would mean nothing.
     """
 
     truth: Truth
@@ -86,6 +72,8 @@ class MotionScene:
     good: NDArray[np.bool_]
     drive: Mapping[str, Array]
     own: tuple[Placed, ...] = ()
+    said: tuple[Placed, ...] = ()
+    spoilt: tuple[Placed, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -113,7 +101,7 @@ class MotionScene:
         found = []
         for c in self.compared:
             if c.sensor != "mag":
-                away = (c.y - self.truth.signals(c.sensor).y[:, c.axis])[self.good]
+                away = (c.y - self.truth.signals(c.sensor).y[:, c.axis])[self.good & c.there]
                 found.append(Unknown(f"bias of {c.name}", parse_unit(c.unit).si, float(away.mean()), np.inf))
         field = self.believed_field()
         if field is not None:
@@ -134,10 +122,11 @@ class MotionScene:
             return None
         J, b = np.zeros((3, 3)), np.zeros(3)
         for c in axes:
-            rows = self.truth.R_bn[self.good, c.axis]
+            good = self.good & c.there
+            rows = self.truth.R_bn[good, c.axis]
             y = c.y if left_out is None else c.y - left_out[:, c.axis]
             J += rows.T @ rows
-            b += rows.T @ y[self.good]
+            b += rows.T @ y[good]
         return np.asarray(np.linalg.lstsq(J, b, rcond=1e-9)[0])
 
     @cached_property
@@ -163,44 +152,76 @@ class MotionScene:
 
     def residuals(self, points: Sequence[Point]) -> Array:
         """Whitened residuals, shape (sum of lengths, points)."""
-        out = np.empty((sum(self.lengths), len(points)))
+        out = np.empty((sum(self.lengths), len(points)), order="F")
+        ends = np.cumsum(self.lengths)
         for k, point in enumerate(points):
-            at = 0
-            for c, white, left in zip(self.compared, self.whiteners, self.left(point)):
-                out[at : at + c.keep, k] = white.ordinates(left)[: c.keep]
-                at += c.keep
+            for i, (c, end) in enumerate(zip(self.compared, ends)):
+                out[end - c.keep : end, k] = self._ordinates(i, point)
         return out
+
+    def _ordinates(self, i: int, point: Point) -> Array:
+        """Whitened residuals of one channel; most points differ in what acts on another."""
+        c, white = self.compared[i], self.whiteners[i]
+        acting = self._acting(c, (*self.own, *point.placed))
+        unknowns = self._unknowns_of(c, point.unknowns)
+        return self.memory[i].recalled(
+            (*acting, *unknowns), lambda: white.ordinates(self._left(c, acting, unknowns))[: c.keep]
+        )
+
+    @cached_property
+    def memory(self) -> tuple[Memory[Array], ...]:
+        """What was computed of each channel last."""
+        return tuple(Memory(RECENT) for _ in self.compared)
+
+    @cached_property
+    def lagged(self) -> Memory[Signals]:
+        """What triads felt late, as it was computed last: their axes mostly lag alike."""
+        return Memory(RECENT)
 
     def left(self, point: Point) -> list[Array]:
         """What is left of each channel in time [SI], each of shape (n,); zero where nothing is compared."""
-        biased = [c for c in self.compared if c.sensor != "mag"]
-        bias = {c.name: float(b) for c, b in zip(biased, point.unknowns)}
-        m_n = point.unknowns[len(biased) :]
-        felt = {s: self.truth.signals(s, m_n) for s in {c.sensor for c in self.compared}}
-        out, lagged = [], {}
-        for c in self.compared:
-            here = self._acting(c, (*self.own, *point.placed))
-            late = (c.sensor, *(e for e in here if isinstance(e, Lag)), *_needs(here))
-            if late not in lagged:  # the axes of a triad mostly lag alike
-                lagged[late] = delayed(felt[c.sensor], here)
-            predicted = self._shown(c, lagged[late], here) + bias.get(c.name, 0.0)
-            left = self._believed_where(c, c.y - predicted, self.good & ~unheard(self.truth.t, here))
-            out.append(self._believed_within(c, left, edges_of(here)))
-        return out
+        placed = (*self.own, *point.placed)
+        return [
+            self._left(c, self._acting(c, placed), self._unknowns_of(c, point.unknowns))
+            for c in self.compared
+        ]
+
+    def _unknowns_of(self, c: Compared, unknowns: Array) -> tuple[float, ...]:
+        """The bias of a channel, or the field in space of a magnetometer."""
+        biased = [b.name for b in self.compared if b.sensor != "mag"]
+        if c.sensor == "mag":
+            return tuple(map(float, unknowns[len(biased) :]))
+        return tuple(map(float, unknowns[: len(biased)][biased.index(c.name) :][:1]))
+
+    def _left(self, c: Compared, here: Sequence[Effect], unknowns: tuple[float, ...]) -> Array:
+        """What effects and unknowns of a channel leave of it in time [SI], shape (n,)."""
+        m_n = np.array(unknowns if c.sensor == "mag" else ())
+        bias = sum(() if c.sensor == "mag" else unknowns)
+        lags = tuple(e for e in here if isinstance(e, Lag))
+        felt = (
+            self.truth.signals(c.sensor, m_n)
+            if not lags
+            else self.lagged.recalled(
+                (c.sensor, *m_n.tolist(), *lags, *needs_of(here)),
+                lambda: delayed(self.truth.signals(c.sensor, m_n), here),
+            )
+        )
+        left = c.y - self._shown(c, felt, here) - bias
+        left = self._believed_where(c, left, self.good & c.there & ~unheard(self.truth.t, here))
+        return self._believed_within(c, left, edges_of(here))
 
     def _believed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
         """What is left, with noise as it is believed about the mean beside, where no truth is known."""
         if known.all():
             return left
-        k = self.compared.index(c)
+        from scipy.ndimage import uniform_filter1d
+
+        k, width = self.compared.index(c), 2 * BESIDE + 1
         noise = self.made_up[k]
         away = np.where(known, left - noise, 0.0)
-        beside = np.ones(2 * BESIDE + 1)
-        count = np.convolve(known, beside, mode="same")
-        near = np.flatnonzero(count > min(BESIDE, 0.9 * float(count.max())))
-        level = np.interp(
-            np.arange(left.size), near, np.convolve(away, beside, mode="same")[near] / count[near]
-        )
+        count, mean = (uniform_filter1d(x, width, mode="constant") for x in (known.astype(np.float64), away))
+        near = np.flatnonzero(count > min(BESIDE / width, 0.9 * float(count.max())))
+        level = np.interp(np.arange(left.size), near, mean[near] / count[near])
         if known.size - int(known.sum()) > FEW:
             level = self.whiteners[k].completed(np.where(known, away, level), known)
         return np.where(known, left, noise + level)
@@ -283,14 +304,30 @@ class MotionScene:
         return Bench(self.truth, moved, still, good, y - extra, spread, field, self.drive)
 
     def faults(self) -> tuple[Placed, ...]:
-        """Channels that read another axis, the opposite, or another unit than they should."""
-        found = []
-        for c in self.compared:
-            if c.sensor in self.truth.read or c.sensor != "mag":
-                X, y = self.truth.signals(c.sensor).y[self.good], c.y[self.good]
-                row = combination(X - X.mean(axis=0), y - y.mean())
-                found += [Placed(e, c.name) for e in axis_faults(row, c.axis)]
-        return tuple(found)
+        """What spoils a fit: of the samples, the reference, or channels that read another axis or unit."""
+        return self.spoilt or tuple(p for c in self.compared for p in self.turned(c))
+
+    def turned(self, c: Compared) -> list[Placed]:
+        """Whether a channel reads another axis, the opposite, or another unit than it should."""
+        if c.sensor == "mag" and "mag" not in self.truth.read:
+            return []
+        good = self.good & c.there
+        X, y = self.truth.signals(c.sensor).y[good], c.y[good]
+        row = combination(X - X.mean(axis=0), y - y.mean())
+        return [Placed(e, c.name) for e in axis_faults(row, c.axis)]
+
+    def likeness(self, sensor: str, X: Array, bandwidth: float = np.inf) -> Likeness:
+        """Of the readings of a triad and what it should have read, shape (n, 3), up to a frequency [Hz]."""
+
+        def about(x: Array, good: NDArray[np.bool_]) -> Array:
+            kept = good.reshape(-1, *(1,) * (x.ndim - 1))
+            return np.asarray(np.where(kept, x - x[good].mean(axis=0), 0.0))
+
+        top = int(min(2.0 * self.truth.t.size * self.dt * bandwidth, self.truth.t.size))
+        pairs = [
+            (c, w, self.good & c.there) for c, w in zip(self.compared, self.whiteners) if c.sensor == sensor
+        ]
+        return likeness([(w, about(c.y, good), about(X, good), c.axis, top) for c, w, good in pairs])
 
     def part(self, start: float, stop: float) -> MotionScene:
         """The same world from `start` to `stop` [s]."""
@@ -301,48 +338,11 @@ class MotionScene:
             raise InputError("a part of the log is too short", remedy="Give a longer log")
         share = (j - i) / self.truth.t.size
         kept = tuple(
-            replace(c, y=c.y[i:j], keep=min(int(j - i), max(2, round(share * c.keep)))) for c in self.compared
+            replace(c, y=c.y[i:j], there=c.there[i:j], keep=min(int(j - i), max(2, round(share * c.keep))))
+            for c in self.compared
         )
         drive = {k: v[i:j] for k, v in self.drive.items()}
         return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive, self.own)
-
-
-def _needs(effects: Sequence[Effect]) -> tuple[str, ...]:
-    """The drivers that effects need."""
-    return tuple(sorted({n for e in effects if isinstance(e, Motion) for n in e.needs}))
-
-
-def combination(X: Array, y: Array) -> Array:
-    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not."""
-    row = np.linalg.lstsq(np.nan_to_num(X), y, rcond=1e-6)[0]
-    left = y - np.nan_to_num(X) @ row
-    return np.asarray(row if left @ left < UNLIKE * float(y @ y) else np.zeros(3))
-
-
-def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:
-    """Times [s] within which effects come or go, and nobody knows how."""
-    out = []
-    for e in effects:
-        edge = float(getattr(e, "edge", 0.0))
-        if edge > 0.0:
-            first, last = float(getattr(e, "time", 0.0)), float(getattr(e, "duration", 0.0))
-            out += [(first, first + edge), (first + last - edge, first + last)]
-    return out
-
-
-def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
-    """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them."""
-    lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
-    lags += [e for e in effects if isinstance(e, Bandwidth)]
-    needed = _needs(effects)
-    for lag in lags:
-        moved: dict[str, Any] = {
-            name: lag.passed(value, felt.dt)
-            for name in ("y", *needed)
-            if (value := getattr(felt, name)) is not None
-        }
-        felt = replace(felt, **moved)
-    return felt
 
 
 def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
@@ -356,10 +356,13 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     if not any(name.startswith("ref_") for name in log.channels):
         return None
     log = log.cut(*held(log))
-    truth = truth_of(log)
+    log.uniform_dt()
+    mended = heard(log)
+    log = mended.log.cut(*held(mended.log))
+    truth = truth_of(log, mended.bandwidth)
     if truth is None:
         return None
-    compared = tuple(c for name in noise.channels if (c := _compared(log, noise, truth, name)) is not None)
+    compared = tuple(c for name in noise.channels if (c := compared_of(log, noise, truth, name)) is not None)
     if not compared:
         return None
     good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
@@ -369,23 +372,29 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     own = tuple(
         Placed(e, c.name) for c in compared for e in c.noise if isinstance(e, Motion) or e.coefficients()
     )
-    scene = MotionScene(truth, compared, good, drive, own)
-    return scene if any(scene.moving(c) for c in compared) else None
-
-
-def _compared(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared | None:
-    sensor, axis = place(name)
-    if name not in log.channels or axis not in truth.axes.get(sensor, ()):
+    sound = [sound_samples(c, truth) for c in compared]
+    compared = tuple(c for c, _, _ in sound)
+    said = (*mended.said, *(p for _, ps, _ in sound for p in ps))
+    spoilt = tuple(p for _, _, ps in sound for p in ps)
+    scene = MotionScene(truth, compared, good, drive, own, said, spoilt)
+    if not any(scene.moving(c) for c in compared):
         return None
-    channel, believed = log.channels[name], noise.channel(name)
-    if not parse_unit(channel.unit).same_dimension(parse_unit(believed.unit)):
-        raise InputError(
-            f"{name} is in {channel.unit}, its noise in {believed.unit}",
-            where=log.source,
-            remedy="Give the unit with --columns",
-        )
-    keep = log.n
-    if sensor in truth.bandwidth:
-        keep = min(keep, int(2.0 * log.n * truth.dt * truth.bandwidth[sensor]))
-    y = np.where(np.isfinite(channel.values), channel.values, 0.0)
-    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep)
+    return replace(scene, spoilt=spoilt or _unlike(scene, log, mended.bandwidth))
+
+
+def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:
+    """References that have nothing to do with what was read; an attitude says nothing of all forces."""
+    given = references(log)
+    found: list[Placed] = []
+    for sensor in dict.fromkeys(c.sensor for c in scene.compared):
+        turned = sensor == "gyro" and sensor not in given
+        if sensor not in given and not turned:
+            continue
+        known = scene.truth.bandwidth.get(sensor, np.inf)
+        like = scene.likeness(sensor, scene.truth.read[sensor], known)
+        if turned and like.error > HALF:
+            wrong = misread(log, bandwidth, like, partial(scene.likeness, sensor))
+            found += [Placed(e, sensor) for e in wrong]
+        if not like.alike and not found:
+            found.append(Placed(OtherMotion(like.correlation), sensor))
+    return tuple(found)

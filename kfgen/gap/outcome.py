@@ -13,7 +13,7 @@ from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, limits
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import DRAWS, HELD_OUT, Gap, divergence
-from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Trusting, Unknown
+from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Telling, Trusting, Unknown
 from kfgen.gap.screen import basis
 from kfgen.gap.search import SET
 from kfgen.gap.whitened import Whitener
@@ -105,11 +105,16 @@ def find_scene_gap(scene: Scene) -> SceneGap:
 def _spoilt(scene: Scene, faults: Sequence[Placed]) -> SceneGap:
     """The answer where a fit would mean nothing: the faults alone."""
     believed = fitted(scene, Point((), _values(scene)))
-    findings = tuple(PlacedFinding(f, {}, 1.0, 0.0, (), {}) for f in faults)
+    findings = tuple(map(_said, faults))
     tests = tuple(tests_of(scene, believed))
     rms = tuple((c, r, r) for c, r, _ in _rms(scene, believed, believed))
     nothing = Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no effect was fitted")
     return SceneGap(scene, "bad_data", findings, tests, tests, nothing, rms, believed, believed)
+
+
+def _said(fault: Placed) -> PlacedFinding:
+    """A fault as a finding."""
+    return PlacedFinding(fault, {}, 1.0, 0.0, (), {})
 
 
 def _rms(scene: Scene, before: Fitted, after: Fitted) -> tuple[tuple[str, float, float], ...]:
@@ -123,7 +128,8 @@ def _gap_of(answer: Answered) -> SceneGap:
     """The answer where effects were looked for."""
     scene, found = answer.scene, answer.found
     before, after = tests_of(scene, found.believed), tests_of(scene, found.fit)
-    findings = tuple(_finding(scene, a, i, found) for i, a in enumerate(found.added))
+    said = scene.said if isinstance(scene, Telling) else ()
+    findings = (*map(_said, said), *(_finding(scene, a, i, found) for i, a in enumerate(found.added)))
     verdict = "effects_found" if findings else "no_gap"
     if any(t.significant for _, t in after):
         verdict = "unknown_effect"

@@ -157,3 +157,12 @@ class Driven(Protocol):
     @property
     def astray(self) -> bool:
         """Whether the believed model follows the record nowhere."""
+
+
+@runtime_checkable
+class Telling(Protocol):
+    """A world in which faults were left out or mended, with which a fit means something."""
+
+    @property
+    def said(self) -> tuple[Placed, ...]:
+        """Those faults."""

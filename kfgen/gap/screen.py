@@ -44,7 +44,8 @@ class Screened:
 def screen(scene: Scene, base: Fitted) -> list[Screened]:
     """Every addition by its linear gain beside a fit, the best first."""
     Q, own = basis(base.jacobian), _own(base)
-    found = [_screened(scene, base, g, Q, own) for g in scene.candidates(base.point.placed)]
+    before = freed(over_levels(scene, base.residual, base.levels), Q)
+    found = [_screened(scene, base, g, Q, own, before) for g in scene.candidates(base.point.placed)]
     return sorted(found, key=lambda s: -s.gain)
 
 
@@ -56,12 +57,12 @@ def _own(base: Fitted) -> list[Array]:
 
 
 def _screened(
-    scene: Scene, base: Fitted, starts: Sequence[Placed], Q: Array, own: Sequence[Array]
+    scene: Scene, base: Fitted, starts: Sequence[Placed], Q: Array, own: Sequence[Array], before: Array
 ) -> Screened:
-    """The best start of an addition, by its linear gain."""
+    """The best start of an addition, by its linear gain over what was left `before`."""
+    power = float(before @ before)
     points = [Point((*base.point.placed, s), base.point.unknowns) for s in starts]
     found = scene.residuals(points)
-    before = freed(over_levels(scene, base.residual, base.levels), Q)
     best = Screened(-np.inf, starts[0], np.zeros_like(before), np.zeros(len(own)))
     for j, point in enumerate(points):
         if not np.isfinite(found[:, j]).all():
@@ -73,8 +74,8 @@ def _screened(
         rest = freed(over_levels(scene, found[:, j], base.levels), Q)
         if told.any():
             B = A[:, told] / size[told]
-            rest = rest - B @ np.linalg.lstsq(B, rest, rcond=1e-10)[0]
-        gain = 0.5 * float(before @ before - rest @ rest)
+            rest = rest - B @ (np.linalg.pinv(B.T @ B, rcond=1e-10, hermitian=True) @ (B.T @ rest))
+        gain = 0.5 * (power - float(rest @ rest))
         if gain > best.gain:
             best = Screened(gain, starts[j], A[:, int(np.argmax(size))], _claims(columns, size, own))
     return best

@@ -78,17 +78,24 @@ def best_span(
     if found is None:
         return None
     width = n // BLOCKS + 1
-    near = [
-        np.unique(np.clip(np.linspace(e - width, e + width, FINE), 0, n).astype(np.int64)) for e in found[:2]
-    ]
-    found = _search(m_b, good, R_bn, in_body, near[0], near[1]) or found
+    while width > 0:  # until neighbours of the grid are neighbours of the log
+        near = [_about(e, width, n) for e in found[:2]]
+        found = _search(m_b, good, R_bn, in_body, near[0], near[1]) or found
+        width = (2 * width) // (FINE - 1)
     start, stop, h, gain = found
     dt = float((t[-1] - t[0]) / (n - 1))
     start, stop, edge = _edges(
         start, stop, _off(m_b, good, R_bn, in_body, found), dt, float(np.linalg.norm(h))
     )
     vector = (float(h[0]), float(h[1]), float(h[2]))
-    return Span(float(t[0] + start * dt), float(t[0] + stop * dt), vector, gain, edge * dt)
+    # A sharp edge is somewhere between two samples.
+    first, last = (float(t[0] + (at - (0.0 if edge else 0.5)) * dt) for at in (start, stop))
+    return Span(first, last, vector, gain, edge * dt)
+
+
+def _about(at: int, width: int, n: int) -> NDArray[np.int64]:
+    """Samples about one, evenly."""
+    return np.unique(np.clip(np.linspace(at - width, at + width, FINE).round(), 0, n).astype(np.int64))
 
 
 def _off(

@@ -12,7 +12,6 @@ References
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.motion import AXES, Signals
+from kfgen.effects.series import noise_of_differences
 from kfgen.errors import InputError
 from kfgen.log import Log
 from kfgen.units import STANDARD_GRAVITY
@@ -121,8 +121,13 @@ class Truth:
         return replace(self, **arrays, read={k: v[start:stop] for k, v in self.read.items()})
 
 
-def truth_of(log: Log) -> Truth | None:
+def truth_of(log: Log, bandwidth: Mapping[str, float] | None = None) -> Truth | None:
     """The truth of a log with references; none without.
+
+    Parameters
+    ----------
+    bandwidth : mapping of str to float, optional
+        Highest frequency [Hz] up to which a reference is known, by sensor, where that is not all.
 
     Raises
     ------
@@ -143,7 +148,7 @@ def truth_of(log: Log) -> Truth | None:
         u = _triad(log, f"ref_{sensor}", axes)
         good &= np.isfinite(u).all(axis=1)
         read[sensor] = _bridged(log.t, u)
-    truth = Truth(np.asarray(log.t), read, dict(found), good)
+    truth = Truth(np.asarray(log.t), read, dict(found), good, bandwidth=dict(bandwidth or {}))
     if attitude:
         truth = _with_attitude(truth, log)
     return _with_drivers(truth, log)
@@ -269,7 +274,7 @@ def body_rate(
 
     nb = Rotation.from_quat(q_nb, scalar_first=True)
     turn = (nb[:-1].inv() * nb[1:]).as_rotvec()
-    angle = min(_noise_of_angle(np.diff(turn, n=n, axis=0), n + 1) for n in ORDERS)
+    angle = min(noise_of_differences(np.diff(turn, n=n, axis=0), n + 1) for n in ORDERS)
     rate = np.empty((turn.shape[0] + 1, 3))
     rate[1:-1] = 0.5 * (turn[1:] + turn[:-1]) / dt
     # Magnus' second term: a turn about an axis that moves holds dt^3 (w x dw/dt) / 12 beside the integral.
@@ -282,12 +287,6 @@ def body_rate(
     kept = 0.5 * (1.0 + np.cos(np.pi * share)) / np.maximum(np.sinc(w / np.pi), 0.1)
     X = dct(rate, type=2, axis=0, norm="ortho") * kept[:, None]
     return np.asarray(idct(X, type=2, axis=0, norm="ortho")), corner, angle, floor
-
-
-def _noise_of_angle(differences: Array, order: int) -> float:
-    """Deviation of white noise from its differences: those of order k have C(2k, k) times its variance."""
-    spread = np.median(np.abs(differences - np.median(differences, axis=0)))
-    return float(1.4826 * spread) / math.sqrt(math.comb(2 * order, order))
 
 
 def _spectrum(rate: Array, read: Array | None, angle: float, dt: float) -> tuple[float, Floor]:

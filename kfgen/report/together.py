@@ -44,7 +44,9 @@ def together_answer(logs: Sequence[Log], believed: NoiseModel, found: Mapping[st
         }
         for log in logs
     ]
-    return replace(answer, text="\n".join(lines), data=data, page=Page(f"Model against {len(logs)} recordings", parts))
+    return replace(
+        answer, text="\n".join(lines), data=data, page=Page(f"Model against {len(logs)} recordings", parts)
+    )
 
 
 def _verdict(found: Together) -> str:
