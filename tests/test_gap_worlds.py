@@ -93,6 +93,7 @@ def test_a_plant_that_lacks_friction(plant: Any, kfgen: Cli, tmp_path: Path) -> 
     assert answer["verdict"] == "effects_found"
     (step,) = answer["steps"]
     assert (step["effect"], step["channel"]) == ("viscous_friction", "omega")
+    assert step["parameters"]["coefficient"]["unit"] == "1/s"
     lo, hi = step["parameters"]["coefficient"]["ci95"]
     assert abs(0.3 - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
     assert 0.29 < lo < hi < 0.31

@@ -177,6 +177,27 @@ def test_an_actuator_with_a_lag(tau: float) -> None:
     np.testing.assert_allclose(states, np.array(X)[:, :2], atol=1e-3 if tau < 0.01 else 1e-4)
 
 
+@pytest.mark.parametrize("tau", [1e-5, 4e-4, 3e-3, 0.02, 0.3])
+@pytest.mark.parametrize("delay", [0.0, 0.013])
+def test_a_lag_however_short_passes_the_whole_input(tau: float, delay: float) -> None:
+    """An integrator behind it, in closed form: what has passed is what came in less ``tau`` times what is behind."""
+    u, t = push(TIMES), TIMES
+    edges = np.concatenate([[0.0], t + delay])
+    lagged, total, out = u[0], 0.0, []
+    moments = np.unique(np.concatenate([edges, t]))
+    for a, b in itertools.pairwise(moments[moments <= t[-1] + 1e-12]):
+        v = u[max(int(np.searchsorted(t + delay, 0.5 * (a + b))) - 1, 0)]
+        if np.any(np.abs(t - a) < 1e-12):
+            out.append(total)
+        total += v * (b - a) + tau * (lagged - v) * -np.expm1(-(b - a) / tau)
+        lagged = v + (lagged - v) * np.exp(-(b - a) / tau)
+    out.append(total)
+    text = PENDULUM.replace("-g_over_l*sin(theta) + gain*u", "u")
+    placed = [("u", make("input_lag", tau=tau)), ("u", make("input_delay", delay=delay))]
+    states, _ = run(placed if delay else placed[:1], t, u, text)
+    np.testing.assert_allclose(states[:, 0] - START["omega"], out, atol=1e-12)
+
+
 def test_a_smooth_input_behind_a_lag() -> None:
     tau, x0 = 0.15, [START["omega"], START["theta"], float(wave(0.0))]
 

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 NODES = np.array([0.0, 0.5, 1.0])
 """Where a Runge-Kutta step looks at an input."""
+WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
+"""What each look counts."""
 
 
 @dataclass(frozen=True)
@@ -84,22 +86,39 @@ class Signal:
         t, dt = self.t[first:last], np.diff(self.t)[first:last]
         parts = np.arange(substeps) / substeps
         if self.held and not self._lag.any():
-            edges = (t[:, None] + dt[:, None] * np.append(parts, 1.0)).ravel()
-            total = self._integral(edges).reshape(t.size, substeps + 1, -1)
-            return np.asarray(np.diff(total, axis=1) / (dt[:, None, None] / substeps))[:, :, None, :]
+            return self._means(first, last, substeps)[:, :, None, :]
         at = parts[:, None] + NODES / substeps
         times = t[:, None, None] + dt[:, None, None] * at
-        return self.at(times.ravel()).reshape(t.size, substeps, NODES.size, -1)
+        found = self.at(times.ravel()).reshape(t.size, substeps, NODES.size, -1)
+        # A lag much shorter than the part ends between the nodes: its integral is kept.
+        return (
+            found + (self._means(first, last, substeps) - WEIGHTS @ found)[:, :, None] if self.held else found
+        )
+
+    def _means(self, first: int, last: int, substeps: int) -> Array:
+        """What acts on average in each part of the steps, of a held input, shape (steps, substeps, batch)."""
+        t, dt = self.t[first:last], np.diff(self.t)[first:last]
+        edges = (t[:, None] + dt[:, None] * (np.arange(substeps + 1) / substeps)).ravel()
+        total = self._integral(edges).reshape(t.size, substeps + 1, -1)
+        return np.asarray(np.diff(total, axis=1) / (dt[:, None, None] / substeps))
 
     def _integral(self, times: Array) -> Array:
-        """The integral of a held input that is late, at times, shape (m, batch)."""
-        u = self.samples
+        """The integral of a held input that is late or behind a lag, at times, shape (m, batch)."""
+        u, lag = self.samples, self._lag
         steps = np.append(np.diff(self.t), 0.0)[:, None]
-        total = np.vstack([np.zeros((1, u.shape[1])), np.cumsum(u * steps, axis=0)])[:-1]
         s = times[:, None] - self._late
         k = self._before(s)
         columns = np.broadcast_to(np.arange(u.shape[1]), (1, u.shape[1]))
-        return np.asarray(total[k, columns] + u[k, columns] * (s - self.t[k]))
+        whole = u * steps
+        part = u[k, columns] * (s - self.t[k])
+        if lag.any():
+            behind = lag * (self._behind - u)
+            whole = whole + behind * -np.expm1(-steps / lag)
+            inner = np.broadcast_to(np.arange(behind.shape[1]), (1, behind.shape[1]))
+            part = part + behind[k, inner] * -np.expm1(-np.maximum(s - self.t[k], 0.0) / lag)
+        total = np.vstack([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)])[:-1]
+        ordinal = np.broadcast_to(np.arange(whole.shape[1]), (1, whole.shape[1]))
+        return np.asarray(total[k, ordinal] + part)
 
     def _before(self, s: Array) -> NDArray[np.intp]:
         """The last sample before each time; the first before the record."""
