@@ -36,7 +36,7 @@ ORDERS = (2, 4, 6, 8)
 """Differences of a turn that are looked at: noise survives them all, and fast motion the first alone."""
 ENDS = 4.0
 """Periods of the highest frequency of an attitude's rate that are left out at both ends."""
-SPECTRUM = 512
+SPECTRUM = 256
 """Samples below which a stretch is too short for a spectrum."""
 
 
@@ -220,7 +220,7 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
     period = 1.0 / (corner * truth.dt)
-    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(0.5 * period)))
+    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(ENDS * period)))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
         ends = (
