@@ -90,6 +90,15 @@ def test_holes_of_a_reference_are_no_gap(share: float) -> None:
     assert (gap.verdict, names(gap)) == ("no_gap", [])
 
 
+@pytest.mark.parametrize("hole", [3, 150])
+def test_holes_of_an_attitude_are_no_gap(hole: int) -> None:
+    """Every five seconds: what bridges them is no rate, and rings as far as the ends of a band do."""
+    q = attitude()
+    q[np.arange(T.size) % 500 < hole] = 0.0 if hole < 10 else np.nan
+    gap = gap_of(rate(T), {f"ref_q_{c}": Channel(q[:, k], "") for k, c in enumerate("wxyz")}, 4)
+    assert (gap.verdict, names(gap)) == ("no_gap", [])
+
+
 def test_an_exact_attitude_in_fast_motion_is_no_gap() -> None:
     q = attitude()
     references = {f"ref_q_{c}": Channel(q[:, k], "") for k, c in enumerate("wxyz")}

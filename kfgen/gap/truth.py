@@ -36,7 +36,9 @@ ORDERS = (2, 4, 6, 8)
 """Differences of a turn that are looked at: noise survives them all, and fast motion the first alone."""
 ENDS = 4.0
 """Periods of the highest frequency of an attitude's rate that are left out at both ends."""
-SPECTRUM = 512
+BESIDE = 1.0
+"""And beside its holes, where what bridges them is nearer to the truth than nothing."""
+SPECTRUM = 256
 """Samples below which a stretch is too short for a spectrum."""
 
 
@@ -197,13 +199,15 @@ def _bridged(t: Array, u: Array) -> Array:
 def _with_attitude(truth: Truth, log: Log) -> Truth:
     """The truth that an attitude adds."""
     from scipy.interpolate import CubicSpline
-    from scipy.spatial.transform import Rotation, Slerp
+    from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
     q = np.array([log.channels[f"ref_q_{c}"].values for c in "wxyz"]).T
     there = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.5)
     if there.sum() < 16:
         raise InputError("the reference attitude has no numbers", where=log.source)
-    seen = Slerp(truth.t[there], Rotation.from_quat(q[there], scalar_first=True))
+    # Without a jump of the rate at the edges of a hole, which would ring in the band.
+    bridge = Slerp if there.all() else RotationSpline
+    seen = bridge(truth.t[there], Rotation.from_quat(q[there], scalar_first=True))
     first, last = truth.t[there][0], truth.t[there][-1]
     nb = seen(np.clip(truth.t, first, last))
     step = int(np.median(np.diff(np.flatnonzero(there))))
@@ -220,12 +224,10 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
     period = 1.0 / (corner * truth.dt)
-    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(0.5 * period)))
+    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(BESIDE * period)))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
-        ends = (
-            ENDS / corner
-        )  # a band-limited rate is not known where nobody knows what was before or comes after
+        ends = ENDS / corner  # nobody knows what was before or comes after
         good &= (truth.t >= truth.t[0] + ends) & (truth.t <= truth.t[-1] - ends)
     if "accel" not in read:
         read["accel"], axes["accel"] = -R_bn[:, :, 2] * (down * STANDARD_GRAVITY), (0, 1, 2)
