@@ -147,6 +147,22 @@ def test_beside_a_clipping_another_effect_is_found() -> None:
     assert gap.findings[-1].ci95["coefficient"] == pytest.approx((0.02, 0.02), abs=5e-4)
 
 
+def test_frozen_samples_are_named_and_left_out() -> None:
+    """Six seconds of one value, and a second of zeros as of a lost line."""
+    y = rate(T) + SIGMA * np.random.default_rng(16).standard_normal((T.size, 3))
+    y[1500:2100, 0] = y[1500, 0]
+    y[3000:3100, 0] = 0.0
+    log = Log(T, {f"gyro_{a}": Channel(y[:, k], "rad/s") for k, a in enumerate("xyz")} | table(rate(T)))
+    gap = gap_of(log)
+    (found,) = gap.findings
+    assert (gap.verdict, found.placed.effect.name, found.placed.where) == (
+        "effects_found",
+        "repeated_samples",
+        "gyro_x",
+    )
+    assert float(found.placed.effect.share) == pytest.approx(700 / 4000, abs=1e-6)  # type: ignore[attr-defined]
+
+
 def repeated(y: Array) -> Array:
     y = y.copy()
     for k in np.flatnonzero(np.random.default_rng(11).random(y.size) < 0.1)[1:]:

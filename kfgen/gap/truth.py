@@ -162,7 +162,10 @@ def held(log: Log) -> tuple[int, int]:
     there = np.isfinite(np.array([log.channels[n].values for n in names])).all(axis=0)
     at = np.flatnonzero(there)
     if at.size < 16:
-        raise InputError("its references have no numbers", where=log.source, remedy="Give another stretch")
+        empty = ", ".join(n for n in names if np.isfinite(log.channels[n].values).sum() < 16) or "all at once"
+        raise InputError(
+            f"its references have no numbers: {empty}", where=log.source, remedy="Leave them out"
+        )
     return int(at[0]), int(at[-1]) + 1
 
 
@@ -205,8 +208,7 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     there = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.5)
     if there.sum() < 16:
         raise InputError("the reference attitude has no numbers", where=log.source)
-    # Without a jump of the rate at the edges of a hole, which would ring in the band.
-    bridge = Slerp if there.all() else RotationSpline
+    bridge = Slerp if there.all() else RotationSpline  # no jump of the rate at a hole, which would ring
     seen = bridge(truth.t[there], Rotation.from_quat(q[there], scalar_first=True))
     first, last = truth.t[there][0], truth.t[there][-1]
     nb = seen(np.clip(truth.t, first, last))
@@ -234,10 +236,8 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     if "mag" not in read:
         axes["mag"] = (0, 1, 2)
     words = (word, f"the rate of the attitude is known up to {corner:.3g} Hz")
-    return replace(
-        truth, read=read, axes=axes, bandwidth=bandwidth, good=good, omega_b=omega_b, R_bn=R_bn, down=down,
-        angle=angle, floor=floor, words=words,
-    )  # fmt: skip
+    found = {"read": read, "axes": axes, "bandwidth": bandwidth, "good": good, "angle": angle, "floor": floor}
+    return replace(truth, **found, omega_b=omega_b, R_bn=R_bn, down=down, words=words)
 
 
 def body_rate(
@@ -262,8 +262,7 @@ def body_rate(
 
     Returns
     -------
-    omega_b : ndarray, shape (n, 3)
-        [rad/s].
+    omega_b : ndarray, shape (n, 3) [rad/s]
     corner : float
         That frequency [Hz].
     angle : float
