@@ -1,4 +1,4 @@
-"""A reference that repeats itself while the sensor moves: held at its own rate, or stuck.
+"""What a reference lacks: it repeats itself while the sensor moves, held at its own rate or stuck; its holes.
 
 A rate table at rest, or at a constant rate, repeats itself too: there the sensor does not move either.
 """
@@ -194,3 +194,11 @@ def _with(log: Log, names: tuple[str, ...], values: Array) -> Log:
     """The log with other values in some channels."""
     new = {n: replace(log.channels[n], values=values[:, i]) for i, n in enumerate(names)}
     return replace(log, channels={**log.channels, **new})
+
+
+def long_holes(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
+    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
+    from scipy.ndimage import binary_dilation, binary_opening
+
+    wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]
+    return np.asarray(binary_dilation(wide, iterations=max(1, margin))) if wide.any() else wide

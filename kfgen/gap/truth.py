@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from kfgen.effects.motion import AXES, Signals
 from kfgen.effects.series import noise_of_differences
 from kfgen.errors import InputError
+from kfgen.gap.reference import long_holes
 from kfgen.log import Log
 from kfgen.units import STANDARD_GRAVITY
 
@@ -226,7 +227,7 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
     period = 1.0 / (corner * truth.dt)
-    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(BESIDE * period)))
+    good = truth.good & ~long_holes(~there, max(step - 1, int(0.05 * period)), int(np.ceil(BESIDE * period)))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
         ends = ENDS / corner  # nobody knows what was before or comes after
@@ -236,8 +237,10 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     if "mag" not in read:
         axes["mag"] = (0, 1, 2)
     words = (word, f"the rate of the attitude is known up to {corner:.3g} Hz")
-    found = {"read": read, "axes": axes, "bandwidth": bandwidth, "good": good, "angle": angle, "floor": floor}
-    return replace(truth, **found, omega_b=omega_b, R_bn=R_bn, down=down, words=words)
+    return replace(
+        truth, read=read, axes=axes, bandwidth=bandwidth, good=good, omega_b=omega_b, R_bn=R_bn, down=down,
+        angle=angle, floor=floor, words=words,
+    )  # fmt: skip
 
 
 def body_rate(
@@ -262,7 +265,8 @@ def body_rate(
 
     Returns
     -------
-    omega_b : ndarray, shape (n, 3) [rad/s]
+    omega_b : ndarray, shape (n, 3)
+        [rad/s].
     corner : float
         That frequency [Hz].
     angle : float
@@ -390,11 +394,3 @@ def _liveliest(there: NDArray[np.bool_], power: Array) -> slice:
     k = int(np.argmax(energy[edges[1::2]] - energy[edges[::2]]))
     start, stop = int(edges[2 * k]), int(edges[2 * k + 1])
     return slice(start, stop) if stop - start >= SPECTRUM else slice(None)
-
-
-def _long(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
-    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
-    from scipy.ndimage import binary_dilation, binary_opening
-
-    wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]
-    return np.asarray(binary_dilation(wide, iterations=max(1, margin))) if wide.any() else wide
