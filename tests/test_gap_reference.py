@@ -7,6 +7,7 @@ in at most 1 % of records, its tests at a family-wise rate of 0.1 %; seeds are f
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,11 @@ from kfgen.effects import make
 from kfgen.effects.series import noise_of
 from kfgen.errors import InputError
 from kfgen.gap.faults import spotted_moving
+from kfgen.gap.memory import Memory
 from kfgen.gap.motion import motion_scene
 from kfgen.gap.outcome import SceneGap, find_scene_gap
 from kfgen.gap.reference import heard
+from kfgen.gap.scene import Placed, Point
 from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, NoiseModel, Term
 
@@ -147,6 +150,22 @@ def test_beside_a_clipping_another_effect_is_found() -> None:
     assert gap.findings[-1].ci95["coefficient"] == pytest.approx((0.02, 0.02), abs=5e-4)
 
 
+def test_frozen_samples_are_named_and_left_out() -> None:
+    """Six seconds of one value, and a second of zeros as of a lost line."""
+    y = rate(T) + SIGMA * np.random.default_rng(16).standard_normal((T.size, 3))
+    y[1500:2100, 0] = y[1500, 0]
+    y[3000:3100, 0] = 0.0
+    log = Log(T, {f"gyro_{a}": Channel(y[:, k], "rad/s") for k, a in enumerate("xyz")} | table(rate(T)))
+    gap = gap_of(log)
+    (found,) = gap.findings
+    assert (gap.verdict, found.placed.effect.name, found.placed.where) == (
+        "effects_found",
+        "repeated_samples",
+        "gyro_x",
+    )
+    assert float(found.placed.effect.share) == pytest.approx(700 / 4000, abs=1e-6)  # type: ignore[attr-defined]
+
+
 def repeated(y: Array) -> Array:
     y = y.copy()
     for k in np.flatnonzero(np.random.default_rng(11).random(y.size) < 0.1)[1:]:
@@ -191,3 +210,32 @@ def test_the_noise_of_samples_that_move() -> None:
     """Of 4000 samples the median of differences of order eight gives it to 3 %."""
     y = rate(T)[:, 0] + SIGMA * np.random.default_rng(14).standard_normal(T.size)
     assert noise_of(y) == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_residuals_do_not_depend_on_what_was_asked_before() -> None:
+    """Results are kept: white noise of the readings comes out again when effects and biases are the true ones."""
+    y = rate(T) * [1.0, 1.02, 1.0]
+    noise = ChannelNoise("rad/s", (Term(WHITE[0]),))
+    model = NoiseModel({f"gyro_{a}": noise for a in "xyz"})
+    scene = motion_scene(log_of(y, table(rate(T)), 18), model)
+    assert scene is not None
+    scale, late = (
+        Placed(make(n, **v), "gyro_y")
+        for n, v in (("scale_factor", {"coefficient": 0.02}), ("time_delay", {"delay": 0.01}))
+    )
+    points = [Point(p, np.full(3, b)) for p in ((), (scale,), (late,), (scale, late)) for b in (0.0, 0.1)]
+    together = scene.residuals([*points, *points[::-1]])
+    for k, point in enumerate(points):
+        alone = replace(scene).residuals([point])[:, 0]  # a scene that remembers nothing
+        np.testing.assert_array_equal(together[:, k], alone)
+        np.testing.assert_array_equal(together[:, -1 - k], alone)
+    z = np.random.default_rng(18).standard_normal((T.size, 3))
+    assert together[:, 2] @ together[:, 2] == pytest.approx(float((z**2).sum()), rel=1e-9)
+
+
+def test_a_memory_forgets_what_was_not_asked_for_longest() -> None:
+    asked: list[int] = []
+    memory: Memory[int] = Memory(2)
+    for k in (1, 2, 1, 3, 1, 2):
+        assert memory.recalled(k, lambda k=k: asked.append(k) or -k) == -k  # type: ignore[func-returns-value, misc]
+    assert asked == [1, 2, 3, 2]

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.effects.integrity import Clipping
+from kfgen.effects.integrity import Clipping, RepeatedSamples
+from kfgen.effects.series import Spotted
 from kfgen.errors import InputError
-from kfgen.gap.faults import spotted_moving
+from kfgen.gap.faults import believed_deviation, spotted_moving
+from kfgen.gap.reference import frozen
 from kfgen.gap.scene import Placed
 from kfgen.gap.truth import Truth, place
 from kfgen.log import Log
@@ -77,14 +79,21 @@ def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compare
 
 
 def sound_samples(c: Compared, truth: Truth) -> tuple[Compared, list[Placed], list[Placed]]:
-    """A channel without its clipped samples, its faults that can be left out, and those that spoil it."""
-    faults = spotted_moving(truth.t[c.there], c.y[c.there], c.noise, truth.dt)
-    there = c.there.copy()
+    """A channel without its clipped and frozen samples, its faults that can be left out, and those that spoil it."""
+    there, known, faults = c.there.copy(), c.sensor in truth.read, []
+    should = truth.read[c.sensor][:, c.axis] if known else c.y
+    if known:
+        between = (c.y < c.y[there].max()) & (c.y > c.y[there].min())  # else it is clipped
+        stuck = there & between & frozen(c.y, should, believed_deviation(c.noise, truth.dt))
+        if stuck.any():
+            share = float(stuck.mean())
+            faults.append(Spotted(RepeatedSamples(share), float(stuck.sum()), spoils=share > 0.5))
+            there &= ~stuck
+    faults += spotted_moving(truth.t[there], c.y[there], c.noise, truth.dt)
     for limit in (float(f.effect.limit) for f in faults if isinstance(f.effect, Clipping)):
-        side = np.sign(limit - float(np.median(c.y[c.there])))
+        side = np.sign(limit - float(np.median(c.y[there])))
         there &= side * c.y < side * limit
-        if c.sensor in truth.read:
-            near = limit - side * NEAR_A_LIMIT * abs(limit)
-            there &= side * truth.read[c.sensor][:, c.axis] < side * near
+        if known:
+            there &= side * should < side * limit - NEAR_A_LIMIT * abs(limit)
     said, spoilt = ([Placed(f.effect, c.name) for f in faults if f.spoils is bad] for bad in (False, True))
     return replace(c, there=there), said, spoilt

@@ -28,7 +28,7 @@ def spotted_in(
 ) -> list[Spotted]:
     """The faults that a channel shows, those that spoil it first."""
     known = {e.name for e in noise.effects}
-    believed = _believed(noise.effects, record.dt)
+    believed = believed_deviation(noise.effects, record.dt)
     if stamps is None or stamps.size == record.n:
         raw = Raw(record.t if stamps is None else stamps, record.y, believed, stated)
     else:
@@ -44,7 +44,7 @@ def _of(raw: Raw, effects: Sequence[type[Effect]]) -> list[Spotted]:
     return sorted(faults, key=lambda f: not f.spoils)
 
 
-def _believed(effects: Sequence[Effect], dt: float) -> float:
+def believed_deviation(effects: Sequence[Effect], dt: float) -> float:
     """Deviation of the white part of a sample [SI]."""
     white = sum(float(e.form().V) / dt + 2.0 * float(e.form().Z) / dt**2 for e in effects)
     return float(np.sqrt(white))
@@ -57,7 +57,7 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
     """
     known = {e.name for e in effects}
     looked = [c for n, c in catalogue().items() if n not in known and issubclass(c, Fault) and c.moving]
-    raw = Raw(t, y, _believed(effects, dt), moves=True)
+    raw = Raw(t, y, believed_deviation(effects, dt), moves=True)
     clipped: list[Spotted] = []
     while (one := Clipping.spotted(raw)) is not None and len(clipped) < 2 and "clipping" not in known:
         clipped.append(one)

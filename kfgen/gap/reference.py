@@ -1,4 +1,4 @@
-"""A reference that repeats itself while the sensor moves: held at its own rate, or stuck.
+"""What a reference lacks: it repeats itself while the sensor moves, held at its own rate or stuck; its holes.
 
 A rate table at rest, or at a constant rate, repeats itself too: there the sensor does not move either.
 """
@@ -111,8 +111,7 @@ def _read(log: Log, names: Sequence[str]) -> Array | None:
 def _without_repeats(out: Heard, sensor: str, names: tuple[str, ...], read: Array) -> Heard:
     """The log with one reference put right."""
     u = np.array([out.log.channels[n].values for n in names]).T
-    first = np.flatnonzero(np.concatenate([[True], (np.diff(u, axis=0) != 0.0).any(axis=1)]))
-    length = np.diff(np.append(first, len(u)))
+    first, length = _stretches(u)
     if length.max() < 2:
         return out
     noise = np.array([noise_of(y) for y in read.T])
@@ -132,6 +131,19 @@ def _without_repeats(out: Heard, sensor: str, names: tuple[str, ...], read: Arra
     return replace(
         out, log=_with(out.log, names, np.where(stuck[:, None], np.nan, u)), said=(*out.said, said)
     )
+
+
+def _stretches(u: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Stretches of equal rows of values, shape (n, k): the first sample of each, and how many they are."""
+    first = np.flatnonzero(np.concatenate([[True], (np.diff(u, axis=0) != 0.0).any(axis=1)]))
+    return first, np.diff(np.append(first, len(u)))
+
+
+def frozen(y: Array, truth: Array, noise: float) -> NDArray[np.bool_]:
+    """Where a sensor, shape (n,), repeats itself for long while what it should read moves; the first of them too."""
+    out = _stuck(*_stretches(y[:, None]), truth[:, None], np.array([noise]))
+    out[:-1] |= out[1:]
+    return out
 
 
 def _is_held(first: NDArray[np.intp], length: NDArray[np.intp], read: Array, noise: Array, dt: float) -> bool:
@@ -182,3 +194,11 @@ def _with(log: Log, names: tuple[str, ...], values: Array) -> Log:
     """The log with other values in some channels."""
     new = {n: replace(log.channels[n], values=values[:, i]) for i, n in enumerate(names)}
     return replace(log, channels={**log.channels, **new})
+
+
+def long_holes(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
+    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
+    from scipy.ndimage import binary_dilation, binary_opening
+
+    wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]
+    return np.asarray(binary_dilation(wide, iterations=max(1, margin))) if wide.any() else wide

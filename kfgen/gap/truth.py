@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from kfgen.effects.motion import AXES, Signals
 from kfgen.effects.series import noise_of_differences
 from kfgen.errors import InputError
+from kfgen.gap.reference import long_holes
 from kfgen.log import Log
 from kfgen.units import STANDARD_GRAVITY
 
@@ -162,7 +163,10 @@ def held(log: Log) -> tuple[int, int]:
     there = np.isfinite(np.array([log.channels[n].values for n in names])).all(axis=0)
     at = np.flatnonzero(there)
     if at.size < 16:
-        raise InputError("its references have no numbers", where=log.source, remedy="Give another stretch")
+        empty = ", ".join(n for n in names if np.isfinite(log.channels[n].values).sum() < 16) or "all at once"
+        raise InputError(
+            f"its references have no numbers: {empty}", where=log.source, remedy="Leave them out"
+        )
     return int(at[0]), int(at[-1]) + 1
 
 
@@ -205,8 +209,7 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     there = np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.5)
     if there.sum() < 16:
         raise InputError("the reference attitude has no numbers", where=log.source)
-    # Without a jump of the rate at the edges of a hole, which would ring in the band.
-    bridge = Slerp if there.all() else RotationSpline
+    bridge = Slerp if there.all() else RotationSpline  # no jump of the rate at a hole, which would ring
     seen = bridge(truth.t[there], Rotation.from_quat(q[there], scalar_first=True))
     first, last = truth.t[there][0], truth.t[there][-1]
     nb = seen(np.clip(truth.t, first, last))
@@ -224,7 +227,7 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
     period = 1.0 / (corner * truth.dt)
-    good = truth.good & ~_long(~there, max(step - 1, int(0.05 * period)), int(np.ceil(BESIDE * period)))
+    good = truth.good & ~long_holes(~there, max(step - 1, int(0.05 * period)), int(np.ceil(BESIDE * period)))
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
         ends = ENDS / corner  # nobody knows what was before or comes after
@@ -391,11 +394,3 @@ def _liveliest(there: NDArray[np.bool_], power: Array) -> slice:
     k = int(np.argmax(energy[edges[1::2]] - energy[edges[::2]]))
     start, stop = int(edges[2 * k]), int(edges[2 * k + 1])
     return slice(start, stop) if stop - start >= SPECTRUM else slice(None)
-
-
-def _long(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
-    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
-    from scipy.ndimage import binary_dilation, binary_opening
-
-    wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]
-    return np.asarray(binary_dilation(wide, iterations=max(1, margin))) if wide.any() else wide
