@@ -13,7 +13,7 @@ VERDICTS = {
     "no_gap": "model and record agree",
     "effects_found": "an effect is missing from the model, and it is named",
     "unknown_effect": "something is missing from the model that the catalogue does not explain",
-    "bad_data": "the samples are faulty, and a fit to them would mean nothing",
+    "bad_data": "the data are faulty, and a fit to them would mean nothing",
 }
 
 
