@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -194,7 +195,7 @@ def _picture(a: Audit, run: Degree) -> Part:
         ]
         if lines:
             panels.append((f"deviation [{unit}]", lines))
-    picture = curves_picture(panels, f"{a.model.name}-{a.manoeuvre.name}")
+    picture = partial(curves_picture, panels, f"{a.model.name}-{a.manoeuvre.name}")
     return figure(picture, f"Deviations along {a.manoeuvre.name}; dashed: exactly unobservable")
 
 

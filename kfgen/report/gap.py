@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -123,18 +124,24 @@ def _parts(g: ChannelGap) -> list[Part]:
         heading(g.channel),
         *(sentence(f"{w}.") for w in sentences(g)),
         figure(
-            _allan(g),
+            partial(_allan, g),
             "Allan deviation: the record with its 95 % band, what the believed model expects of "
             "this record, what the mended model expects.",
         ),
         figure(
-            _spectrum(g), "What the models leave, over what they expect: one everywhere when a model holds."
+            partial(_spectrum, g),
+            "What the models leave, over what they expect: one everywhere when a model holds.",
         ),
     ]
     parts += [
-        figure(_near_line(g, f), f"Power near the line at {f.effect.row(g.unit)['frequency'][0]:.6g} Hz.")
+        figure(
+            partial(_near_line, g, f),
+            f"Power near the line at {f.effect.row(g.unit)['frequency'][0]:.6g} Hz.",
+        )
         if "frequency" in f.effect.row(g.unit)
-        else figure(_driven(g, f), f"The record in blocks, and the part that {f.effect.title} explains.")
+        else figure(
+            partial(_driven, g, f), f"The record in blocks, and the part that {f.effect.title} explains."
+        )
         for f in g.findings
         if f.effect.coefficients()
     ]
@@ -143,7 +150,7 @@ def _parts(g: ChannelGap) -> list[Part]:
         shares = [f.probability, *(p for _, p in f.alternatives[:5])]
         parts.append(
             figure(
-                bars_picture(names, shares, "probability", f"rank-{key}-{f.effect.name}"),
+                partial(bars_picture, names, shares, "probability", f"rank-{key}-{f.effect.name}"),
                 "The candidates by probability.",
             )
         )

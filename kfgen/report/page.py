@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ class Part:
         ``heading``, ``sentence`` (the answer in words), ``text``, ``table``, ``figure`` (SVG), ``math``
         (MathML) or ``code``.
     content : object
-        Text; for a table its rows; markup for a figure and for math.
+        Text; for a table its rows; markup for math; for a figure what draws it, or its markup.
     head : tuple of str
         Column heads of a table.
     caption : str
@@ -32,6 +32,11 @@ class Part:
     content: Any
     head: tuple[str, ...] = ()
     caption: str = ""
+
+    @property
+    def drawn(self) -> Any:
+        """Its content; a picture is drawn now."""
+        return self.content() if callable(self.content) else self.content
 
 
 @dataclass(frozen=True)
@@ -85,8 +90,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "")
     return Part("table", [list(r) for r in rows], tuple(head), caption)
 
 
-def figure(svg: str, caption: str) -> Part:
-    """A picture as inline SVG."""
+def figure(svg: str | Callable[[], str], caption: str) -> Part:
+    """A picture as inline SVG; given what draws it, it is drawn when the page is written, if ever."""
     return Part("figure", svg, caption=caption)
 
 
