@@ -7,7 +7,6 @@ name that its effect declares (``q`` or ``B_ieee`` for ``sigma``); it is always 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 
 from kfgen.document import document_of, text_of
 from kfgen.effects import Effect, effect_named
+from kfgen.effects.driven import is_plain
 from kfgen.errors import InputError
 from kfgen.units import derived_unit, from_si, parse_quantity, parse_unit
 from kfgen.whole import write_text
@@ -132,7 +132,7 @@ def canonical(noise: NoiseModel) -> NoiseModel:
 
 
 def _check_name(name: str, where: str) -> None:
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) or name in ("format", "provenance"):
+    if not is_plain(name) or name in ("format", "provenance"):
         raise InputError(
             f"'{name}' cannot be a channel of a noise file",
             where=where,

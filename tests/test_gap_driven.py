@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import make
 from kfgen.effects.driven import DRIVERS
+from kfgen.errors import InputError
 from kfgen.gap.finding import ChannelGap
 from kfgen.gap.regular import drivers_of, regular
 from kfgen.gap.workflow import find_gap
@@ -96,3 +97,17 @@ def test_another_sensor_is_no_driver() -> None:
     gap = gap_beside("gyro_y", "rad/s", c, seed=15)
     assert not any(f.effect.name.startswith("coupling") for f in gap.findings)
     assert next(t for t in gap.before if t.other == "gyro_y").significant
+
+
+@pytest.mark.parametrize("name", ["a b", "x */ int evil; /*", 'x"""', "x;y", "1x"])
+def test_a_name_that_could_be_code_is_refused(name: str) -> None:
+    """It would stand in emitted code; a column of such a name drives nothing."""
+    text = f"""format = "kfgen-noise-1"
+[gyro_x]
+unit = "deg/s"
+effects = [ {{ effect = '{"coupling:" + name}', coefficient = "0.1 deg/s" }} ]
+"""
+    with pytest.raises(InputError, match="letters"):
+        parse_noise(text, "hostile.toml")
+    c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD
+    assert not any("coupling" in f.effect.name for f in gap_beside(name, "m", c, seed=16).findings)

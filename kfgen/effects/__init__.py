@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from kfgen.effects.base import Effect, Look, Parameter, filtered, sampled_spectrum
-from kfgen.effects.driven import COUPLING, coupled
+from kfgen.effects.driven import COUPLING, coupled, is_plain
 from kfgen.effects.form import Form, State
 from kfgen.errors import InputError
 
@@ -54,11 +54,18 @@ def effect_named(name: str, *, where: str = "") -> type[Effect]:
     Raises
     ------
     InputError
-        There is none.
+        There is none, or the channel that it names is more than letters, digits and underscores.
     """
     known = catalogue()
-    if name.startswith(COUPLING) and name != COUPLING:
-        return coupled(name.removeprefix(COUPLING))
+    if name.startswith(COUPLING):
+        channel = name.removeprefix(COUPLING)
+        if not is_plain(channel):  # it comes to stand in emitted code
+            raise InputError(
+                f"'{channel}' cannot be the channel of a coupling",
+                where=where,
+                remedy="A channel's name is made of letters, digits and underscores; rename it with --columns",
+            )
+        return coupled(channel)
     if name not in known:
         raise InputError(f"there is no effect '{name}'", where=where, remedy=f"Known are {', '.join(known)}")
     return known[name]

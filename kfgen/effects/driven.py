@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -172,15 +173,20 @@ class Coupling(Driven):
     def sought(cls, series: Series) -> list[Sought]:
         """Each recorded channel that drives no other effect, that of highest regression first."""
         known = {*DRIVERS, *(d for d in series.drive if d.startswith(SENSED))}
-        names = [n for n in series.drive if n not in known]
+        names = [n for n in series.drive if n not in known and is_plain(n)]
         ranked = sorted(names, key=lambda n: -abs(series.regression(series.drive[n])[0]))
         chance = -float(np.log(max(len(names), 1)))
         return [Sought(coupled(n)(0.0, float(np.mean(series.drive[n]))), chance) for n in ranked[:1]]
 
 
+def is_plain(name: str) -> bool:
+    """Whether a channel's name may stand in a model, and so in emitted code: letters, digits and underscores."""
+    return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) is not None
+
+
 @cache
 def coupled(channel: str) -> type[Coupling]:
-    """The effect of a channel."""
+    """The effect of a channel whose name is plain."""
     doc = f"A bias proportional to the channel {channel}."
     made: Any = type("Coupled", (Coupling,), {"name": COUPLING + channel, "driver": channel, "__doc__": doc})
     made.title += ", per SI unit of it"

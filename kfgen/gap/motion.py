@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.axes import axis_faults
+from kfgen.effects.driven import DRIVERS
 from kfgen.effects.motion import Lag, Motion, Signals, unheard
 from kfgen.effects.reference import OtherMotion
 from kfgen.errors import InputError
@@ -58,7 +59,7 @@ class MotionScene:
     good : ndarray of bool, shape (n,)
         Where both the truth and every channel are there.
     drive : mapping of str to ndarray
-        Recorded drivers, the temperature.
+        Recorded drivers.
     own : tuple of Placed
         What is believed of the channels beside their noise.
     said : tuple of Placed
@@ -366,9 +367,7 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     if not compared:
         return None
     good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
-    drive = {}
-    if "temperature" in log.channels and np.isfinite(log.channels["temperature"].values).all():
-        drive["temperature"] = log.channels["temperature"].values
+    drive = {n: c.values for n, c in log.channels.items() if n in DRIVERS and np.isfinite(c.values).all()}
     own = tuple(
         Placed(e, c.name) for c in compared for e in c.noise if isinstance(e, Motion) or e.coefficients()
     )

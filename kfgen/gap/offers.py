@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect, Look, effect_named
+from kfgen.effects import Effect, Look, catalogue, effect_named
+from kfgen.effects.driven import Driven
 from kfgen.effects.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.effects.motion import (
     AXES,
@@ -36,8 +37,8 @@ SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
 EARTH = 7.292115e-5
 """Rate of the earth [rad/s]."""
-IN_TIME = ("temperature", "rate_ramp", "warm_up")
-"""Effects without motion that compete: they are linear in a coefficient."""
+IN_TIME = ("rate_ramp", "warm_up")
+"""Effects of time alone that compete, beside those proportional to a driver: they are linear in a coefficient."""
 
 
 @dataclass(frozen=True)
@@ -200,5 +201,6 @@ def _in_time(bench: Bench, name: str) -> list[list[Placed]]:
     drive = {k: np.asarray(v.mean()) for k, v in bench.drive.items()}
     t = bench.truth.t
     look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), {k: float(v) for k, v in drive.items()})
-    found = [effect_named(n).starts(look) for n in IN_TIME]
+    driven = [cls for cls in catalogue().values() if issubclass(cls, Driven)]
+    found = [cls.starts(look) for cls in (*driven, *map(effect_named, IN_TIME))]
     return [[Placed(e, name) for e in starts] for starts in found if starts]
