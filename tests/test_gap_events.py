@@ -50,9 +50,21 @@ def telegraph(y: Array, rng: np.random.Generator) -> Array:
 
 EVENTS: dict[str, tuple[Any, dict[str, float], str]] = {
     "bias_step": (step, {"size": 0.5, "time": 300.0}, "every other block of the record"),
-    "noise_change": (change, {"ratio": 1.3, "time": 500.0}, "the last 30 % of the record"),
-    "outliers": (outliers, {"share": 0.01, "sigma": 8.0}, "the last 30 % of the record"),
-    "random_telegraph": (telegraph, {"size": 1.5, "dwell": 20.0}, "the last 30 % of the record"),
+    "noise_change": (
+        change,
+        {"ratio": 1.3, "time": 500.0},
+        "every third of the record, by a fit to the other two",
+    ),
+    "outliers": (
+        outliers,
+        {"share": 0.01, "sigma": 8.0},
+        "every third of the record, by a fit to the other two",
+    ),
+    "random_telegraph": (
+        telegraph,
+        {"size": 1.5, "dwell": 20.0},
+        "every third of the record, by a fit to the other two",
+    ),
 }
 
 

@@ -3,72 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 import strength as nats
 from case import Array, Hidden
-from noise import power, smooth_wander
 from scipy.fft import dct
-from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 from sensor import Recording
+from strange import STRANGE
 
 DANIELL = 21
 """Ordinates over which the spectrum of a disturbance is averaged to say what it is worth."""
 
 
-def _disturb(r: Recording, shape: Array, X: float, name: str) -> Hidden:
+def _disturb(r: Recording, X: float, name: str) -> Hidden:
     """Adds an unknown disturbance whose averaged spectrum is worth X nats."""
+    strange = STRANGE[name]
+    numbers = strange.numbers(r.rng, r.n, r.dt)
+    shape = strange.course(r.rng, r.n, r.dt, numbers)
     S = np.square(dct(shape, norm="ortho")[1:])
     x = np.maximum(uniform_filter1d(S, DANIELL, mode="nearest"), 0.0) / r.spectrum
     size = nats.scaled(lambda a: nats.random_gain(1.0 + a * a * x), X, 1e-9, 1e9)
     r.added = r.added + size * shape
-    return Hidden(name, r.sensor.channel, {"rms": size * float(shape.std()) * r.si}, X)
-
-
-def chirp(r: Recording, X: float) -> Hidden:
-    """A tone that sweeps over a decade while its amplitude wanders."""
-    f0 = r.rng.uniform(0.01, 0.03) / r.dt
-    u = np.arange(r.n) / r.n
-    phase = 2.0 * np.pi * f0 * r.duration * (10.0**u - 1.0) / np.log(10.0)
-    amplitude = 1.0 + smooth_wander(r.rng, r.n, r.dt, 0.5, 0.05 * r.duration)
-    return _disturb(r, amplitude * np.sin(phase), X, "chirp")
-
-
-def fractional(r: Recording, X: float) -> Hidden:
-    """Noise of spectrum f^-1.5, between flicker and random walk."""
-    return _disturb(r, power(r.rng, r.n, 1.5), X, "fractional_noise")
-
-
-def heater(r: Recording, X: float) -> Hidden:
-    """A thermostat: a duty cycle that drifts, seen through one pole."""
-    period = r.duration / r.rng.uniform(25.0, 60.0)
-    phase = np.cumsum(1.0 + 0.15 * smooth_wander(r.rng, r.n, r.dt, 1.0, 0.1 * r.duration)) * r.dt / period
-    phi = np.exp(-r.dt / (0.1 * period))
-    on = (np.mod(phase, 1.0) < 0.25).astype(float)
-    return _disturb(r, np.asarray(lfilter([1.0 - phi], [1.0, -phi], on)), X, "heater_pulses")
-
-
-def lorenz(r: Recording, X: float) -> Hidden:
-    """The first coordinate of the Lorenz system, some hundred turns."""
-    span = r.rng.uniform(60.0, 150.0)
-
-    def slope(_: float, s: Array) -> list[float]:
-        x, y, z = s
-        return [10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z]
-
-    start = [1.0 + r.rng.random(), 1.0, 20.0]
-    solved = solve_ivp(slope, (0.0, span + 10.0), start, t_eval=10.0 + span * np.arange(r.n) / r.n, rtol=1e-7)
-    return _disturb(r, np.asarray(solved.y[0]), X, "lorenz")
+    return Hidden(name, r.sensor.channel, {"size": size * r.si, **numbers}, X)
 
 
 UNKNOWN: Mapping[str, Callable[[Recording, float], Hidden]] = {
-    "chirp": chirp,
-    "fractional_noise": fractional,
-    "heater_pulses": heater,
-    "lorenz": lorenz,
+    name: partial(_disturb, name=name) for name in STRANGE
 }
 
 

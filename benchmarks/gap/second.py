@@ -16,6 +16,8 @@ at most 1, below 0 where the mended model predicts worse than the believed one.
 * Outliers and telegraph, where they are both hidden and named, add what their laws gain over the normal
   law of the same spectrum; telegraph noise is judged on drawn records, the same for both models.
   Named for something else, they count by their spectrum.
+* A disturbance that the catalogue does not hold has the spectrum that its law gives on average: the
+  oracle is the best that any stationary normal model can do.
 * What happened once (a step, a change of the noise) and faults of the data say nothing of a second record.
 """
 
@@ -23,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 import strength as nats
@@ -40,6 +43,7 @@ from noise import (
 )
 from scipy.fft import dct
 from sensor import SENSORS, Sensor, climate
+from strange import STRANGE
 
 Term = tuple[str, Mapping[str, float]]
 """An effect and its numbers in SI."""
@@ -120,6 +124,16 @@ def _resonance(n: int, dt: float, v: Mapping[str, float]) -> Array:
     return np.asarray(v["rms"] ** 2 * shape / shape.mean())
 
 
+def _strange(name: str, n: int, dt: float, v: Mapping[str, float]) -> Array:
+    return np.asarray(v["size"] ** 2 * _unit_spectrum(name, n, dt, tuple(v.items())))
+
+
+@lru_cache(maxsize=2)
+def _unit_spectrum(name: str, n: int, dt: float, v: tuple[tuple[str, float], ...]) -> Array:
+    """Drawn once a case: some take seconds."""
+    return STRANGE[name].spectrum(n, dt, dict(v))
+
+
 SPECTRA: Mapping[str, Callable[[int, float, Mapping[str, float]], Array]] = {
     "quantisation": lambda n, dt, v: v["Q"] ** 2 * difference_spectrum(n) / dt**2,
     "bias_instability": lambda n, dt, v: v["B"] ** 2 * flicker_spectrum(n),
@@ -127,6 +141,7 @@ SPECTRA: Mapping[str, Callable[[int, float, Mapping[str, float]], Array]] = {
     "rate_random_walk": lambda n, dt, v: v["K"] ** 2 * dt * walk_spectrum(n),
     "resonance": _resonance,
     "random_telegraph": lambda n, dt, v: gauss_markov_spectrum(n, dt, 0.5 * v["size"], 0.5 * v["dwell"]),
+    **{name: partial(_strange, name) for name, s in STRANGE.items() if s.lasting},
 }
 SIGNALS: Mapping[str, Callable[[Array, Array, Mapping[str, float]], Array]] = {
     "rate_ramp": lambda t, T, v: v["R"] * t,

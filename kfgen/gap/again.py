@@ -12,7 +12,7 @@ import numpy as np
 
 from kfgen.effects import Effect
 from kfgen.gap.finding import ChannelGap
-from kfgen.gap.proof import DRAWS, Gap, divergence, is_line, ratios
+from kfgen.gap.proof import Gap, divergence, is_line, ratios
 from kfgen.identify.record import Record
 
 
@@ -38,8 +38,7 @@ def again_on(found: ChannelGap, other: Record, words: str) -> Gap:
     after, mended = _less(other, shapes), (*noise, *lines)
     theta = after.ordinates(mended).log_likelihood(mended).coefficients
     r1, _ = ratios(after, mended, theta)
-    chance = np.random.default_rng(0).chisquare(m, (DRAWS, m.size)) / m
-    return divergence(r0, r1, m, chance, words)
+    return divergence(r0, r1, m, words)
 
 
 def happens_once(effect: Effect | type[Effect]) -> bool:

@@ -3,9 +3,10 @@
 On a held-out stretch the parameters are frozen. In each band of ``m`` ordinates the mean ratio
 ``r`` of power to expectation is one where the model holds; what the model loses against one that
 has the band's own level is ``m/2 (r - 1 - ln r)`` nats, of which half a nat is chance. The sum per
-sample is the gap, its floor zero. The stretch suits the effect: the tail for noise, ramps and lines,
-every other block for what happens once or is over before the tail, the extreme third of its driver for
-what is driven. There the
+sample is the gap, its floor zero. The stretch suits the effect. Noise, which has no time of its own, is
+judged on every third of the record by a fit to the other two: all samples testify, and chance moves the
+share that closed least. Ramps and lines are judged on the tail; every other block serves for what happens
+once or is over before the tail, the extreme third of its driver for what is driven. There the
 coefficients are fitted to the rest, and the bands are those of the white series in each held-out block.
 
 References
@@ -16,7 +17,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from kfgen.effects import Effect
 from kfgen.gap.battery import bands
 from kfgen.gap.whitened import Whitener
 from kfgen.identify.fit import Fit, Problem, maximise
+from kfgen.identify.joint import Joint
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import residual_ratio
 
@@ -32,6 +34,8 @@ Array = NDArray[np.float64]
 
 HELD_OUT = 0.3
 """Share of the record, at its end, that no fit sees."""
+FOLDS = 3
+"""Parts of a record, each of which is predicted from the others where no shape ties it to its time."""
 OVER = 0.01
 """Share of a shape's power in the tail below which the tail cannot show it."""
 BLOCKS = 32
@@ -73,6 +77,8 @@ def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], mended: 
     blocked = [e for e in shapes if e.driver or (e.repeatable and not is_line(e)) or _is_over(e, clean)]
     if blocked:
         return _masked(clean, mended, blocked)
+    if not shapes:
+        return _folded(raw, clean, written, mended)
     return _tail(raw, clean, written, mended)
 
 
@@ -90,17 +96,40 @@ def is_line(effect: Effect | type[Effect]) -> bool:
 
 def _tail(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
     k = int(raw.n * (1.0 - HELD_OUT))
-    seen, unseen, bare = clean.cut(0, k), clean.cut(k, raw.n), raw.cut(k, raw.n)
-    after = maximise(Problem(seen, mended.effects, mended.priors, mended.fixed, mended.times))
-    r0, m = ratios(bare, written, np.zeros(0))
-    r1, _ = ratios(unseen, after.effects, after.likelihood.coefficients)
-    rng = np.random.default_rng(0)
-    chance = rng.chisquare(m, (DRAWS, m.size)) / m
-    return divergence(r0, r1, m, chance, "the last 30 % of the record")
+    r0, r1, m = judged(raw.cut(k, raw.n), clean.cut(k, raw.n), (clean.cut(0, k),), written, mended)
+    return divergence(r0, r1, m, "the last 30 % of the record")
 
 
-def divergence(r0: Array, r1: Array, m: Array, chance: Array, held_out: str) -> Gap:
-    """The gap from ratios of power before and after in bands of m ordinates, with draws of their chance."""
+def _folded(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
+    """Each part of equal length by a fit to the others; the powers of all parts are averaged in each band."""
+    size, parts = raw.n // FOLDS, []
+    cuts = [(k * size, (k + 1) * size) for k in range(FOLDS)]
+    for left_out in cuts:
+        rest = tuple(clean.cut(*cut) for cut in cuts if cut != left_out)
+        parts.append(judged(raw.cut(*left_out), clean.cut(*left_out), rest, written, mended))
+    r0, r1 = (np.mean([part[i] for part in parts], axis=0) for i in (0, 1))
+    return divergence(r0, r1, FOLDS * parts[0][2], "every third of the record, by a fit to the other two")
+
+
+def judged(
+    raw: Record, clean: Record, rest: tuple[Record, ...], written: Sequence[Effect], mended: Problem
+) -> tuple[Array, Array, Array]:
+    """Power over expectation on what is left out, believed and mended, the latter fitted to the rest.
+
+    Returns
+    -------
+    tuple of ndarray, shape (bands,)
+        Mean ratios before and after, and how many ordinates each has.
+    """
+    after = maximise(replace(mended, record=rest[0] if len(rest) == 1 else Joint(rest)))
+    r0, m = ratios(raw, written, np.zeros(0))
+    r1, _ = ratios(clean, after.effects, after.likelihood.coefficients)
+    return r0, r1, m
+
+
+def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
+    """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance."""
+    chance = np.random.default_rng(0).chisquare(m, (DRAWS, m.size)) / m
     lost0, lost1, n = float(_lost(r0, m)), float(_lost(r1, m)), float(m.sum())
     draws0 = _lost(r0 * chance, m) - 0.5 * m.size
     draws1 = np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0)
@@ -127,9 +156,7 @@ def _masked(clean: Record, mended: Problem, blocked: Sequence[Effect]) -> Gap:
     theta = np.linalg.lstsq(B[~unseen] / scale, z[~unseen], rcond=1e-12)[0] / scale
     r0, m = _block_ratios(z, unseen)
     r1, _ = _block_ratios(z - B @ theta, unseen)
-    rng = np.random.default_rng(0)
-    chance = rng.chisquare(m, (DRAWS, m.size)) / m
-    return divergence(r0, r1, m, chance, words)
+    return divergence(r0, r1, m, words)
 
 
 def _unseen(record: Record, shapes: Sequence[Effect]) -> tuple[NDArray[np.bool_], str]:

@@ -19,7 +19,7 @@ from kfgen.errors import InputError
 from kfgen.gap.again import happens_once
 from kfgen.gap.evidence import Candidate
 from kfgen.gap.finding import ChannelGap, Finding
-from kfgen.gap.proof import DRAWS, Gap, divergence, is_line, ratios
+from kfgen.gap.proof import Gap, divergence, is_line, judged
 from kfgen.gap.search import RETUNE, searched
 from kfgen.gap.trust import merged
 from kfgen.gap.workflow import (
@@ -33,9 +33,8 @@ from kfgen.gap.workflow import (
     verdict_of,
     written,
 )
-from kfgen.identify.fit import Problem, maximise
 from kfgen.identify.joint import Joint
-from kfgen.identify.record import Evidence, Record
+from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise
 
 Array = NDArray[np.float64]
@@ -150,11 +149,7 @@ def _in_turn(base: Candidate, believed: Sequence[Effect]) -> Gap:
     parts = []
     for k, left_out in enumerate(joint.records):
         rest = joint.records[:k] + joint.records[k + 1 :]
-        others: Evidence = rest[0] if len(rest) == 1 else Joint(rest)
-        fit = maximise(Problem(others, base.fit.effects, problem.priors, problem.fixed, problem.times))
-        r0, m = ratios(left_out, believed, np.zeros(0))
-        r1, _ = ratios(left_out, fit.effects, fit.likelihood.coefficients)
-        parts.append((r0, r1, m))
+        mended = replace(problem, effects=base.fit.effects)
+        parts.append(judged(left_out, left_out, rest, believed, mended))
     r0, r1, m = (np.concatenate(x) for x in zip(*parts))
-    chance = np.random.default_rng(0).chisquare(m, (DRAWS, m.size)) / m
-    return divergence(r0, r1, m, chance, "each recording in turn")
+    return divergence(r0, r1, m, "each recording in turn")

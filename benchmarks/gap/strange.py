@@ -1,0 +1,106 @@
+"""Disturbances that the catalogue does not hold, each with numbers that stay and a course that is drawn anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from noise import Array, power, smooth_wander
+from scipy.fft import dct
+from scipy.integrate import solve_ivp
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
+
+Numbers = Mapping[str, float]
+DRAWN = 24
+"""Courses over which the spectrum of a disturbance is averaged."""
+SMOOTH = 9
+"""Neighbouring ordinates that are averaged too, where the spectrum is not steep."""
+
+
+@dataclass(frozen=True)
+class Strange:
+    """A disturbance.
+
+    Parameters
+    ----------
+    numbers : callable of (generator, n, dt)
+        What belongs to the sensor and stays from one record to the next.
+    course : callable of (generator, n, dt, numbers)
+        A record of it, shape (n,), of no particular size.
+    lasting : bool
+        Whether a second record has the same spectrum.
+    smooth : int
+        Ordinates over which its spectrum may be averaged.
+    """
+
+    numbers: Callable[[np.random.Generator, int, float], Numbers]
+    course: Callable[[np.random.Generator, int, float, Numbers], Array]
+    lasting: bool = True
+    smooth: int = SMOOTH
+
+    def spectrum(self, n: int, dt: float, numbers: Numbers) -> Array:
+        """Mean variance of each ordinate over drawn courses, at unit size."""
+        rng = np.random.default_rng(0)
+        draws = [dct(self.course(rng, n, dt, numbers), norm="ortho")[1:] for _ in range(DRAWN)]
+        return np.asarray(uniform_filter1d(np.mean(np.square(draws), axis=0), self.smooth, mode="nearest"))
+
+
+def _nothing(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {}
+
+
+def _sweep(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"start": rng.uniform(0.01, 0.03) / dt}
+
+
+def _chirp(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A tone that sweeps over a decade while its amplitude wanders."""
+    u, duration = np.arange(n) / n, n * dt
+    phase = 2.0 * np.pi * v["start"] * duration * (10.0**u - 1.0) / np.log(10.0)
+    amplitude = 1.0 + smooth_wander(rng, n, dt, 0.5, 0.05 * duration)
+    return np.asarray(amplitude * np.sin(phase))
+
+
+def _fractional(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """Noise of spectrum f^-1.5, between flicker and random walk."""
+    return power(rng, n, 1.5)
+
+
+def _thermostat(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"period": n * dt / rng.uniform(25.0, 60.0)}
+
+
+def _heater(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A thermostat: a duty cycle that drifts, seen through one pole."""
+    wander = 0.15 * smooth_wander(rng, n, dt, 1.0, 0.1 * n * dt)
+    phase = np.cumsum(1.0 + wander) * dt / v["period"] + rng.random()
+    phi = np.exp(-dt / (0.1 * v["period"]))
+    on = (np.mod(phase, 1.0) < 0.25).astype(float)
+    return np.asarray(lfilter([1.0 - phi], [1.0, -phi], on))
+
+
+def _turns(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"unit": n * dt / rng.uniform(60.0, 150.0)}
+
+
+def _lorenz(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """The first coordinate of the Lorenz system, some hundred turns."""
+
+    def slope(_: float, s: Array) -> list[float]:
+        x, y, z = s
+        return [10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z]
+
+    span, start = n * dt / v["unit"], [1.0 + rng.random(), 1.0, 20.0]
+    at = 10.0 + span * np.arange(n) / n
+    solved = solve_ivp(slope, (0.0, span + 10.0), start, t_eval=at, rtol=1e-7)
+    return np.asarray(solved.y[0])
+
+
+STRANGE: Mapping[str, Strange] = {
+    "chirp": Strange(_sweep, _chirp, lasting=False),
+    "fractional_noise": Strange(_nothing, _fractional, smooth=1),
+    "heater_pulses": Strange(_thermostat, _heater),
+    "lorenz": Strange(_turns, _lorenz),
+}
