@@ -182,3 +182,20 @@ def test_a_constant_is_no_noise_that_changes() -> None:
         "accel_z", Record(t, y), ChannelNoise("m/s^2", (Term(make("white_noise", N=0.01 * np.sqrt(dt))),))
     )
     assert [f.effect.name for f in gap.findings] == ["noise_change"]
+
+
+def test_levels_are_told_from_the_slow_noise_that_is_believed() -> None:
+    """A bias of 0.3 over 50 s, and levels 0.7 apart for 15 s: their spectra are alike, their laws are not."""
+    rng = np.random.default_rng([2, 17])
+    slow = make("gauss_markov", sigma=0.3, tau=50.0)
+    edges = np.cumsum(rng.exponential(15.0, 400))
+    y = rng.standard_normal(N) + slow.simulate(T, rng) + 0.7 * (np.searchsorted(edges, T) % 2)
+    gap = gap_of(Record(T, y), slow)
+    assert gap.verdict == "effects_found"
+    (found,) = gap.findings
+    assert found.effect.name == "random_telegraph"
+    assert found.probability > 0.9
+    for name, value in {"size": 0.7, "dwell": 15.0}.items():
+        lo, hi = found.ci95[name]
+        assert lo < value < hi
+    assert gap_of(Record(T, rng.standard_normal(N) + slow.simulate(T, rng)), slow).verdict == "no_gap"

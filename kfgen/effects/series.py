@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from kfgen.effects.base import Effect
+    from kfgen.effects.form import Form
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,10 @@ class Series:
     level : (mean, deviation)
         What is believed of the logarithm of the noise's level over that of the fit.
     drive : mapping of str to ndarray, shape (n,)
+    forms : tuple of Form
+        The systems of the slow noise that is in the model.
+    wander : (mean, deviation)
+        As `level`, of the slow noise.
     """
 
     t: Array
@@ -57,6 +62,8 @@ class Series:
     nuisance: Array
     level: tuple[float, float]
     drive: Mapping[str, Array]
+    forms: tuple[Form, ...] = ()
+    wander: tuple[float, float] = (0.0, 1.0)
 
     @property
     def n(self) -> int:

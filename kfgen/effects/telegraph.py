@@ -1,12 +1,11 @@
 """Random telegraph (popcorn) noise: a bias that jumps between two levels.
 
 Its spectrum is that of a Gauss-Markov process of half its dwell time, so nothing of second order can tell
-them apart; the likelihood of a hidden Markov chain can.
+them apart; the likelihood of a level that switches can, see `kfgen.effects.switching`, also beside slow noise.
 
 References
 ----------
-.. [1] L. R. Rabiner, A tutorial on hidden Markov models, Proc. IEEE 77(2), 1989 (forward recursion).
-.. [2] S. Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, J. Appl. Phys. 25, 1954.
+.. [1] S. Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, J. Appl. Phys. 25, 1954.
 """
 
 from __future__ import annotations
@@ -19,21 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, parameter
+from kfgen.effects.drawn import integral
 from kfgen.effects.form import Form, State
 from kfgen.effects.series import DECADES, Series, Sought
+from kfgen.effects.switching import Point, Slow, Switching
 
 Array = NDArray[np.float64]
 
 CELLS = 2048
 """Means into which a record is gathered."""
-PROMISING = 4.0
-"""Nats that a slow wandering must be worth before levels are looked for."""
+PROMISING = 3.0
+"""Nats that the best of the first points must be worth at least, before levels are looked for in earnest."""
 SEVERAL = 8.0
 """Jumps that a record holds on average at least: a single one is a step."""
-UNEVEN = 1.15
-"""Ratio of the largest to the smallest noise amplitude in the band of the cells beyond which they are not white."""
-SLOW = 0.5
-"""Share of the density that is not white above which the record wanders by itself."""
+WIDTHS = (4, 16, 64)
+"""Cells over which means are smoothed to see how far apart levels may be."""
+FACTORS = (0.6, 1.0, 1.6)
+DWELLS = 12
+"""First points: distances of the levels about those seen, and dwell times."""
+STATES = 2
+"""Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
+UNEVEN = 0.15
+"""Of their distance: how far from the record's mean the middle of the levels may be."""
+NOISES = 64
+"""First points of the noise alone."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,7 @@ class RandomTelegraph(Effect):
     alters: ClassVar[bool] = True
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
-        """The Gauss-Markov process of the same spectrum: ``sigma = size / 2``, ``tau = dwell / 2`` [2]_."""
+        """The Gauss-Markov process of the same spectrum: ``sigma = size / 2``, ``tau = dwell / 2`` [1]_."""
         return Form(
             A=((-2 / self.dwell,),),
             W=((self.size**2 / self.dwell,),),
@@ -68,71 +76,60 @@ class RandomTelegraph(Effect):
 
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
-        """The hidden Markov chain that explains the means of short cells best."""
-        from scipy.optimize import minimize
-
+        """The level that explains the means of short cells best, integrated over its numbers and the noise's."""
+        if sum(f.order for f in series.forms) > STATES:
+            return []
         cells = Cells.of(series)
-        band = series.weight[1 : cells.mean.size + 1]
-        if float(np.max(series.slow[1:])) > SLOW or float(band.max()) > UNEVEN * float(band.min()):
+        starts, none = cells.starts(), cells.nothing()
+        if starts.size == 0 or float(cells.gain(starts).max()) - float(cells.gain(none).max()) < PROMISING:
             return []
-        starts = cells.starts()
-        best = None
-        for start in starts:
-            found = minimize(
-                cells.loss,
-                start,
-                method="Nelder-Mead",
-                options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 400},
-            )
-            if best is None or found.fun < best.fun:
-                best = found
-        if best is None or -best.fun < PROMISING:
-            return []
-        size, dwell = (float(np.exp(v)) for v in best.x[:2])
-        H = _second(cells.loss, best.x)
-        values = np.maximum(np.linalg.eigvalsh(H), 1e-3)
-        evidence = -float(best.fun) + 1.5 * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
-        # The level of the noise is free in either model.
-        evidence += 0.5 * float(np.log(2.0 * series.n + 1.0 / series.level[1] ** 2))
-        # The constant is a nuisance of either model: what it leaves open without levels is taken off.
-        evidence -= 0.5 * float(np.log(2.0 * np.pi)) + float(np.log(cells.sd / np.sqrt(cells.mean.size)))
-        evidence -= float(np.log(DECADES)) + float(np.log(np.log(cells.mean.size / SEVERAL)))
-        deviation = np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True))))
-        spread = np.exp(np.minimum(1.96 * deviation, 300.0))
+        best, without = integral(cells.gain, starts), integral(cells.noise_gain, cells.noise_starts())
+        size, dwell = np.exp(best.mean[:2]).tolist()
+        spread = np.exp(1.96 * np.sqrt(np.diag(best.covariance)[:2]))
+        evidence = best.log - without.log - float(np.log(DECADES * (cells.longest - cells.shortest)))
         ci95 = {
-            "size": (size / float(spread[0]), size * float(spread[0])),
-            "dwell": (dwell / float(spread[1]), dwell * float(spread[1])),
+            name: (float(v / s), float(v * s)) for name, v, s in zip(("size", "dwell"), (size, dwell), spread)
         }
         return [Sought(cls(size, dwell), 0.0, evidence, ci95)]
 
     def taken(self, series: Series) -> Array:
-        """The samples less the level that each is most likely on, smoothed both ways."""
+        """The samples that the model without levels would give for the same innovations, cell by cell."""
         cells = Cells.of(series)
-        up = cells.smoothed(float(self.size), float(self.dwell))
-        at = (np.arange(cells.mean.size) + 0.5) * cells.block
-        level = np.interp(np.arange(series.n) + 0.5, at, up)
-        return np.asarray(series.y - float(self.size) * (level - 0.5))
+        size, dwell = float(np.log(self.size)), float(np.log(self.dwell))
+
+        def gain(noise: Array) -> Array:
+            return cells.gain(np.column_stack([np.full((len(noise), 2), (size, dwell)), noise]))
+
+        best = integral(gain, cells.noise_starts()).mean
+        at = cells.point(np.concatenate([[size, dwell], best])[None])
+        off = cells.switching.quiet(at, cells.switching.innovations(at)) - cells.switching.mean
+        each = np.minimum(np.arange(series.n) // cells.block, off.size - 1)
+        return np.asarray(series.y + off[each])
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Means of cells of a record [SI], their white deviation, their length.
+    """A record gathered into cells, and what is believed of its noise.
 
     Parameters
     ----------
+    block : int
+        Samples of a cell.
     power : float
         Sum of squares of the faster ordinates, of which there are `rest`.
-    level : (mean, deviation)
-        What is believed of the logarithm of the noise's level over that of the fit.
+    still : float
+        Deviation of the record's mean without levels [SI].
+    level, wander : (mean, deviation)
+        What is believed of the logarithms of the levels of the white and of the slow noise over those of the fit.
     """
 
-    mean: Array
-    sd: float
+    switching: Switching
     block: int
-    dt: float
     power: float
     rest: int
+    still: float
     level: tuple[float, float]
+    wander: tuple[float, float]
 
     @staticmethod
     def of(series: Series) -> Cells:
@@ -140,99 +137,80 @@ class Cells:
         block = max(1, -(-series.n // CELLS))
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
-        level = 1.0 / float(np.mean(series.weight[1 : m + 1]))
+        dt = series.dt * block
+        band = series.weight[1:m] / np.sqrt(1.0 - series.slow[1:m])
+        sd = 1.0 / float(np.mean(band)) / float(np.sqrt(block))
         power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
         rest = series.n - m if block > 1 else 0
-        sd = level / float(np.sqrt(block))
-        return Cells(mean - mean.mean(), sd, block, series.dt * block, power, rest, series.level)
+        switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
+        still = 1.0 / float(series.weight[1] * np.sqrt(series.n))
+        return Cells(switching, block, power, rest, still, series.level, series.wander)
 
-    def starts(self) -> list[Array]:
-        """Size, dwell (logarithms), middle, level from where the means stand, smoothed over several widths."""
+    @property
+    def shortest(self) -> float:
+        """Logarithm of the shortest dwell time: a cell."""
+        return float(np.log(self.switching.dt))
+
+    @property
+    def longest(self) -> float:
+        """Logarithm of the longest: the record holds `SEVERAL` of them."""
+        return float(np.log(self.switching.mean.size * self.switching.dt / SEVERAL))
+
+    def starts(self) -> Array:
+        """Points about the distances at which the smoothed means stand, shape (p, 4 or 5)."""
         from scipy.ndimage import uniform_filter1d
 
-        out = []
+        mean, sd = self.switching.mean, self.switching.sd
+        sizes = [
+            2.0 * float(np.sqrt(max(np.var(uniform_filter1d(mean, w)) - sd**2 / w, 1e-2 * sd**2 / w)))
+            for w in WIDTHS
+            if mean.size >= 8 * w
+        ]
+        dwells = np.linspace(self.shortest, self.longest, DWELLS + 1)[1:]
+        levels = np.array([[np.log(a * f), d] for a in sizes for f in FACTORS for d in dwells]).reshape(-1, 2)
+        deviation = np.tile(self.deviation, (len(levels), 1))
+        deviation[:, 0] = UNEVEN * np.exp(levels[:, 0])
+        drawn = np.random.default_rng(0).standard_normal(deviation.shape)
+        return np.column_stack([levels, self.noise + deviation * drawn])
+
+    @property
+    def noise(self) -> Array:
+        """About where the middle [SI] and the logarithms of the levels of the noise are, shape (2,) or (3,)."""
         loud = 0.5 * float(np.log(self.power / self.rest)) if self.rest else 0.0
-        for width in (4, 16, 64):
-            if self.mean.size < 8 * width:
-                continue
-            smooth = uniform_filter1d(self.mean, width, mode="nearest")
-            excess = max(float(np.var(smooth)) - self.sd**2 / width, 1e-2 * self.sd**2 / width)
-            out.append(np.array([np.log(2.0 * np.sqrt(excess)), np.log(3.0 * width * self.dt), 0.0, loud]))
-        return out
+        return np.array([0.0, loud, 0.0])[: 2 + bool(self.switching.slow.order)]
 
-    def loss(self, point: Array) -> float:
-        """Minus the gain of log-likelihood over no levels [nats], at log size, log dwell, middle, log level."""
-        size, dwell, middle = float(np.exp(point[0])), float(np.exp(point[1])), float(point[2])
-        loud, (mean, deviation) = float(point[3]), self.level
-        if (
-            not 1e-4 * self.sd < size < 1e4 * self.sd
-            or not self.dt < dwell < self.mean.size * self.dt / SEVERAL
-        ):
-            return 1e6 + abs(float(point[0])) + abs(float(point[1]))
-        none = -0.5 * (self.mean / self.sd) ** 2
-        gain = _log_forward(self._emission(size, middle, loud), self._stay(dwell)) - float(none.sum())
-        gain -= (self.mean.size + self.rest) * loud + 0.5 * self.power * float(np.expm1(-2.0 * loud))
-        return -gain + 0.5 * (((loud - mean) / deviation) ** 2 - (mean / deviation) ** 2)
+    @property
+    def deviation(self) -> Array:
+        """How far off they may be without levels, shape (2,) or (3,)."""
+        free = 1.0 / float(np.sqrt(2.0 * (self.rest + self.switching.mean.size)))
+        return np.array([self.still, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
 
-    def _emission(self, size: float, middle: float, loud: float) -> Array:
-        levels = middle + size * np.array([-0.5, 0.5])
-        return np.asarray(-0.5 * ((self.mean[:, None] - levels) / (self.sd * float(np.exp(loud)))) ** 2)
+    def noise_starts(self) -> Array:
+        """Points about the noise that is believed, shape (p, 2 or 3)."""
+        drawn = np.random.default_rng(0).standard_normal((NOISES, self.noise.size))
+        return np.asarray(self.noise + 2.0 * self.deviation * drawn)
 
-    def _stay(self, dwell: float) -> float:
-        return 0.5 + 0.5 * float(np.exp(-2.0 * self.dt / dwell))
+    def nothing(self) -> Array:
+        """The noise alone, at its first points."""
+        noise = self.noise_starts()
+        return np.column_stack([np.full((len(noise), 2), (-np.inf, self.longest)), noise])
 
-    def smoothed(self, size: float, dwell: float) -> Array:
-        """Probability of the upper level in each cell, given all, shape (m,)."""
-        from scipy.optimize import minimize
+    def noise_gain(self, noise: Array) -> Array:
+        """As `gain`, of no levels."""
+        return self.gain(np.column_stack([np.full((len(noise), 2), (-np.inf, self.longest)), noise]))
 
-        def off(x: Array) -> float:
-            return self.loss(np.array([np.log(size), np.log(dwell), size * x[0], x[1]]))
+    def point(self, x: Array) -> Point:
+        """From log size, log dwell, middle, log of the white level and, where there is slow noise, of its level."""
+        size, dwell, loud, wander = np.exp(
+            [x[:, 0], x[:, 1], x[:, 3], x[:, 4] if x.shape[1] > 4 else 0.0 * x[:, 3]]
+        )
+        return Point(size, dwell, x[:, 2], loud, wander)
 
-        loud = 0.5 * float(np.log(self.power / self.rest)) if self.rest else 0.0
-        best = minimize(off, [0.0, loud], method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2}).x
-        e, stay = self._emission(size, size * float(best[0]), float(best[1])), self._stay(dwell)
-        e = np.exp(e - e.max(axis=1, keepdims=True))
-        forward, backward = _pass(e, stay), _pass(e[::-1], stay)[::-1]
-        both = forward * backward / np.maximum(e, 1e-300)
-        return np.asarray(both[:, 1] / both.sum(axis=1))
-
-
-def _pass(e: Array, stay: float) -> Array:
-    """Normalised forward probabilities, shape (m, 2)."""
-    out = np.empty_like(e)
-    p = 0.5
-    for k, (a, b) in enumerate(e.tolist()):
-        p = p * stay + (1.0 - p) * (1.0 - stay)
-        down, up = (1.0 - p) * a, p * b
-        p = up / (down + up) if down + up > 0.0 else 0.5
-        out[k] = 1.0 - p, p
-    return out
-
-
-def _log_forward(e: Array, stay: float) -> float:
-    """Log-likelihood of a two-state chain from log emissions, shape (m, 2), by products of pairs [1]_."""
-    top = e.max(axis=1)
-    w = np.exp(e - top[:, None])
-    M = np.array([[stay, 1.0 - stay], [1.0 - stay, stay]])[None] * w[:, None, :]
-    total = float(top.sum())
-    while M.shape[0] > 1:
-        if M.shape[0] % 2:
-            M = np.concatenate([M, np.eye(2)[None]])
-        M = M[0::2] @ M[1::2]
-        scale = M.max(axis=(1, 2))
-        total += float(np.log(scale).sum())
-        M = M / scale[:, None, None]
-    return total + float(np.log(0.5 * M[0].sum()))
-
-
-def _second(f: Any, x: Array) -> Array:
-    """Second derivatives by central differences, shape (4, 4)."""
-    steps = np.diag([0.02, 0.02, 0.02 * float(np.exp(x[0])), 0.005])
-    H = np.zeros((4, 4))
-    for i in range(4):
-        for j in range(i + 1):
-            a, b = steps[i], steps[j]
-            H[i, j] = H[j, i] = (f(x + a + b) - f(x + a - b) - f(x - a + b) + f(x - a - b)) / (
-                4.0 * a[i] * b[j]
-            )
-    return H
+    def gain(self, x: Array) -> Array:
+        """Log-likelihood and log prior of the noise's levels [nats], up to a constant, at points, shape (p, 4 or 5)."""
+        at, loud = self.point(x), x[:, 3]
+        value = self.switching.log_likelihood(at) - self.rest * loud - 0.5 * self.power * np.exp(-2.0 * loud)
+        for x_k, (mean, deviation) in zip(x.T[3:], (self.level, self.wander)):
+            value = value - 0.5 * ((x_k - mean) / deviation) ** 2
+        inside = (x[:, 1] >= self.shortest) & (x[:, 1] <= self.longest)
+        return np.asarray(np.where(inside, value, -1e6))

@@ -140,13 +140,26 @@ def series_of(base: Candidate) -> Series:
     ]
     nuisance = np.linalg.qr(np.array(columns).T)[0] if columns else np.zeros((n, 0))
     y = record.y - record.drift(effects)
-    return Series(record.elapsed, y, dt, whitener.weight, 1.0 - white, nuisance, _level(base), record.drive)
+    slow = [e for e in effects if e.form().order and not e.coefficients()]
+    return Series(
+        record.elapsed,
+        y,
+        dt,
+        whitener.weight,
+        1.0 - white,
+        nuisance,
+        _level(base, [e for e in effects if e.form().V]),
+        record.drive,
+        tuple(e.form() for e in slow),
+        _level(base, slow),
+    )
 
 
-def _level(base: Candidate) -> tuple[float, float]:
+def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
+    """Mean and deviation of what is believed of the size of the first of some effects, over that of the fit."""
     for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
         prior = base.problem.priors.get((i, name))
-        if base.fit.effects[i].form().V and prior is not None:
+        if base.fit.effects[i] in effects and name in _sizes(base.fit.effects[i]) and prior is not None:
             return prior.mean - x, prior.deviation
     return 0.0, RETUNED
 

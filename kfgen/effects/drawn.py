@@ -1,0 +1,91 @@
+"""`integral`: a probability integrated by drawing, where one evaluation of many points at once is cheap.
+
+References
+----------
+.. [1] O. Cappé, A. Guillin, J.-M. Marin and C. P. Robert, Population Monte Carlo, J. Comput. Graph. Statist. 13(4), 2004.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DRAWS = 64
+ROUNDS = 6
+LAST = 2
+"""Rounds from which the integral is taken; those before it find where the weight is."""
+NU = 6.0
+"""Degrees of freedom of the laws from which points are drawn: their tails are heavier than a normal one's."""
+ENOUGH = 12.0
+"""Points of equal weight that a round is to be worth: else its weights are evened."""
+
+
+@dataclass(frozen=True)
+class Integral:
+    """The logarithm of an integral, and the mean and the covariance of its law.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (k,)
+    covariance : ndarray, shape (k, k)
+    """
+
+    log: float
+    mean: Array
+    covariance: Array
+
+
+def integral(log_f: Callable[[Array], Array], points: Array, seed: int = 0) -> Integral:
+    """Of ``exp(log_f)`` over its k arguments, from some points of which the best lie near its weight [1]_.
+
+    Parameters
+    ----------
+    log_f : callable
+        Of points, shape (p, k), to values, shape (p,).
+    points : ndarray, shape (p, k)
+        First points; more than k.
+    """
+    rng = np.random.default_rng(seed)
+    mean, covariance = _law(points, log_f(points))
+    logs = []
+    for r in range(ROUNDS):
+        drawn = _draw(rng, mean, covariance)
+        w = log_f(drawn) - _log_density(drawn, mean, covariance)
+        mean, covariance = _law(drawn, w)
+        if r >= ROUNDS - LAST:
+            logs.append(w)
+    every = np.concatenate(logs)
+    top = float(every.max())
+    return Integral(top + float(np.log(np.mean(np.exp(every - top)))), mean, covariance)
+
+
+def _law(points: Array, w: Array) -> tuple[Array, Array]:
+    """Mean and covariance of points under weights that are evened until enough of them count."""
+    k, heat = points.shape[1], 1.0
+    while True:
+        p = np.exp(heat * (w - w.max()))
+        p /= p.sum()
+        if 1.0 / float(p @ p) >= ENOUGH or heat < 1e-3:
+            break
+        heat *= 0.7
+    mean = p @ points
+    d = points - mean
+    covariance = (p[:, None] * d).T @ d * ENOUGH / (ENOUGH - 1.0)
+    return np.asarray(mean), np.asarray(covariance + 1e-8 * np.eye(k))
+
+
+def _draw(rng: np.random.Generator, mean: Array, covariance: Array) -> Array:
+    L = np.linalg.cholesky(covariance)
+    normal = rng.standard_normal((DRAWS, mean.size))
+    return np.asarray(mean + (normal @ L.T) / np.sqrt(rng.chisquare(NU, (DRAWS, 1)) / NU))
+
+
+def _log_density(points: Array, mean: Array, covariance: Array) -> Array:
+    from scipy.stats import multivariate_t
+
+    return np.asarray(multivariate_t(mean, covariance, NU).logpdf(points))

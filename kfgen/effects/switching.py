@@ -1,0 +1,174 @@
+"""`Switching`: a level that jumps between two values in the noise of a linear model.
+
+Given the jumps the samples are those of a Kalman filter; the number of possible histories doubles with every
+sample. Two filters, one for each level of the last cell, are run: each of their histories is followed through one
+more jump, and those that end on one level are merged into one normal law of the same mean and covariance [1]_.
+Without slow noise this is the exact recursion of a hidden Markov chain with an unknown constant [2]_.
+
+References
+----------
+.. [1] H. A. P. Blom and Y. Bar-Shalom, The interacting multiple model algorithm for systems with Markovian
+   switching coefficients, IEEE Trans. Automatic Control 33(8), 1988; the pseudo-Bayesian form of second order,
+   G. A. Ackerson and K. S. Fu, IEEE Trans. Automatic Control 15(1), 1970.
+.. [2] L. R. Rabiner, A tutorial on hidden Markov models, Proc. IEEE 77(2), 1989.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.form import Form, discretise, initial_covariance
+
+Array = NDArray[np.float64]
+
+LEVELS = np.array([-0.5, 0.5])
+
+
+@dataclass(frozen=True)
+class Slow:
+    """The slow noise of a model as one linear system between cells.
+
+    Parameters
+    ----------
+    Phi, Q, P0 : ndarray, shape (k, k)
+        Transition, process noise, covariance in the first cell.
+    C : ndarray, shape (k,)
+        Output row.
+    """
+
+    Phi: Array
+    Q: Array
+    P0: Array
+    C: Array
+
+    @staticmethod
+    def of(forms: Sequence[Form], dt: float) -> Slow:
+        """Of random effects with states, over a step `dt` [s]."""
+        steps = [discretise(f, dt) for f in forms]
+        C = np.concatenate([np.zeros(0), *(np.array(f.C, dtype=np.float64) for f in forms)])
+        starts = [initial_covariance(f) for f in forms]
+        return Slow(_blocks([Phi for Phi, _ in steps]), _blocks([Q for _, Q in steps]), _blocks(starts), C)
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.C.size)
+
+
+def _blocks(parts: Sequence[Array]) -> Array:
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*parts)) if parts else np.zeros((0, 0))
+
+
+@dataclass(frozen=True)
+class Point:
+    """What the level and the noise are, shape (p,) each: p filters run side by side.
+
+    Parameters
+    ----------
+    size, dwell, middle : ndarray
+        Distance of the levels [SI]; mean time on one of them [s]; half-way between them [SI].
+    loud, wander : ndarray
+        Factors of the deviations of the white and of the slow noise.
+    """
+
+    size: Array
+    dwell: Array
+    middle: Array
+    loud: Array
+    wander: Array
+
+
+@dataclass(frozen=True)
+class Switching:
+    """Cells of a record.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (m,)
+        Their means [SI], about zero.
+    dt, sd : float
+        Length of a cell [s], deviation of its white noise [SI].
+    slow : Slow
+    """
+
+    mean: Array
+    dt: float
+    sd: float
+    slow: Slow
+
+    def log_likelihood(self, at: Point) -> Array:
+        """Of each point, shape (p,) [nats]."""
+        return self._run(at)[0]
+
+    def innovations(self, at: Point) -> Array:
+        """What each cell shows that those before it did not foretell, shape (m,): unit normal if the model holds.
+
+        The normal deviate of the probability that a cell is at most what it is, given those before it.
+        """
+        return self._run(at)[1]
+
+    def quiet(self, at: Point, z: Array) -> Array:
+        """The cells that the model without levels would give for these innovations [SI], shape (m,)."""
+        slow, R = self.slow, float((self.sd * at.loud[0]) ** 2)
+        x, P = np.zeros(slow.order), slow.P0 * float(at.wander[0]) ** 2
+        Q, out = slow.Q * float(at.wander[0]) ** 2, np.empty_like(z)
+        for k, deviate in enumerate(z.tolist()):
+            if k:
+                x, P = slow.Phi @ x, slow.Phi @ P @ slow.Phi.T + Q
+            PC = P @ slow.C
+            S = float(slow.C @ PC) + R
+            new = deviate * np.sqrt(S)
+            out[k] = float(slow.C @ x) + new
+            x, P = x + PC * (new / S), P - np.outer(PC, PC) / S
+        return out
+
+    def _run(self, at: Point) -> tuple[Array, Array]:
+        from scipy.special import ndtri
+
+        H, Phi = self.slow.C, self.slow.Phi
+        Q, P = (at.wander[:, None, None] ** 2 * M for M in (self.slow.Q, self.slow.P0))
+        count = at.size.size
+        R = (self.sd * at.loud)[:, None] ** 2
+        x, p = np.zeros((count, 2, H.size)), np.full((count, 2), 0.5)
+        V = np.broadcast_to(P[:, None], (count, 2, *P.shape[1:]))
+        stay = 0.5 + 0.5 * np.exp(-2.0 * self.dt / at.dwell)
+        T = np.stack([np.stack([stay, 1.0 - stay], -1), np.stack([1.0 - stay, stay], -1)], -2)
+        shift = at.middle[:, None, None] + at.size[:, None, None] * LEVELS
+        total, z = np.zeros(count), np.empty(self.mean.size)
+        for k, y in enumerate(self.mean.tolist()):
+            if k:
+                x, V = x @ Phi.T, Phi @ V @ Phi.T + Q[:, None]
+            VH = V @ H
+            S = VH @ H + R
+            left = (y - x @ H)[:, :, None] - shift
+            prior = p[:, :, None] * T
+            w = prior * np.exp(-0.5 * left**2 / S[:, :, None]) / np.sqrt(S)[:, :, None]
+            z[k] = _below(prior[0], left[0], S[0]) if count == 1 else 0.0
+            both = w.sum(axis=1)
+            whole = both.sum(axis=1)
+            seen = np.maximum(whole, 1e-300)
+            total += np.log(seen)
+            p = np.maximum(both / seen[:, None], 1e-12)
+            share = w / np.maximum(both, 1e-300)[:, None, :]
+            g = VH / S[..., None]
+            each = x[:, :, None] + g[:, :, None] * left[..., None]
+            x = (share[..., None] * each).sum(axis=1)
+            d = each - x[:, None]
+            kept = V - g[..., :, None] * VH[..., None, :]
+            V = (share[..., None, None] * (kept[:, :, None] + d[..., :, None] * d[..., None, :])).sum(axis=1)
+        return total - 0.5 * self.mean.size * float(np.log(2.0 * np.pi)), ndtri(
+            np.clip(z, 1e-15, 1.0 - 1e-15)
+        )
+
+
+def _below(prior: Array, left: Array, S: Array) -> float:
+    """Probability of at most what was seen: `prior` (2, 2) of level before and after, `left` what it is off."""
+    from scipy.special import ndtr
+
+    return float(np.sum(prior * ndtr(left / np.sqrt(S)[:, None])))

@@ -1,0 +1,81 @@
+"""A level that switches in slow noise, against sums over all histories; integrals by drawing, against known ones."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.stats import kstest, multivariate_normal, multivariate_t
+
+from kfgen.effects import make
+from kfgen.effects.drawn import integral
+from kfgen.effects.switching import Point, Slow, Switching
+
+DT, M = 0.5, 9
+
+
+def point(**given: float) -> Point:
+    values = {"size": 1.0, "dwell": 2.0, "middle": 0.2, "loud": 1.0, "wander": 1.0} | given
+    return Point(**{name: np.array([v]) for name, v in values.items()})
+
+
+def over_all_histories(y: np.ndarray, sigma: float, tau: float, sd: float) -> float:
+    """The likelihood summed over 2^m histories of a level with exponential dwell times, exactly."""
+    lags = np.arange(y.size) * DT
+    noise = multivariate_normal(
+        np.zeros(y.size), toeplitz(sigma**2 * np.exp(-lags / tau)) + sd**2 * np.eye(y.size)
+    )
+    change = 0.5 - 0.5 * np.exp(-2.0 * DT / 2.0)
+    total = 0.0
+    for history in product((0, 1), repeat=y.size):
+        level = np.array(history)
+        jumps = int(np.abs(np.diff(level)).sum())
+        chance = 0.5 * change**jumps * (1.0 - change) ** (y.size - 1 - jumps)
+        total += chance * noise.pdf(y - 0.2 - 1.0 * (level - 0.5))
+    return float(np.log(total))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_levels_in_white_noise_have_the_likelihood_of_all_histories(seed: int) -> None:
+    y = np.random.default_rng(seed).standard_normal(M)
+    cells = Switching(y, DT, 0.7, Slow.of([], DT))
+    assert cells.log_likelihood(point())[0] == pytest.approx(over_all_histories(y, 0.0, 1.0, 0.7), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_levels_in_slow_noise_have_it_nearly(seed: int) -> None:
+    """Merged histories are no normal law: two hundredths of a nat are left, of gains of tens."""
+    y = np.random.default_rng(seed).standard_normal(M)
+    cells = Switching(y, DT, 0.7, Slow.of([make("gauss_markov", sigma=0.6, tau=3.0).form()], DT))
+    assert cells.log_likelihood(point())[0] == pytest.approx(over_all_histories(y, 0.6, 3.0, 0.7), abs=0.02)
+
+
+def test_innovations_are_white_and_normal_and_give_the_noise_back() -> None:
+    """Kolmogorov's test at 1e-4, correlation within 4 / sqrt(m); without levels the noise is itself."""
+    rng, m = np.random.default_rng(7), 3000
+    t, slow = np.arange(m) * DT, make("gauss_markov", sigma=0.6, tau=9.0)
+    noise = 0.7 * rng.standard_normal(m) + slow.simulate(t, rng)
+    y = noise + 1.2 * (np.searchsorted(np.cumsum(rng.exponential(8.0, m)), t) % 2) - 0.6
+    cells = Switching(y, DT, 0.7, Slow.of([slow.form()], DT))
+    z = cells.innovations(point(size=1.2, dwell=8.0, middle=0.0))
+    assert kstest(z, "norm").pvalue > 1e-4
+    assert abs(np.corrcoef(z[1:], z[:-1])[0, 1]) < 4.0 / np.sqrt(m)
+    alone = Switching(noise, DT, 0.7, cells.slow)
+    nothing = point(size=0.0, middle=0.0)
+    np.testing.assert_allclose(alone.quiet(nothing, alone.innovations(nothing)), noise, atol=1e-6)
+
+
+@pytest.mark.parametrize("nu", [4.0, 200.0])
+def test_a_law_integrates_to_one(nu: float) -> None:
+    """Heavy and light tails, four arguments of scales from 1e-3 to 10, first points two deviations off."""
+    mean, L = (
+        np.array([1.0, -2.0, 0.5, 3.0]),
+        np.diag([1e-3, 0.1, 1.0, 10.0]) @ (np.eye(4) + 0.4 * np.eye(4, k=-1)),
+    )
+    law = multivariate_t(mean, L @ L.T, nu)
+    starts = mean + (2.0 + np.random.default_rng(2).standard_normal((60, 4))) * np.diag(L)
+    found = integral(law.logpdf, starts)
+    assert found.log == pytest.approx(0.0, abs=0.2)
+    assert np.all(np.abs(found.mean - mean) < 4.0 * np.diag(L) / np.sqrt(10.0))
