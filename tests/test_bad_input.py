@@ -79,7 +79,7 @@ def changed(line: int, text: str) -> list[str]:
 
 LOGS = {
     "word in a cell": (changed(5, "0.03,oops"), ["'oops'", "line 5", "column 2", "gyro_x"]),
-    "empty cell": (changed(5, "0.03,"), ["empty", "line 5", "column 2"]),
+    "empty time": (changed(5, ",1"), ["empty", "line 5", "column 1"]),
     "missing cell": (changed(5, "0.03"), ["line 5", "1 cells instead of 2"]),
     "nan in time": (changed(5, "nan,1"), ["time", "sample 4"]),
     "time running backwards": (changed(5, "0.005,1"), ["time", "sample 4"]),

@@ -230,13 +230,20 @@ def test_a_garbled_column_map_is_refused(text: str) -> None:
     assert caught.value.where == "--columns"
 
 
+def test_an_empty_cell_is_where_nothing_was_recorded(tmp_path: Path) -> None:
+    """Channels of two rates in one file; the first row has a hole too."""
+    log = read_log(csv(tmp_path, "t [s],a [m],b [K]", "0,1,", "1,2,300", "2,,", "3,4,301"))
+    np.testing.assert_array_equal(log.channels["a"].values, [1.0, 2.0, np.nan, 4.0])
+    np.testing.assert_array_equal(log.channels["b"].values, [np.nan, 300.0, np.nan, 301.0])
+
+
 BAD_CSV = {
     "no row": (["t [s],a [m]"], "numbers", ""),
     "text": (["hello", "world"], "numbers", ""),
     "word in a later row": (["t [s],a [m]", "0,1", "1,x"], "'x'", "line 3, column 2 (a)"),
     "word in the first row": (["t [s],a [m]", "0,x", "1,2"], "'x'", "line 2, column 2"),
     "number with an underscore": (["t [s],a [m]", "0,1", "1,1_0"], "'1_0'", "line 3, column 2 (a)"),
-    "empty cell": (["t [s],a [m]", "0,1", "1,", "2,3"], "empty", "line 3, column 2 (a)"),
+    "empty time": (["t [s],a [m]", "0,1", ",1", "2,3"], "empty", "line 3, column 1 (t)"),
     "short row": (["t [s],a [m]", "0,1", "1", "2,3"], "1 cells instead of 2", "line 3"),
     "long row": (["t [s],a [m]", "0,1", "# fine", "1,2,3"], "3 cells instead of 2", "line 4"),
     "cut off": (["t [s],a [m]", "0,1", "1,2", "2"], "1 cells", "line 4"),

@@ -77,5 +77,6 @@ def test_a_law_integrates_to_one(nu: float) -> None:
     law = multivariate_t(mean, L @ L.T, nu)
     starts = mean + (2.0 + np.random.default_rng(2).standard_normal((60, 4))) * np.diag(L)
     found = integral(law.logpdf, starts)
+    assert found is not None
     assert found.log == pytest.approx(0.0, abs=0.2)
     assert np.all(np.abs(found.mean - mean) < 4.0 * np.diag(L) / np.sqrt(10.0))

@@ -21,6 +21,8 @@ LAST = 2
 """Rounds from which the integral is taken; those before it find where the weight is."""
 NU = 6.0
 """Degrees of freedom of the laws from which points are drawn: their tails are heavier than a normal one's."""
+HALF = 3
+"""Rounds after which it is seen whether there is any use in going on."""
 ENOUGH = 12.0
 """Points of equal weight that a round is to be worth: else its weights are evened."""
 
@@ -40,7 +42,9 @@ class Integral:
     covariance: Array
 
 
-def integral(log_f: Callable[[Array], Array], points: Array, seed: int = 0) -> Integral:
+def integral(
+    log_f: Callable[[Array], Array], points: Array, bar: float = -np.inf, seed: int = 0
+) -> Integral | None:
     """Of ``exp(log_f)`` over its k arguments, from some points of which the best lie near its weight [1]_.
 
     Parameters
@@ -49,13 +53,20 @@ def integral(log_f: Callable[[Array], Array], points: Array, seed: int = 0) -> I
         Of points, shape (p, k), to values, shape (p,).
     points : ndarray, shape (p, k)
         First points; more than k.
+    bar : float
+        What the function must have reached after half the rounds; else there is no answer.
     """
     rng = np.random.default_rng(seed)
-    mean, covariance = _law(points, log_f(points))
-    logs = []
+    values = log_f(points)
+    top, logs = float(values.max()), []
+    mean, covariance = _law(points, values)
     for r in range(ROUNDS):
         drawn = _draw(rng, mean, covariance)
-        w = log_f(drawn) - _log_density(drawn, mean, covariance)
+        values = log_f(drawn)
+        top = max(top, float(values.max()))
+        if r == HALF - 1 and top < bar:
+            return None
+        w = values - _log_density(drawn, mean, covariance)
         mean, covariance = _law(drawn, w)
         if r >= ROUNDS - LAST:
             logs.append(w)

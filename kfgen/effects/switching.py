@@ -26,6 +26,8 @@ from kfgen.effects.form import Form, discretise, initial_covariance
 Array = NDArray[np.float64]
 
 LEVELS = np.array([-0.5, 0.5])
+ONE = np.zeros(1)
+"""The only level where there are no jumps."""
 
 
 @dataclass(frozen=True)
@@ -131,15 +133,14 @@ class Switching:
     def _run(self, at: Point) -> tuple[Array, Array]:
         from scipy.special import ndtri
 
-        H, Phi = self.slow.C, self.slow.Phi
+        H, Phi, levels = self.slow.C, self.slow.Phi, LEVELS if np.any(at.size) else ONE
         Q, P = (at.wander[:, None, None] ** 2 * M for M in (self.slow.Q, self.slow.P0))
         count = at.size.size
         R = (self.sd * at.loud)[:, None] ** 2
-        x, p = np.zeros((count, 2, H.size)), np.full((count, 2), 0.5)
-        V = np.broadcast_to(P[:, None], (count, 2, *P.shape[1:]))
-        stay = 0.5 + 0.5 * np.exp(-2.0 * self.dt / at.dwell)
-        T = np.stack([np.stack([stay, 1.0 - stay], -1), np.stack([1.0 - stay, stay], -1)], -2)
-        shift = at.middle[:, None, None] + at.size[:, None, None] * LEVELS
+        x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
+        V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
+        T = self._transitions(at.dwell, levels.size)
+        shift = at.middle[:, None, None] + at.size[:, None, None] * levels
         total, z = np.zeros(count), np.empty(self.mean.size)
         for k, y in enumerate(self.mean.tolist()):
             if k:
@@ -164,6 +165,15 @@ class Switching:
             V = (share[..., None, None] * (kept[:, :, None] + d[..., :, None] * d[..., None, :])).sum(axis=1)
         return total - 0.5 * self.mean.size * float(np.log(2.0 * np.pi)), ndtri(
             np.clip(z, 1e-15, 1.0 - 1e-15)
+        )
+
+    def _transitions(self, dwell: Array, levels: int) -> Array:
+        """Probabilities from each level to each, shape (p, levels, levels): an odd number of jumps or an even one."""
+        if levels == 1:
+            return np.ones((dwell.size, 1, 1))
+        change = 0.5 - 0.5 * np.exp(-2.0 * self.dt / dwell)
+        return np.asarray(
+            (1.0 - change)[:, None, None] * np.eye(2) + change[:, None, None] * (1.0 - np.eye(2))
         )
 
 

@@ -40,6 +40,10 @@ STATES = 2
 """Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
 UNEVEN = 0.15
 """Of their distance: how far from the record's mean the middle of the levels may be."""
+BEHIND = 3.0
+"""Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
+GRID = 16
+"""Sizes, and times, at which that noise is tried."""
 NOISES = 64
 """First points of the noise alone."""
 
@@ -80,10 +84,13 @@ class RandomTelegraph(Effect):
         if sum(f.order for f in series.forms) > STATES:
             return []
         cells = Cells.of(series)
-        starts, none = cells.starts(), cells.nothing()
-        if starts.size == 0 or float(cells.gain(starts).max()) - float(cells.gain(none).max()) < PROMISING:
+        starts, alone = cells.starts(), float(cells.noise_gain(cells.noise_starts()).max())
+        if starts.size == 0 or float(cells.gain(starts).max()) < alone + PROMISING:
             return []
-        best, without = integral(cells.gain, starts), integral(cells.noise_gain, cells.noise_starts())
+        best = integral(cells.gain, starts, alone + max(PROMISING, cells.gauss_markov_gain() - BEHIND))
+        without = integral(cells.noise_gain, cells.noise_starts()) if best else None
+        if best is None or without is None:
+            return []
         size, dwell = np.exp(best.mean[:2]).tolist()
         spread = np.exp(1.96 * np.sqrt(np.diag(best.covariance)[:2]))
         evidence = best.log - without.log - float(np.log(DECADES * (cells.longest - cells.shortest)))
@@ -100,8 +107,9 @@ class RandomTelegraph(Effect):
         def gain(noise: Array) -> Array:
             return cells.gain(np.column_stack([np.full((len(noise), 2), (size, dwell)), noise]))
 
-        best = integral(gain, cells.noise_starts()).mean
-        at = cells.point(np.concatenate([[size, dwell], best])[None])
+        best = integral(gain, cells.noise_starts())
+        assert best is not None
+        at = cells.point(np.concatenate([[size, dwell], best.mean])[None])
         off = cells.switching.quiet(at, cells.switching.innovations(at)) - cells.switching.mean
         each = np.minimum(np.arange(series.n) // cells.block, off.size - 1)
         return np.asarray(series.y + off[each])
@@ -117,6 +125,8 @@ class Cells:
         Samples of a cell.
     power : float
         Sum of squares of the faster ordinates, of which there are `rest`.
+    density : ndarray, shape (m - 1,)
+        What the model expects of the squares of the cosine ordinates of the cells' means [SI^2].
     still : float
         Deviation of the record's mean without levels [SI].
     level, wander : (mean, deviation)
@@ -127,6 +137,7 @@ class Cells:
     block: int
     power: float
     rest: int
+    density: Array
     still: float
     level: tuple[float, float]
     wander: tuple[float, float]
@@ -144,7 +155,8 @@ class Cells:
         rest = series.n - m if block > 1 else 0
         switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
         still = 1.0 / float(series.weight[1] * np.sqrt(series.n))
-        return Cells(switching, block, power, rest, still, series.level, series.wander)
+        density = 1.0 / (block * np.square(series.weight[1:m]))
+        return Cells(switching, block, power, rest, density, still, series.level, series.wander)
 
     @property
     def shortest(self) -> float:
@@ -190,10 +202,20 @@ class Cells:
         drawn = np.random.default_rng(0).standard_normal((NOISES, self.noise.size))
         return np.asarray(self.noise + 2.0 * self.deviation * drawn)
 
-    def nothing(self) -> Array:
-        """The noise alone, at its first points."""
-        noise = self.noise_starts()
-        return np.column_stack([np.full((len(noise), 2), (-np.inf, self.longest)), noise])
+    def gauss_markov_gain(self) -> float:
+        """What the process of the same spectrum gains over no levels [nats], at its best."""
+        from scipy.fft import dct
+
+        m, dt = self.switching.mean.size, self.switching.dt
+        power = np.square(dct(self.switching.mean, norm="ortho")[1:])
+        omega = np.pi * np.arange(1, m) / m
+        best = 0.0
+        for phi in np.exp(-2.0 * dt / np.exp(np.linspace(self.shortest, self.longest, GRID))):
+            shape = (1.0 - phi**2) / (1.0 - 2.0 * phi * np.cos(omega) + phi**2)
+            S = self.density + np.geomspace(1e-3, 1e1, GRID)[:, None] * np.var(self.switching.mean) * shape
+            gain = 0.5 * np.sum(np.log(self.density / S) + power * (1.0 / self.density - 1.0 / S), axis=1)
+            best = max(best, float(gain.max()))
+        return best
 
     def noise_gain(self, noise: Array) -> Array:
         """As `gain`, of no levels."""

@@ -21,7 +21,7 @@ from kfgen.gap.evidence import Candidate
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import Gap, divergence, is_line, judged
 from kfgen.gap.search import RETUNE, searched
-from kfgen.gap.trust import merged
+from kfgen.gap.trust import merged, moved
 from kfgen.gap.workflow import (
     Prepared,
     checked,
@@ -125,7 +125,7 @@ def _of_all(channel: str, ready: Sequence[Prepared], first: ChannelGap, noise: C
     search = searched(start)
     base = search.base()
     after = tests_of(base)
-    retuned = any(c.name == RETUNE for c in search.chosen)
+    retuned = any(c.name == RETUNE for c in search.chosen) or moved(base.problem, base.fit, at.random.effects)
     findings, terms = terms_of(search, base, at.random, retuned, before)
     return replace(
         first,

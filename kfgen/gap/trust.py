@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from kfgen.effects import Effect
 from kfgen.errors import InputError
 from kfgen.identify.channel import MINIMUM
-from kfgen.identify.fit import Fit, Key, Prior
+from kfgen.identify.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.record import Record
 from kfgen.noise import ChannelNoise, Term
 
 TRUST = 0.1
 """Relative deviation of a believed number that states no interval."""
 LEAST_TRUST = 0.02
-FAR_FROM = 2.0
+FAR_FROM = 1.0
 """Deviations from a believed number beyond which it does not hold."""
+SURELY = 7.0
+"""Nats that believed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 
 
 def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
@@ -74,13 +77,27 @@ def merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ..
     return tuple(out)
 
 
-def moved(fit: Fit, priors: Mapping[Key, Prior]) -> bool:
-    """Whether a number had to leave what is believed of it."""
-    return any(
-        abs(x - priors[key].mean) > FAR_FROM * priors[key].deviation
+def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
+    """Whether a believed number does not hold: far from what a fit makes of it, and surely so.
+
+    Parameters
+    ----------
+    problem, fit
+        Of the believed effects and those that were added.
+    believed : sequence of Effect
+        The first of them, as they are written.
+    """
+    far = [
+        abs(x - problem.priors[key].mean) > FAR_FROM * problem.priors[key].deviation
         for key, x in zip(fit.free, fit.point.tolist())
-        if key in priors
-    )
+        if key in problem.priors
+    ]
+    if not any(far):
+        return False
+    held = frozenset((i, p.name) for i, e in enumerate(believed) for p in e.searched())
+    effects = (*believed, *fit.effects[len(believed) :])
+    as_written = maximise(replace(problem, effects=effects, fixed=problem.fixed | held))
+    return fit.likelihood.value - as_written.likelihood.value > SURELY
 
 
 def check(channel: str, record: Record, noise: ChannelNoise) -> None:

@@ -86,15 +86,11 @@ def find_gap(
     at = prepared(record, noise)
     raw, random = at.raw, at.random
     before = tests_of(written(raw, random.effects))
-    first = at.search.base()
     search = searched(at.search)
     base = search.base()
     after = tests_of(base)
-    retuned = any(c.name == RETUNE for c in search.chosen)
+    retuned = any(c.name == RETUNE for c in search.chosen) or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(search, base, random, retuned, before)
-    if not findings and not retuned and any(t.significant for t in before):
-        retuned = moved(first.fit, at.search.priors)
-        terms = terms_of(search, base, random, retuned, before)[1] if retuned else terms
     checks = checked(search, base, findings) if findings else None
     findings = [*(said_of(f, record) for f in faults), *findings]
     clean = base.problem.record

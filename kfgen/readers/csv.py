@@ -79,13 +79,13 @@ def _is_number(cell: str) -> bool:
 
 
 def _first_row(path: Path, lines: list[str]) -> tuple[str, int]:
-    """The separator, and the index of the first line that is all numbers."""
+    """The separator, and the index of the first line of numbers and empty cells."""
     for index, line in enumerate(lines[:_SEARCH]):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         for separator in (",", ";", "\t", ""):
             cells = _cells(line, separator)
-            if all(_is_number(c) for c in cells) and (separator or len(cells) >= 1):
+            if any(_is_number(c) for c in cells) and all(_is_number(c) or not c for c in cells):
                 return separator, index
     _no_row(path, lines)
     raise AssertionError
@@ -95,7 +95,7 @@ def _no_row(path: Path, lines: list[str]) -> None:
     """Say why no line is all numbers: mostly a bad cell right in the first one."""
     for index, line in enumerate(lines[:_SEARCH]):
         for k, cell in enumerate(_cells(line, ",")):
-            if not _is_number(cell) and any(_is_number(c) for c in _cells(line, ",")) and index:
+            if cell and not _is_number(cell) and any(_is_number(c) for c in _cells(line, ",")) and index:
                 raise InputError(
                     f"'{cell}' is not a number",
                     where=f"{path}: line {index + 1}, column {k + 1}",
@@ -118,9 +118,9 @@ def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[l
             line = re.sub(r"\s+\[", "[", line)
         cells = _cells(line, separator)
         if len(cells) == width and any(_is_number(c) for c in cells):
-            bad = next(k for k, c in enumerate(cells) if not _is_number(c))
+            bad = next(k for k, c in enumerate(cells) if c and not _is_number(c))
             raise InputError(
-                f"'{cells[bad]}' is not a number" if cells[bad] else "an empty cell",
+                f"'{cells[bad]}' is not a number",
                 where=f"{path}: line {index + 1}, column {bad + 1}",
                 remedy="Mend or remove that line",
             )
@@ -152,12 +152,19 @@ def _numbers(
 ) -> NDArray[np.float64]:
     rows = lines[first:]
     try:
-        return np.loadtxt(
-            [r for r in rows if r.strip()], delimiter=separator or None, ndmin=2, dtype=np.float64
-        )
+        return _loaded([r for r in rows if r.strip()], separator)
     except ValueError:
         _explain(path, rows, first, separator, names)
-        raise
+    return _loaded([_filled(r, separator) for r in rows if r.strip()], separator)
+
+
+def _loaded(rows: list[str], separator: str) -> NDArray[np.float64]:
+    return np.loadtxt(rows, delimiter=separator or None, ndmin=2, dtype=np.float64)
+
+
+def _filled(row: str, separator: str) -> str:
+    """A row in which an empty cell is no number: channels of several rates share a file so."""
+    return separator.join(c or "nan" for c in _cells(row, separator)) if separator else row
 
 
 def _explain(path: Path, rows: list[str], first: int, separator: str, names: list[str]) -> None:
@@ -173,7 +180,7 @@ def _explain(path: Path, rows: list[str], first: int, separator: str, names: lis
                 remedy="Mend or remove that line",
             )
         for k, cell in enumerate(cells):
-            if not _is_number(cell):
+            if (cell and not _is_number(cell)) or (not cell and names[k] == "t"):
                 raise InputError(
                     f"'{cell}' is not a number" if cell else "an empty cell",
                     where=f"{path}: line {number}, column {k + 1} ({names[k]})",

@@ -6,6 +6,7 @@ from kfgen.effects.integrity import Fault
 from kfgen.effects.periodic import Sinusoid
 from kfgen.gap.comb import comb_of
 from kfgen.gap.finding import ChannelGap, Finding
+from kfgen.noise import Term
 from kfgen.report.identify import quantity
 from kfgen.units import derived_unit, from_si
 
@@ -17,11 +18,15 @@ VERDICTS = {
 }
 
 
+SAME = 0.01
+"""Relative change of a number below which it is not said."""
+
+
 def finding_sentence(g: ChannelGap, f: Finding) -> str:
     """A missing effect in words: name, size, share, band, alternatives; of a fault, what is wrong."""
     if isinstance(f.effect, Fault):
         return f.effect.sentence(g.channel, g.unit)
-    size = ", ".join(_with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
+    size = ", ".join(with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
         f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "
         f"probable among all candidates; without it the disagreement is strongest {_where(f)}"
@@ -50,7 +55,8 @@ def percent(p: float) -> str:
     return "more than 99.9 %" if p > 0.999 else f"{100 * p:.3g} %"
 
 
-def _with_interval(f: Finding, name: str, unit: str) -> str:
+def with_interval(f: Finding | Term, name: str, unit: str) -> str:
+    """A value with its unit and its interval, where there is one."""
     value = quantity(float(getattr(f.effect, name)), unit)
     if name in f.ci95:
         lo, hi = (from_si(v, unit) for v in f.ci95[name])
@@ -69,6 +75,25 @@ def verdict_sentence(g: ChannelGap) -> str:
     return f"{g.channel}: {VERDICTS[g.verdict]}"
 
 
+def numbers_anew(g: ChannelGap) -> list[str]:
+    """Believed numbers that do not hold, as they were and as they are."""
+    if not g.retuned:
+        return []
+    terms, said = list(g.mended.terms), []
+    for old in g.believed:
+        term = next((t for t in terms if t.effect.name == old.name), None)
+        if term is None:
+            continue
+        terms.remove(term)
+        for p in old.estimated():
+            was, unit = float(getattr(old, p.name)), derived_unit(p.unit, g.unit)
+            if abs(float(getattr(term.effect, p.name)) - was) > SAME * abs(was):
+                said.append(
+                    f"{g.channel}: {with_interval(term, p.name, unit)} instead of {quantity(was, unit)}"
+                )
+    return said
+
+
 def sentences(g: ChannelGap) -> list[str]:
     """The verdict, other channels that this one goes with though they have no effect that is known, the findings."""
     others = [t.other for t in g.before if t.other and t.significant]
@@ -80,4 +105,4 @@ def sentences(g: ChannelGap) -> list[str]:
         along.append(
             f"its lines are harmonics of {comb:.6g} Hz: something repeats every {1.0 / comb:.6g} s, and more lines would follow"
         )
-    return [verdict_sentence(g), *along, *(finding_sentence(g, f) for f in g.findings)]
+    return [verdict_sentence(g), *numbers_anew(g), *along, *(finding_sentence(g, f) for f in g.findings)]
