@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 BINS = 3000
-FEWEST = 2.0
+FEWEST = 0.5
 """Samples of the wider law that are asked for."""
 SHARE = (float(np.log(1e-6)), float(np.log(0.3)))
 KAPPA = (float(np.log(1.3)), float(np.log(1e3)))

@@ -226,5 +226,5 @@ class LowPass(Effect):
         upper, middle = (float(np.mean(series.X[at:][:tenth] ** 2)) for at in (-tenth, series.n // 2))
         if upper > middle * (1.0 + RISEN * float(np.sqrt(4.0 / tenth))):
             return []  # it rises: nothing falls off
-        corners = [(1, 0.05), (1, 0.2), (1, 0.6), (1, 1.2), (2, 0.05), (2, 0.2), (2, 0.6)]
+        corners = [(1, a) for a in (0.05, 0.2, 0.6, 1.2)] + [(2, a) for a in (0.05, 0.2, 0.4, 0.6, 0.8, 0.92)]
         return [Sought(cls(share * nyquist, order)) for order, share in corners]

@@ -40,6 +40,8 @@ STATES = 2
 """Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
 UNEVEN = 0.15
 """Of their distance: how far from the record's mean the middle of the levels may be."""
+COLOURED = 1.15
+"""Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
 BEHIND = 3.0
 """Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
 GRID = 16
@@ -81,9 +83,9 @@ class RandomTelegraph(Effect):
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
         """The level that explains the means of short cells best, integrated over its numbers and the noise's."""
-        if sum(f.order for f in series.forms) > STATES:
-            return []
         cells = Cells.of(series)
+        if cells.switching.slow.order > STATES or not cells.even:
+            return []
         starts, alone = cells.starts(), float(cells.noise_gain(cells.noise_starts()).max())
         if starts.size == 0 or float(cells.gain(starts).max()) < alone + PROMISING:
             return []
@@ -121,6 +123,8 @@ class Cells:
 
     Parameters
     ----------
+    even : bool
+        Whether the noise that is not slow is white in the band of the cells.
     block : int
         Samples of a cell.
     power : float
@@ -134,6 +138,7 @@ class Cells:
     """
 
     switching: Switching
+    even: bool
     block: int
     power: float
     rest: int
@@ -149,14 +154,15 @@ class Cells:
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
         dt = series.dt * block
-        band = series.weight[1:m] / np.sqrt(1.0 - series.slow[1:m])
+        band = np.maximum(series.weight[1:m], 1e-300) / np.sqrt(1.0 - series.slow[1:m])
         sd = 1.0 / float(np.mean(band)) / float(np.sqrt(block))
+        even = float(band.max()) < COLOURED * float(band.min())
         power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
-        rest = series.n - m if block > 1 else 0
+        rest = int(np.count_nonzero(series.weight[m:])) if block > 1 else 0
         switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
         still = 1.0 / float(series.weight[1] * np.sqrt(series.n))
-        density = 1.0 / (block * np.square(series.weight[1:m]))
-        return Cells(switching, block, power, rest, density, still, series.level, series.wander)
+        density = 1.0 / (block * np.square(np.maximum(series.weight[1:m], 1e-150)))
+        return Cells(switching, even, block, power, rest, density, still, series.level, series.wander)
 
     @property
     def shortest(self) -> float:

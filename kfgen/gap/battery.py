@@ -3,8 +3,8 @@
 Under the right model every ordinate of the sine transform over its expectation is an independent
 chi-square of one degree of freedom, and the white series in time is normal and independent. So the power
 in each band and in each cell of an atlas (a stretch of time, a band) is a chi-square, the regression on a
-driver, on any other channel or on time a normal deviate, the largest ordinate an exponential; kurtosis and the correlation of
-squares have their own laws. All p values are held together by Holm's method [1]_.
+driver, on any other channel or on time a normal deviate, and so is that of the squares, the largest ordinate an
+exponential; skewness, kurtosis and the correlation of squares have their own laws. All p values are held together by Holm's method [1]_.
 
 References
 ----------
@@ -87,7 +87,15 @@ def battery(record: Record, effects: Sequence[Effect], coefficients: Array, seri
         if shown and cls.coefficients() and not any(e.name == name for e in effects):
             tests.append(_driven(record, effects, coefficients, shown[0]))
     tests += [_followed(series, name) for name in series.drive if name not in DRIVERS]
-    return holm([*tests, *white_tests(series.z, series.dt, series.X)])
+    tests += [_louder(series, name) for name in series.drive]
+    return holm([*tests, *_of_passed(series)])
+
+
+def _of_passed(series: Series) -> list[Test]:
+    """Tests of the white series; without the upper end of the band where a filter stops, so at fewer times."""
+    X = series.X[: int(np.flatnonzero(series.weight)[-1]) + 1]
+    z = series.z if X.size == series.n else Series.in_time(X)
+    return white_tests(z, series.dt * series.n / X.size, X)
 
 
 def bands(data: Ordinates) -> list[tuple[int, int]]:
@@ -137,10 +145,20 @@ def _followed(series: Series, name: str) -> Test:
     return Test(f"regression on {name}", p, band, 1.0 + z**2, other=name)
 
 
+def _louder(series: Series, name: str) -> Test:
+    """Regression of the squares of the white series on a channel: noise whose level follows it."""
+    from scipy.stats import norm
+
+    u = series.drive[name] - np.mean(series.drive[name])
+    size = float(np.linalg.norm(u))
+    z = float(u @ (series.z**2 - np.mean(series.z**2))) / (np.sqrt(2.0) * size) if size > 0.0 else 0.0
+    return Test(f"noise level on {name}", float(2.0 * norm.sf(abs(z))), (0.0, 0.5 / series.dt), 1.0 + z**2)
+
+
 def white_tests(z: Array, dt: float, X: Array) -> list[Test]:
     """Tests of a series that should be white and normal, shape (n,), with its cosine ordinates."""
     whole = (0.0, 0.5 / dt)
-    return [*_atlas(z, dt), _line(X, dt), _tails(z, whole), _squares(z, whole)]
+    return [*_atlas(z, dt), _line(X, dt), _tails(z, whole), _skewed(z, whole), _squares(z, whole)]
 
 
 def _atlas(z: Array, dt: float) -> list[Test]:
@@ -179,6 +197,13 @@ def _tails(z: Array, whole: tuple[float, float]) -> Test:
 
     p = float(kurtosistest(z).pvalue) if z.size >= 20 else 1.0
     return Test("tails", p, whole, 1.0 + float(kurtosis(z)) / 3.0)
+
+
+def _skewed(z: Array, whole: tuple[float, float]) -> Test:
+    from scipy.stats import skew, skewtest
+
+    p = float(skewtest(z).pvalue) if z.size >= 20 else 1.0
+    return Test("skewness", p, whole, 1.0 + abs(float(skew(z))))
 
 
 def _squares(z: Array, whole: tuple[float, float]) -> Test:

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.series import periods
+from kfgen.effects.series import Raw, Spotted, periods
 from kfgen.errors import InputError
+from kfgen.gap.faults import FEW, believed_deviation
+from kfgen.gap.odd import odd_samples, words_of
 from kfgen.gap.whitened import Whitener
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import block_means
@@ -97,6 +99,14 @@ def regular(
     said: list[str] = []
     drive = {k: v for k, v in (drive or {}).items() if k != name}
     good = np.isfinite(y)
+    logged = log.t[good]
+    faults: tuple[Spotted, ...] = ()
+    if logged.size > FEW:
+        odd, faults = odd_samples(
+            Raw(logged, y[good], believed_deviation(believed, float(np.median(np.diff(logged)))))
+        )
+        said += words_of(name, logged, odd, faults)
+        good[good] = ~odd
     stamps = log.t[good]
     if y.size < 3:
         raise InputError(
@@ -121,7 +131,7 @@ def regular(
         )
     place = np.concatenate([[0.0], np.cumsum(steps)])
     if count == y.size and good.all():
-        return Record(log.t, y, drive), log.t, said
+        return Record(log.t, y, drive), logged, said
     dt = float(np.polyfit(place, stamps, 1)[0])
     even = np.arange(count)
     t = stamps[0] + dt * even
@@ -130,7 +140,7 @@ def regular(
     said.append(
         f"{count - stamps.size} samples of {name} are missing; noise as it is believed is drawn over them"
     )
-    return Record(t, filled, drive), stamps, said
+    return Record(t, filled, drive, faults=faults), logged, said
 
 
 def _drawn_over(y: Array, known: NDArray[np.bool_], believed: Sequence[Effect], dt: float) -> Array:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect, sampled_spectrum
+from kfgen.effects import Effect, filtered, sampled_spectrum
+from kfgen.effects.base import STOP
 
 Array = NDArray[np.float64]
 
@@ -51,14 +52,15 @@ class Whitener:
         constant : bool
             Whether the constant counts; else its weight is zero.
         """
-        omega = np.arange(1, n) * (np.pi / n)
-        grid: Array = np.array(omega, dtype=np.float64)
+        omega: Array = np.array(np.arange(1, n) * (np.pi / n), dtype=np.float64)
+        grid = omega
         if n > 2 * GRID:
             grid = np.array(np.geomspace(omega[0], omega[-1], GRID), dtype=np.float64)
-        S = np.maximum(sampled_spectrum(effects, grid, dt), np.finfo(float).tiny)
+        S = np.maximum(sampled_spectrum(effects, grid, dt, n=n), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
-        return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], 1.0 / np.sqrt(S)]))
+        passed = filtered(effects, omega, dt, n=n) >= STOP
+        return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], passed / np.sqrt(S)]))
 
     def ordinates(self, x: Array) -> Array:
         """Whitened cosine coefficients, shape (n, ...), of samples along the first axis."""

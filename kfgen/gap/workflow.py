@@ -80,7 +80,7 @@ def find_gap(
     """
     check(channel, record, noise)
     noise = noise.reaching(record.dt, record.duration)
-    faults = spotted_in(record, noise, stamps, stated)
+    faults = [*record.faults, *spotted_in(record, noise, stamps, stated)]
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, Look
+from kfgen.effects.series import Spotted
 from kfgen.identify.allan import (
     AllanCurve,
     allan_curve,
@@ -192,6 +193,8 @@ class Record(Evidence):
         Time [s] of switch-on; the first sample's when left out.
     per_decade : int
         Bins of the transform in a decade of frequency.
+    faults : tuple of Spotted
+        What was wrong with samples that were left out and drawn over.
     """
 
     t: Array
@@ -201,6 +204,7 @@ class Record(Evidence):
     skip: tuple[tuple[float, float], ...] = ()
     origin: float | None = None
     per_decade: int = PER_DECADE
+    faults: tuple[Spotted, ...] = ()
 
     @property
     def since(self) -> float:

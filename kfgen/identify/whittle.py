@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, filtered, sampled_spectrum
+from kfgen.effects.base import STOP
 
 Array = NDArray[np.float64]
 
@@ -81,25 +82,33 @@ class Shapes:
 
     def total(self, effects: Sequence[Effect]) -> Array:
         """The sum over the random effects, positive."""
-        total = sum(self.of(e) for e in effects if not e.coefficients())
-        if self._filters(effects):
-            total = total * self._factor(effects)  # type: ignore[misc]
-        return np.maximum(total, np.finfo(float).tiny)
+        return np.maximum(self.factor(effects) * self._sum(effects), np.finfo(float).tiny)
 
-    def _filters(self, effects: Sequence[Effect]) -> bool:
-        return self._factor is not None and any(e.filters for e in effects)
+    def _sum(self, effects: Sequence[Effect]) -> Array | float:
+        return sum(self.of(e) for e in effects if not e.coefficients())
+
+    def factor(self, effects: Sequence[Effect]) -> Array | float:
+        """What is passed of the sum, by the effects that filter."""
+        if self._factor is None or not any(e.filters for e in effects):
+            return 1.0
+        return self._factor([e for e in effects if e.filters])
 
     def slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m)."""
-        if self._filters(effects):
-            return np.array([self._difference(effects, key) for key in keys]).reshape(len(keys), -1)
-        return np.array([self._slope(effects[i], name) for i, name in keys]).reshape(len(keys), -1)
+        factor, total = self.factor(effects), self._sum(effects)
+        rows = [
+            total * self._difference(effects[i], name, effects)
+            if effects[i].filters
+            else factor * self._slope(effects[i], name)
+            for i, name in keys
+        ]
+        return np.array(rows).reshape(len(keys), -1)
 
-    def _difference(self, effects: Sequence[Effect], key: Key) -> Array:
-        def moved(step: float) -> Array:
-            return self.total([e.shifted(key[1], step) if i == key[0] else e for i, e in enumerate(effects)])
-
-        return np.asarray((moved(NUDGE) - moved(-NUDGE)) / (2.0 * NUDGE))
+    def _difference(self, effect: Effect, name: str, effects: Sequence[Effect]) -> Array | float:
+        """Derivative of what is passed in a number of one that filters."""
+        others = [e for e in effects if e.filters and e is not effect]
+        up, down = (self.factor([*others, effect.shifted(name, h)]) for h in (NUDGE, -NUDGE))
+        return (up - down) / (2.0 * NUDGE)
 
     def _slope(self, effect: Effect, name: str) -> Array:
         if effect.coefficients():  # the shape of a regressor
@@ -160,15 +169,17 @@ class Ordinates:
             S = effect.sampled_density(self.omega, self.dt, self.block)
             return np.asarray(4.0 * np.sin(0.5 * self.omega) ** 2 * S)
 
-        return Shapes(plain, lambda es: filtered(es, self.omega, self.dt, self.block))
+        return Shapes(plain, lambda es: filtered(es, self.omega, self.dt, self.block, self.n))
 
     def part(self, effect: Effect) -> Array:
         """Density [U^2] of the differences of one effect, shape (m,)."""
         return self._shapes.of(effect)
 
     def density(self, effects: Sequence[Effect]) -> Array:
-        """``S`` [U^2] of the differences under the random effects, shape (m,)."""
-        return self._shapes.total(effects)
+        """``S`` [U^2] of the differences under the random effects, shape (m,): where a filter stops, as it is."""
+        S = self._shapes.total(effects)
+        stopped = self._shapes.factor(effects) < STOP
+        return np.where(stopped, self.gram[:, 0, 0] / self.count, S) if np.any(stopped) else S
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> Fitted:
         """``ln L`` of the record under the random `effects`.

@@ -1,0 +1,66 @@
+"""Samples that are no measurements are named as what they are, and leave the rest as it was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kfgen.effects import make
+from kfgen.gap.finding import ChannelGap
+from kfgen.gap.regular import regular
+from kfgen.gap.workflow import find_gap
+from kfgen.log import Channel, Log
+from kfgen.noise import ChannelNoise, Term
+
+DT, N = 0.01, 12_000
+T = np.arange(N) * DT
+WHITE = make("white_noise", N=0.1 * np.sqrt(DT))
+
+
+def gap_of(y: np.ndarray) -> tuple[ChannelGap, list[str]]:
+    record, stamps, said = regular(Log(T, {"gyro_x": Channel.of(y, "rad/s")}), "gyro_x", (WHITE,))
+    return find_gap("gyro_x", record, ChannelNoise("rad/s", (Term(WHITE),)), stamps), said
+
+
+def noise(seed: int) -> np.ndarray:
+    return 0.8 + 0.1 * np.random.default_rng([seed, 29]).standard_normal(N)
+
+
+@pytest.mark.parametrize("count", [10, 50, 600])
+@pytest.mark.parametrize("value", [None, 0.0])
+def test_a_stretch_that_stands_still_is_named(count: int, value: float | None) -> None:
+    """At its last value, or at zero, eight deviations off: ten equal samples have a chance of 1e-30."""
+    y = noise(count)
+    y[5000 : 5000 + count] = y[5000] if value is None else value
+    gap, said = gap_of(y)
+    assert [f.effect.name for f in gap.findings] == ["repeated_samples"]
+    assert float(gap.findings[0].effect.share) == pytest.approx(count / N)  # type: ignore[attr-defined]
+    assert gap.verdict == "effects_found"
+    assert "between 50 and" in said[0]
+    assert not any(t.significant for t in gap.after)
+
+
+@pytest.mark.parametrize("size", [12.0, 1e3, 1e6])
+def test_one_wild_sample_is_an_outlier(size: float) -> None:
+    y = noise(int(size))
+    y[7000] += 0.1 * size
+    gap, _ = gap_of(y)
+    assert [f.effect.name for f in gap.findings] == ["outliers"]
+    assert gap.verdict == "effects_found"
+    (white,) = (t.effect for t in gap.mended.terms if t.effect.name == "white_noise")
+    assert pytest.approx(WHITE.N, rel=0.03) == white.N  # type: ignore[attr-defined]
+
+
+def test_values_on_a_lattice_are_no_stretch() -> None:
+    """Eight bits: a third of the samples equals the one before."""
+    gap, said = gap_of(np.round(noise(1) / 0.08) * 0.08)
+    assert not said
+    assert "repeated_samples" not in [f.effect.name for f in gap.findings]
+
+
+def test_noise_that_leans_is_unknown() -> None:
+    """A gamma law of skewness 1/2, at its own level: no effect of the catalogue has one."""
+    rng = np.random.default_rng(31)
+    gap, _ = gap_of(0.1 * (rng.gamma(16.0, 0.25, N) - 4.0))
+    assert gap.verdict == "unknown_effect"
+    assert "skewness" in [t.name for t in gap.after if t.significant]
