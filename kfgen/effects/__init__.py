@@ -13,6 +13,7 @@ from typing import Any
 from kfgen.effects.base import Effect, Look, Parameter, filtered, sampled_spectrum
 from kfgen.effects.driven import COUPLING, coupled, is_plain
 from kfgen.effects.form import Form, State
+from kfgen.effects.thermal import LAGGED, lagged
 from kfgen.errors import InputError
 
 __all__ = [
@@ -27,6 +28,10 @@ __all__ = [
     "make",
     "sampled_spectrum",
 ]
+
+
+OF_CHANNELS = {COUPLING: coupled, LAGGED: lagged}
+"""What makes the effect of any channel, by the beginning of its name."""
 
 
 @cache
@@ -57,15 +62,15 @@ def effect_named(name: str, *, where: str = "") -> type[Effect]:
         There is none, or the channel that it names is more than letters, digits and underscores.
     """
     known = catalogue()
-    if name.startswith(COUPLING):
-        channel = name.removeprefix(COUPLING)
+    prefix, _, channel = name.partition(":")
+    if channel and prefix + ":" in OF_CHANNELS:
         if not is_plain(channel):  # it comes to stand in emitted code
             raise InputError(
-                f"'{channel}' cannot be the channel of a coupling",
+                f"'{channel}' cannot be the channel of an effect",
                 where=where,
                 remedy="A channel's name is made of letters, digits and underscores; rename it with --columns",
             )
-        return coupled(channel)
+        return OF_CHANNELS[prefix + ":"](channel)
     if name not in known:
         raise InputError(f"there is no effect '{name}'", where=where, remedy=f"Known are {', '.join(known)}")
     return known[name]

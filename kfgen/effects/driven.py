@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar, Self
 
@@ -69,8 +69,9 @@ class Driven(Effect):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        cls.title = f"bias proportional to {cls.driver or 'another channel'}"
-        cls.saying = f"follows the {cls.driver or 'other channel'} by {{coefficient}}"
+        if "title" not in vars(cls):
+            cls.title = f"bias proportional to {cls.driver or 'another channel'}"
+            cls.saying = f"follows the {cls.driver or 'other channel'} by {{coefficient}}"
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
@@ -100,6 +101,26 @@ class Temperature(Driven):
     name: ClassVar[str] = "temperature"
     separator: ClassVar[str] = "a temperature that rises and falls"
     driver: ClassVar[str] = "temperature"
+
+
+@dataclass(frozen=True)
+class TemperatureSquared(Driven):
+    """A bias proportional to the square of the temperature, about a stated reference temperature."""
+
+    coefficient: Any = parameter("U/K^2", "signed")
+    reference: float = parameter("K", "setting", 298.15)
+
+    name: ClassVar[str] = "temperature_squared"
+    title: ClassVar[str] = "bias proportional to the square of the temperature"
+    saying: ClassVar[str] = "follows the square of the temperature by {coefficient}"
+    rare: ClassVar[float] = 1.0
+    separator: ClassVar[str] = "a temperature that passes a wide range"
+    driver: ClassVar[str] = "temperature"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """``y = coefficient (T - reference)^2``, the coefficient a constant state."""
+        linear = super().form(drive)
+        return replace(linear, C=(linear.C[0] ** 2,))
 
 
 @dataclass(frozen=True)

@@ -155,7 +155,8 @@ class Outliers(Effect):
             return []
         k = float(np.sqrt(found.kappa**2 - 1.0)) * series.sd * found.level
         effect = cls(found.share, k)
-        lo, hi = np.exp(-1.96 * found.spread), np.exp(1.96 * found.spread)
+        half = np.minimum(1.96 * found.spread, 300.0)
+        lo, hi = np.exp(-half), np.exp(half)
         ci95 = {
             "share": (found.share * float(lo[1]), found.share * float(hi[1])),
             "sigma": (k * float(lo[2]), k * float(hi[2])),

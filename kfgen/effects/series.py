@@ -104,6 +104,18 @@ class Series:
         size = float(np.linalg.norm(u))
         return float(u @ self.X) / size if size > 0.0 else 0.0, u
 
+    @property
+    def driven(self) -> float:
+        """What all channels together can explain at most, each by a coefficient [nats]."""
+        shapes = [
+            u / max(float(np.linalg.norm(u)), 1e-300)
+            for u in (self.regression(x)[1] for x in self.drive.values())
+        ]
+        if not shapes:
+            return 0.0
+        B = np.array(shapes)
+        return 0.5 * float((B @ self.X) @ np.linalg.lstsq(B @ B.T, B @ self.X, rcond=1e-9)[0])
+
     @staticmethod
     def in_time(X: Array) -> Array:
         """From ordinates to time."""

@@ -1,4 +1,4 @@
-"""Effects of the past of a temperature: its rate, its play.
+"""Effects of the past of a temperature: its rate, its play; of the past of any driver: a lag behind it.
 
 References
 ----------
@@ -8,13 +8,16 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, parameter
+from kfgen.effects.driven import SENSED, is_plain
 from kfgen.effects.form import Form, State
 from kfgen.effects.series import Series, Sought
 
@@ -23,9 +26,15 @@ Array = NDArray[np.float64]
 POINTS = 4096
 """To which a thermometer is thinned before its rate or its play is taken."""
 CLEAR = 0.1
-"""Share of the rate's size below which its error must be, else it is smoothed more."""
+"""Share of the rate's size by which it may differ from that of a window twice as long, else it is smoothed more."""
 WIDTHS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Half-widths of hysteresis that are looked for, in the range of the temperature."""
+LAGGED = "lagged:"
+"""Before the name of a channel: the effect of its past."""
+SHORTEST, LONGEST, LAGS = 1e-3, 0.25, 14
+"""Lags that are looked for: of the record, how many."""
+ALIKE = 0.95
+"""Squared cosine between a course and itself behind beyond which there is no lag to see."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +102,98 @@ class ThermalHysteresis(Effect):
         return float(self.coefficient) * np.interp(t, at, play(T, float(self.width)))
 
 
+@dataclass(frozen=True)
+class Lagged(Effect):
+    """A bias that follows a recorded channel through one pole of time constant `lag`, ``lagged:NAME``."""
+
+    lag: Any = parameter("s", "place")
+    coefficient: Any = parameter("U", "signed")
+
+    name: ClassVar[str] = "lagged"
+    rare: ClassVar[float] = 1.0
+    title: ClassVar[str] = "bias behind another channel"
+    separator: ClassVar[str] = (
+        "that channel changed at two speeds: a lag shrinks with the slow one, a play does not"
+    )
+    saying: ClassVar[str] = "follows another channel by {coefficient}, {lag} behind it"
+
+    @classmethod
+    def sought(cls, series: Series) -> list[Sought]:
+        """Lags behind the channel that shows best, of those that drive no other effect."""
+        names = [n for n in series.drive if n != "temperature" and is_channel(n)]
+        found = [lagged(n).behind(series) for n in names]
+        best = max(found, key=lambda f: f[0], default=(0.0, []))[1]
+        chance = -float(np.log(max(len(names), 1)))
+        return [replace(s, located=chance) for s in best]
+
+    @classmethod
+    def behind(cls, series: Series) -> tuple[float, list[Sought]]:
+        """The best regression in deviations, and the lags whose course is not that of the channel itself."""
+        x, best, out = series.drive[cls.driver], 0.0, []
+        _, u0 = series.regression(x)
+        for lag in np.geomspace(SHORTEST, LONGEST, LAGS) * series.n * series.dt:
+            z, u = series.regression(followed(series.t, x, float(lag)))
+            alike = float(u @ u0) ** 2 / max(float(u @ u) * float(u0 @ u0), 1e-300)
+            if alike < ALIKE and lag > 5.0 * series.dt:
+                out.append(Sought(cls(float(lag), 0.0)))
+                best = max(best, abs(z))
+        return best, out
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        """The coefficient is a constant state."""
+        unit = self.parameters()[1].unit
+        return Form(A=((0,),), W=((0,),), C=(0,), x0=(self.coefficient,), states=(State("lagged", unit),))
+
+    def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
+        """Of the recorded channel, shape (n,)."""
+        if not drive:
+            return np.zeros(np.size(t))
+        return float(self.coefficient) * followed(np.asarray(t), drive[self.driver], float(self.lag))
+
+
+@dataclass(frozen=True)
+class ThermalLag(Lagged):
+    """A bias that follows the temperature through one pole: what is warm is not where the thermometer is."""
+
+    coefficient: Any = parameter("U/K", "signed")
+
+    name: ClassVar[str] = "thermal_lag"
+    title: ClassVar[str] = "bias behind the temperature"
+    saying: ClassVar[str] = "follows the temperature by {coefficient}, {lag} behind it"
+    driver: ClassVar[str] = "temperature"
+
+    @classmethod
+    def sought(cls, series: Series) -> list[Sought]:
+        """Lags behind a thermometer that moves."""
+        return cls.behind(series)[1] if moving(series) else []
+
+
+@cache
+def lagged(channel: str) -> type[Lagged]:
+    """The effect of a channel whose name is plain."""
+    doc = f"A bias that follows the channel {channel} through one pole."
+    made: Any = type(
+        "LaggedChannel", (Lagged,), {"name": LAGGED + channel, "driver": channel, "__doc__": doc}
+    )
+    made.title = f"bias behind the channel {channel}, per SI unit of it"
+    made.saying = f"follows {channel} by {{coefficient}}, {{lag}} behind it"
+    lagged_class: type[Lagged] = dataclass(frozen=True)(made)
+    return lagged_class
+
+
+def is_channel(name: str) -> bool:
+    """Whether a channel may drive a bias: its name is plain, and it is no other axis of a sensor."""
+    return is_plain(name) and not name.startswith(SENSED)
+
+
+def followed(t: Array, x: Array, lag: float) -> Array:
+    """A channel through one pole of unit gain, shape (n,), at rest at its first value."""
+    from scipy.signal import lfilter
+
+    phi = float(np.exp(-(float(t[-1]) - float(t[0])) / (t.size - 1) / lag))
+    return np.asarray(x[0] + lfilter([1.0 - phi], [1.0, -phi], x - x[0]))
+
+
 def moving(series: Series) -> bool:
     """Whether there is a thermometer that says anything."""
     T = series.drive.get("temperature")
@@ -110,20 +211,21 @@ def thinned(t: Array, T: Array) -> tuple[Array, Array]:
 
 
 def rate_of(t: Array, T: Array) -> Array:
-    """``dT/dt`` [K/s], shape (n,): straight lines over windows just long enough for the thermometer's noise."""
+    """``dT/dt`` [K/s], shape (n,): parabolas over windows just long enough for the thermometer's noise."""
     from scipy.signal import savgol_filter
 
     at, means = thinned(np.asarray(t), T)
-    step = float(at[1] - at[0])
-    noise = float(np.sqrt(np.mean(np.diff(means, 3) ** 2) / 20.0))
-    window = 5
-    while True:
-        rate = savgol_filter(means, window, 2, deriv=1, delta=step, mode="interp")
-        error = noise * np.sqrt(12.0 / window**3) / step
-        if error < CLEAR * float(np.std(rate)) or 4 * window > means.size:
-            break
-        window = 2 * window + 1
-    return np.asarray(np.interp(t, at, rate))
+    step, windows = float(at[1] - at[0]), [5]
+    while 8 * windows[-1] < means.size:
+        windows.append(2 * windows[-1] + 1)
+    rates = [
+        savgol_filter(means, w, 2, deriv=1, delta=step, mode="interp") for w in windows if w < means.size
+    ]
+    # Too short a window leaves noise, too long a one leaves the course: between both a rate does not change.
+    apart = [float(np.std(a - b)) for a, b in pairwise(rates)]
+    calm = next((k for k, d in enumerate(apart) if d < CLEAR * float(np.std(rates[k + 1]))), None)
+    best = rates[calm if calm is not None else int(np.argmin(apart))] if apart else rates[0]
+    return np.asarray(np.interp(t, at, best))
 
 
 def play(T: Array, width: float) -> Array:

@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.series import DECADES, Series, Sought, log_mean
@@ -247,9 +248,28 @@ def _over_places(
     fits = [maximise(p) for p in problems]
     values = np.array([log_evidence(p, f) for p, f in zip(problems, fits)])
     best = int(np.argmax(values))
-    return Candidate(
-        starts[0].effect.name, fits[best], problems[best], log_mean(values) - reference, starts[best]
-    )
+    gain = log_mean(values) + starts[best].located - reference
+    problem, fit, sought = problems[best], fits[best], starts[best]
+    name = next(p.name for p in sought.effect.parameters() if p.kind == "place")
+    found = _between(np.log([float(getattr(s.effect, name)) for s in starts]), values)
+    if found:
+        middle, deviation = found
+        finer = first.starting((*known, replace(sought.effect, **{name: float(np.exp(middle))})))
+        better, half = maximise(finer), 1.96 * deviation
+        if better.value > fit.value:
+            problem, fit = finer, better
+        ci95 = {name: (float(np.exp(middle - half)), float(np.exp(middle + half)))}
+        sought = replace(sought, effect=fit.effects[-1], ci95=ci95)
+    return Candidate(sought.effect.name, fit, problem, gain, sought)
+
+
+def _between(x: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float, float] | None:
+    """Where a parabola through the best of some places and its neighbours is highest, and its deviation."""
+    k = int(np.argmax(values))
+    if not 0 < k < x.size - 1:
+        return None
+    c2, c1, _ = np.polyfit(x[k - 1 : k + 2] - x[k], values[k - 1 : k + 2], 2)
+    return float(x[k] - 0.5 * c1 / c2), float(np.sqrt(-0.5 / c2))
 
 
 def _kind(problem: Problem, key: Key) -> str:

@@ -180,7 +180,8 @@ def searched(start: Search) -> Search:
     """The list of effects with most evidence, of two: grown freely, and grown without absorbers first."""
     free = grown(start)
     names = {c.name for c in free.chosen}
-    if not names & ABSORBERS or (len(names) == len(names & ABSORBERS) == 1 and _sure(free.chosen[0])):
+    alone = len(names) == len(names & ABSORBERS) == 1 and _sure(free.chosen[0])
+    if not names & ABSORBERS or (alone and series_of(start.base()).driven < free.worth):
         return settled(free)
     shaped = grown(replace(start, without=start.without | ABSORBERS))
     if not shaped.chosen:
