@@ -204,9 +204,10 @@ class Cells:
         return np.array([self.still, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
 
     def noise_starts(self) -> Array:
-        """Points about the noise that is believed, shape (p, 2 or 3)."""
+        """Points about the noise of the fast ordinates, and about that of a fit to all, shape (p, 2 or 3)."""
         drawn = np.random.default_rng(0).standard_normal((NOISES, self.noise.size))
-        return np.asarray(self.noise + 2.0 * self.deviation * drawn)
+        middle = np.where(np.arange(NOISES)[:, None] % 2, self.noise, 0.0)
+        return np.asarray(middle + 2.0 * self.deviation * drawn)
 
     def gauss_markov_gain(self) -> float:
         """What the process of the same spectrum gains over no levels [nats], at its best."""

@@ -155,6 +155,7 @@ def _drawn_over(y: Array, known: NDArray[np.bool_], believed: Sequence[Effect], 
     count = uniform_filter1d(known.astype(np.float64), window)
     mean = uniform_filter1d(np.where(known, y, 0.0), window) / np.maximum(count, 1.0 / window)
     white = Whitener.of(random, y.size, dt, constant=True)
-    noise = Whitener.back(np.random.default_rng(0).standard_normal(y.size) / white.weight)
+    amplitude = np.divide(1.0, white.weight, out=np.zeros(y.size), where=white.weight > 0.0)
+    noise = Whitener.back(np.random.default_rng(0).standard_normal(y.size) * amplitude)
     away = np.where(known, y - mean - noise, 0.0)
     return np.where(known, y, mean + noise + white.completed(away, known))
