@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.motion import free
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
-from kfgen.gap.evidence import ABOVE
+from kfgen.gap.evidence import ABOVE, BETWEEN
 from kfgen.gap.newton import (
     Fitted,
     coordinates,
@@ -182,7 +182,9 @@ def _chosen(best: Trial, trials: Sequence[Trial]) -> Added:
     shares: dict[tuple[str, str], float] = {("none", ""): float(weights[0])}
     for t, w in zip(trials, weights[1:].tolist()):
         shares[t.label] = shares.get(t.label, 0.0) + w
-    alike = {t.label: _cos2(best.direction, t.direction) for t in trials if t is not best}
+    alike: dict[tuple[str, str], float] = {}
+    for t in (t for t in trials if t is not best):
+        alike[t.label] = max(alike.get(t.label, 0.0), _cos2(best.direction, t.direction))
     return Added(best, shares, alike)
 
 
@@ -296,6 +298,10 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             kind = {p.name: p.kind for p in effect.parameters()}[name]
             span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
+            if kind == "time" and effect.name in BETWEEN:
+                lo, hi = _box(scene, effect.name)
+                widths[i] = max(hi - lo, 1.0)
+                value += _log_share((lo - x[i]) / deviations[i], (hi - x[i]) / deviations[i])
     value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
     # What the data do not bound is bounded by its prior.
     floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
@@ -303,6 +309,20 @@ def evidence(scene: Scene, fit: Fitted) -> float:
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())
+
+
+def _box(scene: Scene, name: str) -> tuple[float, float]:
+    """Logarithms of the shortest and the longest time with which an effect is itself."""
+    longest, shortest = BETWEEN[name]
+    return float(np.log(shortest * scene.dt)), float(np.log(longest * (scene.span[1] - scene.span[0])))
+
+
+def _log_share(lo: float, hi: float) -> float:
+    """Logarithm of what a normal posterior has between two deviations: beyond, its prior is zero."""
+    from scipy.special import ndtr
+
+    share = ndtr(hi) - ndtr(lo) if lo < 0.0 else ndtr(-lo) - ndtr(-hi)
+    return float(np.log(max(share, 1e-300)))
 
 
 def _searched(scene: Scene, placed: Sequence[Placed]) -> float:

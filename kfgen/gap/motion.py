@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.axes import axis_faults
-from kfgen.effects.driven import DRIVERS
-from kfgen.effects.motion import Lag, Motion, Signals, unheard
+from kfgen.effects.lag import Lag, unheard
+from kfgen.effects.motion import Motion, Signals
 from kfgen.effects.reference import OtherMotion
 from kfgen.errors import InputError
 from kfgen.gap.acting import delayed, edges_of, needs_of
@@ -29,6 +29,7 @@ from kfgen.gap.likeness import HALF, Likeness, combination, likeness
 from kfgen.gap.memory import Memory
 from kfgen.gap.offers import Bench, offers
 from kfgen.gap.reference import heard, references
+from kfgen.gap.regular import recorded
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.truth import Truth, held, truth_of
 from kfgen.gap.whitened import Whitener
@@ -367,7 +368,7 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     if not compared:
         return None
     good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
-    drive = {n: c.values for n, c in log.channels.items() if n in DRIVERS and np.isfinite(c.values).all()}
+    drive = recorded(log)
     own = tuple(
         Placed(e, c.name) for c in compared for e in c.noise if isinstance(e, Motion) or e.coefficients()
     )

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven import Driven
+from kfgen.effects.lag import Bandwidth, TimeDelay
 from kfgen.effects.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.effects.motion import (
     AXES,
-    Bandwidth,
     EarthRate,
     GravityError,
     GSensitivity,
@@ -22,7 +22,6 @@ from kfgen.effects.motion import (
     Nonlinearity,
     ScaleAsymmetry,
     ScaleFactor,
-    TimeDelay,
     VibrationRectification,
     free,
 )
