@@ -207,26 +207,31 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
         others = [o for o in others if not _alike(o.start, known.placed)]
     if not others and known is None:
         return []
-    cost = float(np.log(len(others) + (2 if known else 1)))
+    every = [o.start for o in others] + ([known.placed] if known is not None else [])
     reference = evidence(scene, base)
     trials = []
     if known is not None:
-        gain = evidence(scene, known.fit) - reference - cost - _rare(known.placed)
+        gain = evidence(scene, known.fit) - reference - _cost(known.placed, every)
         trials.append(replace(known, gain=gain))
     for o in others[: PROMISING if known is None else PROMISING // 2]:
         if o.gain < 1.0:
             continue
-        fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
+        fit = _itself(scene, fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns)))
         if _blind(base, fit) or _too_slow(scene, fit.point.placed[-1]):
             continue
-        value = evidence(scene, fit) - reference - cost - _rare(o.start)
+        value = evidence(scene, fit) - reference - _cost(o.start, every)
         trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
 
 
-def _rare(placed: Placed) -> float:
-    """Nats by which an effect is rarer than others at its place."""
-    return placed.effect.rare + placed.rare
+def _cost(placed: Placed, every: Sequence[Placed]) -> float:
+    """Nats that an addition costs: every effect at every place is as likely, and nothing; so are the ways to write one.
+
+    Else a matrix would be likelier the more of its entries and rows are tried, and what its classes say is rare.
+    """
+    labels = [(p.effect.name, p.where) for p in every]
+    ways = labels.count((placed.effect.name, placed.where))
+    return float(np.log((len(set(labels)) + 1) * max(ways, 1))) + placed.effect.rare + placed.rare
 
 
 def _alike(a: Placed, b: Placed) -> bool:
@@ -299,10 +304,10 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
             if kind == "time" and effect.name in BETWEEN:
-                lo, hi = _box(scene, effect.name)
-                widths[i] = max(hi - lo, 1.0)
-                value += _log_share((lo - x[i]) / deviations[i], (hi - x[i]) / deviations[i])
+                widths[i] = _width_of(scene, effect.name)
     value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
+    # At the edge of its prior, into which the likelihood falls, a time has about one e-fold of it.
+    value -= sum(float(np.log(_width_of(scene, p.effect.name))) for p in fit.point.placed if p.held)
     # What the data do not bound is bounded by its prior.
     floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
     scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
@@ -312,17 +317,29 @@ def evidence(scene: Scene, fit: Fitted) -> float:
 
 
 def _box(scene: Scene, name: str) -> tuple[float, float]:
-    """Logarithms of the shortest and the longest time with which an effect is itself."""
+    """The shortest and the longest time [s] with which an effect is itself."""
     longest, shortest = BETWEEN[name]
-    return float(np.log(shortest * scene.dt)), float(np.log(longest * (scene.span[1] - scene.span[0])))
+    return shortest * scene.dt, longest * (scene.span[1] - scene.span[0])
 
 
-def _log_share(lo: float, hi: float) -> float:
-    """Logarithm of what a normal posterior has between two deviations: beyond, its prior is zero."""
-    from scipy.special import ndtr
+def _width_of(scene: Scene, name: str) -> float:
+    """Width of the prior of its logarithm."""
+    lo, hi = _box(scene, name)
+    return max(float(np.log(hi / lo)), 1.0)
 
-    share = ndtr(hi) - ndtr(lo) if lo < 0.0 else ndtr(-lo) - ndtr(-hi)
-    return float(np.log(max(share, 1e-300)))
+
+def _itself(scene: Scene, fit: Fitted) -> Fitted:
+    """A fit whose last effect keeps to times with which it is itself: one beyond is held at the nearest."""
+    last = fit.point.placed[-1]
+    if last.effect.name not in BETWEEN or last.held:
+        return fit
+    lo, hi = _box(scene, last.effect.name)
+    times = {p.name: float(getattr(last.effect, p.name)) for p in free(last.effect) if p.kind == "time"}
+    if not any(t > hi or t < lo for t in times.values()):
+        return fit
+    nearest = {n: min(max(t, lo), hi) for n, t in times.items()}
+    held = replace(last, effect=replace(last.effect, **nearest), held=tuple(times))
+    return fitted(scene, Point((*fit.point.placed[:-1], held), fit.point.unknowns))
 
 
 def _searched(scene: Scene, placed: Sequence[Placed]) -> float:
