@@ -78,8 +78,8 @@ def test_digits_that_are_enough(sensor: str, digits: int) -> None:
 
 
 def test_a_slow_turn_does_not_stick() -> None:
-    """At 0.05 rad/s a component of three digits repeats itself four times: that is its rounding, and no stuck one."""
-    log = log_of("gyro", 3, 0.1)
+    """At 0.15 rad/s a component of three digits moves by its step in a sample, and less as the rate passes zero: that is its rounding, and no stuck one."""
+    log = log_of("gyro", 3, 0.3)
     assert [p.effect.name for p in heard(log).said] == []
 
 
