@@ -171,7 +171,7 @@ def test_every_fault_has_its_test() -> None:
         "reversed_attitude",
         "scalar_last_attitude",
     }  # see tests/test_gap_reference.py
-    elsewhere |= {"held_reference", "stuck_reference"}
+    elsewhere |= {"held_reference", "stuck_reference", "rounded_reference"}  # see tests/test_gap_rounded.py
     assert faults == {*SPOIL, "timestamp_jitter", "dropped_samples"} | elsewhere
 
 

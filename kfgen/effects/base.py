@@ -251,6 +251,10 @@ class Effect:
         """Where it shows in a series that should be white: for effects that no start value finds."""
         return []
 
+    def told_from(self, other: str) -> str:
+        """What would tell it from another effect, by name."""
+        return self.separator
+
     def is_itself(self, duration: float) -> bool:
         """Whether in a record of that length [s] it is not a mere double of another effect."""
         return True

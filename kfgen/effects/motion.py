@@ -12,7 +12,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, ClassVar
 
@@ -23,9 +23,6 @@ from kfgen.effects.base import Effect, Parameter, parameter
 from kfgen.effects.form import Form
 
 Array = NDArray[np.float64]
-
-MOST_UNHEARD = 0.2
-"""Share of a log that a lag may leave without a truth; a longer memory starts from rest."""
 
 AXES = "xyz"
 
@@ -257,93 +254,6 @@ class LeverArm(Motion):
         wr = w[:, j] * r[j] + w[:, k] * r[k]
         turning = w[:, axis] * wr - (w[:, j] ** 2 + w[:, k] ** 2) * r[axis]
         return np.asarray(turning + alpha[:, j] * r[k] - alpha[:, k] * r[j])
-
-
-@dataclass(frozen=True)
-class Lag(Motion):
-    """An effect through which the signals pass before others add to them."""
-
-    sensors: ClassVar[tuple[str, ...]] = ("gyro", "accel", "mag")
-
-    def passed(self, x: Array, dt: float) -> Array:
-        """What becomes of signals along the first axis, shape (n, ...)."""
-        raise NotImplementedError
-
-    def memory(self) -> tuple[float, float]:
-        """How long before and after a time the signal matters for the reading [s]."""
-        raise NotImplementedError
-
-    def output(self, signals: Signals, axis: int) -> Array:
-        """What it alone changes."""
-        u = signals.y[:, axis]
-        return np.asarray(self.passed(u, signals.dt) - u)
-
-
-def unheard(t: Array, effects: Sequence[Effect]) -> NDArray[np.bool_]:
-    """Where a reading depends on what was before the first or is after the last sample, shape (n,)."""
-    out = np.zeros(t.size, dtype=np.bool_)
-    for lag in (e for e in effects if isinstance(e, Lag)):
-        before, after = lag.memory()
-        if before:
-            out |= t < t[0] + before
-        if after:
-            out |= t > t[-1] - after
-    return out if out.sum() < MOST_UNHEARD * out.size else np.zeros_like(out)
-
-
-@dataclass(frozen=True)
-class TimeDelay(Lag):
-    """The reading is that of an earlier time; a negative delay is one of the reference."""
-
-    delay: Any = parameter("s", "signed")
-
-    name: ClassVar[str] = "time_delay"
-    title: ClassVar[str] = "time delay"
-    separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
-    saying: ClassVar[str] = "lags by {delay}"
-
-    def memory(self) -> tuple[float, float]:
-        """The delay itself."""
-        return max(float(self.delay), 0.0), max(-float(self.delay), 0.0)
-
-    def passed(self, x: Array, dt: float) -> Array:
-        """Signals, shape (n, ...), as they were `delay` earlier, by a cubic spline; held at the ends."""
-        from scipy.interpolate import CubicSpline
-
-        if self.delay == 0.0:
-            return x
-        at = np.arange(x.shape[0], dtype=np.float64)
-        then = np.clip(at - float(self.delay) / dt, 0.0, at[-1])
-        return np.asarray(CubicSpline(at, x, axis=0)(then))
-
-
-@dataclass(frozen=True)
-class Bandwidth(Lag):
-    """The reading passes a low-pass of first order."""
-
-    corner: Any = parameter("Hz", "frequency")
-
-    name: ClassVar[str] = "bandwidth"
-    weakens: ClassVar[bool] = True
-    title: ClassVar[str] = "finite bandwidth"
-    separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
-    rare: ClassVar[float] = 1.5
-    saying: ClassVar[str] = "follows its input up to {corner} only"
-
-    def memory(self) -> tuple[float, float]:
-        """Ten time constants, after which ``exp(-10)`` of a wrong start is left."""
-        return 10.0 / (2.0 * np.pi * float(self.corner)), 0.0
-
-    def passed(self, x: Array, dt: float) -> Array:
-        """Signals, shape (n, ...), through ``1 / (1 + i f / corner)``, as if mirrored before the first."""
-        from scipy.fft import irfft, next_fast_len, rfft
-
-        n = x.shape[0]
-        size = next_fast_len(2 * n, real=True)
-        mirrored = np.concatenate([x, x[::-1], np.broadcast_to(x[:1], (size - 2 * n, *x.shape[1:]))])
-        f = np.arange(size // 2 + 1) / (size * dt)
-        response = (1.0 / (1.0 + 1j * f / float(self.corner))).reshape(-1, *(1,) * (x.ndim - 1))
-        return np.asarray(irfft(rfft(mirrored, axis=0) * response, n=size, axis=0)[:n])
 
 
 @dataclass(frozen=True)

@@ -69,3 +69,16 @@ class StuckReference(Fault):
     saying: ClassVar[str] = (
         "moved while its reference stood still, in a share of {share} of the log: left out"
     )
+
+
+@dataclass(frozen=True)
+class RoundedReference(Fault):
+    """The reference attitude was written in steps of `step`, which turn it by more than its sensor's noise hides."""
+
+    step: Any = parameter("", "size")
+
+    name: ClassVar[str] = "rounded_reference"
+    title: ClassVar[str] = "a reference that is rounded"
+    saying: ClassVar[str] = (
+        "is held against a reference attitude rounded to {step}, too coarse for its noise: give it more digits"
+    )

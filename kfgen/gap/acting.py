@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from kfgen.effects import Effect
-from kfgen.effects.motion import Bandwidth, Lag, Motion, Signals, TimeDelay
+from kfgen.effects.lag import Bandwidth, Lag, TimeDelay
+from kfgen.effects.motion import Motion, Signals
 
 
 def needs_of(effects: Sequence[Effect]) -> tuple[str, ...]:

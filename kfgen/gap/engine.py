@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.motion import free
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
-from kfgen.gap.evidence import ABOVE
+from kfgen.gap.evidence import ABOVE, BETWEEN
 from kfgen.gap.newton import (
     Fitted,
     coordinates,
@@ -182,7 +182,9 @@ def _chosen(best: Trial, trials: Sequence[Trial]) -> Added:
     shares: dict[tuple[str, str], float] = {("none", ""): float(weights[0])}
     for t, w in zip(trials, weights[1:].tolist()):
         shares[t.label] = shares.get(t.label, 0.0) + w
-    alike = {t.label: _cos2(best.direction, t.direction) for t in trials if t is not best}
+    alike: dict[tuple[str, str], float] = {}
+    for t in (t for t in trials if t is not best):
+        alike[t.label] = max(alike.get(t.label, 0.0), _cos2(best.direction, t.direction))
     return Added(best, shares, alike)
 
 
@@ -205,26 +207,31 @@ def ranked(scene: Scene, base: Fitted, others: Sequence[Screened], known: Trial 
         others = [o for o in others if not _alike(o.start, known.placed)]
     if not others and known is None:
         return []
-    cost = float(np.log(len(others) + (2 if known else 1)))
+    every = [o.start for o in others] + ([known.placed] if known is not None else [])
     reference = evidence(scene, base)
     trials = []
     if known is not None:
-        gain = evidence(scene, known.fit) - reference - cost - _rare(known.placed)
+        gain = evidence(scene, known.fit) - reference - _cost(known.placed, every)
         trials.append(replace(known, gain=gain))
     for o in others[: PROMISING if known is None else PROMISING // 2]:
         if o.gain < 1.0:
             continue
-        fit = fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns))
+        fit = _itself(scene, fitted(scene, Point((*base.point.placed, o.start), base.point.unknowns)))
         if _blind(base, fit) or _too_slow(scene, fit.point.placed[-1]):
             continue
-        value = evidence(scene, fit) - reference - cost - _rare(o.start)
+        value = evidence(scene, fit) - reference - _cost(o.start, every)
         trials.append(Trial(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
 
 
-def _rare(placed: Placed) -> float:
-    """Nats by which an effect is rarer than others at its place."""
-    return placed.effect.rare + placed.rare
+def _cost(placed: Placed, every: Sequence[Placed]) -> float:
+    """Nats that an addition costs: every effect at every place is as likely, and nothing; so are the ways to write one.
+
+    Else a matrix would be likelier the more of its entries and rows are tried, and what its classes say is rare.
+    """
+    labels = [(p.effect.name, p.where) for p in every]
+    ways = labels.count((placed.effect.name, placed.where))
+    return float(np.log((len(set(labels)) + 1) * max(ways, 1))) + placed.effect.rare + placed.rare
 
 
 def _alike(a: Placed, b: Placed) -> bool:
@@ -296,13 +303,43 @@ def evidence(scene: Scene, fit: Fitted) -> float:
             kind = {p.name: p.kind for p in effect.parameters()}[name]
             span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
             widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
+            if kind == "time" and effect.name in BETWEEN:
+                widths[i] = _width_of(scene, effect.name)
     value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
+    # At the edge of its prior, into which the likelihood falls, a time has about one e-fold of it.
+    value -= sum(float(np.log(_width_of(scene, p.effect.name))) for p in fit.point.placed if p.held)
     # What the data do not bound is bounded by its prior.
     floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
     scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())
+
+
+def _box(scene: Scene, name: str) -> tuple[float, float]:
+    """The shortest and the longest time [s] with which an effect is itself."""
+    longest, shortest = BETWEEN[name]
+    return shortest * scene.dt, longest * (scene.span[1] - scene.span[0])
+
+
+def _width_of(scene: Scene, name: str) -> float:
+    """Width of the prior of its logarithm."""
+    lo, hi = _box(scene, name)
+    return max(float(np.log(hi / lo)), 1.0)
+
+
+def _itself(scene: Scene, fit: Fitted) -> Fitted:
+    """A fit whose last effect keeps to times with which it is itself: one beyond is held at the nearest."""
+    last = fit.point.placed[-1]
+    if last.effect.name not in BETWEEN or last.held:
+        return fit
+    lo, hi = _box(scene, last.effect.name)
+    times = {p.name: float(getattr(last.effect, p.name)) for p in free(last.effect) if p.kind == "time"}
+    if not any(t > hi or t < lo for t in times.values()):
+        return fit
+    nearest = {n: min(max(t, lo), hi) for n, t in times.items()}
+    held = replace(last, effect=replace(last.effect, **nearest), held=tuple(times))
+    return fitted(scene, Point((*fit.point.placed[:-1], held), fit.point.unknowns))
 
 
 def _searched(scene: Scene, placed: Sequence[Placed]) -> float:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.axes import axis_faults
-from kfgen.effects.driven import DRIVERS
-from kfgen.effects.motion import Lag, Motion, Signals, unheard
+from kfgen.effects.lag import Lag, unheard
+from kfgen.effects.motion import Motion, Signals
 from kfgen.effects.reference import OtherMotion
 from kfgen.errors import InputError
 from kfgen.gap.acting import delayed, edges_of, needs_of
@@ -29,6 +29,8 @@ from kfgen.gap.likeness import HALF, Likeness, combination, likeness
 from kfgen.gap.memory import Memory
 from kfgen.gap.offers import Bench, offers
 from kfgen.gap.reference import heard, references
+from kfgen.gap.regular import recorded
+from kfgen.gap.rounded import rounded
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.truth import Truth, held, truth_of
 from kfgen.gap.whitened import Whitener
@@ -251,11 +253,6 @@ class MotionScene:
         weights = [np.where(w.weight > 0.0, w.weight, np.inf) for w in self.whiteners]
         return tuple(Whitener.back(x / w) for x, w in zip(z, weights))
 
-    def _predicted(self, c: Compared, felt: Signals, placed: Sequence[Placed]) -> Array:
-        """What a channel should read under effects [SI], shape (n,)."""
-        here = self._acting(c, placed)
-        return self._shown(c, delayed(felt, here), here)
-
     @staticmethod
     def _acting(c: Compared, placed: Sequence[Placed]) -> list[Effect]:
         """The effects on a channel."""
@@ -294,7 +291,8 @@ class MotionScene:
             if c.sensor == "mag":
                 felt = self.truth.signals("mag", np.zeros(3))
                 alone = felt.y[:, c.axis]
-                extra[:, c.axis] = self._predicted(c, felt, (*self.own, *placed)) - alone
+                here = self._acting(c, (*self.own, *placed))
+                extra[:, c.axis] = self._shown(c, delayed(felt, here), here) - alone
                 y[:, c.axis] = c.y - (alone if "mag" in self.truth.read else 0.0)
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))
@@ -367,14 +365,14 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     if not compared:
         return None
     good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
-    drive = {n: c.values for n, c in log.channels.items() if n in DRIVERS and np.isfinite(c.values).all()}
+    drive = recorded(log)
     own = tuple(
         Placed(e, c.name) for c in compared for e in c.noise if isinstance(e, Motion) or e.coefficients()
     )
     sound = [sound_samples(c, truth) for c in compared]
     compared = tuple(c for c, _, _ in sound)
     said = (*mended.said, *(p for _, ps, _ in sound for p in ps))
-    spoilt = tuple(p for _, _, ps in sound for p in ps)
+    spoilt = (*(p for _, _, ps in sound for p in ps), *rounded(log, compared))
     scene = MotionScene(truth, compared, good, drive, own, said, spoilt)
     if not any(scene.moving(c) for c in compared):
         return None

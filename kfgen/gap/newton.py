@@ -81,7 +81,7 @@ class Fitted:
 
 def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
     """The parameters that are fitted."""
-    return tuple((i, p.name) for i, x in enumerate(placed) for p in free(x.effect))
+    return tuple((i, p.name) for i, x in enumerate(placed) for p in free(x.effect) if p.name not in x.held)
 
 
 def is_signed(effect: Effect, name: str) -> bool:

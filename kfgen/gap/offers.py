@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven import Driven
+from kfgen.effects.lag import Bandwidth, TimeDelay
 from kfgen.effects.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.effects.motion import (
     AXES,
-    Bandwidth,
     EarthRate,
     GravityError,
     GSensitivity,
@@ -22,7 +22,6 @@ from kfgen.effects.motion import (
     Nonlinearity,
     ScaleAsymmetry,
     ScaleFactor,
-    TimeDelay,
     VibrationRectification,
     free,
 )
@@ -39,6 +38,9 @@ EARTH = 7.292115e-5
 """Rate of the earth [rad/s]."""
 IN_TIME = ("rate_ramp", "warm_up")
 """Effects of time alone that compete, beside those proportional to a driver: they are linear in a coefficient."""
+
+DRIFT_ALONE = 3.0
+"""Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +90,10 @@ def offers(bench: Bench, placed: Sequence[Placed]) -> list[list[Placed]]:
     for name, sensor, axis in bench.moved:
         if sensor != "mag":
             found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
-        found += _in_time(bench, name)
+        found += _in_time(bench, name, sensor)
     for name, sensor, axis in bench.still:
         if sensor in sensors and sensor != "mag":
-            found += _rows(bench, name, sensor, axis) + _in_time(bench, name)
+            found += _rows(bench, name, sensor, axis) + _in_time(bench, name, sensor)
     for sensor in sensors:
         found += _lags(bench, sensor)
     if "accel" in sensors:
@@ -175,6 +177,8 @@ def _magnetic(bench: Bench, placed: Sequence[Placed]) -> Iterator[list[Placed]]:
     axes = bench.axes("mag")
     entries = {AXES[i]: h for i in axes}
     yield [Placed(HardIron(**entries), "mag")]
+    for i in axes if len(axes) > 1 else ():
+        yield [Placed(HardIron(**{AXES[i]: h}), "mag")]
     known = "mag" in bench.truth.read
     for i in axes:
         row = [AXES[i] + AXES[j] for j in axes]
@@ -195,12 +199,14 @@ def _magnetic(bench: Bench, placed: Sequence[Placed]) -> Iterator[list[Placed]]:
             yield [Placed(cls(**entries, **times), "mag")]
 
 
-def _in_time(bench: Bench, name: str) -> list[list[Placed]]:
+def _in_time(bench: Bench, name: str, sensor: str) -> list[list[Placed]]:
     """Drifts that have nothing to do with motion."""
     empty = np.zeros(0)
     drive = {k: np.asarray(v.mean()) for k, v in bench.drive.items()}
     t = bench.truth.t
     look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), {k: float(v) for k, v in drive.items()})
     driven = [cls for cls in catalogue().values() if issubclass(cls, Driven)]
-    found = [cls.starts(look) for cls in (*driven, *map(effect_named, IN_TIME))]
-    return [[Placed(e, name) for e in starts] for starts in found if starts]
+    rare = DRIFT_ALONE if sensor == "mag" else 0.0  # beside any other sensor stands a constant bias
+    found: list[tuple[Sequence[Effect], float]] = [(cls.starts(look), 0.0) for cls in driven]
+    found += [(effect_named(n).starts(look), rare) for n in IN_TIME]
+    return [[Placed(e, name, r) for e in starts] for starts, r in found if starts]

@@ -119,6 +119,8 @@ def _without_repeats(out: Heard, sensor: str, names: tuple[str, ...], read: Arra
     if _is_held(first, length, read, noise, out.log.dt):
         return _between(out, sensor, names, u, first)
     stuck = _stuck(first, length, read, noise)
+    if sensor == "q":
+        stuck &= _turned(first, length, read * out.log.dt, u)
     if not stuck.any():
         return out
     if stuck.mean() > 0.99:
@@ -166,6 +168,19 @@ def _stuck(first: NDArray[np.intp], length: NDArray[np.intp], read: Array, noise
         part = read[i : i + m]
         if (np.median(np.abs(part - np.median(part, axis=0)), axis=0) > least).any():
             out[i + 1 : i + m] = True
+    return out
+
+
+def _turned(first: NDArray[np.intp], length: NDArray[np.intp], turns: Array, q: Array) -> NDArray[np.bool_]:
+    """Where an attitude repeats itself through a turn [rad] that its rounding would show, shape (n,).
+
+    A turn by four times their smallest change moves one of four components by at least that.
+    """
+    steps = np.abs(np.diff(q, axis=0))
+    least = 4.0 * float(steps[steps > 0.0].min(initial=np.inf)) if length.max() < len(q) else 0.0
+    out = np.zeros(len(q), dtype=bool)
+    for i, m in zip(first[length >= LONG], length[length >= LONG]):
+        out[i : i + m] = float(np.linalg.norm(np.cumsum(turns[i : i + m], axis=0), axis=1).max()) > least
     return out
 
 

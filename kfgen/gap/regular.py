@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
+from kfgen.effects.driven import DRIVERS
 from kfgen.effects.series import Raw, Spotted, periods
 from kfgen.errors import InputError
 from kfgen.gap.faults import FEW, believed_deviation
@@ -44,6 +45,12 @@ def drivers_of(log: Log) -> tuple[dict[str, Array], list[str]]:
                 f"channel {name} {says if good.any() else 'holds no number: no effect of it is looked for'}"
             )
     return drive, said
+
+
+def recorded(log: Log) -> dict[str, Array]:
+    """The known drivers that a log holds without a hole, smoothed."""
+    whole = {n: c.values for n, c in log.channels.items() if n in DRIVERS}
+    return {n: smoothed(v) for n, v in whole.items() if np.isfinite(v).all()}
 
 
 def smoothed(values: Array) -> Array:

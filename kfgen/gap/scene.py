@@ -28,11 +28,14 @@ class Placed:
     where : str
     rare : float
         Nats by which it is rarer there than elsewhere, beside what its class says.
+    held : tuple of str
+        Its parameters that a fit leaves as they are.
     """
 
     effect: Effect
     where: str
     rare: float = 0.0
+    held: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from kfgen.effects.motion import AXES, Signals
 from kfgen.effects.series import noise_of_differences
 from kfgen.errors import InputError
 from kfgen.gap.reference import long_holes
+from kfgen.gap.wiener import noiseless
 from kfgen.log import Log
 from kfgen.units import STANDARD_GRAVITY
 
@@ -367,11 +368,11 @@ def _with_drivers(truth: Truth, log: Log) -> Truth:
     felt = _axes(log, "accel")
     accel = _bridged(truth.t, _triad(log, "accel", felt)) if len(felt) == 3 else None
     if f_b is None:
-        f_b = accel if accel is not None else truth.read.get("accel")
+        f_b = noiseless(accel) if accel is not None else truth.read.get("accel")
     omega_b = truth.read.get("gyro") if len(truth.axes.get("gyro", ())) == 3 else truth.omega_b
     turned = _axes(log, "gyro")
     if omega_b is None and len(turned) == 3:
-        omega_b = _bridged(truth.t, _triad(log, "gyro", turned))
+        omega_b = noiseless(_bridged(truth.t, _triad(log, "gyro", turned)))
     shaken = accel if accel is not None else f_b
     power = None if shaken is None else running_variance(shaken, QUICK / truth.dt, WINDOW / truth.dt)
     return replace(truth, f_b=f_b, omega_b=omega_b, power=power)

@@ -98,11 +98,24 @@ def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
     if f.indistinguishable:
-        words += f". This log does not rule out {' or '.join(f.indistinguishable)}"
-        words += f"; {f.placed.effect.separator} would tell" if f.placed.effect.separator else ""
+        words += f". This log does not rule out {' or '.join(_likened(f, n) for n in f.indistinguishable)}"
+        words += f"; {_told(f)} would tell" if _told(f) else ""
+    near = [n for n in near if n not in f.indistinguishable]
     if near:
         words += f"; in this log it looks nearly like {', '.join(near[:3])}"
     return words
+
+
+def _likened(f: PlacedFinding, name: str) -> str:
+    """Another name, and how much it looks like what was found in this log."""
+    cos2 = max((c for (n, _), c in f.alike.items() if n == name), default=0.0)
+    return f"{name} (cos2 {cos2:.2f})" if cos2 > 0.5 else name
+
+
+def _told(f: PlacedFinding) -> str:
+    """What would tell it from every other name that the log does not rule out."""
+    found = dict.fromkeys(f.placed.effect.told_from(n) for n in f.indistinguishable)
+    return " and ".join(w for w in found if w)
 
 
 def _what(f: PlacedFinding, unit_of: UnitOf) -> str:
@@ -291,7 +304,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
         "evidence_nats": f.evidence,
         "alternatives": [{"effect": n, "channel": w, "probability": p} for n, w, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
-        "separator": f.placed.effect.separator,
+        "separator": _told(f) or f.placed.effect.separator,
         "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
         "parameters": parameters_of(f, unit_of),
         "where": {"from_s": t0, "to_s": t1},
