@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from kfgen.effects import catalogue
 from kfgen.effects.plant import (
-    Backlash,
     ConstantInput,
     CoulombFriction,
     InputDelay,
@@ -19,10 +18,10 @@ from kfgen.effects.plant import (
     PlantEffect,
     QuadraticDrag,
     Saturation,
-    SensorLag,
     StateTerm,
     ViscousFriction,
 )
+from kfgen.effects.plant_sensor import Backlash, SensorLag
 from kfgen.gap.scene import Placed
 from kfgen.model.expression import symbol
 from kfgen.model.user import UserModel

@@ -18,7 +18,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.plant import ParameterError, PlantEffect, SensorChange
+from kfgen.effects.plant import ParameterError, PlantEffect
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.gap.places import additions
 from kfgen.gap.recorded import Recorded, check_unit, recorded_of

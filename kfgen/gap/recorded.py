@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.effects.plant import PlantEffect, SensorChange
+from kfgen.effects.plant import PlantEffect
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
