@@ -51,7 +51,7 @@ def additions(
     inputs: Mapping[str, Array],
     speeds: Mapping[str, float],
     seen: Mapping[str, float],
-    times: tuple[float, float],
+    times: tuple[float, float, float],
     placed: Sequence[Placed],
 ) -> list[list[Placed]]:
     """The start values of every effect at every place, without those that are there already.
@@ -63,8 +63,8 @@ def additions(
         Rms of each state [SI].
     seen : mapping of str to float
         Rms of each channel about its mean [SI].
-    times : (float, float)
-        Sampling period and length of the record [s].
+    times : (float, float, float)
+        Sampling period, length of the record, and how late the channels seem to be [s].
     """
     late = _late(times)
     found: list[list[tuple[str, PlantEffect]]] = []
@@ -113,9 +113,10 @@ def _present(model: UserModel) -> set[tuple[str, str]]:
     return acting | {(n, e.name) for n, m in model.measurements.items() for e in m.noise.effects}
 
 
-def _late(times: tuple[float, float]) -> list[float]:
-    dt, duration = times
-    return [k * dt for k in TIMES if k * dt <= LONGEST * duration] or [dt]
+def _late(times: tuple[float, float, float]) -> list[float]:
+    dt, duration, seen = times
+    usual = [k * dt for k in TIMES if k * dt <= LONGEST * duration] or [dt]
+    return [*usual, seen] if seen > usual[-1] else usual
 
 
 def _terms(model: UserModel, name: str, speed: float) -> list[PlantEffect]:
