@@ -67,6 +67,8 @@ class PlantScene:
         States that do not start where the model file says.
     said, spoilt, either : tuple of Placed
         Faults that were left out, those with which a fit means nothing, what may be instead of the first of these.
+    seen_late : float, optional
+        How much the channels of the whole log seem to be late [s], where that is known.
     """
 
     model: UserModel
@@ -80,6 +82,7 @@ class PlantScene:
     said: tuple[Placed, ...] = ()
     spoilt: tuple[Placed, ...] = ()
     either: tuple[Placed, ...] = ()
+    seen_late: float | None = None
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 
@@ -145,8 +148,8 @@ class PlantScene:
     def late(self) -> float:
         """How much the channels seem to be late [s], against the model as it is believed in one piece."""
         shooting = self.shooting
-        if not self.inputs or not self.model.states:
-            return 0.0
+        if self.seen_late is not None or not self.inputs or not self.model.states:
+            return self.seen_late or 0.0
         simulated = shooting.simulated(np.concatenate([self.initial[0], shooting.trusted]))
         return lateness(shooting.data, simulated) * self.dt
 

@@ -68,7 +68,7 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
         spoilt, either = found[:1], found[1:]
     if spoilt:
         return replace(bare, spoilt=tuple(spoilt), either=tuple(either))
-    return replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said))
+    return replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said), seen_late=bare.late)
 
 
 def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]:
@@ -125,10 +125,11 @@ def _near(y: Array, limit: float, noise: float) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class _Mended:
-    """A column as it may have been meant: what was wrong with it, and the scene without that."""
+    """A column as it may have been meant: what was wrong with it, what is fitted without that, and up to which sample."""
 
     fault: Placed
     shooting: Shooting
+    stop: int
 
 
 def _miswired(scene: PlantScene) -> list[Placed]:
@@ -140,7 +141,7 @@ def _miswired(scene: PlantScene) -> list[Placed]:
     stuck = _stuck_inputs(shooting) if own > FOLLOWED else []
     if stuck or own < ASTRAY:
         return stuck
-    tried = [(_left(m.shooting, 0, n)[0], m.fault) for m in (*_turned(shooting), *_moved(shooting, x0))]
+    tried = [(_left(m.shooting, 0, m.stop)[0], m.fault) for m in (*_turned(shooting), *_moved(shooting, x0))]
     best = min((left for left, _ in tried), default=np.inf)
     if best > FOLLOWED * min(own, 1.0):
         return []
@@ -178,11 +179,10 @@ def _turned(shooting: Shooting) -> Iterator[_Mended]:
     for effect, factor in wrong:
         for name, (at, values) in shooting.data.items():
             data = {**shooting.data, name: (at, values / factor)}
-            yield _Mended(Placed(effect, name), replace(shooting, data=data))
+            yield _Mended(Placed(effect, name), replace(shooting, data=data), shooting.t.size)
         for name, u in shooting.inputs.items():
-            yield _Mended(
-                Placed(effect, name), replace(shooting, inputs={**shooting.inputs, name: u / factor})
-            )
+            inputs = {**shooting.inputs, name: u / factor}
+            yield _Mended(Placed(effect, name), replace(shooting, inputs=inputs), shooting.t.size)
 
 
 def _moved(shooting: Shooting, x0: Array) -> Iterator[_Mended]:
@@ -192,10 +192,9 @@ def _moved(shooting: Shooting, x0: Array) -> Iterator[_Mended]:
         return
     dt = float(np.median(np.diff(shooting.t)))
     for name, u in shooting.inputs.items():
-        moved = np.concatenate([u[-late:], np.full(-late, u[-1])])
-        yield _Mended(
-            Placed(TooEarly(-late * dt), name), replace(shooting, inputs={**shooting.inputs, name: moved})
-        )
+        inputs = {**shooting.inputs, name: np.concatenate([u[-late:], np.full(-late, u[-1])])}
+        fault = Placed(TooEarly(-late * dt), name)
+        yield _Mended(fault, replace(shooting, inputs=inputs), shooting.t.size + late)
 
 
 def _stuck_inputs(shooting: Shooting) -> list[Placed]:
