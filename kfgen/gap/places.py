@@ -19,7 +19,6 @@ from kfgen.effects.plant import (
     QuadraticDrag,
     Saturation,
     StateTerm,
-    ViscousFriction,
 )
 from kfgen.effects.plant_sensor import Backlash, SensorLag
 from kfgen.gap.scene import Placed
@@ -41,7 +40,7 @@ PLAYS = (0.02, 0.1, 0.3)
 """Start values of a backlash, in rms of the channel."""
 SPEEDS = ("m/s", "rad/s", "Hz")
 NO_SPEED = 2.0
-"""Nats by which friction is rarer in the equation of a state that is no speed."""
+"""Nats by which dry friction and drag are rarer in the equation of a state that is no speed."""
 SIMPLER = 0.05
 """Nats that settle a tie."""
 
@@ -88,13 +87,14 @@ def additions(
 def _rare(model: UserModel, where: str, effect: PlantEffect) -> float:
     """Friction slows what moves: a level or a current has none, and what looks like it is mostly something else.
 
+    A loss in proportion is no friction alone: a level leaks, a temperature falls to that about it, a charge drains.
     Where the record cannot tell, what is simpler comes first: a wrong number, a constant, then a new term.
     """
     if isinstance(effect, ParameterError):
         return 0.0
     if isinstance(effect, ConstantInput):
         return SIMPLER
-    if not isinstance(effect, ViscousFriction | CoulombFriction | QuadraticDrag):
+    if not isinstance(effect, CoulombFriction | QuadraticDrag):
         return 2.0 * SIMPLER
     unit = parse_unit(model.states[where].unit)
     speed = any(unit.same_dimension(parse_unit(u)) for u in SPEEDS)
