@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.integrity import Clipping, Fault, runs
-from kfgen.effects.series import Raw, Spotted
+from kfgen.effects.series import SAME, Raw, Spotted
 from kfgen.gap.battery import Test
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import Gap
@@ -23,7 +23,7 @@ WIDE = 0.25
 """Chance of two equal neighbours above which nothing is said of samples that repeat."""
 NEVER = 1e-6
 """Chance in a whole record of a run of equal samples that is none."""
-LEAST_RUN = 8
+LEAST_RUN = 16
 """Samples of such a run at least."""
 FEW = 64
 """Samples below which nothing is looked for."""
@@ -80,7 +80,11 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
 def by_chance(y: Array, believed: float) -> float:
     """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``."""
     raw = Raw(np.arange(y.size, dtype=np.float64), y, believed, moves=True)
-    return float(raw.lattice / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, believed), 1e-300)))
+    steps = np.abs(np.diff(y))
+    steps = steps[steps > SAME * float(np.ptp(y))]
+    # An encoder that runs through many of its steps has hardly any value twice: its smallest step says what they are.
+    lattice = max(raw.lattice, float(steps.min(initial=np.inf)) if steps.size else 0.0)
+    return float(lattice / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, believed), 1e-300)))
 
 
 def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:

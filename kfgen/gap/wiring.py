@@ -51,6 +51,8 @@ BESIDE = 2
 """Samples beside clipped ones that are not compared: which of them were clipped was a matter of noise."""
 OFTEN = 0.02
 """Share of samples that repeat the one before, beyond chance, from which on they are none."""
+FAR_ABOVE = 10.0
+"""Times the share that chance allows, which is known by its order only."""
 LONG = 0.05
 """Of the record: how long an input stands that may be stuck."""
 UNUSUAL = 8.0
@@ -109,7 +111,7 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
                 there &= ~_near(y, float(fault.effect.limit), believed)
     again = np.concatenate([[False], y[1:] == y[:-1]]) & there
     share = float(again.sum() / max(there.sum(), 1))
-    if share > OFTEN and by_chance(y, believed) < OFTEN / 5.0:
+    if share > max(OFTEN, FAR_ABOVE * by_chance(y, believed)):
         faults.append(RepeatedSamples(share))  # the first of each run is a sample
         there &= ~again
     values[at[~there]] = np.nan
