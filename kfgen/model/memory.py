@@ -15,7 +15,7 @@ from kfgen.errors import InputError
 
 LONGEST_LINE = 256
 """Samples that a delay line may hold."""
-WHOLE = 1e-6
+WHOLE = 1e-3
 """Samples that a delay may differ from a whole number of them and still count as one."""
 
 
