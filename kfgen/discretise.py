@@ -25,6 +25,7 @@ from kfgen.errors import InputError
 from kfgen.linear import taylor
 from kfgen.model.blocks import Attitude
 from kfgen.model.filter import FilterModel
+from kfgen.model.memory import Memory
 from kfgen.model.rotation import hamilton, small_quaternion
 from kfgen.model.sensors import Sensor
 
@@ -33,6 +34,8 @@ DT = sp.Symbol("dt", positive=True)
 EXHAUSTED = 2.0**-27
 """Relative remainder at which a series of an effect ends: below single precision."""
 LONGEST_SERIES = 24
+ROUNDED = 2.0**-24
+"""Relative error of a number in single precision."""
 
 
 def series(F: sp.Matrix, Q: sp.Matrix, order: int) -> tuple[sp.Matrix, sp.Matrix]:
@@ -127,6 +130,8 @@ class DiscreteModel:
             E = sp.eye(model.F.rows) + model.F * DT
             Qd = (density + E * density * E.T) * DT / 2
         self._wander(Phi, Qd)
+        if self._acting:
+            Phi, Qd = Phi.xreplace(self._acting), Qd.xreplace(self._acting)
         A, W = model.effect_dynamics
         if A.rows:
             fastest = float(np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))).max())
@@ -139,7 +144,11 @@ class DiscreteModel:
             first = Phi.rows - A.rows
             Phi[first:, first:] = Phi_e.applyfunc(self._series)
             Qd[first:, first:] = Qd_e.applyfunc(self._series)
-        return Phi, Qd
+        return Phi, Qd if not Qd.is_zero_matrix or model.F.is_zero_matrix else self._rounding()
+
+    def _rounding(self) -> sp.Matrix:
+        """Process noise of a motion that has none: a stored state is rounded, and P must not fade to nothing."""
+        return sp.diag(*(sp.Float((ROUNDED * s.prior) ** 2) for s in self.model.states))
 
     @cached_property
     def _wandering(self) -> tuple[tuple[int, ...], sp.Matrix, sp.Matrix]:
@@ -168,6 +177,35 @@ class DiscreteModel:
         sizes = [abs(float(c)) * self.max_step ** int(k[0]) for k, c in terms]
         kept = [(k, c) for (k, c), size in zip(terms, sizes) if size > NEGLIGIBLE * max(sizes)]
         return _nested(sum((c * DT ** int(k[0]) for k, c in kept), sp.Integer(0)))
+
+    @cached_property
+    def _acting(self) -> dict[sp.Symbol, sp.Expr]:
+        """What acts over a step in place of the sample of an input that is late."""
+        return {sp.Symbol(line.channel, real=True): line.acting(self.rate) for line in self.model.motion.late}
+
+    @cached_property
+    def memories(self) -> tuple[Memory, ...]:
+        """What is kept beside the state: samples of late inputs, where plays stand."""
+        model = self.model
+        lines = [m for line in model.motion.late for m in line.memories(self.rate)]
+        return (*lines, *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play))
+
+    def expected(self, sensor: Sensor) -> sp.Matrix:
+        """The expected measurement, plays and the effects of its channels in it, shape (m, 1)."""
+        z = self.model.expected(sensor)
+        if sensor.play is None:
+            return z
+        h = self.model.clean(sensor)
+        return z - h + sp.Matrix([sensor.play.shown(h[0])])
+
+    def H(self, sensor: Sensor) -> sp.Matrix:
+        """The measurement's Jacobian, shape (m, n); within a play no state shows."""
+        H = self.model.H(sensor)
+        if sensor.play is not None:
+            follows = sensor.play.follows(self.model.clean(sensor)[0])
+            for j in range(sum(len(b.error_names) for b in self.model.blocks)):
+                H[0, j] *= follows
+        return H
 
     @property
     def Phi(self) -> sp.Matrix:
@@ -215,21 +253,25 @@ class DiscreteModel:
                 out.append(s + r * DT + second * DT**2 / 2)
         first = len(self.model.states) - self.model.effect_dynamics[0].rows
         effects = sp.Matrix([s.symbol for s in self.model.states[first:]])
-        return (*out, *(self.Phi[first:, first:] * effects if effects.rows else ()))
+        kept = [m.after for m in self.memories]
+        moved = [e.xreplace(self._acting) for e in out] if self._acting else out
+        return (*moved, *(self.Phi[first:, first:] * effects if effects.rows else ()), *kept)
 
     @property
     def nominal_names(self) -> tuple[str, ...]:
         """Names of the stored state, in order."""
         first = len(self.model.states) - self.model.effect_dynamics[0].rows
         blocks = tuple(n for b in self.model.blocks for n in b.nominal_names)
-        return blocks + tuple(s.name for s in self.model.states[first:])
+        effects = tuple(s.name for s in self.model.states[first:])
+        return blocks + effects + tuple(m.name for m in self.memories)
 
     @property
     def start(self) -> tuple[float, ...]:
         """The stored state before alignment."""
         blocks = tuple(v for b in self.model.blocks for v in b.start)
         first = sum(len(b.error_names) for b in self.model.blocks)
-        return blocks + tuple(s.start for s in self.model.states[first:])
+        effects = tuple(s.start for s in self.model.states[first:])
+        return blocks + effects + tuple(0.0 for _ in self.memories)
 
     def sample_variance(self, sensor: Sensor, channel: str) -> float:
         """Variance of the white noise of one sample [SI^2]: the channel's own, else the sensor's.

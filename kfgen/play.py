@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 Given = dict[str, Array | float]
 """Arguments of a call by name [SI], in the order of the routine's."""
 
+OFF = 0.05
+"""Periods by which the samples of a log may be off those of a filter that counts them."""
 ALIGNMENT = 1.0
 """Seconds at rest from which the first attitude is taken."""
 
@@ -67,11 +69,23 @@ class Play:
                 remedy=f"It stores {', '.join(self.program.discrete.nominal_names)}",
             )
         _ = self.inputs
+        self._check_rate()
         if not self._samples:
             raise InputError(
                 f"no sensor of {model.name} is in the log",
                 where=self.log.source,
                 remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels),
+            )
+
+    def _check_rate(self) -> None:
+        """A filter that keeps samples of an input counts its delay in periods of its own rate."""
+        discrete = self.program.discrete
+        late, periods = discrete.model.motion.late, self.log.dt * discrete.rate
+        if late and abs(periods - max(round(periods), 1)) > OFF:
+            raise InputError(
+                f"the delay of {late[0].channel} is kept in samples at {discrete.rate:g} Hz, but the log has {1.0 / self.log.dt:.6g} Hz",
+                where=self.log.source,
+                remedy=f"Emit the filter with --rate {1.0 / self.log.dt:.6g}",
             )
 
     @cached_property
@@ -107,11 +121,17 @@ class Play:
         if not isinstance(model.motion, Equations) and model.attitude is not None:
             _align_attitude(self.program, self.log, x, k)
         for s, i, name in _shown(self.program):
-            channel = self.log.channels.get(s.channels[i])
-            if channel is not None:
-                good = channel.values[np.isfinite(channel.values)]
-                x[name] = float(good[0]) if good.size else 0.0
+            if s.channels[i] in self.log.channels:
+                x[name] = self._first(s.channels[i])
+        for m in self.program.discrete.memories:
+            x[m.name] = self._first(m.channel)
         return x | {n: float(v) for n, v in self.known.items()}, k
+
+    def _first(self, channel: str) -> float:
+        """The first sample of a channel that is a number; zero where there is none."""
+        values = self.log.channels[channel].values if channel in self.log.channels else np.zeros(0)
+        good = values[np.isfinite(values)]
+        return float(good[0]) if good.size else 0.0
 
     @property
     def start(self) -> list[float]:
@@ -150,12 +170,14 @@ class Play:
     def steps(self, k: int) -> Iterator[Given]:
         """The arguments of the predictions from sample k to the next, none of them longer than the longest step.
 
-        Through a gap the input is held: nothing better is known of it.
+        Through a gap the input is held: nothing better is known of it. What keeps samples of a late input steps on
+        by about one period of the filter's rate at a time.
         """
         if k + 1 >= self.log.n:
             return
-        dt = float(self.log.t[k + 1] - self.log.t[k])
-        parts = max(1, ceil(dt / self.program.discrete.max_step))
+        discrete, dt = self.program.discrete, float(self.log.t[k + 1] - self.log.t[k])
+        periods = round(dt * discrete.rate) if discrete.model.motion.late else 1
+        parts = max(1, ceil(dt / discrete.max_step), periods)
         for _ in range(parts):
             yield {**{n: self._acting[n][k] for n in self._takes["predict"]}, "dt": dt / parts}
 

@@ -188,7 +188,7 @@ def test_an_effect_of_an_empty_form_adds_nothing_to_a_channel_at_rest(name: str)
     """Of its own: a filter, a fault, an effect of motion or of a plant acts on what others add."""
     cls, effect, t = catalogue()[name], EXAMPLES[name], np.arange(50) * 0.1
     rooms = ("axes", "cross", "event", "integrity", "lag", "magnetic", "motion")
-    rooms += ("periodic", "plant", "reference", "timing")
+    rooms += ("periodic", "plant", "plant_sensor", "reference", "timing")
     assert cls.__module__.rsplit(".", 1)[1] in rooms
     np.testing.assert_array_equal(effect.allan_variance(np.array([1.0, 9.0])), 0.0)
     np.testing.assert_array_equal(effect.simulate(t, np.random.default_rng(0), None), 0.0)

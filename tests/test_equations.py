@@ -114,8 +114,6 @@ def test_a_slow_sensor_is_a_state() -> None:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        (PENDULUM + '[dynamics_effects]\nu = [ { effect = "input_delay", delay = 0.1 } ]', "input_delay on u cannot"),
-        (PENDULUM.replace('tau = "10 s" }', 'tau = "10 s" }, { effect = "backlash", width = 0.1 }'), "backlash on gyro"),
         (PENDULUM.replace('expression = "omega"', 'expression = "omega + u"'), "shows the input u"),
         (PENDULUM.replace('effects = [ { effect = "white_noise", N = "0.02 deg/sqrt(Hz)" } ]', ""), "no white noise"),
         (PENDULUM.replace('u = "N m"', 'z = "N m"').replace("5*u", "5*z"), "needs the name 'z'"),

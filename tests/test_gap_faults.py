@@ -172,6 +172,7 @@ def test_every_fault_has_its_test() -> None:
         "scalar_last_attitude",
     }  # see tests/test_gap_reference.py
     elsewhere |= {"held_reference", "stuck_reference", "rounded_reference"}  # see tests/test_gap_rounded.py
+    elsewhere |= {"stuck", "too_early"}  # see tests/test_gap_wiring.py
     assert faults == {*SPOIL, "timestamp_jitter", "dropped_samples"} | elsewhere
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import Result
 
 from kfgen.gap.places import additions
@@ -80,9 +81,11 @@ def test_a_constant_outflow_is_no_friction(kfgen: Cli, tmp_path: Path) -> None:
 
 
 def test_friction_is_rarer_where_nothing_moves() -> None:
-    """A speed is one by its unit, or since it is the rate of another state."""
+    """A speed is one by its unit, or since it is the rate of another state; anything may lose in proportion."""
     model = parse_model(ARM, "arm.toml")
-    found = additions(model, {}, dict.fromkeys(model.states, 1.0), {}, (0.01, 10.0), [])
-    rare = {c[0].where: c[0].rare for c in found if c[0].effect.name == "viscous_friction"}
-    assert set(rare) == {"v", "turn", "i", "fast"}
-    assert rare["v"] == rare["turn"] == rare["fast"] < rare["i"] - 1.0
+    found = additions(model, {}, dict.fromkeys(model.states, 1.0), {}, (0.01, 10.0, 0.0), [])
+    for name, elsewhere in (("coulomb_friction", 2.0), ("quadratic_drag", 2.0), ("viscous_friction", 0.0)):
+        rare = {c[0].where: c[0].rare for c in found if c[0].effect.name == name}
+        assert set(rare) == {"v", "turn", "i", "fast"}
+        assert rare["v"] == rare["turn"] == rare["fast"]
+        assert rare["i"] - rare["v"] == pytest.approx(elsewhere)

@@ -31,18 +31,20 @@ def is_model_file(model: str) -> bool:
 
 def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
     """The answer for a plant, and the text of its mended model file."""
+    from kfgen.effects.integrity import Fault
     from kfgen.gap.mended import mended
     from kfgen.gap.outcome import find_scene_gap
-    from kfgen.gap.plant import PlantScene
+    from kfgen.gap.wiring import plant_scene
     from kfgen.model.file import model_text
     from kfgen.model.user import read_model
     from kfgen.report.scene import scene_answer
 
     believed = read_model(model)
-    scene = PlantScene.of(believed, log)
+    scene = plant_scene(believed, log)
     found = find_scene_gap(scene)
     trusted = {n: v for n, (_, v) in found.unknowns.items() if n in believed.parameters}
-    after = mended(believed, [f.placed for f in found.findings], trusted if found.findings else None)
+    missing = [f.placed for f in found.findings if not isinstance(f.placed.effect, Fault)]
+    after = mended(believed, missing, trusted if missing else None)
     texts = model_text(believed), model_text(after)
     return scene_answer(log, found, scene.unit, texts), texts[1]
 

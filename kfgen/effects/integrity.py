@@ -89,6 +89,35 @@ class RepeatedSamples(Fault):
 
 
 @dataclass(frozen=True)
+class Stuck(Fault):
+    """From `time` on, for `lasting`, every sample is the one before."""
+
+    time: Any = parameter("s", "place")
+    lasting: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "stuck"
+    title: ClassVar[str] = "a stuck channel"
+    saying: ClassVar[str] = "shows one and the same value from {time} on, for {lasting}"
+
+
+@dataclass(frozen=True)
+class TooEarly(Fault):
+    """An input does what it does `shift` before the log says that it was given: two clocks."""
+
+    shift: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "too_early"
+    title: ClassVar[str] = "an effect before its cause"
+    saying: ClassVar[str] = "is logged {shift} after what it does: align the clocks of the columns"
+
+
+def runs(y: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where equal samples of shape (n,) begin to follow one another, and how many there are."""
+    first = np.concatenate([[0], 1 + np.flatnonzero(np.diff(y) != 0.0)])
+    return first, np.diff(np.append(first, y.size))
+
+
+@dataclass(frozen=True)
 class DroppedSamples(Fault):
     """A `share` of the samples is missing, and the time stamps say so."""
 

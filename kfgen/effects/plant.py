@@ -1,7 +1,7 @@
-"""Effects in a plant: friction, drag, springs, what happens to an input, a slow sensor, a wrong parameter.
+"""Effects in a plant: friction, drag, springs, what happens to an input, a wrong parameter.
 
 They act inside the equations of a model file, not on a channel at rest: a term of a state's derivative
-(`StateTerm`), a change of an input's samples (`InputChange`), a change of what a sensor shows (`SensorChange`).
+(`StateTerm`), a change of an input's samples (`InputChange`), a change of what a sensor shows (`kfgen.effects.plant_sensor`).
 
 References
 ----------
@@ -198,8 +198,8 @@ class InputChange(PlantEffect):
 
     acts: ClassVar[str] = "input"
 
-    def samples(self, u: Array) -> Array:
-        """The samples as they act, shape (n, batch); the same where only their timing changes."""
+    def samples(self, u: Any) -> Any:
+        """The samples as they act, numbers of shape (n, batch) or symbols; the same where only their timing changes."""
         return u
 
     @property
@@ -259,9 +259,9 @@ class InputNonlinearity(InputChange):
     separator: ClassVar[str] = "inputs of several sizes of both signs"
     saying: ClassVar[str] = "acts with a square of {k2} and a cube of {k3}"
 
-    def samples(self, u: Array) -> Array:
+    def samples(self, u: Any) -> Any:
         """``u + k2 u^2 + k3 u^3``."""
-        return np.asarray(u + self.k2 * u**2 + self.k3 * u**3)
+        return u + self.k2 * u**2 + self.k3 * u**3
 
 
 @dataclass(frozen=True)
@@ -276,80 +276,9 @@ class Saturation(InputChange):
     separator: ClassVar[str] = "inputs up to the limit, of both signs"
     saying: ClassVar[str] = "acts no stronger than {limit}"
 
-    def samples(self, u: Array) -> Array:
+    def samples(self, u: Any) -> Any:
         """Clipped to the limit of either sign."""
-        return np.clip(u, -self.limit, self.limit)
-
-
-@dataclass(frozen=True)
-class SensorChange(PlantEffect):
-    """A change between what the plant does and what a channel shows."""
-
-    acts: ClassVar[str] = "channel"
-
-    def shown(self, t: Array, h: Array) -> Array:
-        """What the channel shows of the true values `h` at times `t` [s], shape (n, batch)."""
-        raise NotImplementedError
-
-    def begun(self, t: Array, y: Array) -> Array | None:
-        """One deviation of what it may have begun with, which nobody knows, shape (n, batch).
-
-        Parameters
-        ----------
-        t : ndarray, shape (n,)
-            Times [s].
-        y : ndarray, shape (n, batch)
-            What it shows.
-        """
-        return None
-
-
-@dataclass(frozen=True)
-class SensorLag(SensorChange):
-    """A sensor that follows with a first-order lag; before the record the motion went on as it begins."""
-
-    tau: Any = parameter("s", "time")
-
-    name: ClassVar[str] = "sensor_lag"
-    title: ClassVar[str] = "lag of a sensor"
-    separator: ClassVar[str] = "motion at two frequencies a factor of three apart"
-    saying: ClassVar[str] = "lags behind by {tau}"
-
-    def shown(self, t: Array, h: Array) -> Array:
-        """Exact for a value that is linear between the samples."""
-        slope = np.diff(h[:3], axis=0) / np.diff(t[:3])[:, None]
-        first = 1.5 * slope[0] - 0.5 * slope[-1] if len(slope) else np.zeros(h.shape[1])
-        return lagged(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
-
-    def begun(self, t: Array, y: Array) -> Array:
-        """``exp(-t / tau)``, as large as it lags behind all along: ``tau dy/dt``."""
-        tau = np.atleast_1d(np.asarray(self.tau, dtype=np.float64))
-        slope = np.diff(y, axis=0) / np.diff(t)[:, None]
-        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
-            behind = tau * np.sqrt(np.mean(slope**2, axis=0))
-        return np.asarray(behind * np.exp(-(t - t[0])[:, None] / tau))
-
-
-@dataclass(frozen=True)
-class Backlash(SensorChange):
-    """Play between the plant and its sensor: the channel follows once the play is taken up."""
-
-    width: Any = parameter("U", "size")
-
-    name: ClassVar[str] = "backlash"
-    title: ClassVar[str] = "backlash"
-    separator: ClassVar[str] = "reversals at two speeds"
-    saying: ClassVar[str] = "has a backlash of {width}"
-
-    def shown(self, t: Array, h: Array) -> Array:
-        """The play operator, from the middle of the play."""
-        half = np.asarray(self.width) / 2.0
-        out = np.empty(np.broadcast_shapes(h.shape, (1, half.size)))
-        now = np.broadcast_to(h[0], out.shape[1:])
-        for k in range(h.shape[0]):
-            now = np.minimum(np.maximum(now, h[k] - half), h[k] + half)
-            out[k] = now
-        return out
+        return (abs(u + self.limit) - abs(u - self.limit)) / 2
 
 
 @dataclass(frozen=True)
@@ -362,28 +291,3 @@ class ParameterError(PlantEffect):
     title: ClassVar[str] = "a wrong parameter"
     saying: ClassVar[str] = "is off by {value}"
     acts: ClassVar[str] = "parameter"
-
-
-def lagged(t: Array, h: Array, tau: Any, start: Array) -> Array:
-    """Values behind a first-order lag, shape (n, batch), exact for values linear between the samples.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times [s].
-    h : ndarray, shape (n, batch)
-    tau : float or ndarray, shape (batch,)
-        Time constant [s]; positive.
-    start : ndarray, shape (batch,)
-        The first value.
-    """
-    tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
-    dt = np.diff(t)[:, None]
-    slope = np.diff(h, axis=0) / dt
-    stay = np.exp(-dt / tau)
-    out = np.empty((h.shape[0], max(h.shape[1], tau.size)))
-    out[0] = start
-    behind = tau * slope
-    for k in range(dt.size):
-        out[k + 1] = h[k + 1] - behind[k] + stay[k] * (out[k] - h[k] + behind[k])
-    return out

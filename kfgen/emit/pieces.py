@@ -19,7 +19,7 @@ def pieces(program: Program) -> tuple[Routine, ...]:
         _piece(program, "noise", "Process noise of a step.", _entries("Qd", Qd)),
     ]
     for s in discrete.model.sensors:
-        h, H = discrete.model.expected(s), discrete.model.H(s)
+        h, H = discrete.expected(s), discrete.H(s)
         stores = [(Ref("h", i), h[i]) for i in range(H.rows)] + _entries("H", H)
         arguments = program.sample_arguments([e for _, e in stores])
         text = f"Expected sample and Jacobian: {s.title}."

@@ -286,7 +286,7 @@ class Program:
             A row of it depends on no state.
         """
         model = self.discrete.model
-        h, H = model.expected(sensor), model.H(sensor)
+        h, H = self.discrete.expected(sensor), self.discrete.H(sensor)
         lower = self.lowering()
         used = [*h, *H]
         body = self.atoms.make(lower, used)

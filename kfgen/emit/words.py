@@ -28,4 +28,8 @@ HELD = {
 def handling(model: FilterModel) -> tuple[str, ...]:
     """What is done with samples before the filter gets them: options that act on a log, for who has none."""
     steps = f"Inputs of a step: {HELD[model.motion.chosen.get('samples', AFTER)]}."
-    return (*((steps,) if model.motion.inputs else ()), *(h for s in model.sensors for h in s.handling()))
+    remembered = [line.sentence for line in model.motion.late] + [
+        s.play.sentence for s in model.sensors if s.play
+    ]
+    handled = [h for s in model.sensors for h in s.handling()]
+    return (*((steps,) if model.motion.inputs else ()), *remembered, *handled)

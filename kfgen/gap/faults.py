@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.integrity import Clipping, Fault
-from kfgen.effects.series import Raw, Spotted
+from kfgen.effects.integrity import Clipping, Fault, runs
+from kfgen.effects.series import SAME, Raw, Spotted
 from kfgen.gap.battery import Test
 from kfgen.gap.finding import ChannelGap, Finding
 from kfgen.gap.proof import Gap
@@ -19,6 +19,12 @@ from kfgen.noise import ChannelNoise
 
 Array = NDArray[np.float64]
 
+WIDE = 0.25
+"""Chance of two equal neighbours above which nothing is said of samples that repeat."""
+NEVER = 1e-6
+"""Chance in a whole record of a run of equal samples that is none."""
+LEAST_RUN = 16
+"""Samples of such a run at least."""
 FEW = 64
 """Samples below which nothing is looked for."""
 
@@ -69,6 +75,36 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
     spoilt = sum(c.samples for c in clipped) > 0.5 * y.size
     others = [c for c in looked if c is not Clipping]
     return [*(replace(c, spoils=spoilt) for c in clipped), *(_of(raw, others) if raw.n >= FEW else ())]
+
+
+def by_chance(y: Array, believed: float) -> float:
+    """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``."""
+    raw = Raw(np.arange(y.size, dtype=np.float64), y, believed, moves=True)
+    steps = np.abs(np.diff(y))
+    steps = steps[steps > SAME * float(np.ptp(y))]
+    # An encoder that runs through many of its steps has hardly any value twice: its smallest step says what they are.
+    lattice = max(raw.lattice, float(steps.min(initial=np.inf)) if steps.size else 0.0)
+    return float(lattice / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, believed), 1e-300)))
+
+
+def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:
+    """Spans of samples, shape (n,), that repeat the one before them longer than chance lets noisy ones, first and end.
+
+    Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
+    """
+    chance = by_chance(y, believed)
+    if chance > WIDE:
+        return []
+    least = max(LEAST_RUN, np.log(NEVER / y.size) / np.log(max(chance, 1e-12)))
+    between = (y < y.max()) & (y > y.min())  # else it is clipped
+    first, length = runs(y)
+    found = [
+        (int(a), int(a + m)) for a, m in zip(first, length) if m >= least and (between[a] or m == y.size)
+    ]
+    # Where the values never return to a limit, one run at it is no clipping.
+    ends = [(int(a), int(a + m)) for a, m in zip(first, length) if m >= least and not between[a]]
+    alone = [s for s in ends if np.count_nonzero(y == y[s[0]]) == s[1] - s[0] and s[1] - s[0] < y.size]
+    return sorted({*found, *alone})
 
 
 def said_of(fault: Spotted, record: Record) -> Finding:

@@ -13,7 +13,7 @@ from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, limits
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
 from kfgen.gap.proof import HELD_OUT, Gap, divergence
-from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Telling, Trusting, Unknown
+from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Telling, Trusting, Undecided, Unknown
 from kfgen.gap.screen import basis
 from kfgen.gap.search import SET
 from kfgen.gap.whitened import Whitener
@@ -106,6 +106,10 @@ def _spoilt(scene: Scene, faults: Sequence[Placed]) -> SceneGap:
     """The answer where a fit would mean nothing: the faults alone."""
     believed = fitted(scene, Point((), _values(scene)))
     findings = tuple(map(_said, faults))
+    if findings and isinstance(scene, Undecided):
+        share = 1.0 / (1 + len(scene.either))
+        others = tuple((p.effect.name, p.where, share) for p in scene.either)
+        findings = (replace(findings[0], probability=share, alternatives=others), *findings[1:])
     tests = tuple(tests_of(scene, believed))
     rms = tuple((c, r, r) for c, r, _ in _rms(scene, believed, believed))
     nothing = Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no effect was fitted")

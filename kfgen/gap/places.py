@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from kfgen.effects import catalogue
 from kfgen.effects.plant import (
-    Backlash,
     ConstantInput,
     CoulombFriction,
     InputDelay,
@@ -19,10 +18,9 @@ from kfgen.effects.plant import (
     PlantEffect,
     QuadraticDrag,
     Saturation,
-    SensorLag,
     StateTerm,
-    ViscousFriction,
 )
+from kfgen.effects.plant_sensor import Backlash, SensorLag
 from kfgen.gap.scene import Placed
 from kfgen.model.expression import symbol
 from kfgen.model.user import UserModel
@@ -42,7 +40,7 @@ PLAYS = (0.02, 0.1, 0.3)
 """Start values of a backlash, in rms of the channel."""
 SPEEDS = ("m/s", "rad/s", "Hz")
 NO_SPEED = 2.0
-"""Nats by which friction is rarer in the equation of a state that is no speed."""
+"""Nats by which dry friction and drag are rarer in the equation of a state that is no speed."""
 SIMPLER = 0.05
 """Nats that settle a tie."""
 
@@ -52,7 +50,7 @@ def additions(
     inputs: Mapping[str, Array],
     speeds: Mapping[str, float],
     seen: Mapping[str, float],
-    times: tuple[float, float],
+    times: tuple[float, float, float],
     placed: Sequence[Placed],
 ) -> list[list[Placed]]:
     """The start values of every effect at every place, without those that are there already.
@@ -64,8 +62,8 @@ def additions(
         Rms of each state [SI].
     seen : mapping of str to float
         Rms of each channel about its mean [SI].
-    times : (float, float)
-        Sampling period and length of the record [s].
+    times : (float, float, float)
+        Sampling period, length of the record, and how late the channels seem to be [s].
     """
     late = _late(times)
     found: list[list[tuple[str, PlantEffect]]] = []
@@ -89,13 +87,14 @@ def additions(
 def _rare(model: UserModel, where: str, effect: PlantEffect) -> float:
     """Friction slows what moves: a level or a current has none, and what looks like it is mostly something else.
 
+    A loss in proportion is no friction alone: a level leaks, a temperature falls to that about it, a charge drains.
     Where the record cannot tell, what is simpler comes first: a wrong number, a constant, then a new term.
     """
     if isinstance(effect, ParameterError):
         return 0.0
     if isinstance(effect, ConstantInput):
         return SIMPLER
-    if not isinstance(effect, ViscousFriction | CoulombFriction | QuadraticDrag):
+    if not isinstance(effect, CoulombFriction | QuadraticDrag):
         return 2.0 * SIMPLER
     unit = parse_unit(model.states[where].unit)
     speed = any(unit.same_dimension(parse_unit(u)) for u in SPEEDS)
@@ -114,9 +113,10 @@ def _present(model: UserModel) -> set[tuple[str, str]]:
     return acting | {(n, e.name) for n, m in model.measurements.items() for e in m.noise.effects}
 
 
-def _late(times: tuple[float, float]) -> list[float]:
-    dt, duration = times
-    return [k * dt for k in TIMES if k * dt <= LONGEST * duration] or [dt]
+def _late(times: tuple[float, float, float]) -> list[float]:
+    dt, duration, seen = times
+    usual = [k * dt for k in TIMES if k * dt <= LONGEST * duration] or [dt]
+    return [*usual, seen] if seen > usual[-1] else usual
 
 
 def _terms(model: UserModel, name: str, speed: float) -> list[PlantEffect]:

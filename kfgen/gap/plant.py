@@ -18,14 +18,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.plant import ParameterError, PlantEffect, SensorChange
+from kfgen.effects.plant import ParameterError, PlantEffect
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.gap.places import additions
 from kfgen.gap.recorded import Recorded, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
-from kfgen.gap.shooting import Shooting, segments, shortest
+from kfgen.gap.shooting import FIRST, Shooting, lateness, segments, shortest
 from kfgen.gap.trust import FAR_FROM
-from kfgen.log import Log
+from kfgen.log import Channel, Log
 from kfgen.model.equations import unknown_deviation
 from kfgen.model.plant import Batch, Plant, Run, stacked
 from kfgen.model.user import UserModel
@@ -35,6 +36,8 @@ Array = NDArray[np.float64]
 
 ASTRAY = 0.8
 """Share of the shortest segments that make up a record in which a model follows it nowhere."""
+LATE, LATEST = 3, 0.5
+"""Samples by which channels are late without doubt; share of a record of which nothing would be left."""
 FAR_FROM_START = 4.0
 """Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
 
@@ -62,6 +65,10 @@ class PlantScene:
         Parameters that are not trusted, as that fit has them [SI].
     doubted : tuple of str
         States that do not start where the model file says.
+    said, spoilt, either : tuple of Placed
+        Faults that were left out, those with which a fit means nothing, what may be instead of the first of these.
+    seen_late : float, optional
+        How much the channels of the whole log seem to be late [s], where that is known.
     """
 
     model: UserModel
@@ -72,6 +79,10 @@ class PlantScene:
     hidden: tuple[bool, ...] = ()
     begun: Mapping[str, float] = field(default_factory=dict)
     doubted: tuple[str, ...] = ()
+    said: tuple[Placed, ...] = ()
+    spoilt: tuple[Placed, ...] = ()
+    either: tuple[Placed, ...] = ()
+    seen_late: float | None = None
     _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
 
@@ -85,6 +96,16 @@ class PlantScene:
             An input is missing or not a number, no measurement is in the log, a unit does not fit, a
             measurement has no white noise, or the model cannot be simulated over the log.
         """
+        bare = PlantScene.bare(model, log)
+        shooting = bare.shooting
+        starts, initial, parameters = segments(shooting)
+        begun = dict(zip(shooting.free, parameters.tolist()))
+        hidden = shooting.hidden(initial[0])
+        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
+
+    @staticmethod
+    def bare(model: UserModel, log: Log) -> PlantScene:
+        """The scene before anything is fitted, in one segment that starts where the channels show; raises as `of`."""
         for name, unit in model.inputs.items():
             check_unit(log, name, unit, model)
             log.values(name)
@@ -95,12 +116,13 @@ class PlantScene:
                 where=log.source,
                 remedy=f"It knows {', '.join(model.measurements)}; map others with --columns",
             )
-        bare = PlantScene(model, log, recorded)
-        shooting = bare._shooting
-        starts, initial, parameters = segments(shooting)
-        begun = dict(zip(shooting.free, parameters.tolist()))
-        hidden = shooting.hidden(initial[0])
-        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
+        scene = PlantScene(model, log, recorded)
+        initial = scene.shooting.guess(0, FIRST)[None]
+        return replace(scene, initial=initial, hidden=(False,) * len(model.states))
+
+    def faults(self) -> tuple[Placed, ...]:
+        """See `kfgen.gap.scene.Inspected`."""
+        return self.spoilt
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -121,6 +143,27 @@ class PlantScene:
     def span(self) -> tuple[float, float]:
         """First and last time [s]."""
         return float(self.log.t[0]), float(self.log.t[-1])
+
+    @cached_property
+    def late(self) -> float:
+        """How much the channels seem to be late [s], against the model as it is believed in one piece."""
+        shooting = self.shooting
+        if self.seen_late is not None or not self.inputs or not self.model.states:
+            return self.seen_late or 0.0
+        simulated = shooting.simulated(np.concatenate([self.initial[0], shooting.trusted]))
+        return lateness(shooting.data, simulated) * self.dt
+
+    def answering(self, log: Log) -> Log:
+        """A log without what answers to inputs from before it, where the channels are late: nobody knows those."""
+        late = round(self.late / self.dt)
+        if not LATE <= late <= LATEST * log.n:
+            return log
+        channels = dict(log.channels)
+        for name in self.recorded:
+            values = np.array(channels[name].values)
+            values[: late + 1] = np.nan
+            channels[name] = Channel(values, channels[name].unit)
+        return replace(log, channels=channels)
 
     @cached_property
     def inputs(self) -> dict[str, Array]:
@@ -159,7 +202,8 @@ class PlantScene:
 
     def unit(self, placed: Placed) -> str:
         """The unit `U` of a placed effect's parameters."""
-        assert isinstance(placed.effect, PlantEffect)
+        if not isinstance(placed.effect, PlantEffect):
+            return self.log.channels[placed.where].unit
         if isinstance(placed.effect, ParameterError) and placed.where in self.model.states:
             return self.model.states[placed.where].unit
         return self.model.unit_at(placed.where, placed.effect)
@@ -296,7 +340,7 @@ class PlantScene:
         return 0.5 * float(np.sum(np.log1p(powers)))
 
     @property
-    def _shooting(self) -> Shooting:
+    def shooting(self) -> Shooting:
         """What the search for segments needs."""
         own = tuple(self._own())
         plant = Plant(self.model, [(w, type(e)) for w, e in own])
@@ -309,7 +353,7 @@ class PlantScene:
         run = self.simulated(self.believed())
         speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
         seen = {n: _rms(r.values - r.values.mean()) for n, r in self.recorded.items()}
-        times = self.dt, self.span[1] - self.span[0]
+        times = self.dt, self.span[1] - self.span[0], self.late
         found = additions(self.model, self.inputs, speeds, seen, times, placed)
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
         return found + [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
@@ -324,7 +368,7 @@ class PlantScene:
         if a > 0:
             states = {n: replace(s, initial=0.0, sd=np.inf) for n, s in model.states.items()}
             model = replace(model, states=states)
-        return PlantScene.of(model, self.log.cut(int(a), last))
+        return PlantScene.of(model, self.answering(self.log.cut(int(a), last)))
 
 
 def _kinds(placed: Sequence[Placed]) -> Kinds:

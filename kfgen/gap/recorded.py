@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.effects.plant import PlantEffect, SensorChange
+from kfgen.effects.plant import PlantEffect
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.gap.whitened import Whitener
 from kfgen.log import Log
@@ -18,6 +19,8 @@ from kfgen.units import parse_unit
 
 Array = NDArray[np.float64]
 
+GAP = 3.0
+"""Usual steps of time beyond which samples are missing."""
 FAR = 1e3
 """Deviations of the data at which a simulation that diverges is held."""
 
@@ -78,7 +81,8 @@ def recorded_of(model: UserModel, log: Log, name: str) -> Recorded:
     if at.size < 8:
         raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
     y = values[at] - _believed(effects, log, at)
-    dt = float((log.t[at[-1]] - log.t[at[0]]) / (at.size - 1))
+    steps = np.diff(log.t[at])
+    dt = float(np.mean(steps[steps <= GAP * np.median(steps)]))
     return Recorded(at, y, Whitener.of(effects, at.size, dt, constant=True))
 
 

@@ -131,6 +131,15 @@ class Inspected(Protocol):
 
 
 @runtime_checkable
+class Undecided(Protocol):
+    """A world in which another fault would explain the record as well as the first one."""
+
+    @property
+    def either(self) -> tuple[Placed, ...]:
+        """Those other faults."""
+
+
+@runtime_checkable
 class Trusting(Protocol):
     """A world with numbers that are believed."""
 

@@ -39,6 +39,8 @@ RANGES = 1e3
 """Ranges of a channel beyond which, and so many deviations, a simulation runs away."""
 HIDDEN = 1e-6
 """Deviations of the noise below which a change of a state by its size is not seen."""
+ALIKE = 0.8
+"""Correlation of channels with their simulation moved in time from which on they look like it."""
 ITERATIONS = 12
 CONVERGED = 1e-3
 """Relative gain at which an iteration ends."""
@@ -122,6 +124,11 @@ class Shooting:
             r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], FAR)
             out.append(np.where(np.isfinite(seen), np.clip(r, -FAR, FAR), 0.0))
         return np.array(out), run.states[-1]
+
+    def simulated(self, x0: Array) -> dict[str, Array]:
+        """The channels over the whole record of what is fitted, each of shape (n,)."""
+        run = self._run(x0[:, None], 0, self.t.size)[1]
+        return {n: run.channels[n][:, 0] for n in self.data}
 
     def _run(self, X0: Array, a: int, b: int) -> tuple[Batch, Run]:
         """Columns of what is fitted, and their simulation over samples a to b."""
@@ -241,6 +248,26 @@ def _damped(J: Array, r: Array) -> Array:
     A = JJ / np.outer(scale, scale)
     steps = [-np.linalg.solve(A + d * np.eye(scale.size), Jr / scale) / scale for d in DAMPING]
     return np.array(steps).T
+
+
+def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapping[str, Array]) -> int:
+    """Samples by which channels follow their simulation, each of shape (n,); zero where they do not look like it.
+
+    It is where their correlation is largest; negative where the simulation comes after them.
+    """
+    n = next(iter(simulated.values())).size
+    total = np.zeros(2 * n)
+    for name, (at, values) in data.items():
+        y, h = np.zeros(n), np.zeros(n)
+        y[at], h[at] = values - values.mean(), simulated[name][at] - simulated[name][at].mean()
+        size = float(np.linalg.norm(y) * np.linalg.norm(h))
+        if not 0.0 < size < np.inf:
+            return 0
+        total += np.fft.irfft(np.fft.rfft(y, 2 * n) * np.conj(np.fft.rfft(h, 2 * n)), 2 * n) / size
+    best = int(np.argmax(total))
+    if total[best] < ALIKE * len(data):
+        return 0
+    return best if best < n else best - 2 * n
 
 
 def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:

@@ -1,7 +1,8 @@
 """A model file as a filter: its equations as a motion, its measurements as sensors.
 
 Every state is a block of one component, every parameter and every coefficient of an effect a constant that firmware
-may set. Lags become states. What a filter cannot carry (a delay, a play) is refused by name.
+may set. Lags become states; a delay of an input is a line of its samples, a play is where it stands, both kept beside
+the state (`kfgen.model.memory`).
 """
 
 from __future__ import annotations
@@ -14,23 +15,17 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from kfgen.effects import Effect
-from kfgen.effects.plant import (
-    InputLag,
-    InputNonlinearity,
-    PlantEffect,
-    Saturation,
-    SensorLag,
-    StateTerm,
-)
+from kfgen.effects.plant import InputChange, PlantEffect, StateTerm
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.model.blocks import Vector
 from kfgen.model.expression import symbol
 from kfgen.model.file import model_text, parse_model
 from kfgen.model.filter import FilterModel
+from kfgen.model.memory import DelayLine, Play
 from kfgen.model.motion import Constant, Input, Motion
 from kfgen.model.sensors import Sensor
-from kfgen.model.user import UserModel
+from kfgen.model.user import Measurement, UserModel
 from kfgen.noise import NoiseModel
 from kfgen.units import derived_unit, parse_unit
 
@@ -55,6 +50,8 @@ class Equations(Motion):
         As of `Motion`.
     derivatives : mapping of str to expression
         Of every block, in the symbols of states, inputs and constants.
+    late : tuple of DelayLine
+        As of `Motion`.
     """
 
     def __init__(
@@ -64,11 +61,13 @@ class Equations(Motion):
         inputs: tuple[Input, ...],
         constants: tuple[Constant, ...],
         derivatives: Mapping[str, sp.Expr],
+        late: tuple[DelayLine, ...] = (),
     ) -> None:
         self.user = user
         self.blocks = blocks
         self.inputs = inputs
         self.constants = constants
+        self.late = late
         self.derivatives = dict(derivatives)
 
     def rates(self, x: Mapping[str, sp.Matrix], u: Mapping[str, sp.Matrix]) -> dict[str, sp.Matrix]:
@@ -98,15 +97,20 @@ class Shown(Sensor):
         In the symbols of the states and constants.
     states : tuple of str
         The blocks that it looks at.
+    play : Play, optional
+        As of `Sensor`.
     """
 
-    def __init__(self, channel: str, unit: str, value: sp.Expr, states: tuple[str, ...]) -> None:
+    def __init__(
+        self, channel: str, unit: str, value: sp.Expr, states: tuple[str, ...], play: Play | None = None
+    ) -> None:
         self.name = channel  # type: ignore[misc]
         self.title = f"measured {channel}"  # type: ignore[misc]
         self.unit = unit
         self.channels = (channel,)
         self.value = value
         self.needs = states
+        self.play = play
 
     def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
         """The measurement's expression."""
@@ -123,14 +127,13 @@ class _Builder:
             Constant(n, parse_unit(p.unit).si, p.value, f"parameter {n}") for n, p in user.parameters.items()
         ]
         self.derivatives = {n: _smooth(e.value) for n, e in user.dynamics.items()}
+        self.delays: dict[str, float] = {}
 
-    def refuse(self, effect: Effect, where: str) -> InputError:
-        """The error for an effect that no filter carries."""
-        return InputError(
-            f"{effect.name} on {where} cannot be in a filter",
-            where=self.user.path,
-            remedy="Take it out of the model file, or mend the plant or its timing",
-        )
+    @property
+    def late(self) -> tuple[DelayLine, ...]:
+        """The inputs that act late."""
+        units = {n: parse_unit(self.user.inputs[n]).si for n in self.delays}
+        return tuple(DelayLine(n, units[n], delay) for n, delay in self.delays.items())
 
     def numbers(self, effect: PlantEffect, where: str) -> Any:
         """The effect with symbols for its numbers, which become constants."""
@@ -147,7 +150,7 @@ class _Builder:
         """The state of a first-order lag behind an expression."""
         name = f"{where}_behind"
         self.blocks.append(_block(name, unit, 0.0, np.inf))
-        self.derivatives[name] = (driven - symbol(name)) / self.numbers(effect, where).tau
+        self.derivatives[name] = (driven - symbol(name)) / self.numbers(effect, where).lag
         return symbol(name)
 
     def dynamics(self) -> None:
@@ -155,21 +158,17 @@ class _Builder:
         seen: dict[sp.Symbol, sp.Expr] = {}
         lags: dict[str, PlantEffect] = {}
         for where, effect in ((a.where, a.effect) for a in self.user.dynamics_effects):
-            u = seen.get(symbol(where), symbol(where))
             if isinstance(effect, StateTerm):
                 p = self.user.position_of(where)
                 term = self.numbers(effect, where).term(symbol(where), symbol(p) if p else None)
                 self.derivatives[where] = self.derivatives[where] + term
-            elif isinstance(effect, InputLag):
+            elif isinstance(effect, InputChange) and effect.late:
+                self.delays[where] = self.delays.get(where, 0.0) + float(effect.late)
+            elif isinstance(effect, InputChange) and effect.lag:
                 lags[where] = effect
-            elif isinstance(effect, InputNonlinearity):
-                n = self.numbers(effect, where)
-                seen[symbol(where)] = u + n.k2 * u**2 + n.k3 * u**3
-            elif isinstance(effect, Saturation):
-                limit = self.numbers(effect, where).limit
-                seen[symbol(where)] = (sp.Abs(u + limit) - sp.Abs(u - limit)) / 2
-            else:
-                raise self.refuse(effect, where)
+            elif isinstance(effect, InputChange):
+                u = seen.get(symbol(where), symbol(where))
+                seen[symbol(where)] = self.numbers(effect, where).samples(u)
         plain = {symbol(w): symbol(f"{w}_behind") for w in lags}
         self.derivatives = {n: e.xreplace({**seen, **plain}) for n, e in self.derivatives.items()}
         for where, effect in lags.items():
@@ -178,25 +177,32 @@ class _Builder:
 
     def sensors(self) -> list[Shown]:
         """Every measurement."""
-        out = []
-        for name, m in self.user.measurements.items():
-            value = _smooth(m.expression.value)
-            used = sorted(m.expression.names & set(self.user.inputs))
-            if used:
+        return [self._shown(name, m) for name, m in self.user.measurements.items()]
+
+    def _shown(self, name: str, m: Measurement) -> Shown:
+        """One of them, with its lags and its play."""
+        value, play, unit = _smooth(m.expression.value), None, parse_unit(m.unit).si
+        used = sorted(m.expression.names & set(self.user.inputs))
+        if used:
+            raise InputError(
+                f"the measurement {name} shows the input {used[0]}, which no filter can predict yet",
+                where=self.user.path,
+                remedy="Make the input a state, or leave the measurement out",
+            )
+        for effect in m.noise.effects:
+            if isinstance(effect, SensorChange) and play is not None:
                 raise InputError(
-                    f"the measurement {name} shows the input {used[0]}, which no filter can predict yet",
+                    f"{effect.name} stands behind the {play[0].name} of {name}, which no filter carries",
                     where=self.user.path,
-                    remedy="Make the input a state, or leave the measurement out",
+                    remedy=f"Write it before the {play[0].name}, or leave one of them out",
                 )
-            for effect in m.noise.effects:
-                if isinstance(effect, SensorLag):
-                    value = self.lag(effect, name, m.unit, value)
-                elif isinstance(effect, PlantEffect):
-                    raise self.refuse(effect, name)
-            names = {b.name for b in self.blocks}
-            needs = tuple(sorted(s.name for s in value.free_symbols if s.name in names))
-            out.append(Shown(name, parse_unit(m.unit).si, value, needs))
-        return out
+            if isinstance(effect, SensorChange) and effect.play:
+                play = effect, Play(name, unit, self.numbers(effect, name).play)
+            elif isinstance(effect, SensorChange) and effect.lag:
+                value = self.lag(effect, name, m.unit, value)
+        names = {b.name for b in self.blocks}
+        needs = tuple(sorted(s.name for s in value.free_symbols if s.name in names))
+        return Shown(name, unit, value, needs, play[1] if play else None)
 
 
 def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
@@ -251,7 +257,8 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
         Input(n, parse_unit(unit).si, f"input {n}", f"b_{n}", 0.0, 0.0, scalar=True)
         for n, unit in user.inputs.items()
     )
-    motion = Equations(user, tuple(builder.blocks), inputs, tuple(builder.constants), builder.derivatives)
+    parts = tuple(builder.blocks), inputs, tuple(builder.constants)
+    motion = Equations(user, *parts, builder.derivatives, builder.late)
     effects = {
         n: tuple(e for e in m.noise.effects if not isinstance(e, PlantEffect))
         for n, m in user.measurements.items()

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from kfgen.document import document_of
-from kfgen.effects.plant import PlantEffect, SensorChange
+from kfgen.effects.plant import PlantEffect
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.model.expression import FUNCTIONS, Expression, read_expression
 from kfgen.model.user import FORMAT, Acting, Measurement, Number, StateStart, UserModel

@@ -357,6 +357,8 @@ class FilterModel:
             f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[sp.srepr(sp.Tuple(*self.white(c))) for c in s.channels]}"
             for s in self.sensors
         ]
+        parts += [repr(line) for line in self.motion.late]
+        parts += [f"{s.play.channel} {sp.srepr(sp.sympify(s.play.width))}" for s in self.sensors if s.play]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

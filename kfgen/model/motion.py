@@ -22,6 +22,7 @@ from kfgen.model.bounded import ACCELERATION, BOUNDED, SPEED, SPEED_TIME, Bounde
 from kfgen.model.convention import Phi, conventions
 from kfgen.model.earth import EARTH_RATE, normal_gravity, radii
 from kfgen.model.intrinsics import FULL, G_SENSITIVITY, INTRINSICS_SD, MISALIGNMENT, SCALE_FACTORS, Intrinsics
+from kfgen.model.memory import DelayLine
 from kfgen.model.option import NOTHING, Choice, Configured, Flag, Option, Quantity
 from kfgen.units import STANDARD_GRAVITY
 
@@ -123,10 +124,13 @@ class Motion(Configured):
     ----------
     axes : tuple of str
         Of the navigation frame.
+    late : tuple of DelayLine
+        Inputs that act late.
     """
 
     blocks: tuple[Block, ...] = ()
     inputs: tuple[Input, ...] = ()
+    late: tuple[DelayLine, ...] = ()
     constants: tuple[Constant, ...] = ()
     axes: tuple[str, ...] = NED
 

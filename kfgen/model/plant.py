@@ -18,7 +18,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.effects.plant import InputChange, PlantEffect, SensorChange, StateTerm
+from kfgen.effects.plant import InputChange, PlantEffect, StateTerm
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
 from kfgen.model.expression import symbol
 from kfgen.model.runaway import refuse

@@ -10,6 +10,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.model.blocks import Vector
+from kfgen.model.memory import Play
 from kfgen.model.motion import LEFT_OUT, NED, Constant
 from kfgen.model.option import NOTHING, STATE, Configured
 
@@ -51,6 +52,8 @@ class Sensor(Configured):
         The block whose first value is its first sample, where there is one.
     at_rest : str
         The level axis along which the triad points when nothing moves: ``up``, ``north``, or none.
+    play : Play, optional
+        Between what `predict` says and its one channel.
     """
 
     name: ClassVar[str] = ""
@@ -67,6 +70,7 @@ class Sensor(Configured):
     period: float = 0.0
     shows: str = ""
     at_rest: str = ""
+    play: Play | None = None
     axes: tuple[str, ...] = NED
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.plant import InputChange, lagged
+from kfgen.effects.plant import InputChange
+from kfgen.effects.plant_sensor import lagged
 
 Array = NDArray[np.float64]
 

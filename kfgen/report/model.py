@@ -43,7 +43,7 @@ def equations(discrete: DiscreteModel) -> list[tuple[str, sp.Matrix]]:
         ("F", model.F),
         ("G", model.G),
         ("W", model.W),
-        *((f"H {s.name}", model.H(s)) for s in model.sensors),
+        *((f"H {s.name}", discrete.H(s)) for s in model.sensors),
         ("Phi", discrete.Phi),
         ("Qd", discrete.Qd),
     ]

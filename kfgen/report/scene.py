@@ -93,7 +93,9 @@ def _verdict(g: SceneGap) -> str:
 def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     """A missing effect in words: what, where, how large, how sure, what else it could be."""
     if isinstance(f.placed.effect, Fault):
-        return f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
+        words = f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
+        others = [f"{name} of {where}" for name, where, _ in f.alternatives]
+        return f"{words}. Just as well it is {' or '.join(others)}" if others else words
     words = f"{_what(f, unit_of)}. It is {percent(f.probability)} probable among all candidates"
     near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
