@@ -33,8 +33,10 @@ def test_a_stretch_that_stands_still_is_named(count: int, value: float | None) -
     y = noise(count)
     y[5000 : 5000 + count] = y[5000] if value is None else value
     gap, said = gap_of(y)
-    assert [f.effect.name for f in gap.findings] == ["repeated_samples"]
-    assert float(gap.findings[0].effect.share) == pytest.approx(count / N)  # type: ignore[attr-defined]
+    assert [f.effect.name for f in gap.findings] == ["stuck"]
+    assert (gap.findings[0].effect.time, gap.findings[0].effect.lasting) == pytest.approx(
+        (50.0, (count - 1) * DT)
+    )  # type: ignore[attr-defined]
     assert gap.verdict == "effects_found"
     assert "between 50 and" in said[0]
     assert not any(t.significant for t in gap.after)
@@ -55,7 +57,7 @@ def test_values_on_a_lattice_are_no_stretch() -> None:
     """Eight bits: a third of the samples equals the one before."""
     gap, said = gap_of(np.round(noise(1) / 0.08) * 0.08)
     assert not said
-    assert "repeated_samples" not in [f.effect.name for f in gap.findings]
+    assert "stuck" not in [f.effect.name for f in gap.findings]
 
 
 def test_noise_that_leans_is_unknown() -> None:

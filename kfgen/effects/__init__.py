@@ -10,9 +10,10 @@ import pkgutil
 from functools import cache
 from typing import Any
 
-from kfgen.effects.base import Effect, Look, Parameter, filtered, sampled_spectrum
+from kfgen.effects.base import Effect, Look, Parameter
 from kfgen.effects.driven import COUPLING, coupled, is_plain
 from kfgen.effects.form import Form, State
+from kfgen.effects.passed import filtered, sampled_spectrum
 from kfgen.effects.thermal import LAGGED, lagged
 from kfgen.errors import InputError
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.event import Outliers
-from kfgen.effects.integrity import RepeatedSamples
+from kfgen.effects.integrity import Stuck, runs
 from kfgen.effects.series import Raw, Spotted
 
 Array = NDArray[np.float64]
@@ -24,6 +24,8 @@ RARE = 1e-4
 """Chance that a sample equals the one before it, at least."""
 OFTEN = 3
 """Runs at one end of the range that are a limit and no stretch that stands still."""
+SPANS = 8
+"""Stretches beyond which samples rather repeat."""
 MOST = 0.2
 """Share of the samples beyond which they are not left out: the channel is spoilt."""
 WILD, TAME = 30.0, 8.0
@@ -34,32 +36,32 @@ FEW_WILD = 1e-3
 
 def odd_samples(raw: Raw) -> tuple[Mask, tuple[Spotted, ...]]:
     """Which samples are no measurements, shape (n,), and what they show."""
-    still, wild = _still(raw), _wild(raw)
-    found = []
-    if still.any():
-        found.append(Spotted(RepeatedSamples(float(np.mean(still))), float(still.sum())))
-    if wild.any():
-        off = float(np.sqrt(np.mean((raw.y[wild] - np.median(raw.y)) ** 2)))
-        found.append(Spotted(Outliers(float(np.mean(wild)), off), float(wild.sum())))
-    return still | wild, tuple(found)
+    still, odd, found = _still(raw), _wild(raw), []
+    if odd.any():
+        off = float(np.sqrt(np.mean((raw.y[odd] - np.median(raw.y)) ** 2)))
+        found.append(Spotted(Outliers(float(np.mean(odd)), off), float(odd.sum())))
+    for a, b in still:
+        odd[a:b] = True
+        began, ended = float(raw.t[a] - raw.t[0]), float(raw.t[b - 1] - raw.t[0])
+        found.append(Spotted(Stuck(began, ended - began), float(b - a)))
+    return odd, tuple(found)
 
 
-def _still(raw: Raw) -> Mask:
+def _still(raw: Raw) -> list[tuple[int, int]]:
     """Runs of equal values that the noise and the lattice do not explain."""
-    same = np.concatenate([[False], np.diff(raw.y) == 0.0, [False]])
-    edges = np.flatnonzero(np.diff(same.astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
-    out = np.zeros(raw.n, dtype=np.bool_)
-    if not starts.size:
-        return out
+    first, length = runs(raw.y)
+    first, length = first[length > 1], length[length > 1]
+    if not first.size:
+        return []
     equal = raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
-    chance = min(max(equal, 2.0 * starts.size / raw.n, RARE), 0.95)
-    longest = np.log(CHANCE / raw.n) / np.log(chance)
-    limits = [v for v in (raw.y.min(), raw.y.max()) if np.sum(raw.y[starts] == v) >= OFTEN]
-    for a, b in zip(starts.tolist(), stops.tolist()):
-        if b - a >= longest and raw.y[a] not in limits:
-            out[a : b + 1] = True
-    return out if np.mean(out) < MOST else np.zeros(raw.n, dtype=np.bool_)
+    chance = min(max(equal, 2.0 * first.size / raw.n, RARE), 0.95)
+    longest = 1.0 + np.log(CHANCE / raw.n) / np.log(chance)
+    limits = [v for v in (raw.y.min(), raw.y.max()) if np.sum(raw.y[first] == v) >= OFTEN]
+    spans = [
+        (a, a + k) for a, k in zip(first.tolist(), length.tolist()) if k >= longest and raw.y[a] not in limits
+    ]
+    few = len(spans) <= SPANS and sum(b - a for a, b in spans) < MOST * raw.n
+    return spans if few else []
 
 
 def _wild(raw: Raw) -> Mask:

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, filtered, sampled_spectrum
-from kfgen.effects.base import STOP
+from kfgen.effects.passed import STOP
 
 Array = NDArray[np.float64]
 
