@@ -37,6 +37,8 @@ LONGEST = 1.5
 """Longest step in a logarithm."""
 SLOWEST = 0.5
 """Of the record: the longest time that is fitted."""
+BELIEVED = 3.0
+"""Deviations about a believed number that a fit may go to, whatever the record can show."""
 APART = 1e-4
 """Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
@@ -108,12 +110,16 @@ class Problem:
 
     @cached_property
     def bounds(self) -> list[tuple[float, float]]:
-        """The box of the free parameters."""
-        kinds = [{p.name: p.kind for p in self.effects[i].parameters()}[name] for i, name in self.free]
-        return [
-            self.record.box(kind, *self.times.get(i, (SLOWEST, FASTEST)))
-            for kind, (i, _) in zip(kinds, self.free)
-        ]
+        """The box of the free parameters: what the record can show, and what is believed of them."""
+        return [self._box(key) for key in self.free]
+
+    def _box(self, key: Key) -> tuple[float, float]:
+        i, name = key
+        kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
+        lo, hi = self.record.box(kind, *self.times.get(i, (SLOWEST, FASTEST)))
+        prior = self.priors.get(key)
+        reach = BELIEVED * prior.deviation if prior else 0.0
+        return (min(lo, prior.mean - reach), max(hi, prior.mean + reach)) if prior else (lo, hi)
 
     def start(self) -> Array:
         """Logarithms of the start values, inside the box."""
