@@ -117,6 +117,17 @@ class TemperatureSquared(Driven):
     separator: ClassVar[str] = "a temperature that passes a wide range"
     driver: ClassVar[str] = "temperature"
 
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """Only where it is looked for."""
+        return []
+
+    @classmethod
+    def sought(cls, series: Series) -> list[Sought]:
+        """About the mean of a thermometer that moves."""
+        T = series.drive.get(cls.driver)
+        return [Sought(cls(0.0, float(np.mean(T))))] if T is not None and np.ptp(T) > 0.0 else []
+
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``y = coefficient (T - reference)^2``, the coefficient a constant state."""
         linear = super().form(drive)

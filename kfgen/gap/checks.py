@@ -38,11 +38,14 @@ class Checks:
         Whether the interval of each addition's size leaves zero out.
     again : tuple of str, optional
         What was found in a record simulated from the mended model; None where none was simulated.
+    named : tuple of str
+        What the mended model adds.
     """
 
     nested: float
     seen: dict[str, bool]
     again: tuple[str, ...] | None
+    named: tuple[str, ...] = ()
 
     @property
     def words(self) -> list[str]:
@@ -62,7 +65,9 @@ class Checks:
             out.append("no record was simulated from the mended model: the log is long")
         else:
             found = ", ".join(self.again) or "nothing"
-            out.append(f"in a record simulated from the mended model the same search finds {found}")
+            said = f"in a record simulated from the mended model the same search finds {found}"
+            same = sorted(self.again) == sorted(self.named)
+            out.append(said if same else f"{said}, not {', '.join(self.named)}: take the names with care")
         return out
 
 
@@ -85,7 +90,8 @@ def checks_of(
     if search.record.n <= LONG:
         found = grown(replace(search, record=_simulated_again(search, effects), chosen=(), known=()))
         again = tuple(c.name for c in found.chosen if c.name != RETUNE)
-    return Checks(_nested(search, effects), seen, again)
+    named = tuple(c.name for c in search.chosen if c.name != RETUNE)
+    return Checks(_nested(search, effects), seen, again, named)
 
 
 def _nested(search: Search, effects: Sequence[Effect]) -> float:

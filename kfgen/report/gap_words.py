@@ -28,7 +28,7 @@ def finding_sentence(g: ChannelGap, f: Finding) -> str:
         return f.effect.sentence(g.channel, g.unit)
     size = ", ".join(with_interval(f, p.name, derived_unit(p.unit, g.unit)) for p in f.effect.estimated())
     words = (
-        f"{g.channel} misses an effect of the model: {f.effect.title}, {size}. It is {percent(f.probability)} "
+        f"{g.channel} misses an effect of the model: {f.effect.title}{', ' + size if size else ''}. It is {percent(f.probability)} "
         f"probable among all candidates; without it the disagreement is strongest {_where(f)}"
     )
     if g.gap.before > 0.0:
