@@ -34,7 +34,7 @@ SEVERAL = 8.0
 WIDTHS = (4, 16, 64)
 """Cells over which means are smoothed to see how far apart levels may be."""
 FACTORS = (0.6, 1.0, 1.6)
-DWELLS = 12
+DWELLS = 9
 """First points: distances of the levels about those seen, and dwell times."""
 STATES = 2
 """Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
@@ -42,6 +42,8 @@ UNEVEN = 0.15
 """Of their distance: how far from the record's mean the middle of the levels may be."""
 COLOURED = 1.15
 """Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
+HALF = 0.5
+"""Of what slow noise of the same spectrum gains: what the best of the first points must gain at least."""
 BEHIND = 3.0
 """Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
 GRID = 16
@@ -87,9 +89,10 @@ class RandomTelegraph(Effect):
         if cells.switching.slow.order > STATES or not cells.even:
             return []
         starts, alone = cells.starts(), float(cells.noise_gain(cells.noise_starts()).max())
-        if starts.size == 0 or float(cells.gain(starts).max()) < alone + PROMISING:
+        rival = cells.gauss_markov_gain()
+        if starts.size == 0 or float(cells.gain(starts).max()) < alone + max(PROMISING, HALF * rival):
             return []
-        best = integral(cells.gain, starts, alone + max(PROMISING, cells.gauss_markov_gain() - BEHIND))
+        best = integral(cells.gain, starts, alone + max(PROMISING, rival - BEHIND))
         without = integral(cells.noise_gain, cells.noise_starts()) if best else None
         if best is None or without is None:
             return []
