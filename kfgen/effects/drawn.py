@@ -58,7 +58,9 @@ def integral(
     """
     rng = np.random.default_rng(seed)
     values = log_f(points)
-    top, logs = float(values.max()), []
+    top = float(values.max())
+    logs: list[Array] = []
+    points_of: list[Array] = []
     mean, covariance = _law(points, values)
     for r in range(ROUNDS):
         drawn = _draw(rng, mean, covariance)
@@ -70,7 +72,9 @@ def integral(
         mean, covariance = _law(drawn, w)
         if r >= ROUNDS - LAST:
             logs.append(w)
+            points_of.append(drawn)
     every = np.concatenate(logs)
+    mean, covariance = _law(np.concatenate(points_of), every)
     top = float(every.max())
     return Integral(top + float(np.log(np.mean(np.exp(every - top)))), mean, covariance)
 
