@@ -113,7 +113,9 @@ class TemperatureSquared(Driven):
     name: ClassVar[str] = "temperature_squared"
     title: ClassVar[str] = "bias proportional to the square of the temperature"
     saying: ClassVar[str] = "follows the square of the temperature by {coefficient}"
-    rare: ClassVar[float] = 3.0  # a curve about the mean comes with a slope, and only beside it is it usual
+    rare: ClassVar[float] = (
+        6.0  # a curve about the mean comes with a slope: alone it is most likely another drift
+    )
     separator: ClassVar[str] = "a temperature that passes a wide range"
     driver: ClassVar[str] = "temperature"
 

@@ -31,7 +31,7 @@ WIDTHS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Half-widths of hysteresis that are looked for, in the range of the temperature."""
 LAGGED = "lagged:"
 """Before the name of a channel: the effect of its past."""
-SHORTEST, LONGEST, LAGS = 1e-3, 0.25, 14
+SHORTEST, LONGEST, LAGS = 1e-3, 0.15, 13
 """Lags that are looked for: of the record, how many."""
 ALIKE = 0.95
 """Squared cosine between a course and itself behind beyond which there is no lag to see."""
@@ -110,7 +110,7 @@ class Lagged(Effect):
     coefficient: Any = parameter("U", "signed")
 
     name: ClassVar[str] = "lagged"
-    rare: ClassVar[float] = 1.0
+    rare: ClassVar[float] = 3.0  # most drivers act at once: a lag of any length bends to fit a drift
     title: ClassVar[str] = "bias behind another channel"
     separator: ClassVar[str] = (
         "that channel changed at two speeds: a lag shrinks with the slow one, a play does not"
