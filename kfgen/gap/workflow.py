@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
+from kfgen.effects import Effect, catalogue
 from kfgen.gap.battery import Test, battery
 from kfgen.gap.checks import Checks, checks_of
 from kfgen.gap.evidence import Candidate, additions, series_of
@@ -225,10 +225,11 @@ def _finding(chosen: Chosen, term: Term, worst: Test) -> Finding:
 def limits_of(base: Candidate) -> list[tuple[Effect, str, float]]:
     """For each effect that was not found, the size that would be worth `DETECTABLE` nats."""
     present, record = {e.name for e in base.fit.effects}, base.problem.record
+    sizeless = frozenset(name for name, cls in catalogue().items() if cls.alters or cls.filters)
     out = []
-    for starts in additions(base, series_of(base)):
+    for starts in additions(base, series_of(base), sizeless):
         effect = starts[-1].effect
-        if effect.name in present or effect.alters or effect.filters:
+        if effect.name in present:
             continue
         first = effect.estimated()[0].name
         size = effect.coefficients()[0] if effect.coefficients() else _size(effect)
