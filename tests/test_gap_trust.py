@@ -5,15 +5,19 @@ Records are plain numpy. A null is falsely found at the battery's family-wise ra
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from kfgen.effects import make
+from kfgen.gap.checks import Checks
 from kfgen.gap.regular import regular
 from kfgen.gap.workflow import ChannelGap, find_gap
 from kfgen.identify.record import Record
 from kfgen.log import Channel, Log
 from kfgen.noise import ChannelNoise, Term
+from kfgen.report.gap_words import sentences
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plots import bars_picture
 
@@ -39,6 +43,53 @@ def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
     assert pytest.approx(factor * N, rel=0.03) == g.mended.effects[0].N  # type: ignore[attr-defined]
     assert g.gap.before > 0.02
     assert g.gap.closed > 0.95
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_a_number_that_does_not_hold_is_said_old_and_new(factor: float) -> None:
+    """Alone, and beside a step of ten times the deviation of its mean."""
+    step = np.where(T > 700.0, 3e-5, 0.0)
+    for y, found in ((noise(21, factor), []), (noise(21, factor) + step, ["bias_step"])):
+        g = answer(y, make("white_noise", N=N))
+        assert [f.effect.name for f in g.findings] == found
+        (said,) = (s for s in sentences(g) if " instead of " in s)
+        number, was = map(float, re.findall(r"(?:N = |instead of )([-+.e0-9]+)", said))
+        assert number / was == pytest.approx(factor, rel=0.03)
+
+
+def test_numbers_that_hold_are_not_said_anew() -> None:
+    assert not any(" instead of " in s for s in sentences(answer(noise(22), make("white_noise", N=N))))
+
+
+def test_a_believed_time_longer_than_half_the_record_stays() -> None:
+    """Of 2000 s in 1200: the record cannot say it, and does not contradict it."""
+    truth = make("gauss_markov", sigma=3e-5, tau=2000.0)
+    y = noise(23) + truth.simulate(T, np.random.default_rng(24))
+    g = answer(y, make("white_noise", N=N), truth)
+    assert (g.verdict, g.findings, g.retuned) == ("no_gap", (), False)
+    (mended,) = (e for e in g.mended.effects if e.name == "gauss_markov")
+    assert 1000.0 < mended.tau < 4000.0  # type: ignore[attr-defined]
+
+
+def test_noise_that_is_louder_where_it_is_warm_fails_the_test_of_its_level() -> None:
+    """A fifth up and down with the temperature: of 24 000 samples the test's deviate is 0.4 / 2 sqrt(24 000) = 31."""
+    g = answer(noise(25) * (1.0 + 0.2 * (HEAT - 300.0) / 5.0), make("white_noise", N=N))
+    (test,) = (t for t in g.before if t.name == "noise level on temperature")
+    assert test.significant
+    assert np.sqrt(test.ratio - 1.0) == pytest.approx(0.4 * np.sqrt(T.size) / 2.0, rel=0.15)
+    assert g.verdict != "no_gap"
+    g = answer(noise(26), make("white_noise", N=N))
+    assert not any(t.significant for t in g.before)
+
+
+def test_checks_that_fail_say_so() -> None:
+    sound = Checks(0.0, {"bias_step": True}, ("bias_step",), ("bias_step",)).words
+    assert "not bias_step" not in " ".join(sound)
+    other = Checks(1.5, {"bias_step": False}, ("rate_ramp",), ("bias_step",)).words
+    assert "changes the likelihood by 1.5 nats" in other[0]
+    assert "does not bound the size of bias_step" in other[1]
+    assert "finds rate_ramp, not bias_step" in other[2]
+    assert "finds nothing" in Checks(0.0, {}, (), ("bias_step",)).words[2]
 
 
 @pytest.mark.parametrize("believed", [0.0, 2e-3, -2e-3])

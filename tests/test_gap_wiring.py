@@ -175,7 +175,10 @@ def test_steps_of_a_converter_are_no_standstill() -> None:
     assert stuck_spans(np.round(y / 3.0) * 3.0, 1.0) == []
 
 
-def test_the_command_says_which_column(kfgen: Callable[..., object], tmp_path: Path) -> None:
+def test_the_command_says_which_column(
+    kfgen: Callable[..., object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     u, y = columns(1)
     np.savetxt(
         "servo.csv",

@@ -6,12 +6,16 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.fft import dct
 from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 from scipy.stats import kstest, multivariate_normal, multivariate_t
 
 from kfgen.effects import make
 from kfgen.effects.drawn import integral
+from kfgen.effects.series import Series
 from kfgen.effects.switching import Point, Slow, Switching
+from kfgen.effects.telegraph import RandomTelegraph
 
 DT, M = 0.5, 9
 
@@ -80,3 +84,18 @@ def test_a_law_integrates_to_one(nu: float) -> None:
     assert found is not None
     assert found.log == pytest.approx(0.0, abs=0.2)
     assert np.all(np.abs(found.mean - mean) < 4.0 * np.diag(L) / np.sqrt(10.0))
+
+
+@pytest.mark.parametrize("held", [0.0, 0.7])
+def test_levels_are_looked_for_in_even_noise_alone(held: float) -> None:
+    """Of samples that a pole holds back the noise in the cells is not white: a sum over white samples says nothing."""
+    rng, n = np.random.default_rng(8), 1500
+    white = lfilter([np.sqrt(1.0 - held**2)], [1.0, -held], rng.standard_normal(n))
+    y = white + 2.0 * (np.searchsorted(np.cumsum(rng.exponential(40.0, n)), np.arange(n)) % 2)
+    omega = np.pi * np.arange(n) / n
+    weight = np.sqrt((1.0 - 2.0 * held * np.cos(omega) + held**2) / (1.0 - held**2))
+    weight[0] = 0.0
+    weight /= np.sqrt(np.mean((dct(y, norm="ortho") * weight) ** 2))  # as a fit leaves it
+    nothing = np.zeros(n)
+    series = Series(np.arange(n) * 1.0, y - y.mean(), 1.0, weight, nothing, np.zeros((n, 0)), (0.0, 1.0), {})
+    assert bool(RandomTelegraph.sought(series)) == (held == 0.0)

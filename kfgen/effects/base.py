@@ -22,7 +22,6 @@ from kfgen.units import derived_unit, from_si, parse_quantity
 
 Array = NDArray[np.float64]
 
-
 POSITIVE = ("size", "time", "frequency", "corner", "ratio", "width")
 """Kinds of parameters that are not below zero."""
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from kfgen.effects.form import Form, State
 from kfgen.effects.series import Series, Sought
 
 Array = NDArray[np.float64]
+T = TypeVar("T", bound=Effect)
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,8 @@ class TemperatureSquared(Driven):
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
         """About the mean of a thermometer that moves."""
-        T = series.drive.get(cls.driver)
-        return [Sought(cls(0.0, float(np.mean(T))))] if T is not None and np.ptp(T) > 0.0 else []
+        warm = series.drive.get(cls.driver)
+        return [Sought(cls(0.0, float(np.mean(warm))))] if warm is not None and np.ptp(warm) > 0.0 else []
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """``y = coefficient (T - reference)^2``, the coefficient a constant state."""
@@ -206,8 +207,7 @@ class Coupling(Driven):
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
         """Each recorded channel that drives no other effect, that of highest regression first."""
-        known = {*DRIVERS, *(d for d in series.drive if d.startswith(SENSED))}
-        names = [n for n in series.drive if n not in known and is_plain(n)]
+        names = [n for n in series.drive if n not in DRIVERS and is_channel(n)]
         ranked = sorted(names, key=lambda n: -abs(series.regression(series.drive[n])[0]))
         chance = -float(np.log(max(len(names), 1)))
         return [Sought(coupled(n)(0.0, float(np.mean(series.drive[n]))), chance) for n in ranked[:1]]
@@ -218,11 +218,26 @@ def is_plain(name: str) -> bool:
     return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) is not None
 
 
+def is_channel(name: str) -> bool:
+    """Whether a channel may drive a bias: its name is plain, and it is no axis of a sensor and no reference."""
+    return is_plain(name) and not name.startswith(SENSED)
+
+
 @cache
 def coupled(channel: str) -> type[Coupling]:
     """The effect of a channel whose name is plain."""
-    doc = f"A bias proportional to the channel {channel}."
-    made: Any = type("Coupled", (Coupling,), {"name": COUPLING + channel, "driver": channel, "__doc__": doc})
-    made.title += ", per SI unit of it"
-    coupled_class: type[Coupling] = dataclass(frozen=True)(made)
-    return coupled_class
+    return of_channel(Coupling, channel)
+
+
+def of_channel(general: type[T], channel: str) -> type[T]:
+    """A general effect, ``NAME:CHANNEL``, of one channel whose name is plain."""
+    words = {
+        "name": f"{general.name}:{channel}",
+        "driver": channel,
+        "title": f"{general.title.replace('another channel', channel)}, per SI unit of it",
+        "saying": general.saying.replace("other channel", channel),
+        "__doc__": f"{general.__doc__} Here: {channel}.",
+    }
+    made: Any = type(f"{general.__name__}OfChannel", (general,), words)
+    own: type[T] = dataclass(frozen=True)(made)
+    return own

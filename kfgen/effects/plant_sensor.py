@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import parameter
+from kfgen.effects.past import behind
 from kfgen.effects.plant import PlantEffect
 
 Array = NDArray[np.float64]
@@ -67,15 +68,15 @@ class SensorLag(SensorChange):
         """Exact for a value that is linear between the samples."""
         slope = np.diff(h[:3], axis=0) / np.diff(t[:3])[:, None]
         first = 1.5 * slope[0] - 0.5 * slope[-1] if len(slope) else np.zeros(h.shape[1])
-        return lagged(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
+        return behind(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
 
     def begun(self, t: Array, y: Array) -> Array:
         """``exp(-t / tau)``, as large as it lags behind all along: ``tau dy/dt``."""
         tau = np.atleast_1d(np.asarray(self.tau, dtype=np.float64))
         slope = np.diff(y, axis=0) / np.diff(t)[:, None]
         with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
-            behind = tau * np.sqrt(np.mean(slope**2, axis=0))
-        return np.asarray(behind * np.exp(-(t - t[0])[:, None] / tau))
+            late = tau * np.sqrt(np.mean(slope**2, axis=0))
+        return np.asarray(late * np.exp(-(t - t[0])[:, None] / tau))
 
 
 @dataclass(frozen=True)
@@ -103,28 +104,3 @@ class Backlash(SensorChange):
             now = np.minimum(np.maximum(now, h[k] - half), h[k] + half)
             out[k] = now
         return out
-
-
-def lagged(t: Array, h: Array, tau: Any, start: Array) -> Array:
-    """Values behind a first-order lag, shape (n, batch), exact for values linear between the samples.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times [s].
-    h : ndarray, shape (n, batch)
-    tau : float or ndarray, shape (batch,)
-        Time constant [s]; positive.
-    start : ndarray, shape (batch,)
-        The first value.
-    """
-    tau = np.atleast_1d(np.asarray(tau, dtype=np.float64))
-    dt = np.diff(t)[:, None]
-    slope = np.diff(h, axis=0) / dt
-    stay = np.exp(-dt / tau)
-    out = np.empty((h.shape[0], max(h.shape[1], tau.size)))
-    out[0] = start
-    behind = tau * slope
-    for k in range(dt.size):
-        out[k + 1] = h[k + 1] - behind[k] + stay[k] * (out[k] - h[k] + behind[k])
-    return out

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.base import Effect, parameter
-from kfgen.effects.driven import SENSED, is_plain
+from kfgen.effects.driven import is_channel, of_channel
 from kfgen.effects.form import Form, State
+from kfgen.effects.past import behind
 from kfgen.effects.series import Series, Sought
 
 Array = NDArray[np.float64]
@@ -115,24 +116,24 @@ class Lagged(Effect):
     separator: ClassVar[str] = (
         "that channel changed at two speeds: a lag shrinks with the slow one, a play does not"
     )
-    saying: ClassVar[str] = "follows another channel by {coefficient}, {lag} behind it"
+    saying: ClassVar[str] = "follows the other channel by {coefficient}, {lag} behind it"
 
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
         """Lags behind the channel that shows best, of those that drive no other effect."""
         names = [n for n in series.drive if n != "temperature" and is_channel(n)]
-        found = [lagged(n).behind(series) for n in names]
+        found = [lagged(n).lags(series) for n in names]
         best = max(found, key=lambda f: f[0], default=(0.0, []))[1]
         chance = -float(np.log(max(len(names), 1)))
         return [replace(s, located=chance) for s in best]
 
     @classmethod
-    def behind(cls, series: Series) -> tuple[float, list[Sought]]:
+    def lags(cls, series: Series) -> tuple[float, list[Sought]]:
         """The best regression in deviations, and the lags whose course is not that of the channel itself."""
         x, best, out = series.drive[cls.driver], 0.0, []
         _, u0 = series.regression(x)
         for lag in np.geomspace(SHORTEST, LONGEST, LAGS) * series.n * series.dt:
-            z, u = series.regression(followed(series.t, x, float(lag)))
+            z, u = series.regression(behind(series.t, x[:, None], float(lag), x[:1])[:, 0])
             alike = float(u @ u0) ** 2 / max(float(u @ u) * float(u0 @ u0), 1e-300)
             if alike < ALIKE and lag > 5.0 * series.dt:
                 out.append(Sought(cls(float(lag), 0.0)))
@@ -141,14 +142,15 @@ class Lagged(Effect):
 
     def form(self, drive: Mapping[str, Any] | None = None) -> Form:
         """The coefficient is a constant state."""
-        unit = self.parameters()[1].unit
-        return Form(A=((0,),), W=((0,),), C=(0,), x0=(self.coefficient,), states=(State("lagged", unit),))
+        name, unit = self.name.replace(":", "_"), self.parameters()[1].unit
+        return Form(A=((0,),), W=((0,),), C=(0,), x0=(self.coefficient,), states=(State(name, unit),))
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
         """Of the recorded channel, shape (n,)."""
         if not drive:
             return np.zeros(np.size(t))
-        return float(self.coefficient) * followed(np.asarray(t), drive[self.driver], float(self.lag))
+        x = drive[self.driver][:, None]
+        return float(self.coefficient) * behind(np.asarray(t), x, float(self.lag), x[0])[:, 0]
 
 
 @dataclass(frozen=True)
@@ -165,33 +167,13 @@ class ThermalLag(Lagged):
     @classmethod
     def sought(cls, series: Series) -> list[Sought]:
         """Lags behind a thermometer that moves."""
-        return cls.behind(series)[1] if moving(series) else []
+        return cls.lags(series)[1] if moving(series) else []
 
 
 @cache
 def lagged(channel: str) -> type[Lagged]:
     """The effect of a channel whose name is plain."""
-    doc = f"A bias that follows the channel {channel} through one pole."
-    made: Any = type(
-        "LaggedChannel", (Lagged,), {"name": LAGGED + channel, "driver": channel, "__doc__": doc}
-    )
-    made.title = f"bias behind the channel {channel}, per SI unit of it"
-    made.saying = f"follows {channel} by {{coefficient}}, {{lag}} behind it"
-    lagged_class: type[Lagged] = dataclass(frozen=True)(made)
-    return lagged_class
-
-
-def is_channel(name: str) -> bool:
-    """Whether a channel may drive a bias: its name is plain, and it is no other axis of a sensor."""
-    return is_plain(name) and not name.startswith(SENSED)
-
-
-def followed(t: Array, x: Array, lag: float) -> Array:
-    """A channel through one pole of unit gain, shape (n,), at rest at its first value."""
-    from scipy.signal import lfilter
-
-    phi = float(np.exp(-(float(t[-1]) - float(t[0])) / (t.size - 1) / lag))
-    return np.asarray(x[0] + lfilter([1.0 - phi], [1.0, -phi], x - x[0]))
+    return of_channel(Lagged, channel)
 
 
 def moving(series: Series) -> bool:

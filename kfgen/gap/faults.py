@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.integrity import Clipping, Fault, runs
+from kfgen.effects.integrity import FEW, Clipping, Fault, runs
 from kfgen.effects.series import SAME, Raw, Spotted
 from kfgen.gap.battery import Test
 from kfgen.gap.finding import ChannelGap, Finding
@@ -25,8 +25,6 @@ NEVER = 1e-6
 """Chance in a whole record of a run of equal samples that is none."""
 LEAST_RUN = 16
 """Samples of such a run at least."""
-FEW = 64
-"""Samples below which nothing is looked for."""
 
 
 def spotted_in(
@@ -93,18 +91,27 @@ def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:
     Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
     """
     chance = by_chance(y, believed)
-    if chance > WIDE:
-        return []
-    least = max(LEAST_RUN, np.log(NEVER / y.size) / np.log(max(chance, 1e-12)))
-    between = (y < y.max()) & (y > y.min())  # else it is clipped
+    return standing(y, chance, LEAST_RUN, 2) if chance <= WIDE else []
+
+
+def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int, int]]:
+    """Runs of equal samples, shape (n,), that chance does not give, first and end: of `least` samples at least.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+    chance : float
+        That a sample equals the one before it.
+    least : int
+    often : int
+        Runs at one end of the range that are a limit.
+    """
     first, length = runs(y)
-    found = [
-        (int(a), int(a + m)) for a, m in zip(first, length) if m >= least and (between[a] or m == y.size)
-    ]
-    # Where the values never return to a limit, one run at it is no clipping.
-    ends = [(int(a), int(a + m)) for a, m in zip(first, length) if m >= least and not between[a]]
-    alone = [s for s in ends if np.count_nonzero(y == y[s[0]]) == s[1] - s[0] and s[1] - s[0] < y.size]
-    return sorted({*found, *alone})
+    longest = 1.0 + np.log(NEVER / y.size) / np.log(max(chance, 1e-12))
+    ends = (float(y.min()), float(y.max()))
+    limits = [v for v in ends if np.sum(y[first] == v) >= often and np.ptp(y) > 0.0]
+    spans = zip(first.tolist(), length.tolist())
+    return [(a, a + k) for a, k in spans if k >= max(longest, least, 2) and y[a] not in limits]
 
 
 def said_of(fault: Spotted, record: Record) -> Finding:

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from kfgen.effects.event import Outliers
 from kfgen.effects.integrity import Stuck, runs
 from kfgen.effects.series import Raw, Spotted
+from kfgen.gap.faults import standing
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CHANCE = 1e-6
-"""Number of equal runs of a length that chance may give in a record."""
 RARE = 1e-4
 """Chance that a sample equals the one before it, at least."""
 OFTEN = 3
@@ -49,17 +48,9 @@ def odd_samples(raw: Raw) -> tuple[Mask, tuple[Spotted, ...]]:
 
 def _still(raw: Raw) -> list[tuple[int, int]]:
     """Runs of equal values that the noise and the lattice do not explain."""
-    first, length = runs(raw.y)
-    first, length = first[length > 1], length[length > 1]
-    if not first.size:
-        return []
+    twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
     equal = raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
-    chance = min(max(equal, 2.0 * first.size / raw.n, RARE), 0.95)
-    longest = 1.0 + np.log(CHANCE / raw.n) / np.log(chance)
-    limits = [v for v in (raw.y.min(), raw.y.max()) if np.sum(raw.y[first] == v) >= OFTEN]
-    spans = [
-        (a, a + k) for a, k in zip(first.tolist(), length.tolist()) if k >= longest and raw.y[a] not in limits
-    ]
+    spans = standing(raw.y, min(max(equal, twice, RARE), 0.95), 2, OFTEN)
     few = len(spans) <= SPANS and sum(b - a for a, b in spans) < MOST * raw.n
     return spans if few else []
 

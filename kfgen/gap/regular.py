@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.driven import DRIVERS
+from kfgen.effects.integrity import FEW
 from kfgen.effects.series import Raw, Spotted, periods
 from kfgen.errors import InputError
-from kfgen.gap.faults import FEW, believed_deviation
+from kfgen.gap.faults import believed_deviation
 from kfgen.gap.odd import odd_samples, words_of
 from kfgen.gap.whitened import Whitener
 from kfgen.identify.record import Record

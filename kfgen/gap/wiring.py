@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect
 from kfgen.effects.axes import SignError
 from kfgen.effects.integrity import (
+    FEW,
     KNOWN,
     Clipping,
     CoarseQuantisation,
@@ -26,7 +27,7 @@ from kfgen.effects.integrity import (
     runs,
 )
 from kfgen.effects.plant import PlantEffect
-from kfgen.gap.faults import FEW, believed_deviation, by_chance, spotted_moving, stuck_spans
+from kfgen.gap.faults import believed_deviation, by_chance, spotted_moving, stuck_spans
 from kfgen.gap.plant import PlantScene
 from kfgen.gap.scene import Placed
 from kfgen.gap.shooting import FAR, FIRST, Shooting, lateness

@@ -118,8 +118,10 @@ class Problem:
         kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
         lo, hi = self.record.box(kind, *self.times.get(i, (SLOWEST, FASTEST)))
         prior = self.priors.get(key)
-        reach = BELIEVED * prior.deviation if prior else 0.0
-        return (min(lo, prior.mean - reach), max(hi, prior.mean + reach)) if prior else (lo, hi)
+        if prior is None:
+            return lo, hi
+        reach = BELIEVED * prior.deviation
+        return min(lo, prior.mean - reach), max(hi, prior.mean + reach)
 
     def start(self) -> Array:
         """Logarithms of the start values, inside the box."""

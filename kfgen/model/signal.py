@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.past import behind
 from kfgen.effects.plant import InputChange
-from kfgen.effects.plant_sensor import lagged
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Signal:
         """The state of the lag at the samples, shape (n, batch); it starts settled."""
         u, tau = self.samples, self._lag
         if not self.held:
-            return lagged(self.t, u, tau, u[0])
+            return behind(self.t, u, tau, u[0])
         stay = np.exp(-np.diff(self.t)[:, None] / tau)
         x = np.empty(np.broadcast_shapes(u.shape, (1, tau.size)))
         x[0] = u[0]
@@ -113,10 +113,10 @@ class Signal:
         whole = u * steps
         part = u[k, columns] * (s - self.t[k])
         if lag.any():
-            behind = lag * (self._behind - u)
-            whole = whole + behind * -np.expm1(-steps / lag)
-            inner = np.broadcast_to(np.arange(behind.shape[1]), (1, behind.shape[1]))
-            part = part + behind[k, inner] * -np.expm1(-np.maximum(s - self.t[k], 0.0) / lag)
+            distance = lag * (self._behind - u)
+            whole = whole + distance * -np.expm1(-steps / lag)
+            inner = np.broadcast_to(np.arange(distance.shape[1]), (1, distance.shape[1]))
+            part = part + distance[k, inner] * -np.expm1(-np.maximum(s - self.t[k], 0.0) / lag)
         total = np.vstack([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)])[:-1]
         ordinal = np.broadcast_to(np.arange(whole.shape[1]), (1, whole.shape[1]))
         return np.asarray(total[k, ordinal] + part)
