@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 
 SHORT = 0.25
-"""Norm of ``A h`` at which the series is taken; the rest is doubling."""
-TERMS = 14
-"""Terms of the series there: the next is below ``0.5^15 / 15! = 2e-17``."""
+"""Norm of ``A h`` at which the series is taken at most; the rest is doubling."""
+REST = 2e-17
+"""Next term of the series over its first: below the rounding."""
 
 
 def taylor(one: Any, A: Any, W: Any, h: Any, order: int) -> tuple[Any, Any]:
@@ -73,14 +73,24 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     n = A.shape[0]
     if n == 0:
         return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
-    norm = np.maximum(float(np.abs(A).sum(axis=1).max()) * dt, SHORT)
-    doublings = np.ceil(np.log2(norm / SHORT)).astype(int)
-    Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], TERMS)
+    norm = float(np.abs(A).sum(axis=1).max()) * dt
+    doublings = np.ceil(np.log2(np.maximum(norm, SHORT) / SHORT)).astype(int)
+    terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
+    Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
     for k in range(int(doublings.max(initial=0))):
         more = (doublings > k)[..., None, None]
         Qd = np.where(more, Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Qd)
         Phi = np.where(more, Phi @ Phi, Phi)
     return Phi, 0.5 * (Qd + np.swapaxes(Qd, -1, -2))
+
+
+def _terms(norm: float) -> int:
+    """Terms of the series at a norm of ``A h``: of ``Qd`` the next over the first is ``(2 norm)^k / (k + 1)!``."""
+    terms, following = 1, norm
+    while following > REST:
+        terms += 1
+        following *= 2.0 * norm / (terms + 1)
+    return terms
 
 
 def stationary_covariance(A: Array, W: Array) -> Array:

@@ -45,7 +45,7 @@ class Request:
     Parameters
     ----------
     world : str
-        ``static``, ``motion`` or ``plant``.
+        ``static``, ``real``, ``motion`` or ``plant``.
     kind : str
         ``single``, ``null``, ``pair``, ``triple``, ``withheld``, ``unknown``, ``near``, ``integrity``.
     effects : tuple of str

@@ -8,7 +8,9 @@ the magnetometer. Size is found by bisection, for effects that are not linear in
 * ``misalignment`` and ``g_sensitivity``, entry xy: ``y_x += xy * w_y`` and ``y_x += xy * f_y``
 * ``nonlinearity``: ``w + k2 w^2`` or ``w + k3 w^3``; ``scale_asymmetry``: ``w + coefficient |w|``
 * ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration, its axes together
-* ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late
+* ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late. To first
+  order both are the same; where the best of one comes within a nat of the other (`TWIN`), no record of this motion
+  can tell them apart: the case counts as poorly excited, and either name is right
 * ``soft_iron``, entry xy: ``B_x += xy * B_y``, both ways; ``magnetic_disturbance``: a constant in the
   navigation frame, in a span of time
 * ``lever_arm``: the accelerometer sits at r from the point of the reference: ``f + w' x r + w x (w x r)``
@@ -22,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import strength as nats
 from case import OBVIOUS, SI, Array, Case, Hidden, Request, noise_file
+from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 from table import Table, poor, rich
 
@@ -116,6 +119,21 @@ def _late(run: Run, effect: str) -> Plan:
     return Plan("gyro", "gyro", lambda a: rates.lagged(t, a), lambda a: {"corner": 1.0 / (2.0 * np.pi * a)})
 
 
+def _twin(run: Run, effect: str, size: float) -> tuple[str, ...]:
+    """The other of delay and pole, where the best size of it leaves less than `TWIN` nats of this one's change."""
+    other = {"time_delay": "bandwidth", "bandwidth": "time_delay"}.get(effect)
+    if other is None:
+        return ()
+    truth, plan = _late(run, effect).change(size), _late(run, other)
+    left = minimize_scalar(
+        lambda a: _nats("gyro", run, plan.change(a) - truth),
+        bounds=(0.2 * size, 2.0 * size),
+        method="bounded",
+        options={"xatol": 1e-6 * size},
+    )
+    return (other,) if float(left.fun) < TWIN else ()
+
+
 def _lever(run: Run, effect: str) -> Plan:
     """An arm in a random direction."""
     r = run.rng.standard_normal(3)
@@ -186,6 +204,8 @@ SIZES = {
     "magnetic_disturbance": 6e-6,
 }
 """In SI; of the bandwidth, the time constant (a corner of 20 Hz)."""
+TWIN = 1.0
+"""Nats: who guesses the likelier of two laws that are so far apart is wrong in a quarter of the cases."""
 KINDS = ("gyro", "accel", "mag")
 RICH_ONLY = ("lever_arm", "hard_iron", "soft_iron", "magnetic_disturbance", "vibration_rectification")
 """Effects that poor motion hides or that need more than one axis: measured in rich motion alone."""
@@ -213,6 +233,7 @@ def make(request: Request) -> Case:
     run = _run((poor if lean else rich)(rng, duration, 100.0), rng)
     hidden: tuple[Hidden, ...] = ()
     signals = {"gyro": run.rates, "accel": run.force, "mag": run.field}
+    variant = run.table.name
     if name:
         plan = EFFECTS[name](run, name)
         kind = plan.kind
@@ -221,8 +242,11 @@ def make(request: Request) -> Case:
         if request.strength < OBVIOUS:
             size = nats.scaled(lambda a: _gain(run, plan, a), request.strength + p, 1e-9, 1e6)
         signals[kind] = plan.change(size)
-        hidden = (Hidden(name, plan.channel, plan.values(size), _gain(run, plan, size), p),)
-    return _case(request, run, kind, signals, hidden)
+        twin = _twin(run, name, size)
+        hidden = (Hidden(name, plan.channel, plan.values(size), _gain(run, plan, size), p, twin),)
+        if twin and run.table.name == "rich":
+            variant = "alike"
+    return _case(request, run, kind, variant, signals, hidden)
 
 
 def _run(table: Table, rng: np.random.Generator) -> Run:
@@ -234,9 +258,13 @@ def _run(table: Table, rng: np.random.Generator) -> Run:
 
 def _gain(run: Run, plan: Plan, size: float) -> float:
     """Nats of a size, less what the believed model explains."""
-    d = plan.change(size) - plan.change(0.0)
-    sigma = NOISE[plan.kind] * SI[UNIT[plan.kind]]
-    if plan.kind == "mag":
+    return _nats(plan.kind, run, plan.change(size) - plan.change(0.0))
+
+
+def _nats(kind: str, run: Run, d: Array) -> float:
+    """Of a change of the signals, shape (n, 3)."""
+    sigma = NOISE[kind] * SI[UNIT[kind]]
+    if kind == "mag":
         known = np.concatenate([run.attitude.inv().apply(e) for e in np.eye(3)]).reshape(3, -1).T
         flat = d.ravel()
         rest = flat - known @ np.linalg.lstsq(known, flat, rcond=None)[0]
@@ -246,7 +274,12 @@ def _gain(run: Run, plan: Plan, size: float) -> float:
 
 
 def _case(
-    request: Request, run: Run, kind: str, signals: dict[str, Array], hidden: tuple[Hidden, ...]
+    request: Request,
+    run: Run,
+    kind: str,
+    variant: str,
+    signals: dict[str, Array],
+    hidden: tuple[Hidden, ...],
 ) -> Case:
     rng, n = run.rng, run.table.t.size
     shaking = kind == "gyro"  # the accelerometer beside a gyroscope feels the vibration
@@ -261,7 +294,7 @@ def _case(
         out |= {f"ref_q_{a}": (q[:, k], "") for k, a in enumerate("wxyz")}
     out["temperature"] = (26.0 + 0.002 * run.table.t + 0.05 * rng.standard_normal(n), "degC")
     believed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
-    return Case(request, f"{run.table.name}-{kind}", hidden, run.table.t, out, noise_file(believed))
+    return Case(request, f"{variant}-{kind}", hidden, run.table.t, out, noise_file(believed))
 
 
 def _measured(

@@ -62,6 +62,7 @@ def report(scores: Sequence[Score]) -> str:
     """All tables of one world."""
     parts = [
         _title("one hidden effect", _singles(scores)),
+        _title("each excitation", _excitations(scores)),
         _title("each effect", _effects(scores)),
         _title("a second record: gain of the mended model over that of the oracle", _second(scores)),
         _title("false alarms on null records", _nulls(scores)),
@@ -107,6 +108,29 @@ def _singles(scores: Sequence[Score]) -> str:
             ]
         )
     return _grid(rows) if len(rows) > 1 else ""
+
+
+def _excitations(scores: Sequence[Score]) -> str:
+    """Of moving sensors: rich, poor, and rich where two effects are alike all the same."""
+    singles = [s for s in _of(scores, "single") if s.world == "motion"]
+    rows = [["strength", "excitation", "named right first", "it, or its twin", "truth in set"]]
+    for X in sorted({s.strength for s in singles}, reverse=True):
+        for variant in sorted({_excitation(s) for s in singles}):
+            at = [s for s in singles if s.strength == X and _excitation(s) == variant]
+            rows.append(
+                [
+                    _level(X),
+                    variant,
+                    share(s.first in s.truths for s in at),
+                    share(s.right_first for s in at),
+                    share(s.in_set for s in at),
+                ]
+            )
+    return _grid(rows) if singles else ""
+
+
+def _excitation(s: Score) -> str:
+    return s.variant.partition("-")[0]
 
 
 def _effects(scores: Sequence[Score]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -142,21 +143,31 @@ class Effect:
         return self
 
     @classmethod
+    @cache
     def parameters(cls) -> tuple[Parameter, ...]:
         """The declared parameters in order."""
         return tuple(Parameter(f.name, f.metadata["unit"], f.metadata["kind"]) for f in fields(cls))
 
     @classmethod
+    @cache
     def estimated(cls) -> tuple[Parameter, ...]:
         """The parameters that a fit may change."""
         return tuple(p for p in cls.parameters() if p.kind != "setting")
 
     @classmethod
+    @cache
     def coefficients(cls) -> tuple[str, ...]:
         """The numbers of either sign in which the output is linear: the effect is a regressor."""
         return tuple(p.name for p in cls.parameters() if p.kind == "signed")
 
     @classmethod
+    @cache
+    def sizes(cls) -> tuple[str, ...]:
+        """The estimated parameters with the square of which its power grows."""
+        return tuple(p.name for p in cls.estimated() if p.kind == "size")
+
+    @classmethod
+    @cache
     def searched(cls) -> tuple[Parameter, ...]:
         """The estimated parameters that are fitted in their logarithm."""
         return tuple(p for p in cls.estimated() if p.kind not in ("signed", "solved", "place"))

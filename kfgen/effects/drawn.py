@@ -43,7 +43,11 @@ class Integral:
 
 
 def integral(
-    log_f: Callable[[Array], Array], points: Array, bar: float = -np.inf, seed: int = 0
+    log_f: Callable[[Array], Array],
+    points: Array,
+    bar: float = -np.inf,
+    seed: int = 0,
+    values: Array | None = None,
 ) -> Integral | None:
     """Of ``exp(log_f)`` over its k arguments, from some points of which the best lie near its weight [1]_.
 
@@ -55,9 +59,11 @@ def integral(
         First points; more than k.
     bar : float
         What the function must have reached after half the rounds; else there is no answer.
+    values : ndarray, shape (p,), optional
+        The function at the first points, where it is known.
     """
     rng = np.random.default_rng(seed)
-    values = log_f(points)
+    values = log_f(points) if values is None else values
     top = float(values.max())
     logs: list[Array] = []
     points_of: list[Array] = []

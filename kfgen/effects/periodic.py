@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -48,6 +49,7 @@ class Sinusoid(Effect):
     repeatable: ClassVar[bool] = True
 
     @classmethod
+    @cache
     def coefficients(cls) -> tuple[str, ...]:
         """Of the sine and of the cosine."""
         return ("in_phase", "quadrature")

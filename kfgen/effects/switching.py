@@ -140,14 +140,16 @@ class Switching:
         x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
         V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
         T = self._transitions(at.dwell, levels.size)
-        shift = at.middle[:, None, None] + at.size[:, None, None] * levels
-        total, z = np.zeros(count), np.empty(self.mean.size)
+        shift = at.middle[:, None, None] + at.size[:, None, None] * levels * np.ones((levels.size, 1))
+        total, z, slow = np.zeros(count), np.empty(self.mean.size), H.size > 0
+        S, ahead = np.broadcast_to(R, p.shape), np.zeros_like(shift)
         for k, y in enumerate(self.mean.tolist()):
-            if k:
-                x, V = x @ Phi.T, Phi @ V @ Phi.T + Q[:, None]
-            VH = V @ H
-            S = VH @ H + R
-            left = (y - x @ H)[:, :, None] - shift
+            if slow:
+                if k:
+                    x, V = x @ Phi.T, Phi @ V @ Phi.T + Q[:, None]
+                VH = V @ H
+                S, ahead = VH @ H + R, (x @ H)[:, :, None]
+            left = y - ahead - shift
             prior = p[:, :, None] * T
             w = prior * np.exp(-0.5 * left**2 / S[:, :, None]) / np.sqrt(S)[:, :, None]
             z[k] = _below(prior[0], left[0], S[0]) if count == 1 else 0.0
@@ -156,13 +158,9 @@ class Switching:
             seen = np.maximum(whole, 1e-300)
             total += np.log(seen)
             p = np.maximum(both / seen[:, None], 1e-12)
-            share = w / np.maximum(both, 1e-300)[:, None, :]
-            g = VH / S[..., None]
-            each = x[:, :, None] + g[:, :, None] * left[..., None]
-            x = (share[..., None] * each).sum(axis=1)
-            d = each - x[:, None]
-            kept = V - g[..., :, None] * VH[..., None, :]
-            V = (share[..., None, None] * (kept[:, :, None] + d[..., :, None] * d[..., None, :])).sum(axis=1)
+            if slow:
+                share = w / np.maximum(both, 1e-300)[:, None, :]
+                x, V = _merged(x, V, VH, VH / S[..., None], left, share)
         return total - 0.5 * self.mean.size * float(np.log(2.0 * np.pi)), ndtri(
             np.clip(z, 1e-15, 1.0 - 1e-15)
         )
@@ -175,6 +173,16 @@ class Switching:
         return np.asarray(
             (1.0 - change)[:, None, None] * np.eye(2) + change[:, None, None] * (1.0 - np.eye(2))
         )
+
+
+def _merged(x: Array, V: Array, VH: Array, g: Array, left: Array, share: Array) -> tuple[Array, Array]:
+    """Means and covariances after a cell, those that end on one level as one: `share` from each level to each."""
+    each = x[:, :, None] + g[:, :, None] * left[..., None]
+    mean = (share[..., None] * each).sum(axis=1)
+    d = each - mean[:, None]
+    kept = V - g[..., :, None] * VH[..., None, :]
+    spread = kept[:, :, None] + d[..., :, None] * d[..., None, :]
+    return np.asarray(mean), np.asarray((share[..., None, None] * spread).sum(axis=1))
 
 
 def _below(prior: Array, left: Array, S: Array) -> float:

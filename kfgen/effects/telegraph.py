@@ -88,12 +88,13 @@ class RandomTelegraph(Effect):
         cells = Cells.of(series)
         if cells.switching.slow.order > STATES or not cells.even:
             return []
-        starts, alone = cells.starts(), float(cells.noise_gain(cells.noise_starts()).max())
-        rival = cells.gauss_markov_gain()
-        if starts.size == 0 or float(cells.gain(starts).max()) < alone + max(PROMISING, HALF * rival):
+        starts, quiet = cells.starts(), cells.noise_starts()
+        still, rival = cells.noise_gain(quiet), cells.gauss_markov_gain()
+        alone, gains = float(still.max()), cells.gain(starts)
+        if starts.size == 0 or float(gains.max()) < alone + max(PROMISING, HALF * rival):
             return []
-        best = integral(cells.gain, starts, alone + max(PROMISING, rival - BEHIND))
-        without = integral(cells.noise_gain, cells.noise_starts()) if best else None
+        best = integral(cells.gain, starts, alone + max(PROMISING, rival - BEHIND), values=gains)
+        without = integral(cells.noise_gain, quiet, values=still) if best else None
         if best is None or without is None:
             return []
         size, dwell = np.exp(best.mean[:2]).tolist()

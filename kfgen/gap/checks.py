@@ -112,7 +112,7 @@ def _nested(search: Search, effects: Sequence[Effect]) -> float:
 
 
 def _without_size(effect: Effect) -> Effect | None:
-    sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+    sizes = effect.sizes()
     return replace(effect, **dict.fromkeys(sizes, 0.0)) if sizes and not effect.filters else None
 
 

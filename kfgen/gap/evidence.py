@@ -29,6 +29,8 @@ from kfgen.identify.fit import Fit, Key, Prior, Problem, curvature, maximise
 from kfgen.identify.joint import records_of
 from kfgen.identify.record import Record
 
+Array = NDArray[np.float64]
+
 ABOVE = 3.0
 """Nats of evidence above which one more effect is named."""
 BETWEEN = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
@@ -72,8 +74,16 @@ class Candidate:
         return self.sought is not None and self.sought.evidence is not None
 
 
-def log_evidence(problem: Problem, fit: Fit) -> float:
-    """The logarithm of the marginal likelihood, up to a constant of the record [nats]."""
+def log_evidence(problem: Problem, fit: Fit, H: Array | None = None) -> float:
+    """The logarithm of the marginal likelihood, up to a constant of the record [nats].
+
+    Parameters
+    ----------
+    problem, fit
+        And its maximum.
+    H : ndarray, shape (k, k), optional
+        The `curvature` there, where it is known.
+    """
     value = fit.likelihood.value
     k = fit.point.size
     for key, x in zip(fit.free, fit.point.tolist()):
@@ -84,7 +94,8 @@ def log_evidence(problem: Problem, fit: Fit) -> float:
             value -= float(np.log(_width(problem, key)))
     if k:
         floor = 2.0 * np.pi / np.array([_volume(problem, key) for key in fit.free]) ** 2
-        scaled = curvature(problem, fit.point) / np.sqrt(np.outer(floor, floor))
+        H = curvature(problem, fit.point) if H is None else H
+        scaled = H / np.sqrt(np.outer(floor, floor))
         eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
         value += 0.5 * k * float(np.log(2 * np.pi)) - 0.5 * float(np.log(eigenvalues).sum())
         value -= 0.5 * float(np.log(floor).sum())
@@ -160,7 +171,7 @@ def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
     """Mean and deviation of what is believed of the size of the first of some effects, over that of the fit."""
     for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
         prior = base.problem.priors.get((i, name))
-        if base.fit.effects[i] in effects and name in _sizes(base.fit.effects[i]) and prior is not None:
+        if base.fit.effects[i] in effects and name in base.fit.effects[i].sizes() and prior is not None:
             return prior.mean - x, prior.deviation
     return 0.0, RETUNED
 
@@ -223,14 +234,15 @@ def _added(starts: Sequence[Sought], base: Candidate, reference: float, cost: fl
     tried = [
         (first.starting((*known, scaled)), s)
         for s in starts
-        for scaled in (_scaled(s.effect, size) for size in (SIZES if _sizes(s.effect) else (1.0,)))
+        for scaled in (_scaled(s.effect, size) for size in (SIZES if s.effect.sizes() else (1.0,)))
     ]
     values = [p.objective(p.start()) for p, _ in tried]
     problem, sought = tried[int(np.argmin(values))]
     fit = maximise(problem)
-    value = log_evidence(problem, fit)
+    H = curvature(problem, fit.point)
+    value = log_evidence(problem, fit, H)
     times = [key for key in fit.free if key[0] == at and _kind(problem, key) == "time"]
-    if times and not _is_closed(problem, fit, times[0]):
+    if times and not _is_closed(problem, fit, times[0], H):
         value, best = _integrated(problem, fit, times[0])
         if best.value > fit.value:
             problem = problem.starting(best.effects)
@@ -263,7 +275,7 @@ def _over_places(
     return Candidate(sought.effect.name, fit, problem, gain, sought)
 
 
-def _between(x: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float, float] | None:
+def _between(x: Array, values: Array) -> tuple[float, float] | None:
     """Where a parabola through the best of some places and its neighbours is highest, and its deviation."""
     k = int(np.argmax(values))
     if not 0 < k < x.size - 1:
@@ -276,11 +288,10 @@ def _kind(problem: Problem, key: Key) -> str:
     return {p.name: p.kind for p in problem.effects[key[0]].parameters()}[key[1]]
 
 
-def _is_closed(problem: Problem, fit: Fit, key: Key) -> bool:
+def _is_closed(problem: Problem, fit: Fit, key: Key, H: Array) -> bool:
     """Whether the likelihood bounds a time well inside its box."""
     index = fit.free.index(key)
     lo, hi = problem.bounds[index]
-    H = curvature(problem, fit.point)
     variance = float(np.linalg.pinv(H, hermitian=True)[index, index])
     x = float(fit.point[index])
     sd = float(np.sqrt(max(variance, 0.0)))
@@ -298,12 +309,8 @@ def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
     return log_mean(np.array(values)), max(fits, key=lambda f: f.value)
 
 
-def _sizes(effect: Effect) -> list[str]:
-    return [p.name for p in effect.estimated() if p.kind == "size"]
-
-
 def _scaled(effect: Effect, scale: float) -> Effect:
-    return replace(effect, **{name: scale * float(getattr(effect, name)) for name in _sizes(effect)})
+    return replace(effect, **{name: scale * float(getattr(effect, name)) for name in effect.sizes()})
 
 
 def probabilities(ranked: Sequence[Candidate]) -> dict[str, float]:

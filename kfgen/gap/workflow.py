@@ -232,7 +232,7 @@ def limits_of(base: Candidate) -> list[tuple[Effect, str, float]]:
         if effect.name in present:
             continue
         first = effect.estimated()[0].name
-        size = effect.coefficients()[0] if effect.coefficients() else _size(effect)
+        size = effect.coefficients()[0] if effect.coefficients() else effect.sizes()[0]
         if effect.coefficients():
             value = _linear_limit(record, base, effect)
             shown = first if size == "in_phase" else size
@@ -240,10 +240,6 @@ def limits_of(base: Candidate) -> list[tuple[Effect, str, float]]:
             value, shown = _size_limit(base, effect), size
         out.append((replace(effect, **{shown: value}), shown, value))
     return out
-
-
-def _size(effect: Effect) -> str:
-    return next(p.name for p in effect.estimated() if p.kind == "size")
 
 
 def _linear_limit(record: Evidence, base: Candidate, effect: Effect) -> float:
@@ -257,7 +253,7 @@ def _linear_limit(record: Evidence, base: Candidate, effect: Effect) -> float:
 def _size_limit(base: Candidate, effect: Effect) -> float:
     from scipy.optimize import brentq
 
-    data, size = base.problem.record.ordinates(()), _size(effect)
+    data, size = base.problem.record.ordinates(()), effect.sizes()[0]
     S, part = data.density(base.fit.effects), data.part(replace(effect, **{size: 1.0}))
 
     def worth(log_size: float) -> float:

@@ -70,7 +70,7 @@ class Shapes:
 
     def of(self, effect: Effect) -> Array:
         """The function, shape (m,)."""
-        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
+        sizes = effect.sizes()
         if len(sizes) != 1:
             return self._compute(effect)
         shape = replace(effect, **{sizes[0]: 1.0})
@@ -113,8 +113,8 @@ class Shapes:
     def _slope(self, effect: Effect, name: str) -> Array:
         if effect.coefficients():  # the shape of a regressor
             return np.zeros_like(self.of(effect.shape))
-        sizes = [p.name for p in effect.estimated() if p.kind == "size"]
-        if sizes == [name]:
+        sizes = effect.sizes()
+        if sizes == (name,):
             return 2.0 * self.of(effect)
         up, down = (self.of(effect.shifted(name, h)) for h in (NUDGE, -NUDGE))
         return np.asarray((up - down) / (2.0 * NUDGE))
@@ -214,9 +214,17 @@ def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[A
     xx, xb, bb = weighted[0, 0], weighted[0, 1:], weighted[1:, 1:]
     if not bb.size:
         return xb, bb, float(xx)
-    covariance = np.asarray(np.linalg.pinv(bb, hermitian=True), dtype=np.float64)
+    covariance = _pseudo_inverse(bb)
     theta = covariance @ xb if coefficients is None else coefficients
     return theta, covariance, float(xx - 2.0 * theta @ xb + theta @ bb @ theta)
+
+
+def _pseudo_inverse(bb: Array) -> Array:
+    """Of a symmetric matrix that is not negative: a third of the time that ``numpy.linalg.pinv`` takes for small ones."""
+    values, V = np.linalg.eigh(bb)
+    some = values > values[-1] * values.size * np.finfo(float).eps
+    V = V[:, some]
+    return np.asarray((V / values[some]) @ V.T)
 
 
 def block_means(y: Array, block: int) -> Array:
@@ -287,13 +295,11 @@ def ordinates(
         first, last = (hz * to_omega * (n + 1) / np.pi - 1.0 for hz in (lo, hi))
         keep[max(int(np.ceil(first)), 0) : int(min(np.floor(last) + 1.0, n))] = 0.0
     gram = np.zeros((edges.size - 1, len(columns), len(columns)))
-    for a, x in enumerate(columns):
+    for a, x in enumerate([x * keep[: x.size] for x in columns] if skip else columns):
         for b, z in enumerate(columns[: a + 1]):
             low = min(x.size, z.size)
             at = edges[:-1][edges[:-1] < low]
-            gram[: at.size, a, b] = gram[: at.size, b, a] = np.add.reduceat(
-                x[:low] * z[:low] * keep[:low], at
-            )
+            gram[: at.size, a, b] = gram[: at.size, b, a] = np.add.reduceat(x[:low] * z[:low], at)
     count = np.add.reduceat(keep, edges[:-1])
     centre = np.asarray(0.5 * (edges[:-1] + edges[1:] + 1.0) * (np.pi / (n + 1)), dtype=np.float64)
     some = count > 0.0

@@ -203,7 +203,7 @@ class Fixed(Entry):
 
 def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
     """Deviation of the unknown constant of a channel before the first sample [SI]."""
-    sizes = [abs(float(getattr(e, p.name))) for e in effects for p in e.estimated() if p.kind == "size"]
+    sizes = [abs(float(getattr(e, name))) for e in effects for name in e.sizes()]
     return TURN_ON.get(unit, BEYOND * max(sizes, default=1.0))
 
 

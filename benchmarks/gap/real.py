@@ -1,0 +1,193 @@
+"""Effects hidden in real recordings of sensors at rest.
+
+What is believed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
+hidden in it: without the hidden effect both agree. The size that is worth a number of nats is reckoned over the
+piece's own periodogram. Samples are rounded to the recording's own lattice again, thermometer and decoys are drawn as
+for records of sensors that never were; where the sensor has a thermometer, that one is logged.
+
+The recordings are those of ``../shared/data`` (or of KFGEN_DATA); the world is empty where they are absent.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from case import Array, Case, Request
+from effects import EFFECTS
+from scipy.fft import dct
+from sensor import THERMOMETER_NOISE, Recording, Sensor, climate
+
+DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
+LEFT_OUT = ("cross_axis_noise",)
+"""Effects that need a second axis whose noise is known."""
+ROUNDS = 3
+"""Times that the believed model is mended until nothing is found in the piece as it is."""
+WIDTH = 0.04
+"""Half-width of the average over the periodogram, of the frequency."""
+LEAST = 6
+"""Ordinates to either side that it takes at least."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Part of a channel of a recording.
+
+    Parameters
+    ----------
+    column : int
+        Of the array; -1: it has one.
+    scale : float
+        From what is stored to `unit`; also the lattice, times `step`.
+    thermometer : str
+        Array of the recording's own [degC].
+    """
+
+    file: str
+    array: str
+    column: int
+    channel: str
+    unit: str
+    scale: float
+    rate: float
+    start: int
+    count: int
+    step: float = 1.0
+    thermometer: str = ""
+
+    def stored(self, name: str) -> Array:
+        """Samples of an array, as stored."""
+        with np.load(DATA / f"{self.file}.npz") as recording:
+            x = np.asarray(recording[name], dtype=np.float64)
+        return (
+            x[self.start : self.start + self.count, self.column]
+            if x.ndim > 1
+            else x[self.start :][: self.count]
+        )
+
+
+def _pieces() -> list[Piece]:
+    g = 9.80665
+    out = [
+        Piece("static/mpu6050_static_450s", array, k, f"{kind}_{'xyz'[k]}", unit, scale, 100.0, start, 14_000)
+        for start in (300, 14_500, 28_700)
+        for array, kind, unit, scale in (
+            ("gyr_counts", "gyro", "deg/s", 1.0 / 131.0),
+            ("acc_counts", "accel", "m/s^2", g / 16384.0),
+        )
+        for k in range(3)
+    ]
+    out += [
+        Piece(
+            "static/gyro_875mdps_warmup", "gyr_counts", -1, "gyro_x", "deg/s", 0.00875, 100.0, start, 24_000
+        )
+        for start in (120_000, 150_000, 180_000, 210_000)
+    ]
+    out += [
+        Piece("static/tof_vl53l0x_1h", "dist_mm", -1, "range", "m", 1e-3, 55.6, start, 20_000)
+        for start in (20_000, 120_000)
+    ]
+    out.append(
+        Piece("static/baro_ms5611_400s", "alt", -1, "altitude", "m", 1.0, 80.0, 0, 31_000, 0.09, "temp")
+    )
+    return [p for p in out if (DATA / f"{p.file}.npz").is_file()]
+
+
+@dataclass(frozen=True, eq=False)
+class Base(Sensor):
+    """A piece as the sensor of records: its samples, their lattice, and what is believed of them."""
+
+    samples: Array | None = None
+    step: float = 0.0
+    text: str = ""
+    warmth: Array | None = None
+
+    def spectrum(self, n: int) -> Array:
+        """The periodogram, averaged over neighbours."""
+        assert self.samples is not None
+        P = np.square(dct(self.samples - self.samples.mean(), norm="ortho")[1:])
+        total = np.concatenate([[0.0], np.cumsum(P)])
+        k = np.arange(P.size)
+        half = np.maximum(LEAST, (WIDTH * k).astype(int))
+        lo, hi = np.maximum(k - half, 0), np.minimum(k + half + 1, P.size)
+        return np.asarray((total[hi] - total[lo]) / (hi - lo))
+
+
+@cache
+def _base(index: int) -> Base | None:
+    """None where what is found in a piece has no end: it is no base for a hidden effect."""
+    p = _pieces()[index]
+    y = p.stored(p.array) * p.scale
+    text = _believed(p, y)
+    if not text:
+        return None
+    white = float(np.std(np.diff(y)) / np.sqrt(2.0))
+    warmth = p.stored(p.thermometer) if p.thermometer else None
+    name = f"{Path(p.file).name}:{p.channel}:{p.start}"
+    offset = float(np.median(y))
+    return Base(
+        name, p.channel, p.unit, p.rate, y.size, white, offset=offset,
+        samples=y - offset, step=p.scale * p.step, text=text, warmth=warmth,
+    )  # fmt: skip
+
+
+def _believed(p: Piece, y: Array) -> str:
+    """The text of the noise file with which ``kfgen gap`` finds nothing in the piece; empty if there is none."""
+    from typer.testing import CliRunner
+
+    from kfgen.cli.app import app
+
+    with tempfile.TemporaryDirectory() as folder:
+        log, model, answer = (Path(folder) / name for name in ("log.csv", "model.toml", "answer.json"))
+        head = f"t [s],{p.channel} [{p.unit}]"
+        table = np.column_stack([np.arange(y.size) / p.rate, y])
+        np.savetxt(log, table, fmt=["%.9f", "%.10g"], delimiter=",", header=head, comments="")
+        CliRunner().invoke(app, ["identify", str(log), "-o", str(model)], catch_exceptions=False)
+        for _ in range(ROUNDS):
+            words = ["gap", str(log), "--model", str(model), "--json", str(answer), "-o", str(model)]
+            CliRunner().invoke(app, words, catch_exceptions=False)
+            if json.loads(answer.read_text(encoding="utf-8"))["verdict"] == "no_gap":
+                return model.read_text(encoding="utf-8")
+    return ""
+
+
+def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
+    """Every effect at every strength; null records: pieces as they are, with decoys."""
+    if not _pieces():
+        print(f"no recordings in {DATA}: nothing to hide effects in", file=sys.stderr)
+        return []
+    names = [n for n in EFFECTS if n not in LEFT_OUT]
+    out = [
+        Request("real", "single", (name,), X, i, int(seeds.integers(2**47)))
+        for X in strengths
+        for name in names
+        for i in range(count)
+    ]
+    return out + [Request("real", "null", (), 0.0, i, int(seeds.integers(2**47))) for i in range(nulls)]
+
+
+def make(request: Request) -> Case:
+    """Build one record."""
+    rng = request.rng()
+    base = None
+    while base is None:
+        base = _base(int(rng.integers(len(_pieces()))))
+    assert base.samples is not None
+    n = base.n
+    temperature = climate(rng, n, base.dt) if base.warmth is None else base.warmth
+    warmth = temperature + THERMOMETER_NOISE * rng.standard_normal(n) if base.warmth is None else base.warmth
+    r = Recording(base, rng, n, base.samples.copy(), np.zeros(n), temperature, warmth)
+    hidden = tuple(EFFECTS[name](r, request.strength) for name in request.effects)
+    channels = r.channels()
+    if "quantisation" not in request.effects:
+        y = channels[base.channel][0]
+        channels[base.channel] = (np.round(y / base.step) * base.step, base.unit)
+    t = np.arange(n) * base.dt
+    return Case(request, base.name, hidden, t, channels, base.text)
