@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from scipy.fft import dct
-from scipy.linalg import toeplitz
+from scipy.linalg import expm, toeplitz
 from scipy.signal import lfilter
 from scipy.stats import kstest, multivariate_normal, multivariate_t
 
-from kfgen.effects import make
+from kfgen.effects import chain, make
 from kfgen.effects.drawn import integral
 from kfgen.effects.series import Series
 from kfgen.effects.switching import Point, Slow, Switching
@@ -46,6 +46,29 @@ def test_levels_in_white_noise_have_the_likelihood_of_all_histories(seed: int) -
     y = np.random.default_rng(seed).standard_normal(M)
     cells = Switching(y, DT, 0.7, Slow.of([], DT))
     assert cells.log_likelihood(point())[0] == pytest.approx(over_all_histories(y, 0.0, 1.0, 0.7), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_chain_has_the_likelihood_of_all_its_histories(seed: int) -> None:
+    """Two levels of unequal share; the chances of a step are those of the rates' matrix exponential."""
+    share, lasting = 0.3, 1.7
+    rates = np.array([[-share / (1.0 - share), share / (1.0 - share)], [1.0, -1.0]]) / lasting
+    T = expm(rates * DT)
+    np.testing.assert_allclose(
+        chain.transitions(np.array([share]), np.array([lasting]), DT)[0], T, rtol=1e-12
+    )
+    log_e = np.random.default_rng(seed).normal(0.0, 2.0, (M, 2))
+    total = {True: 0.0, False: 0.0}
+    for path in product((0, 1), repeat=M):
+        first = share if path[0] else 1.0 - share
+        steps = np.prod([T[a, b] for a, b in pairwise(path)])
+        total[bool(path[4])] += first * steps * np.exp(sum(log_e[k, s] for k, s in enumerate(path)))
+    value = chain.log_likelihood(log_e[:, None, :], T[None], np.array([share]))
+    assert value[0] == pytest.approx(np.log(sum(total.values())), abs=1e-10)
+    rng, odds = np.random.default_rng(seed), log_e[:, 1] - log_e[:, 0]
+    often = np.mean([chain.history(odds, T, share, rng)[4] for _ in range(4000)])
+    chance = total[True] / sum(total.values())
+    assert abs(often - chance) < 4.5 * np.sqrt(chance * (1.0 - chance) / 4000)  # 1e-5
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -8,6 +8,7 @@ it hid. Parameters are in SI. Where a name leaves room, this is what is meant:
   the rounding error is that of a dithered counter: uniform, without a lattice of values
 * ``outliers``: `share` of the samples have normal noise of deviation `sigma` added to the usual one
 * ``noise_change``: `ratio` of deviations, after to before
+* ``intermittent_noise``: white noise, `ratio` times as loud in a `share` of the time, for `lasting` on average
 * ``random_telegraph``: two levels `size` apart, mean time of stay `dwell`
 * ``thermal_hysteresis``: ``coefficient * h`` with the play ``h = clip(h, T - width, T + width)``; its
   strength is that of the part which is not linear in T
@@ -29,6 +30,7 @@ from noise import (
     gauss_markov_spectrum,
     poles,
     power,
+    taking_turns,
     telegraph,
     walk_spectrum,
 )
@@ -179,7 +181,7 @@ def resonance(r: Recording, X: float) -> Hidden:
 def low_pass(r: Recording, X: float) -> Hidden:
     """One pole on the white noise, of unit gain at low frequency."""
     p, base = nats.penalty(r.n, 1), r.spectrum
-    W = np.full(r.n - 1, r.sensor.white**2)
+    W = r.sensor.passed(r.n)
 
     def gain(phi: float) -> float:
         passed = (1.0 - phi) ** 2 * all_pole_spectrum(r.n, (1.0, -phi, 0.0))
@@ -226,6 +228,23 @@ def random_telegraph(r: Recording, X: float) -> Hidden:
     return _hidden(r, "random_telegraph", {"size": size * r.si, "dwell": dwell}, X + p, p)
 
 
+def intermittent_noise(r: Recording, X: float) -> Hidden:
+    """Bursts of louder noise."""
+    p, share = nats.penalty(r.n, 3), float(r.rng.uniform(0.05, 0.4))
+    lasting = r.duration * float(np.exp(r.rng.uniform(np.log(0.003), np.log(0.03))))
+    away = lasting * (1.0 - share) / share
+    drawn = [(r.rng.standard_normal(r.n), taking_turns(r.rng, r.n, r.dt, away, lasting)) for _ in range(3)]
+
+    def gain(a: float) -> float:
+        records = (w * np.where(loud, 1.0 + a, 1.0) for w, loud in drawn)
+        return float(np.mean([nats.burst_gain(y, 1.0 + a, share, r.dt / lasting) for y in records]))
+
+    ratio = 1.0 + nats.scaled(gain, X + p, 0.02, 20.0)
+    r.white = np.where(taking_turns(r.rng, r.n, r.dt, away, lasting), ratio, 1.0) * r.white
+    values = {"ratio": ratio, "share": share, "lasting": lasting}
+    return _hidden(r, "intermittent_noise", values, X + p, p)
+
+
 def cross_axis_noise(r: Recording, X: float) -> Hidden:
     """A second axis whose white noise is correlated with the first."""
     p, sign = nats.penalty(r.n, 1), _sign(r)
@@ -256,6 +275,7 @@ EFFECTS: Mapping[str, Maker] = {
     "noise_change": noise_change,
     "outliers": outliers,
     "random_telegraph": random_telegraph,
+    "intermittent_noise": intermittent_noise,
     "cross_axis_noise": cross_axis_noise,
 }
 
@@ -265,8 +285,8 @@ FAMILIES = (
     ("sinusoid", "resonance"),
     ("bias_step", "random_telegraph"),
     ("temperature", "temperature_rate"),
-    ("outliers", "noise_change"),
+    ("outliers", "noise_change", "intermittent_noise"),
 )
 """Stacks take at most one effect of each."""
-ORDER = ("low_pass", "noise_change", "outliers")
+ORDER = ("low_pass", "noise_change", "intermittent_noise", "outliers")
 """Effects that change the noise come first in a stack, in this order."""

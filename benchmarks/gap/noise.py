@@ -28,9 +28,16 @@ def power(rng: np.random.Generator, n: int, exponent: float) -> Array:
 
 def telegraph(rng: np.random.Generator, n: int, dt: float, dwell: float) -> Array:
     """Zeros and ones with exponential times of stay of mean `dwell`."""
-    count = int(4 + 3 * n * dt / dwell)
-    ends = np.cumsum(rng.exponential(dwell, count))
-    start = int(rng.integers(2))
+    return taking_turns(rng, n, dt, dwell, dwell)
+
+
+def taking_turns(rng: np.random.Generator, n: int, dt: float, off: float, on: float) -> Array:
+    """Zeros and ones with exponential times of stay of these means."""
+    count = int(8 + 3 * n * dt / (off + on))
+    ends = np.cumsum(rng.exponential([off, on], (count, 2)).ravel())
+    start = int(rng.random() < on / (off + on))
+    if start:
+        ends = np.cumsum(rng.exponential([on, off], (count, 2)).ravel())
     return np.asarray((np.searchsorted(ends, np.arange(n) * dt) + start) % 2, float)
 
 

@@ -1,7 +1,7 @@
 """Effects hidden in real recordings of sensors at rest.
 
 What is believed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
-hidden in it: without the hidden effect both agree. The size that is worth a number of nats is reckoned over the
+hidden in it: without the hidden effect both agree. What is believed already is hidden nowhere. The size that is worth a number of nats is reckoned over the
 piece's own periodogram. Samples are rounded to the recording's own lattice again, thermometer and decoys are drawn as
 for records of sensors that never were; where the sensor has a thermometer, that one is logged.
 
@@ -28,6 +28,8 @@ from sensor import THERMOMETER_NOISE, Recording, Sensor, climate
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 LEFT_OUT = ("cross_axis_noise",)
 """Effects that need a second axis whose noise is known."""
+OFF_THE_LATTICE = ("quantisation", "low_pass")
+"""Effects that come before the converter: the samples of a coarse one, rounded twice, would lose them again."""
 ROUNDS = 3
 """Times that the believed model is mended until nothing is found in the piece as it is."""
 WIDTH = 0.04
@@ -45,7 +47,7 @@ class Piece:
     column : int
         Of the array; -1: it has one.
     scale : float
-        From what is stored to `unit`; also the lattice, times `step`.
+        From what is stored to `unit`.
     thermometer : str
         Array of the recording's own [degC].
     """
@@ -59,7 +61,6 @@ class Piece:
     rate: float
     start: int
     count: int
-    step: float = 1.0
     thermometer: str = ""
 
     def stored(self, name: str) -> Array:
@@ -94,10 +95,14 @@ def _pieces() -> list[Piece]:
         Piece("static/tof_vl53l0x_1h", "dist_mm", -1, "range", "m", 1e-3, 55.6, start, 20_000)
         for start in (20_000, 120_000)
     ]
-    out.append(
-        Piece("static/baro_ms5611_400s", "alt", -1, "altitude", "m", 1.0, 80.0, 0, 31_000, 0.09, "temp")
-    )
+    out.append(Piece("static/baro_ms5611_400s", "alt", -1, "altitude", "m", 1.0, 80.0, 0, 31_000, "temp"))
     return [p for p in out if (DATA / f"{p.file}.npz").is_file()]
+
+
+def _lattice(y: Array) -> float:
+    """The step of the values that occur."""
+    steps = np.diff(np.unique(y))
+    return float(steps[steps > 1e-6 * np.ptp(y)].min())
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +113,10 @@ class Base(Sensor):
     step: float = 0.0
     text: str = ""
     warmth: Array | None = None
+
+    def passed(self, n: int) -> Array:
+        """All of it: nobody knows what came after the filter."""
+        return self.spectrum(n)
 
     def spectrum(self, n: int) -> Array:
         """The periodogram, averaged over neighbours."""
@@ -134,7 +143,7 @@ def _base(index: int) -> Base | None:
     offset = float(np.median(y))
     return Base(
         name, p.channel, p.unit, p.rate, y.size, white, offset=offset,
-        samples=y - offset, step=p.scale * p.step, text=text, warmth=warmth,
+        samples=y - offset, step=_lattice(y), text=text, warmth=warmth,
     )  # fmt: skip
 
 
@@ -177,7 +186,7 @@ def make(request: Request) -> Case:
     """Build one record."""
     rng = request.rng()
     base = None
-    while base is None:
+    while base is None or any(f'"{name}"' in base.text for name in request.effects):
         base = _base(int(rng.integers(len(_pieces()))))
     assert base.samples is not None
     n = base.n
@@ -186,8 +195,8 @@ def make(request: Request) -> Case:
     r = Recording(base, rng, n, base.samples.copy(), np.zeros(n), temperature, warmth)
     hidden = tuple(EFFECTS[name](r, request.strength) for name in request.effects)
     channels = r.channels()
-    if "quantisation" not in request.effects:
-        y = channels[base.channel][0]
-        channels[base.channel] = (np.round(y / base.step) * base.step, base.unit)
+    if not set(request.effects) & set(OFF_THE_LATTICE):
+        steps = np.round((channels[base.channel][0] - base.offset) / base.step)
+        channels[base.channel] = (base.offset + steps * base.step, base.unit)
     t = np.arange(n) * base.dt
     return Case(request, base.name, hidden, t, channels, base.text)

@@ -55,6 +55,10 @@ class Sensor:
             P = np.asarray(P + gauss_markov_spectrum(n, self.dt, self.sigma, self.tau))
         return P
 
+    def passed(self, n: int) -> Array:
+        """The part of it that goes through a low-pass of the sensor: its white noise."""
+        return np.full(n - 1, self.white**2)
+
 
 SENSORS = (
     Sensor("B1", "gyro_z", "deg/s", 10.0, 16384, 1.0, offset=0.7),

@@ -10,7 +10,7 @@ jump between the ends of the record. The believed model may retune its level: a 
   ``n/2 ln(mean r) - 1/2 sum ln r``; with r = 1 + x small it is ``1/2 sum (x - ln(1 + x))``
 * white noise whose variance v(t) changes: the same in time, r = v
 * outliers: n times the Kullback-Leibler divergence of the mixture from the normal law of equal variance
-* telegraph: mean over drawn records of the log-likelihood of the two-level hidden Markov model
+* telegraph, bursts: mean over drawn records of the log-likelihood of the two-level hidden Markov model
   less that of the white noise
 
 The strength X is this gain less a penalty, see `penalty`.
@@ -108,6 +108,27 @@ def telegraph_gain(y: Array, size: float, stay: float) -> float:
         total += np.log(mixed)
         p = p * o / mixed
     return float(total - 0.5 * (size * y).sum() - y.size * size * size / 8.0)
+
+
+def burst_gain(y: Array, ratio: float, share: float, leave: float) -> float:
+    """Nats of noise that is `ratio` times as loud for a while over that of one level, for one record of it.
+
+    Parameters
+    ----------
+    y : array, (n,)
+        The record; quiet samples are of deviation 1.
+    leave : float
+        Probability that a loud sample is followed by a quiet one.
+    """
+    enter, odds = leave * share / (1.0 - share), np.exp(0.5 * y * y * (1.0 - ratio**-2)) / ratio
+    p, total = share, 0.0
+    for o in odds.tolist():
+        mixed = p * o + 1.0 - p
+        total += np.log(mixed)
+        p = p * o / mixed
+        p = p * (1.0 - leave) + (1.0 - p) * enter
+    power = float(np.mean(y * y))
+    return float(total - 0.5 * y.size * (power - 1.0 - np.log(power)))
 
 
 def expected(true: Array, left: Array, believed: Array) -> float:

@@ -3,14 +3,13 @@
 Given the jumps the samples are those of a Kalman filter; the number of possible histories doubles with every
 sample. Two filters, one for each level of the last cell, are run: each of their histories is followed through one
 more jump, and those that end on one level are merged into one normal law of the same mean and covariance [1]_.
-Without slow noise this is the exact recursion of a hidden Markov chain with an unknown constant [2]_.
+Without slow noise this is the exact recursion of a hidden Markov chain, `kfgen.effects.chain`.
 
 References
 ----------
 .. [1] H. A. P. Blom and Y. Bar-Shalom, The interacting multiple model algorithm for systems with Markovian
    switching coefficients, IEEE Trans. Automatic Control 33(8), 1988; the pseudo-Bayesian form of second order,
    G. A. Ackerson and K. S. Fu, IEEE Trans. Automatic Control 15(1), 1970.
-.. [2] L. R. Rabiner, A tutorial on hidden Markov models, Proc. IEEE 77(2), 1989.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects import chain
 from kfgen.effects.form import Form, discretise, initial_covariance
 
 Array = NDArray[np.float64]
@@ -106,7 +106,16 @@ class Switching:
 
     def log_likelihood(self, at: Point) -> Array:
         """Of each point, shape (p,) [nats]."""
-        return self._run(at)[0]
+        if self.slow.order:
+            return self._run(at)[0]
+        levels = LEVELS if np.any(at.size) else ONE
+        sd = self.sd * at.loud[:, None]
+        left = (self.mean[:, None, None] - at.middle[:, None] - at.size[:, None] * levels) / sd
+        log_e = -0.5 * left**2 - np.log(sd) - 0.5 * float(np.log(2.0 * np.pi))
+        if levels is ONE:
+            return np.asarray(log_e[:, :, 0].sum(axis=0))
+        half = np.full(at.size.size, 0.5)
+        return chain.log_likelihood(log_e, chain.transitions(half, at.dwell, self.dt), half)
 
     def innovations(self, at: Point) -> Array:
         """What each cell shows that those before it did not foretell, shape (m,): unit normal if the model holds.
@@ -139,7 +148,8 @@ class Switching:
         R = (self.sd * at.loud)[:, None] ** 2
         x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
         V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
-        T = self._transitions(at.dwell, levels.size)
+        half = np.full(count, 0.5)
+        T = chain.transitions(half, at.dwell, self.dt) if levels is LEVELS else np.ones((count, 1, 1))
         shift = at.middle[:, None, None] + at.size[:, None, None] * levels * np.ones((levels.size, 1))
         total, z, slow = np.zeros(count), np.empty(self.mean.size), H.size > 0
         S, ahead = np.broadcast_to(R, p.shape), np.zeros_like(shift)
@@ -163,15 +173,6 @@ class Switching:
                 x, V = _merged(x, V, VH, VH / S[..., None], left, share)
         return total - 0.5 * self.mean.size * float(np.log(2.0 * np.pi)), ndtri(
             np.clip(z, 1e-15, 1.0 - 1e-15)
-        )
-
-    def _transitions(self, dwell: Array, levels: int) -> Array:
-        """Probabilities from each level to each, shape (p, levels, levels): an odd number of jumps or an even one."""
-        if levels == 1:
-            return np.ones((dwell.size, 1, 1))
-        change = 0.5 - 0.5 * np.exp(-2.0 * self.dt / dwell)
-        return np.asarray(
-            (1.0 - change)[:, None, None] * np.eye(2) + change[:, None, None] * (1.0 - np.eye(2))
         )
 
 

@@ -1,0 +1,90 @@
+"""Two hidden levels that take turns: the likelihood of a Markov chain, and histories drawn from it.
+
+References
+----------
+.. [1] L. R. Rabiner, A tutorial on hidden Markov models, Proc. IEEE 77(2), 1989, sec. III.
+.. [2] S. L. Scott, Bayesian methods for hidden Markov models, J. Am. Stat. Assoc. 97, 2002, sec. 2.1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def transitions(share: Array, lasting: Array, dt: float) -> Array:
+    """Chances from each level to each, shape (p, 2, 2), over a step `dt` [s].
+
+    Parameters
+    ----------
+    share : ndarray, shape (p,)
+        Of the time on the second level.
+    lasting : ndarray, shape (p,)
+        Mean time on it at a stretch [s]; such times are exponential.
+    """
+    stay = np.exp(-dt / (lasting * (1.0 - share)))  # the rates of leaving either level together
+    there = np.stack([1.0 - share, share], axis=-1)
+    return np.asarray(stay[:, None, None] * np.eye(2) + (1.0 - stay)[:, None, None] * there[:, None, :])
+
+
+def log_likelihood(log_e: Array, T: Array, share: Array) -> Array:
+    """Of p chains side by side over m steps, shape (p,) [nats]; forward recursion [1]_.
+
+    Parameters
+    ----------
+    log_e : ndarray, shape (m, p, 2)
+        Log-likelihood of what was seen at each step on each level.
+    T : ndarray, shape (p, 2, 2)
+        Chances from each level to each.
+    share : ndarray, shape (p,)
+        Chance to begin on the second level.
+    """
+    top = log_e.max(axis=2)
+    low, high = np.moveaxis(np.exp(log_e - top[:, :, None]), 2, 0)
+    a, b = (1.0 - share) * low[0], share * high[0]
+    seen = np.empty_like(top)
+    (stay, up), (down, keep) = T[:, 0].T, T[:, 1].T
+    for k in range(top.shape[0]):
+        if k:
+            a, b = (a * stay + b * down) * low[k], (a * up + b * keep) * high[k]
+        total = np.maximum(a + b, 1e-300)
+        seen[k] = total
+        a, b = a / total, b / total
+    return np.asarray((np.log(seen) + top).sum(axis=0))
+
+
+def history(log_odds: Array, T: Array, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """One history of the second level, shape (m,), drawn from all in proportion to their chances [2]_.
+
+    Parameters
+    ----------
+    log_odds : ndarray, shape (m,)
+        Log-likelihood of what was seen on the second level over that on the first.
+    T : ndarray, shape (2, 2)
+    share : float
+        Chance to begin on the second level.
+    rng : numpy Generator
+    """
+    (_, up), (_, keep) = T.tolist()
+    odds = np.exp(np.clip(log_odds, -300.0, 300.0)).tolist()
+    filtered, p = [], share
+    for k, o in enumerate(odds):
+        ahead = p * keep + (1.0 - p) * up if k else p
+        p = ahead * o / (ahead * o + 1.0 - ahead)
+        filtered.append(p)
+    out, u = np.empty(len(odds), dtype=np.bool_), rng.random(len(odds)).tolist()
+    later: bool | None = None
+    for k in range(len(odds) - 1, -1, -1):
+        p = filtered[k]
+        if later is not None:
+            high, low = (p * keep, (1.0 - p) * up) if later else (p * (1.0 - keep), (1.0 - p) * (1.0 - up))
+            p = high / max(high + low, 1e-300)
+        out[k] = later = u[k] < p
+    return out
+
+
+def drawn(n: int, T: Array, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """A history of n steps, shape (n,), of which nothing is seen."""
+    return history(np.zeros(n), T, share, rng)
