@@ -1,9 +1,9 @@
 """Effects hidden in real recordings of sensors at rest.
 
 What is believed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
-hidden in it: without the hidden effect both agree. What is believed already is hidden nowhere. The size that is worth a number of nats is reckoned over the
-piece's own periodogram. Samples are rounded to the recording's own lattice again, thermometer and decoys are drawn as
-for records of sensors that never were; where the sensor has a thermometer, that one is logged.
+hidden in it: without the hidden effect both agree. What is believed of a piece already is not hidden in it. The size
+that is worth a number of nats is reckoned over the piece's own periodogram. Samples are rounded to the recording's own
+lattice again; thermometer and decoys are drawn as for records of sensors that never were.
 
 The recordings are those of ``../shared/data`` (or of KFGEN_DATA); the world is empty where they are absent.
 """
@@ -48,8 +48,6 @@ class Piece:
         Of the array; -1: it has one.
     scale : float
         From what is stored to `unit`.
-    thermometer : str
-        Array of the recording's own [degC].
     """
 
     file: str
@@ -61,12 +59,11 @@ class Piece:
     rate: float
     start: int
     count: int
-    thermometer: str = ""
 
-    def stored(self, name: str) -> Array:
-        """Samples of an array, as stored."""
+    def stored(self) -> Array:
+        """Samples as stored."""
         with np.load(DATA / f"{self.file}.npz") as recording:
-            x = np.asarray(recording[name], dtype=np.float64)
+            x = np.asarray(recording[self.array], dtype=np.float64)
         return (
             x[self.start : self.start + self.count, self.column]
             if x.ndim > 1
@@ -95,7 +92,6 @@ def _pieces() -> list[Piece]:
         Piece("static/tof_vl53l0x_1h", "dist_mm", -1, "range", "m", 1e-3, 55.6, start, 20_000)
         for start in (20_000, 120_000)
     ]
-    out.append(Piece("static/baro_ms5611_400s", "alt", -1, "altitude", "m", 1.0, 80.0, 0, 31_000, "temp"))
     return [p for p in out if (DATA / f"{p.file}.npz").is_file()]
 
 
@@ -112,7 +108,6 @@ class Base(Sensor):
     samples: Array | None = None
     step: float = 0.0
     text: str = ""
-    warmth: Array | None = None
 
     def passed(self, n: int) -> Array:
         """All of it: nobody knows what came after the filter."""
@@ -133,17 +128,16 @@ class Base(Sensor):
 def _base(index: int) -> Base | None:
     """None where what is found in a piece has no end: it is no base for a hidden effect."""
     p = _pieces()[index]
-    y = p.stored(p.array) * p.scale
+    y = p.stored() * p.scale
     text = _believed(p, y)
     if not text:
         return None
     white = float(np.std(np.diff(y)) / np.sqrt(2.0))
-    warmth = p.stored(p.thermometer) if p.thermometer else None
     name = f"{Path(p.file).name}:{p.channel}:{p.start}"
     offset = float(np.median(y))
     return Base(
         name, p.channel, p.unit, p.rate, y.size, white, offset=offset,
-        samples=y - offset, step=_lattice(y), text=text, warmth=warmth,
+        samples=y - offset, step=_lattice(y), text=text,
     )  # fmt: skip
 
 
@@ -190,8 +184,8 @@ def make(request: Request) -> Case:
         base = _base(int(rng.integers(len(_pieces()))))
     assert base.samples is not None
     n = base.n
-    temperature = climate(rng, n, base.dt) if base.warmth is None else base.warmth
-    warmth = temperature + THERMOMETER_NOISE * rng.standard_normal(n) if base.warmth is None else base.warmth
+    temperature = climate(rng, n, base.dt)
+    warmth = temperature + THERMOMETER_NOISE * rng.standard_normal(n)
     r = Recording(base, rng, n, base.samples.copy(), np.zeros(n), temperature, warmth)
     hidden = tuple(EFFECTS[name](r, request.strength) for name in request.effects)
     channels = r.channels()
