@@ -206,6 +206,32 @@ def test_g_sensitivity_feels_the_accelerometer() -> None:
     assert abs(theta - 1e-4) < LIMIT * sd
 
 
+@pytest.mark.parametrize("pair", ["zz", "xy"])
+def test_products_of_forces_are_no_forces(pair: str) -> None:
+    """Tilts to all sides: of 100 m^2/s^4 times 1e-5 the deviation of a sample's noise makes 60 in the whole record."""
+    w, f = waves(2, 1.0), waves(4, 5.0, 0.5) + np.array([0.0, 0.0, -G])
+    product = f[:, AXES.index(pair[0])] * f[:, AXES.index(pair[1])]
+    read = moved(w, 1, 1e-5 * product) + white(6, N_GYRO)
+    scene = motion_scene(table_log(w, read, **{f"accel_{a}": f[:, i] for i, a in enumerate(AXES)}), GYRO)
+    assert scene is not None
+    first = find_scene_gap(scene).findings[0]
+    assert (first.placed.effect.name, first.placed.where) == ("g_squared", "gyro_y")
+    lo, hi = first.ci95[pair]
+    assert abs(1e-5 - 0.5 * (lo + hi)) < LIMIT / 1.96 * 0.5 * (hi - lo)
+
+
+def test_a_scale_that_follows_the_temperature() -> None:
+    w, heat = waves(2, 1.0), 300.0 + 10.0 * np.sin(2 * np.pi * T / 45.0)
+    log = table_log(w, moved(w, 2, 1e-3 * (heat - heat.mean()) * w[:, 2]) + white(6, N_GYRO))
+    log = Log(log.t, {**log.channels, "temperature": Channel.of(heat, "K")})
+    scene = motion_scene(log, GYRO)
+    assert scene is not None
+    (found,) = find_scene_gap(scene).findings
+    assert (found.placed.effect.name, found.placed.where) == ("scale_temperature", "gyro_z")
+    lo, hi = found.ci95["coefficient"]
+    assert abs(1e-3 - 0.5 * (lo + hi)) < LIMIT / 1.96 * 0.5 * (hi - lo)
+
+
 def test_a_lever_arm_in_fast_motion_has_the_whole_acceleration() -> None:
     """A swing of 2 Hz at 50 Hz: ``alpha r``, of which a difference over two samples would lose 1 %."""
     t = np.arange(500) / 50.0

@@ -7,6 +7,7 @@ the magnetometer. Size is found by bisection, for effects that are not linear in
 
 * ``misalignment`` and ``g_sensitivity``, entry xy: ``y_x += xy * w_y`` and ``y_x += xy * f_y``
 * ``nonlinearity``: ``w + k2 w^2`` or ``w + k3 w^3``; ``scale_asymmetry``: ``w + coefficient |w|``
+* ``scale_temperature``: ``y_x += coefficient * (T - mean T) * w_x``; ``g_squared``, entry yy: ``y_x += yy * f_y^2``
 * ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration, its axes together
 * ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late. To first
   order both are the same; where the best of one comes within a nat of the other (`TWIN`), no record of this motion
@@ -47,6 +48,8 @@ class Run:
     ----------
     shaken : array
         Deviation of the vibration at every sample [m/s^2].
+    temperature : array
+        Of the sensor [degC].
     """
 
     table: Table
@@ -56,6 +59,7 @@ class Run:
     force: Array
     field: Array
     shaken: Array
+    temperature: Array
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,8 @@ def _regressor(run: Run, effect: str) -> Plan:
         "misalignment": (w[:, j], entry),
         "g_sensitivity": (run.force[:, j], entry),
         "vibration_rectification": (3.0 * run.shaken**2, own),
+        "scale_temperature": (w[:, i] * (run.temperature - run.temperature.mean()), own),
+        "g_squared": (run.force[:, j] ** 2, AXES[j] * 2),
     }
     signal, name = rows[effect]
     if effect == "misalignment" and run.table.name == "poor":  # only x turns
@@ -179,6 +185,8 @@ EFFECTS: dict[str, Callable[[Run, str], Plan]] = {
             "misalignment",
             "g_sensitivity",
             "vibration_rectification",
+            "scale_temperature",
+            "g_squared",
         ),
         _regressor,
     ),
@@ -196,6 +204,8 @@ SIZES = {
     "misalignment": 0.005,
     "g_sensitivity": 2e-4,
     "vibration_rectification": 1e-3,
+    "scale_temperature": 1e-3,
+    "g_squared": 2e-5,
     "time_delay": 0.012,
     "bandwidth": 0.008,
     "lever_arm": 0.08,
@@ -207,7 +217,14 @@ SIZES = {
 TWIN = 1.0
 """Nats: who guesses the likelier of two laws that are so far apart is wrong in a quarter of the cases."""
 KINDS = ("gyro", "accel", "mag")
-RICH_ONLY = ("lever_arm", "hard_iron", "soft_iron", "magnetic_disturbance", "vibration_rectification")
+RICH_ONLY = (
+    "lever_arm",
+    "hard_iron",
+    "soft_iron",
+    "magnetic_disturbance",
+    "vibration_rectification",
+    "g_squared",
+)
 """Effects that poor motion hides or that need more than one axis: measured in rich motion alone."""
 
 
@@ -253,7 +270,12 @@ def _run(table: Table, rng: np.random.Generator) -> Run:
     attitude, t = table.attitude(), table.t
     shaken = 0.2 + 1.5 * np.square(np.sin(np.pi * (t / t[-1] * rng.uniform(2.0, 5.0) + rng.random())))
     field = attitude.inv().apply(FIELD * SI["uT"])
-    return Run(table, rng, attitude, table.rates.at(t), table.force(attitude), np.asarray(field), shaken)
+    T = float(t[-1])
+    warm = 26.0 + rng.uniform(1.0, 6.0) * np.sin(
+        2.0 * np.pi * (t / (T * rng.uniform(0.5, 1.5)) + rng.random())
+    )
+    force = table.force(attitude)
+    return Run(table, rng, attitude, table.rates.at(t), force, np.asarray(field), shaken, warm)
 
 
 def _gain(run: Run, plan: Plan, size: float) -> float:
@@ -292,7 +314,7 @@ def _case(
     if kind == "mag":
         q = run.attitude.as_quat(scalar_first=True)
         out |= {f"ref_q_{a}": (q[:, k], "") for k, a in enumerate("wxyz")}
-    out["temperature"] = (26.0 + 0.002 * run.table.t + 0.05 * rng.standard_normal(n), "degC")
+    out["temperature"] = (run.temperature + 0.05 * rng.standard_normal(n), "degC")
     believed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
     return Case(request, f"{variant}-{kind}", hidden, run.table.t, out, noise_file(believed))
 

@@ -45,6 +45,8 @@ class Signals:
         Direction of gravity on the third navigation axis: 1 for north-east-down, -1 for east-north-up.
     power : ndarray, shape (n, 3), optional
         Running variance of the specific force [m^2/s^4].
+    warmth : ndarray, shape (n,), optional
+        Temperature [K].
     """
 
     t: Array
@@ -54,6 +56,7 @@ class Signals:
     R_bn: Array | None = None
     down: float = 1.0
     power: Array | None = None
+    warmth: Array | None = None
 
     @property
     def dt(self) -> float:
@@ -118,6 +121,27 @@ class ScaleFactor(Motion):
     def output(self, signals: Signals, axis: int) -> Array:
         """``s u``."""
         return np.asarray(self.coefficient * signals.y[:, axis])
+
+
+@dataclass(frozen=True)
+class ScaleDrift(Motion):
+    """``y = u + s (T - reference) u``: a scale that changes with the temperature T."""
+
+    coefficient: Any = parameter("%/K", "signed")
+    reference: Any = parameter("K", "setting", 293.15)
+
+    name: ClassVar[str] = "scale_temperature"
+    title: ClassVar[str] = "scale factor follows the temperature"
+    separator: ClassVar[str] = "the same rates, cold and warm"
+    saying: ClassVar[str] = "has a scale that changes by {coefficient} from {reference} on"
+    needs: ClassVar[tuple[str, ...]] = ("warmth",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``s (T - reference) u``."""
+        if signals.warmth is None:
+            return np.zeros(signals.t.size)
+        away = signals.warmth - float(self.reference)
+        return np.asarray(self.coefficient * away * signals.y[:, axis])
 
 
 @dataclass(frozen=True)
@@ -199,6 +223,44 @@ class GSensitivity(Motion):
     def output(self, signals: Signals, axis: int) -> Array:
         """``sum_j g_ij f_j``."""
         return np.zeros(signals.t.size) if signals.f_b is None else row_of(self, signals.f_b, axis)
+
+
+@dataclass(frozen=True)
+class GSquared(Motion):
+    """``y = u + sum_jk g_jk f_j f_k``: a rate sensor feels products of the specific force (anisoinertia)."""
+
+    xx: Any = parameter("U/g^2", "signed", 0.0)
+    yy: Any = parameter("U/g^2", "signed", 0.0)
+    zz: Any = parameter("U/g^2", "signed", 0.0)
+    xy: Any = parameter("U/g^2", "signed", 0.0)
+    yz: Any = parameter("U/g^2", "signed", 0.0)
+    zx: Any = parameter("U/g^2", "signed", 0.0)
+
+    name: ClassVar[str] = "g_squared"
+    title: ClassVar[str] = "sensitivity to the square of the specific force"
+    separator: ClassVar[str] = "rest at many tilts"
+    saying: ClassVar[str] = "feels products of two axes of the specific force: {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("gyro",)
+    needs: ClassVar[tuple[str, ...]] = ("f_b",)
+    rare: ClassVar[float] = 2.0  # of sensors made today the linear term is the larger one
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``sum_jk g_jk f_j f_k``."""
+        out = np.zeros(signals.t.size)
+        if signals.f_b is None:
+            return out
+        for pair, f2 in products(signals.f_b).items():
+            entry = getattr(self, pair)
+            if entry:
+                out += entry * f2
+        return out
+
+
+def products(f_b: Array) -> dict[str, Array]:
+    """Products of two axes of a triad, shape (n, 3), by the entries of `GSquared`."""
+    return {
+        a + b: f_b[:, AXES.index(a)] * f_b[:, AXES.index(b)] for a, b in ("xx", "yy", "zz", "xy", "yz", "zx")
+    }
 
 
 @dataclass(frozen=True)

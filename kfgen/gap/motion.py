@@ -366,6 +366,7 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
         return None
     good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
     drive = recorded(log)
+    truth = replace(truth, warmth=drive.get("temperature"))
     own = tuple(
         Placed(e, c.name) for c in compared for e in c.noise if isinstance(e, Motion) or e.coefficients()
     )

@@ -17,13 +17,16 @@ from kfgen.effects.motion import (
     EarthRate,
     GravityError,
     GSensitivity,
+    GSquared,
     LeverArm,
     Misalignment,
     Nonlinearity,
     ScaleAsymmetry,
+    ScaleDrift,
     ScaleFactor,
     VibrationRectification,
     free,
+    products,
 )
 from kfgen.gap.scene import Placed
 from kfgen.gap.spans import best_span
@@ -128,6 +131,9 @@ def _alone(bench: Bench, name: str, sensor: str) -> list[list[Placed]]:
         Nonlinearity(k2=SMALL / u),
         Nonlinearity(k3=SMALL / u**2),
     ]
+    T = bench.truth.warmth
+    if T is not None and np.ptp(T) > 0.0:
+        effects.append(ScaleDrift(SMALL / float(np.ptp(T)), float(np.mean(T))))
     if bench.truth.power is not None and np.ptp(bench.truth.power) > 0.0:
         own = float(sensor == "accel")
         effects.append(VibrationRectification(SMALL / STANDARD_GRAVITY**2 * u, own))
@@ -147,6 +153,8 @@ def _rows(bench: Bench, name: str, sensor: str, axis: int) -> list[list[Placed]]
         found += [Placed(GSensitivity(**{e: g}), name) for e in entries]
         if len(entries) > 1:
             found.append(Placed(GSensitivity(**dict.fromkeys(entries, g)), name))
+        squares = {k: np.ptp(v[bench.good]) for k, v in products(bench.truth.f_b).items()}
+        found += [Placed(GSquared(**{k: g / STANDARD_GRAVITY}), name) for k, v in squares.items() if v > 0.0]
     return [[p] for p in found]
 
 

@@ -75,7 +75,7 @@ class Truth:
         The axes of each sensor that have a reference.
     good : ndarray of bool, shape (n,)
         Where the references are there.
-    omega_b, f_b, power, R_bn, down
+    omega_b, f_b, power, warmth, R_bn, down
         As in `Signals`: what drives effects.
     bandwidth : mapping of str to float
         Highest frequency [Hz] up to which a sensor's truth is known; infinite where not in it.
@@ -94,6 +94,7 @@ class Truth:
     omega_b: Array | None = None
     f_b: Array | None = None
     power: Array | None = None
+    warmth: Array | None = None
     R_bn: Array | None = None
     down: float = 1.0
     bandwidth: Mapping[str, float] = field(default_factory=dict)
@@ -113,13 +114,13 @@ class Truth:
         else:
             assert self.R_bn is not None
             y = self.R_bn @ np.asarray(m_n)
-        return Signals(self.t, y, self.omega_b, self.f_b, self.R_bn, self.down, self.power)
+        return Signals(self.t, y, self.omega_b, self.f_b, self.R_bn, self.down, self.power, self.warmth)
 
     def cut(self, start: int, stop: int) -> Truth:
         """Samples `start` to `stop`."""
         arrays = {
             name: value[start:stop]
-            for name in ("t", "good", "omega_b", "f_b", "power", "R_bn")
+            for name in ("t", "good", "omega_b", "f_b", "power", "warmth", "R_bn")
             if (value := getattr(self, name)) is not None
         }
         return replace(self, **arrays, read={k: v[start:stop] for k, v in self.read.items()})
