@@ -239,7 +239,7 @@ def intermittent_noise(r: Recording, X: float) -> Hidden:
         records = (w * np.where(loud, 1.0 + a, 1.0) for w, loud in drawn)
         return float(np.mean([nats.burst_gain(y, 1.0 + a, share, r.dt / lasting) for y in records]))
 
-    ratio = 1.0 + nats.scaled(gain, X + p, 0.02, 20.0)
+    ratio = 1.0 + nats.scaled(gain, X + p, 0.02, 10.0)
     r.white = np.where(taking_turns(r.rng, r.n, r.dt, away, lasting), ratio, 1.0) * r.white
     values = {"ratio": ratio, "share": share, "lasting": lasting}
     return _hidden(r, "intermittent_noise", values, X + p, p)

@@ -120,7 +120,8 @@ def burst_gain(y: Array, ratio: float, share: float, leave: float) -> float:
     leave : float
         Probability that a loud sample is followed by a quiet one.
     """
-    enter, odds = leave * share / (1.0 - share), np.exp(0.5 * y * y * (1.0 - ratio**-2)) / ratio
+    enter = leave * share / (1.0 - share)
+    odds = np.exp(np.minimum(0.5 * y * y * (1.0 - ratio**-2), 500.0)) / ratio
     p, total = share, 0.0
     for o in odds.tolist():
         mixed = p * o + 1.0 - p
