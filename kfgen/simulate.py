@@ -134,10 +134,10 @@ def _measured(
     """What a channel shows: noise as effects alter it, added to the truth, all as effects filter it."""
     noise = sum((e.draw(rng).simulate(t, rng, drive) for e in effects), np.zeros(t.size))
     for e in effects:
-        noise = noise if e.filters else e.applied(noise, t, rng)
+        noise = noise if e.filters else e.applied(noise, t, rng, drive)
     values = clean + noise
     for e in effects:
-        values = e.applied(values, t, rng) if e.filters else values
+        values = e.applied(values, t, rng, drive) if e.filters else values
     return np.asarray(values)
 
 

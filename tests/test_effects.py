@@ -187,7 +187,7 @@ def test_density_is_not_negative(name: str) -> None:
 def test_an_effect_of_an_empty_form_adds_nothing_to_a_channel_at_rest(name: str) -> None:
     """Of its own: a filter, a fault, an effect of motion or of a plant acts on what others add."""
     cls, effect, t = catalogue()[name], EXAMPLES[name], np.arange(50) * 0.1
-    rooms = ("axes", "burst", "cross", "event", "integrity", "lag", "magnetic", "motion")
+    rooms = ("axes", "burst", "cross", "event", "integrity", "lag", "level", "magnetic", "motion")
     rooms += ("periodic", "plant", "plant_sensor", "reference", "timing")
     assert cls.__module__.rsplit(".", 1)[1] in rooms
     np.testing.assert_array_equal(effect.allan_variance(np.array([1.0, 9.0])), 0.0)

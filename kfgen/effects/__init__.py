@@ -13,6 +13,7 @@ from typing import Any
 from kfgen.effects.base import Effect, Look, Parameter
 from kfgen.effects.driven import COUPLING, coupled, is_plain
 from kfgen.effects.form import Form, State
+from kfgen.effects.level import NOISE_LEVEL, leveled
 from kfgen.effects.passed import filtered, sampled_spectrum
 from kfgen.effects.thermal import LAGGED, lagged
 from kfgen.errors import InputError
@@ -31,7 +32,7 @@ __all__ = [
 ]
 
 
-OF_CHANNELS = {COUPLING: coupled, LAGGED: lagged}
+OF_CHANNELS = {COUPLING: coupled, LAGGED: lagged, NOISE_LEVEL: leveled}
 """What makes the effect of any channel, by the beginning of its name."""
 
 

@@ -221,7 +221,9 @@ class Effect:
         """Factor on the spectrum of everything else, shape (m,), of an effect that filters."""
         return None
 
-    def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
+    def applied(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
         """What it does to samples, shape (n,), beside what it adds to them."""
         return y
 

@@ -104,7 +104,9 @@ class IntermittentNoise(Effect):
         each = loud[np.minimum(np.arange(series.n) // block, m - 1)]
         return np.where(each, series.y - series.noise * (1.0 - 1.0 / ratio), series.y)
 
-    def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
+    def applied(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
         """Noise is added for a while, again and again."""
         dt = float(t[-1] - t[0]) / (y.size - 1)
         T = transitions(np.array([float(self.share)]), np.array([float(self.lasting)]), dt)[0]

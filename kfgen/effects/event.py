@@ -118,7 +118,9 @@ class NoiseChange(Effect):
         late = series.t >= self.time
         return np.where(late, series.y - series.noise * (1.0 - 1.0 / float(self.ratio)), series.y)
 
-    def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
+    def applied(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
         """Steps between samples grow as the noise does; where it shrinks, slow parts shrink with it."""
         late = np.asarray(t) >= self.time
         sd = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
@@ -178,7 +180,9 @@ class Outliers(Effect):
         hit = rng.random(series.n) < self.chance(series)
         return np.where(hit, series.y - series.sd * (series.z - rng.standard_normal(series.n)), series.y)
 
-    def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
+    def applied(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
         """Some samples, drawn at random, with their error."""
         hit = rng.random(y.size) < float(self.share)
         return np.asarray(y + hit * float(self.sigma) * rng.standard_normal(y.size))

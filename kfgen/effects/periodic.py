@@ -209,7 +209,9 @@ class LowPass(Effect):
         ratio = np.tan(0.5 * np.minimum(omega, np.pi - 1e-9)) / np.tan(0.5 * min(wc, np.pi - 1e-3))
         return np.asarray(1.0 / (1.0 + ratio**4))
 
-    def applied(self, y: Array, t: Array, rng: np.random.Generator) -> Array:
+    def applied(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
         """The samples through the same filter."""
         from scipy.signal import butter, lfilter
 

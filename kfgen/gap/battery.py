@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.driven import DRIVERS
+from kfgen.effects.level import followed
 from kfgen.effects.series import Series
 from kfgen.identify.record import Record
 from kfgen.identify.whittle import Ordinates, residual_ratio
@@ -149,9 +150,7 @@ def _louder(series: Series, name: str) -> Test:
     """Regression of the squares of the white series on a channel: noise whose level follows it."""
     from scipy.stats import norm
 
-    u = series.drive[name] - np.mean(series.drive[name])
-    size = float(np.linalg.norm(u))
-    z = float(u @ (series.z**2 - np.mean(series.z**2))) / (np.sqrt(2.0) * size) if size > 0.0 else 0.0
+    z = followed(series, series.drive[name])
     return Test(f"noise level on {name}", float(2.0 * norm.sf(abs(z))), (0.0, 0.5 / series.dt), 1.0 + z**2)
 
 

@@ -133,5 +133,5 @@ def simulated(
     t = record.elapsed
     y = sum((e.simulate(t, rng, record.drive) for e in effects), np.zeros(record.n))
     for e in [*altering, *(e for e in effects if e.filters)]:
-        y = e.applied(y + (e.simulate(t, rng) if e.alters else 0.0), t, rng)
+        y = e.applied(y + (e.simulate(t, rng) if e.alters else 0.0), t, rng, record.drive)
     return np.asarray(y)

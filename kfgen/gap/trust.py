@@ -50,7 +50,7 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
         A believed effect has a driver that the log lacks.
     """
     trusted = tuple(t for t in noise.terms if t.effect.coefficients())
-    for term in trusted:
+    for term in noise.terms:
         driver = term.effect.driver
         if driver and driver not in record.drive:
             raise InputError(
