@@ -18,6 +18,7 @@ from kfgen.effects import Effect, make
 from kfgen.effects.driven import DRIVERS
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
+from kfgen.gap.regular import drivers_of, regular
 from kfgen.gap.workflow import find_gap
 from kfgen.identify.channel import identify
 from kfgen.identify.record import Record
@@ -77,8 +78,8 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     believed = noise_model([bench], found)
     write_noise(believed, out / "noise.toml")
     say("2 compare the field log with it")
-    record = Record(field.t, field.values(CHANNEL), {"temperature": field.values("temperature")})
-    gaps = {CHANNEL: find_gap(CHANNEL, record, believed.channel(CHANNEL))}
+    record, stamps, _ = regular(field, CHANNEL, believed.channel(CHANNEL).effects, drivers_of(field)[0])
+    gaps = {CHANNEL: find_gap(CHANNEL, record, believed.channel(CHANNEL), stamps)}
     gap = gap_answer(field, believed, gaps)
     mended = mended_model(believed, gaps)
     write_noise(mended, out / "improved.toml")

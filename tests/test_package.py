@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from kfgen.noise import read_noise
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -66,6 +68,8 @@ def test_demo_from_the_wheel(wheel: Path, tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    added = read_noise(tmp_path / "out" / "improved.toml").channels["gyro_x"].effects[2:]
+    assert [e.name for e in added] == ["sinusoid", "temperature"]  # as it was simulated
     last = done.stdout.strip().splitlines()[-1]
     assert last.startswith("report: ")
     page = Path(last.removeprefix("report: ")).read_text(encoding="utf-8")
