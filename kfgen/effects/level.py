@@ -33,12 +33,12 @@ ROUNDS = 30
 class NoiseLevel(Effect):
     """White noise of deviation ``sigma exp(slope (channel - reference))``, ``noise_level:NAME`` [1]_."""
 
-    slope: Any = parameter("", "solved")
+    slope: Any = parameter("%", "solved")
     reference: float = parameter("", "setting", 0.0)
 
     name: ClassVar[str] = "noise_level"
     title: ClassVar[str] = "noise whose level follows another channel"
-    saying: ClassVar[str] = "has noise that follows the other channel: its logarithm grows by {slope}"
+    saying: ClassVar[str] = "has noise that grows with the other channel, by {slope} per SI unit of it"
     separator: ClassVar[str] = "that channel moved by itself, all else kept"
     rare: ClassVar[float] = 1.0
     alters: ClassVar[bool] = True
@@ -95,12 +95,12 @@ class NoiseLevel(Effect):
 class NoiseTemperature(NoiseLevel):
     """White noise whose deviation follows the temperature."""
 
-    slope: Any = parameter("1/K", "solved")
+    slope: Any = parameter("%/K", "solved")
     reference: float = parameter("K", "setting", 298.15)
 
     name: ClassVar[str] = "noise_temperature"
     title: ClassVar[str] = "noise whose level follows the temperature"
-    saying: ClassVar[str] = "has noise that follows the temperature: its logarithm grows by {slope}"
+    saying: ClassVar[str] = "has noise that grows with the temperature, by {slope}"
     driver: ClassVar[str] = "temperature"
 
     @classmethod
