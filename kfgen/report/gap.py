@@ -191,6 +191,12 @@ def _allan(g: ChannelGap) -> str:
     lines = [_model_line("believed model", g.believed, g, BEFORE)]
     if g.findings or g.retuned:
         lines.append(_model_line("mended model", g.mended.effects, g, AFTER))
+    altering = [f.effect.title for f in g.findings if f.effect.alters]
+    if altering and g.clean is not None:
+        c = g.clean.curve
+        lines.append(
+            Line(f"measured, without {' and '.join(altering)}", c.tau, c.deviation, AFTER, dashed=True)
+        )
     return allan_picture(g.record.curve, lines, g.unit, parse_unit(g.unit).factor, f"gap-allan-{g.channel}")
 
 
@@ -206,8 +212,8 @@ def _model_line(label: str, effects: Sequence[Effect], g: ChannelGap, color: str
 
 def _spectrum(g: ChannelGap) -> str:
     ratios = []
-    for effects in (g.believed, g.mended.effects):
-        data = g.record.ordinates(effects)
+    for effects, record in ((g.believed, g.record), (g.mended.effects, g.clean or g.record)):
+        data = record.ordinates(effects)
         theta = np.array([v for e in effects if e.coefficients() for v in e.values])
         ratio = residual_ratio(data, effects, theta)
         groups = bands(data)
