@@ -15,8 +15,10 @@ import pytest
 from click.testing import Result
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from scipy.stats import chi2
 
 from kfgen.effects import make
+from kfgen.gap.louder import scaled
 from kfgen.gap.motion import motion_scene
 from kfgen.gap.outcome import SceneGap, find_scene_gap
 from kfgen.gap.unseen import band_edges, every_other, gap_of, tail
@@ -39,10 +41,10 @@ def motion() -> Array:
     return 0.4 * np.sin(2 * np.pi * f * (DT * np.arange(N))[:, None, None] + phase).sum(axis=1)
 
 
-def answer(wrong: Array, seed: int, loud: float = 1.0) -> SceneGap:
+def answer(wrong: Array, seed: int, loud: tuple[float, ...] = (1.0, 1.0, 1.0)) -> SceneGap:
     """The gap of a gyro of unknown bias on a rate table, in whose readings is something `wrong`."""
     w, rng = motion(), np.random.default_rng(seed)
-    y = w + [0.3, -0.2, 0.1] + wrong + loud * SD * rng.standard_normal((N, 3))
+    y = w + [0.3, -0.2, 0.1] + wrong + np.array(loud) * SD * rng.standard_normal((N, 3))
     channels = {f"gyro_{a}": Channel.of(y[:, i], "rad/s") for i, a in enumerate("xyz")}
     channels |= {f"ref_gyro_{a}": Channel.of(w[:, i], "rad/s") for i, a in enumerate("xyz")}
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
@@ -155,3 +157,32 @@ def test_an_actuator_is_still_on_its_way_where_the_tail_begins(kfgen: Cli, tmp_p
     assert gap["after"] < 0.02
     assert gap["before"] == pytest.approx(0.5 * float(np.mean(left**2) - 1.0), rel=0.02)
     assert gap["closed_fraction"] > 0.99
+
+
+def test_noise_of_another_size_is_said_with_its_number() -> None:
+    """Three channels of 2500 samples, the second 1.2 times as loud; the interval by its chi-square."""
+    g = answer(np.zeros((N, 3)), 13, (1.0, 1.2, 1.0))
+    assert g.verdict == "effects_found"
+    assert not g.findings
+    (found,) = g.louder
+    e = 1.2 * np.random.default_rng(13).standard_normal((N, 3))[:, 1]
+    power = float(np.sum((e - e.mean()) ** 2))
+    assert found.channel == "gyro_y"
+    assert found.times == pytest.approx(np.sqrt(power / (N - 1)), rel=1e-6)
+    assert found.ci95 == pytest.approx(
+        [np.sqrt(power / chi2.isf(p, N - 1)) for p in (0.025, 0.975)], rel=1e-6
+    )
+    assert found.times == pytest.approx(1.2, abs=LIMIT * 1.2 / np.sqrt(2 * N))
+    before = 0.5 * (1.2**2 - 1.0) - np.log(
+        1.2
+    )  # of one channel of three, of a normal deviate against another
+    assert g.gap.before == pytest.approx(before / 3, rel=0.5)
+    assert g.gap.after == 0.0
+
+
+def test_the_mended_model_holds_the_noise_that_was_found() -> None:
+    """Sizes are scaled, correlation times and deterministic effects stay."""
+    walk = scaled(make("gauss_markov", sigma=2.0, tau=7.0), 1.5)
+    assert (walk.sigma, walk.tau) == (3.0, 7.0)  # type: ignore[attr-defined]
+    ramp = make("rate_ramp", R=2.0)
+    assert scaled(ramp, 1.5) == ramp

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, limits
+from kfgen.gap.louder import Louder, levels_in, louder_in
 from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed
 from kfgen.gap.proof import Gap
 from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Telling, Trusting, Undecided, Unknown
@@ -74,6 +75,8 @@ class SceneGap:
         What would not have been seen [SI].
     idle : tuple of str
         Inputs that never change.
+    louder : tuple of Louder
+        Channels whose noise is of another size than believed.
     """
 
     scene: Scene
@@ -87,6 +90,7 @@ class SceneGap:
     fit: Fitted
     limits: tuple[tuple[Placed, str, float], ...] = ()
     idle: tuple[str, ...] = ()
+    louder: tuple[Louder, ...] = ()
 
     @property
     def unknowns(self) -> dict[str, tuple[Unknown, float]]:
@@ -129,14 +133,18 @@ def _rms(scene: Scene, before: Fitted, after: Fitted) -> tuple[tuple[str, float,
 def _gap_of(answer: Answered) -> SceneGap:
     """The answer where effects were looked for."""
     scene, found = answer.scene, answer.found
-    before, after = tests_of(scene, found.believed), tests_of(scene, found.fit)
+    before = tests_of(scene, found.believed)
+    after, louder = _mended_tests(scene, found.fit)
+    levels = levels_in(scene, louder)
     said = scene.said if isinstance(scene, Telling) else ()
     findings = (*map(_said, said), *(_finding(scene, a, i, found) for i, a in enumerate(found.added)))
-    verdict = "effects_found" if findings else "no_gap"
+    verdict = "effects_found" if findings or louder else "no_gap"
     if any(t.significant for _, t in after):
         verdict = "unknown_effect"
     idle = scene.idle if isinstance(scene, Driven) else ()
-    rms = _rms(scene, found.believed, found.fit)
+    rms = tuple(
+        (c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.believed, found.fit), levels.tolist())
+    )
     if verdict == "unknown_effect" and idle and isinstance(scene, Driven) and scene.astray:
         return replace(_spoilt(scene, ()), limits=tuple(limits(scene, found.believed)), idle=idle)
     return SceneGap(
@@ -145,13 +153,25 @@ def _gap_of(answer: Answered) -> SceneGap:
         findings,
         tuple(before),
         tuple(after),
-        held_out(answer),
+        held_out(answer, levels != 1.0),
         rms,
         found.believed,
         found.fit,
         tuple(limits(scene, found.fit)),
         idle,
+        louder,
     )
+
+
+def _mended_tests(scene: Scene, fit: Fitted) -> tuple[list[tuple[str, Test]], tuple[Louder, ...]]:
+    """The tests on what the mended model leaves; noise of another size is mended where that explains all."""
+    after = tests_of(scene, fit)
+    if not any(t.significant for _, t in after):
+        return after, ()
+    louder = louder_in(scene, fit)
+    each = np.repeat(levels_in(scene, louder), scene.lengths)
+    anew = tests_of(scene, replace(fit, residual=fit.residual / each)) if louder else after
+    return (after, ()) if any(t.significant for _, t in anew) else (anew, louder)
 
 
 def _finding(scene: Scene, added: Added, index: int, found: Explained) -> PlacedFinding:

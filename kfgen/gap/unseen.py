@@ -217,7 +217,9 @@ def _gap(cut: Cut, before: Fitted, after: Fitted, levels: Array) -> Gap:
         m.append(count[told])
     noise = float(np.sqrt(sum(p.sum() for p in P1) / max(sum(f.sum() for f in m1), 1.0)))
     away = noise * float(np.linalg.norm(before.residual - after.residual))
-    return gap_of(np.concatenate(r), np.concatenate(m), loss0 - loss1, away, cut.words)
+    size = np.array([(s**2 - 1.0) * np.sqrt(0.5 * f.sum()) for s, f in zip(levels, m1)])
+    moved = float(np.hypot(away, np.linalg.norm(size)))
+    return gap_of(np.concatenate(r), np.concatenate(m), loss0 - loss1, moved, cut.words)
 
 
 def gap_of(r: Array, m: Array, gain: float, deviation: float, words: str) -> Gap:

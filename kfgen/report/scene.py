@@ -14,6 +14,7 @@ import kfgen
 from kfgen.effects.base import Parameter
 from kfgen.effects.integrity import Fault
 from kfgen.gap.battery import RATE, Test
+from kfgen.gap.louder import Louder
 from kfgen.gap.outcome import PlacedFinding, SceneGap
 from kfgen.gap.proof import METRIC
 from kfgen.gap.scene import Placed
@@ -52,8 +53,8 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
     texts : (str, str)
         The model's file before and after.
     """
-    words = [_verdict(g), *(finding_words(f, unit_of) for f in g.findings)]
-    rows = [*gap_rows(g.gap, bool(g.findings)), *_rms_rows(g)]
+    words = [_verdict(g), *map(_louder_words, g.louder), *(finding_words(f, unit_of) for f in g.findings)]
+    rows = [*gap_rows(g.gap, bool(g.findings or g.louder)), *_rms_rows(g)]
     unseen = _limit_lines(g, unit_of)
     lines = [f"{w}." for w in words] + [columns(rows), *(f"  {w}" for w in unseen)]
     diff = "\n".join(
@@ -87,7 +88,17 @@ def _verdict(g: SceneGap) -> str:
     if g.verdict == "bad_data" and g.idle:
         moving, still = ", ".join(g.scene.channels), ", ".join(g.idle)
         return f"{moving}: what was recorded is not driven by the input {still}, which never changes; check its column"
+    if g.louder and not g.findings:
+        return (
+            f"{', '.join(g.scene.channels)}: the structure of the model holds, the size of its noise does not"
+        )
     return f"{', '.join(g.scene.channels)}: {VERDICTS[g.verdict]}"
+
+
+def _louder_words(c: Louder) -> str:
+    """Noise of another size in words."""
+    lo, hi = c.ci95
+    return f"{c.channel}: its noise is {c.times:.3g} times as large as believed (95 %: {lo:.3g} to {hi:.3g})"
 
 
 def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
@@ -216,7 +227,7 @@ def _figures(g: SceneGap) -> list[Part]:
         block = max(1, a.size // 600)
         t = np.linspace(*g.scene.span, a.size)
         lines = [Line("believed model", *_blocks(t, a, block), BEFORE)]
-        if g.findings:
+        if g.findings or g.louder:
             lines.append(Line("mended model", *_blocks(t, b, block), AFTER))
         label = f"{channel}, residual over noise"
         parts.append(
@@ -252,6 +263,8 @@ def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
             "closed_fraction": g.gap.closed,
             "ci95": list(g.gap.ci95),
         },
+        "retuned": [c.channel for c in g.louder],
+        "noise_times": {c.channel: {"value": c.times, "ci95": list(c.ci95)} for c in g.louder},
         "rms_in_deviations": {c: {"before": a, "after": b} for c, a, b in g.rms},
         "remaining": {"significant": bool(remaining), "tests": remaining},
         "unknowns": {n: {"value": v, "unit": u.unit} for n, (u, v) in g.unknowns.items()},
