@@ -57,18 +57,24 @@ def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
 
 def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | None:
     """The answer for sensors that move, and the mended noise model; None where nothing moves."""
+    from kfgen.gap.missing import with_missing
     from kfgen.gap.motion import motion_scene
     from kfgen.gap.outcome import find_scene_gap
     from kfgen.noise import noise_text
     from kfgen.report.scene import scene_answer, units_of_channels
 
-    scene = motion_scene(log, believed) or _turned_about(log, believed)
+    whole, said = with_missing(log)
+    scene: Scene | None = motion_scene(whole, believed)
+    if scene is None:
+        scene, said = _turned_about(log, believed), ()
     if scene is None:
         return None
     found = find_scene_gap(scene)
     after = _with_findings(believed, found)
     texts = noise_text(believed), noise_text(after)
-    return scene_answer(log, found, units_of_channels(log), texts), after
+    answer = scene_answer(log, found, units_of_channels(log), texts)
+    words = (*said, *answer.warnings)
+    return replace(answer, warnings=words, data=answer.data | {"warnings": list(words)}), after
 
 
 def _turned_about(log: Log, believed: NoiseModel) -> Scene | None:
