@@ -109,8 +109,11 @@ def _spoilt(scene: Scene, faults: Sequence[Placed]) -> SceneGap:
     believed = fitted(scene, Point((), _values(scene)))
     findings = tuple(map(_said, faults))
     if findings and isinstance(scene, Undecided):
-        share = 1.0 / (1 + len(scene.either))
-        others = tuple((p.effect.name, p.where, share) for p in scene.either)
+        first = (findings[0].placed.effect.name, findings[0].placed.where)
+        labels = dict.fromkeys((p.effect.name, p.where) for p in scene.either)
+        labels.pop(first, None)
+        share = 1.0 / (1 + len(labels))
+        others = tuple((*label, share) for label in labels)
         findings = (replace(findings[0], probability=share, alternatives=others), *findings[1:])
     tests = tuple(tests_of(scene, believed))
     rms = tuple((c, r, r) for c, r, _ in _rms(scene, believed, believed))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import kfgen
 from kfgen.effects.base import Parameter
 from kfgen.effects.integrity import Fault
+from kfgen.effects.magnetic import SoftIron
 from kfgen.gap.battery import RATE, Test
 from kfgen.gap.louder import Louder
 from kfgen.gap.outcome import PlacedFinding, SceneGap
@@ -53,7 +54,11 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
     texts : (str, str)
         The model's file before and after.
     """
-    words = [_verdict(g), *map(_louder_words, g.louder), *(finding_words(f, unit_of) for f in g.findings)]
+    words = [
+        _verdict(g),
+        *map(_louder_words, g.louder),
+        *(finding_words(f, unit_of, g.unknowns) for f in g.findings),
+    ]
     rows = [*gap_rows(g.gap, bool(g.findings or g.louder)), *_rms_rows(g)]
     unseen = _limit_lines(g, unit_of)
     lines = [f"{w}." for w in words] + [columns(rows), *(f"  {w}" for w in unseen)]
@@ -101,13 +106,21 @@ def _louder_words(c: Louder) -> str:
     return f"{c.channel}: its noise is {c.times:.3g} times as large as believed (95 %: {lo:.3g} to {hi:.3g})"
 
 
-def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
-    """A missing effect in words: what, where, how large, how sure, what else it could be."""
+def finding_words(f: PlacedFinding, unit_of: UnitOf, unknowns: Iterable[str] = ()) -> str:
+    """A missing effect in words: what, where, how large, how sure, what else it could be.
+
+    Parameters
+    ----------
+    unknowns : iterable of str
+        What was fitted beside the effects.
+    """
     if isinstance(f.placed.effect, Fault):
         words = f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
         others = [f"{name} of {where}" for name, where, _ in f.alternatives]
+        own = f"{f.placed.effect.name} of {f.placed.where}"
+        others = [w for w in dict.fromkeys(others) if w != own]
         return f"{words}. Just as well it is {' or '.join(others)}" if others else words
-    words = f"{_what(f, unit_of)}. It is {percent(f.probability)} probable among all candidates"
+    words = f"{_what(f, unit_of)}{_measured_by(f, unknowns)}. It is {percent(f.probability)} probable among all candidates"
     near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
     if f.indistinguishable:
@@ -117,6 +130,17 @@ def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     if near:
         words += f"; in this log it looks nearly like {', '.join(near[:3])}"
     return words
+
+
+def _measured_by(f: PlacedFinding, unknowns: Iterable[str]) -> str:
+    """Which scales of soft iron were taken to be zero, where nobody knows how large the field is."""
+    scales = ("xx", "yy", "zz")
+    taken = [e for e in scales if e not in f.ci95]
+    unknown = any("field" in name.split() for name in unknowns)
+    if not (isinstance(f.placed.effect, SoftIron) and unknown and 0 < len(taken) < len(scales)):
+        return ""
+    held = f"{' and '.join(taken)} {'is' if len(taken) == 1 else 'are'} taken to be zero"
+    return f"; in a field of unknown size only differences of xx, yy and zz can be seen: {held}"
 
 
 def _likened(f: PlacedFinding, name: str) -> str:
@@ -323,7 +347,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
         "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
         "parameters": parameters_of(f, unit_of),
         "where": {"from_s": t0, "to_s": t1},
-        "sentence": finding_words(f, unit_of),
+        "sentence": finding_words(f, unit_of, g.unknowns),
     }
 
 
