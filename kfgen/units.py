@@ -361,6 +361,10 @@ def derived_unit(template: str, unit: str) -> str:
     """
     unit = _typed(unit)
     unit = "K" if unit == "degC" else unit  # a size of an effect is a difference
+    if unit.strip() in ("", "1"):  # 1/U and U/s are no unit and 1/s
+        text = re.sub(r"/\(U\)(\^[0-9.]+)?", "", re.sub(r"\bU\*", "", template))
+        text = re.sub(r"(?<!sqrt)\(([^()*/]+)\)", r"\1", re.sub(r"\bU\b", "1", text))
+        return "" if text == "1" else text
     plain = re.fullmatch(r"[A-Za-z%]+(/[A-Za-z]+(\^[0-9.]+)?)*", unit) is not None
     text = unit if plain else f"({unit.strip() or 1})"
     text = re.sub(r"\(\(([^()]*)\)\)", r"(\1)", re.sub(r"\bU\b", text, template))

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from kfgen.gap.outcome import SceneGap
     from kfgen.gap.scene import Scene
     from kfgen.log import Log
-    from kfgen.noise import NoiseModel
+    from kfgen.noise import ChannelNoise, NoiseModel
     from kfgen.report.page import Answer
 
 
@@ -45,24 +47,34 @@ def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
     trusted = {n: v for n, (_, v) in found.unknowns.items() if n in believed.parameters}
     missing = [f.placed for f in found.findings if not isinstance(f.placed.effect, Fault)]
     after = mended(believed, missing, trusted if missing else None)
+    noises = _retuned({n: m.noise for n, m in after.measurements.items()}, found)
+    after = replace(
+        after, measurements={n: replace(m, noise=noises[n]) for n, m in after.measurements.items()}
+    )
     texts = model_text(believed), model_text(after)
     return scene_answer(log, found, scene.unit, texts), texts[1]
 
 
 def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | None:
     """The answer for sensors that move, and the mended noise model; None where nothing moves."""
+    from kfgen.gap.missing import with_missing
     from kfgen.gap.motion import motion_scene
     from kfgen.gap.outcome import find_scene_gap
     from kfgen.noise import noise_text
     from kfgen.report.scene import scene_answer, units_of_channels
 
-    scene = motion_scene(log, believed) or _turned_about(log, believed)
+    whole, said = with_missing(log)
+    scene: Scene | None = motion_scene(whole, believed)
+    if scene is None:
+        scene, said = _turned_about(log, believed), ()
     if scene is None:
         return None
     found = find_scene_gap(scene)
     after = _with_findings(believed, found)
     texts = noise_text(believed), noise_text(after)
-    return scene_answer(log, found, units_of_channels(log), texts), after
+    answer = scene_answer(log, found, units_of_channels(log), texts)
+    words = (*said, *answer.warnings)
+    return replace(answer, warnings=words, data=answer.data | {"warnings": list(words)}), after
 
 
 def _turned_about(log: Log, believed: NoiseModel) -> Scene | None:
@@ -81,10 +93,23 @@ def _with_findings(believed: NoiseModel, found: SceneGap) -> NoiseModel:
     from kfgen.effects.integrity import Fault
     from kfgen.noise import Term
 
-    channels = dict(believed.channels)
+    channels = _retuned(believed.channels, found)
     for f in [f for f in found.findings if not isinstance(f.placed.effect, Fault)]:
         where = f.placed.where
         for name in [c for c in channels if where in (c, c.rpartition("_")[0])]:
             old = channels[name]
             channels[name] = replace(old, terms=(*old.terms, Term(f.placed.effect, f.ci95)), covariance=None)
     return replace(believed, channels=channels)
+
+
+def _retuned(channels: Mapping[str, ChannelNoise], found: SceneGap) -> dict[str, ChannelNoise]:
+    """The noise of channels, of the size that was found."""
+    from kfgen.gap.louder import scaled
+    from kfgen.noise import Term
+
+    out = dict(channels)
+    for louder in found.louder:
+        for name in [c for c in out if louder.channel in (c, c.rpartition("_")[0])]:
+            terms = tuple(Term(scaled(t.effect, louder.times)) for t in out[name].terms)
+            out[name] = replace(out[name], terms=terms, covariance=None)
+    return out

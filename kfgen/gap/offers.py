@@ -29,6 +29,7 @@ from kfgen.effects.motion import (
     products,
 )
 from kfgen.gap.scene import Placed
+from kfgen.gap.screen import LOST
 from kfgen.gap.spans import best_span
 from kfgen.gap.truth import Truth
 from kfgen.units import STANDARD_GRAVITY
@@ -37,6 +38,8 @@ Array = NDArray[np.float64]
 
 SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
+SOME = 4000
+"""Samples from which is seen whether directions can be told apart."""
 EARTH = 7.292115e-5
 """Rate of the earth [rad/s]."""
 IN_TIME = ("rate_ramp", "warm_up")
@@ -80,6 +83,10 @@ class Bench:
         """The axes of a sensor that moved."""
         return [a for _, s, a in self.moved if s == sensor]
 
+    def every(self, sensor: str) -> list[int]:
+        """The axes of a sensor that are compared, moved or not."""
+        return sorted(a for _, s, a in (*self.moved, *self.still) if s == sensor)
+
     def size(self, sensor: str) -> float:
         """Root mean square of what a triad should have read [U]."""
         y = self.truth.signals(sensor, self.field).y
@@ -95,8 +102,9 @@ def offers(bench: Bench, placed: Sequence[Placed]) -> list[list[Placed]]:
             found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
         found += _in_time(bench, name, sensor)
     for name, sensor, axis in bench.still:
-        if sensor in sensors and sensor != "mag":
-            found += _rows(bench, name, sensor, axis) + _in_time(bench, name, sensor)
+        if sensor in sensors:
+            found += [] if sensor == "mag" else _rows(bench, name, sensor, axis)
+            found += _in_time(bench, name, sensor)
     for sensor in sensors:
         found += _lags(bench, sensor)
     if "accel" in sensors:
@@ -104,7 +112,7 @@ def offers(bench: Bench, placed: Sequence[Placed]) -> list[list[Placed]]:
     if len(bench.axes("gyro")) == 3 and bench.truth.R_bn is not None:
         found.append([Placed(EarthRate(EARTH, EARTH, EARTH), "gyro")])
     if "mag" in sensors:
-        found += list(_magnetic(bench, placed))
+        found += list(_magnetic(bench))
     return [one for one in found if not _there(one[0], placed)]
 
 
@@ -179,32 +187,62 @@ def _forces(bench: Bench) -> list[list[Placed]]:
     return found
 
 
-def _magnetic(bench: Bench, placed: Sequence[Placed]) -> Iterator[list[Placed]]:
+def _magnetic(bench: Bench) -> Iterator[list[Placed]]:
     """Iron, always or for a while, and disturbances in space."""
     h = SMALL * bench.size("mag")
-    axes = bench.axes("mag")
-    entries = {AXES[i]: h for i in axes}
-    yield [Placed(HardIron(**entries), "mag")]
-    for i in axes if len(axes) > 1 else ():
-        yield [Placed(HardIron(**{AXES[i]: h}), "mag")]
+    axes, every = bench.axes("mag"), bench.every("mag")
     known = "mag" in bench.truth.read
-    for i in axes:
-        row = [AXES[i] + AXES[j] for j in axes]
-        for e in row:
-            yield [Placed(SoftIron(**{e: SMALL}), "mag")]
-    full = [AXES[i] + AXES[j] for i in axes for j in axes]
-    if len(axes) > 1:
-        # Of an unknown field the whole size is unknown, so the scale of the last axis is its measure.
-        yield [Placed(SoftIron(**dict.fromkeys(full if known else full[:-1], SMALL)), "mag")]
-    if len(axes) < 3:
-        return
+    # Beside a field that is unknown, a constant on an axis along which it stands still is part of it.
+    offset = every if known else axes
+    yield [Placed(HardIron(**{AXES[i]: h for i in offset}), "mag")]
+    for i in offset if len(offset) > 1 else ():
+        yield [Placed(HardIron(**{AXES[i]: h}), "mag")]
+    entries = [AXES[i] + AXES[j] for i in every for j in axes]
+    for e in entries:
+        yield [Placed(SoftIron(**{e: SMALL}), "mag")]
+    if len(entries) > 1:
+        yield [Placed(SoftIron(**dict.fromkeys(_told_apart(bench, entries), SMALL)), "mag")]
+    if len(every) == 3:
+        yield from _for_a_while(bench, h)
+
+
+def _for_a_while(bench: Bench, h: float) -> Iterator[list[Placed]]:
+    """A field in the body or in space for the span in which it explains most; it may show along an axis that is still."""
+    R_bn = None if "mag" in bench.truth.read else bench.truth.R_bn
     for cls, in_body in ((HardIron, True), (MagneticDisturbance, False)):
         if cls is MagneticDisturbance and bench.truth.R_bn is None:
             continue
-        span = best_span(bench.truth.t, bench.mag, bench.good, None if known else bench.truth.R_bn, in_body)
+        span = best_span(bench.truth.t, bench.mag, bench.good, R_bn, in_body)
         if span is not None:
             times = {"time": span.start, "duration": span.stop - span.start, "edge": span.edge}
-            yield [Placed(cls(**entries, **times), "mag")]
+            yield [Placed(cls(**dict.fromkeys(AXES, h), **times), "mag")]
+
+
+def _told_apart(bench: Bench, entries: Sequence[str]) -> list[str]:
+    """The entries of a matrix that are no sum of the ones before and of another field in space.
+
+    Of an unknown field the whole size is unknown, so the scale of the last axis is its measure; where a body turns
+    about one axis alone, so is its direction about it.
+    """
+    some = np.flatnonzero(bench.good)
+    some = some[:: max(1, some.size // SOME)]
+    u, every = bench.truth.signals("mag", bench.field).y[some], bench.every("mag")
+    columns: list[Array] = []
+    if "mag" not in bench.truth.read and bench.truth.R_bn is not None:
+        columns = [bench.truth.R_bn[some][:, every, k].ravel() for k in range(3)]
+    kept = []
+    for e in entries:
+        column = np.zeros((some.size, 3))
+        column[:, AXES.index(e[0])] = u[:, AXES.index(e[1])]
+        new = column[:, every].ravel()
+        left = new
+        if columns:
+            A = np.column_stack(columns)
+            left = new - A @ np.linalg.lstsq(A, new, rcond=1e-9)[0]
+        if np.linalg.norm(left) > LOST * np.linalg.norm(new):
+            kept.append(e)
+            columns.append(new)
+    return kept
 
 
 def _in_time(bench: Bench, name: str, sensor: str) -> list[list[Placed]]:

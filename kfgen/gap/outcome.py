@@ -8,20 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.errors import InputError
 from kfgen.gap.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.engine import Added, Explained, limits
-from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed, over_levels
-from kfgen.gap.proof import HELD_OUT, Gap, divergence
+from kfgen.gap.louder import Louder, levels_in, louder_in
+from kfgen.gap.newton import Fitted, coordinates, fitted, is_signed
+from kfgen.gap.proof import Gap
 from kfgen.gap.scene import Driven, Inspected, Placed, Point, Scene, Telling, Trusting, Undecided, Unknown
 from kfgen.gap.screen import basis
 from kfgen.gap.search import SET
+from kfgen.gap.unseen import band_edges, held_out
 from kfgen.gap.whitened import Whitener
 from kfgen.gap.written import Answered, answered
 
 Array = NDArray[np.float64]
-
-BANDS_PER_DECADE = 3
 
 
 @dataclass(frozen=True)
@@ -76,6 +75,8 @@ class SceneGap:
         What would not have been seen [SI].
     idle : tuple of str
         Inputs that never change.
+    louder : tuple of Louder
+        Channels whose noise is of another size than believed.
     """
 
     scene: Scene
@@ -89,6 +90,7 @@ class SceneGap:
     fit: Fitted
     limits: tuple[tuple[Placed, str, float], ...] = ()
     idle: tuple[str, ...] = ()
+    louder: tuple[Louder, ...] = ()
 
     @property
     def unknowns(self) -> dict[str, tuple[Unknown, float]]:
@@ -107,8 +109,11 @@ def _spoilt(scene: Scene, faults: Sequence[Placed]) -> SceneGap:
     believed = fitted(scene, Point((), _values(scene)))
     findings = tuple(map(_said, faults))
     if findings and isinstance(scene, Undecided):
-        share = 1.0 / (1 + len(scene.either))
-        others = tuple((p.effect.name, p.where, share) for p in scene.either)
+        first = (findings[0].placed.effect.name, findings[0].placed.where)
+        labels = dict.fromkeys((p.effect.name, p.where) for p in scene.either)
+        labels.pop(first, None)
+        share = 1.0 / (1 + len(labels))
+        others = tuple((*label, share) for label in labels)
         findings = (replace(findings[0], probability=share, alternatives=others), *findings[1:])
     tests = tuple(tests_of(scene, believed))
     rms = tuple((c, r, r) for c, r, _ in _rms(scene, believed, believed))
@@ -131,14 +136,18 @@ def _rms(scene: Scene, before: Fitted, after: Fitted) -> tuple[tuple[str, float,
 def _gap_of(answer: Answered) -> SceneGap:
     """The answer where effects were looked for."""
     scene, found = answer.scene, answer.found
-    before, after = tests_of(scene, found.believed), tests_of(scene, found.fit)
+    before = tests_of(scene, found.believed)
+    after, louder = _mended_tests(scene, found.fit)
+    levels = levels_in(scene, louder)
     said = scene.said if isinstance(scene, Telling) else ()
     findings = (*map(_said, said), *(_finding(scene, a, i, found) for i, a in enumerate(found.added)))
-    verdict = "effects_found" if findings else "no_gap"
+    verdict = "effects_found" if findings or louder else "no_gap"
     if any(t.significant for _, t in after):
         verdict = "unknown_effect"
     idle = scene.idle if isinstance(scene, Driven) else ()
-    rms = _rms(scene, found.believed, found.fit)
+    rms = tuple(
+        (c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.believed, found.fit), levels.tolist())
+    )
     if verdict == "unknown_effect" and idle and isinstance(scene, Driven) and scene.astray:
         return replace(_spoilt(scene, ()), limits=tuple(limits(scene, found.believed)), idle=idle)
     return SceneGap(
@@ -147,13 +156,25 @@ def _gap_of(answer: Answered) -> SceneGap:
         findings,
         tuple(before),
         tuple(after),
-        held_out(answer),
+        held_out(answer, levels != 1.0),
         rms,
         found.believed,
         found.fit,
         tuple(limits(scene, found.fit)),
         idle,
+        louder,
     )
+
+
+def _mended_tests(scene: Scene, fit: Fitted) -> tuple[list[tuple[str, Test]], tuple[Louder, ...]]:
+    """The tests on what the mended model leaves; noise of another size is mended where that explains all."""
+    after = tests_of(scene, fit)
+    if not any(t.significant for _, t in after):
+        return after, ()
+    louder = louder_in(scene, fit)
+    each = np.repeat(levels_in(scene, louder), scene.lengths)
+    anew = tests_of(scene, replace(fit, residual=fit.residual / each)) if louder else after
+    return (after, ()) if any(t.significant for _, t in anew) else (anew, louder)
 
 
 def _finding(scene: Scene, added: Added, index: int, found: Explained) -> PlacedFinding:
@@ -202,14 +223,9 @@ def tests_of(scene: Scene, fit: Fitted) -> list[tuple[str, Test]]:
     return [(t.name.split("\n")[0], replace(t, name=t.name.split("\n")[1])) for t in held]
 
 
-def _edges(n: int) -> NDArray[np.int64]:
-    count = max(2, int(np.log10(n) * BANDS_PER_DECADE))
-    return np.unique(np.concatenate([[0.0, 1.0], np.geomspace(2.0, n, count).round()])).astype(np.int64)
-
-
 def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
     """Power in bands, of which each ordinate has as many degrees of freedom as are left to it."""
-    edges, n = _edges(X.size), X.size
+    edges, n = band_edges(X.size), X.size
     out = []
     for lo, hi in zip(edges[:-1].tolist(), edges[1:].tolist()):
         total, m = float(X[lo:hi] @ X[lo:hi]), float(left[lo:hi].sum())
@@ -218,60 +234,5 @@ def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
     return out
 
 
-def held_out(answer: Answered) -> Gap:
-    """The gap over the last part of the log: effects from the first part, only what is unknown fitted anew."""
-    scene, found = answer.scene, answer.found
-    t0, t1 = scene.span
-    cut = t0 + (1.0 - HELD_OUT) * (t1 - t0)
-    try:
-        seen, unseen, written = scene.part(t0, cut), scene.part(cut, t1), answer.written.part(cut, t1)
-    except (ValueError, InputError):
-        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
-    placed = found.fit.point.placed
-    trained = fitted(seen, Point(placed, _values(seen))).point.placed if placed else ()
-    before = fitted(written, Point((), _values(written)))
-    after = fitted(_Frozen(unseen, trained), Point((), _values(unseen)))
-    r0, m = _ratios(written, before)
-    r1, _ = _ratios(unseen, after)
-    return divergence(r0, r1, m, "the last 30 % of the log")
-
-
 def _values(scene: Scene) -> Array:
     return np.array([u.start for u in scene.unknowns])
-
-
-def _ratios(scene: Scene, fit: Fitted) -> tuple[Array, Array]:
-    """Mean power in bands, over all channels, and how many ordinates each has."""
-    z = over_levels(scene, fit.residual, np.ones(len(scene.channels)))
-    r, m = [], []
-    for X in np.split(z, np.cumsum(scene.lengths)[:-1]):
-        edges = _edges(X.size)
-        m.append(np.diff(edges).astype(float))
-        r.append(np.maximum(np.add.reduceat(X**2, edges[:-1]) / m[-1], 1e-12))
-    return np.concatenate(r), np.concatenate(m)
-
-
-@dataclass(frozen=True)
-class _Frozen:
-    """A scene in which effects stand as they are."""
-
-    scene: Scene
-    placed: tuple[Placed, ...]
-
-    channels = property(lambda self: self.scene.channels)
-    lengths = property(lambda self: self.scene.lengths)
-    dt = property(lambda self: self.scene.dt)
-    span = property(lambda self: self.scene.span)
-    unknowns = property(lambda self: self.scene.unknowns)
-
-    def residuals(self, points: Sequence[Point]) -> Array:
-        """With the effects in place."""
-        return self.scene.residuals([Point((*self.placed, *p.placed), p.unknowns) for p in points])
-
-    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
-        """None."""
-        return []
-
-    def part(self, start: float, stop: float) -> Scene:
-        """Not asked for."""
-        raise NotImplementedError

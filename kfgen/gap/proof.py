@@ -130,9 +130,9 @@ def judged(
 def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
     """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance."""
     chance = np.random.default_rng(0).chisquare(m, (DRAWS, m.size)) / m
-    lost0, lost1, n = float(_lost(r0, m)), float(_lost(r1, m)), float(m.sum())
-    draws0 = _lost(r0 * chance, m) - 0.5 * m.size
-    draws1 = np.maximum(_lost(r1 * chance, m) - 0.5 * m.size, 0.0)
+    lost0, lost1, n = float(lost(r0, m)), float(lost(r1, m)), float(m.sum())
+    draws0 = lost(r0 * chance, m) - 0.5 * m.size
+    draws1 = np.maximum(lost(r1 * chance, m) - 0.5 * m.size, 0.0)
     closed = 1.0 - max(lost1, 0.0) / lost0 if lost0 > 0.0 else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(draws0 > 0.0, 1.0 - draws1 / draws0, 0.0)
@@ -193,5 +193,6 @@ def ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tupl
     return np.array([p[1] for p in parts]) / m, m
 
 
-def _lost(r: Array, m: Array) -> Array:
+def lost(r: Array, m: Array) -> Array:
+    """Nats lost against each band's own level, less what chance loses, shape (...,) of ratios (..., bands)."""
     return np.asarray((0.5 * m * (r - 1.0 - np.log(r)) - 0.5).sum(axis=-1))

@@ -162,10 +162,12 @@ def _search(
         N = sums.count[-1]
         J = J - np.swapaxes(C, 1, 2) @ C / N
         b = b - np.einsum("kmi,m->ki", C, _turned(m_b, good, R_bn)) / N
-    weak = np.linalg.eigvalsh(J)[:, 0] < 1e-3 * np.maximum(L, 1.0)
-    J[weak] = np.eye(3)
-    h = np.linalg.solve(J, b[..., None])[..., 0]
-    gain = np.where(weak, 0.0, np.einsum("ki,ki->k", b, h))
+    # What of the vector is a field that is there all the time, or falls on no sample, is left out of it.
+    size, V = np.linalg.eigh(J)
+    seen = size > 1e-3 * np.maximum(L, 1.0)[:, None]
+    along = np.where(seen, np.einsum("kij,ki->kj", V, b) / np.where(seen, size, 1.0), 0.0)
+    h = np.einsum("kij,kj->ki", V, along)
+    gain = np.einsum("ki,ki->k", b, h)
     k = int(np.argmax(gain))
     return int(sums.edges[i[k]]), int(sums.edges[j[k]]), h[k], float(gain[k])
 

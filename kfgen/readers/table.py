@@ -211,7 +211,8 @@ def _unit(table: Table, name: str, column: Column) -> str:
         raise InputError(
             f"column '{name}' has no unit",
             where=table.source,
-            remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'",
+            remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'; "
+            "a number without a unit is in [1]",
         )
     try:
         parse_unit(column.unit)

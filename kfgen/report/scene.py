@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 import kfgen
 from kfgen.effects.base import Parameter
 from kfgen.effects.integrity import Fault
+from kfgen.effects.magnetic import SoftIron
 from kfgen.gap.battery import RATE, Test
+from kfgen.gap.louder import Louder
 from kfgen.gap.outcome import PlacedFinding, SceneGap
 from kfgen.gap.proof import METRIC
 from kfgen.gap.scene import Placed
@@ -52,8 +54,12 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
     texts : (str, str)
         The model's file before and after.
     """
-    words = [_verdict(g), *(finding_words(f, unit_of) for f in g.findings)]
-    rows = [*gap_rows(g.gap, bool(g.findings)), *_rms_rows(g)]
+    words = [
+        _verdict(g),
+        *map(_louder_words, g.louder),
+        *(finding_words(f, unit_of, g.unknowns) for f in g.findings),
+    ]
+    rows = [*gap_rows(g.gap, bool(g.findings or g.louder)), *_rms_rows(g)]
     unseen = _limit_lines(g, unit_of)
     lines = [f"{w}." for w in words] + [columns(rows), *(f"  {w}" for w in unseen)]
     diff = "\n".join(
@@ -87,16 +93,34 @@ def _verdict(g: SceneGap) -> str:
     if g.verdict == "bad_data" and g.idle:
         moving, still = ", ".join(g.scene.channels), ", ".join(g.idle)
         return f"{moving}: what was recorded is not driven by the input {still}, which never changes; check its column"
+    if g.louder and not g.findings:
+        return (
+            f"{', '.join(g.scene.channels)}: the structure of the model holds, the size of its noise does not"
+        )
     return f"{', '.join(g.scene.channels)}: {VERDICTS[g.verdict]}"
 
 
-def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
-    """A missing effect in words: what, where, how large, how sure, what else it could be."""
+def _louder_words(c: Louder) -> str:
+    """Noise of another size in words."""
+    lo, hi = c.ci95
+    return f"{c.channel}: its noise is {c.times:.3g} times as large as believed (95 %: {lo:.3g} to {hi:.3g})"
+
+
+def finding_words(f: PlacedFinding, unit_of: UnitOf, unknowns: Iterable[str] = ()) -> str:
+    """A missing effect in words: what, where, how large, how sure, what else it could be.
+
+    Parameters
+    ----------
+    unknowns : iterable of str
+        What was fitted beside the effects.
+    """
     if isinstance(f.placed.effect, Fault):
         words = f.placed.effect.sentence(f.placed.where, unit_of(f.placed))
         others = [f"{name} of {where}" for name, where, _ in f.alternatives]
+        own = f"{f.placed.effect.name} of {f.placed.where}"
+        others = [w for w in dict.fromkeys(others) if w != own]
         return f"{words}. Just as well it is {' or '.join(others)}" if others else words
-    words = f"{_what(f, unit_of)}. It is {percent(f.probability)} probable among all candidates"
+    words = f"{_what(f, unit_of)}{_measured_by(f, unknowns)}. It is {percent(f.probability)} probable among all candidates"
     near = [n for (n, _), c in sorted(f.alike.items(), key=lambda a: -a[1]) if c > 0.95]
     near = [n for n in dict.fromkeys(near) if n != f.placed.effect.name]
     if f.indistinguishable:
@@ -106,6 +130,17 @@ def finding_words(f: PlacedFinding, unit_of: UnitOf) -> str:
     if near:
         words += f"; in this log it looks nearly like {', '.join(near[:3])}"
     return words
+
+
+def _measured_by(f: PlacedFinding, unknowns: Iterable[str]) -> str:
+    """Which scales of soft iron were taken to be zero, where nobody knows how large the field is."""
+    scales = ("xx", "yy", "zz")
+    taken = [e for e in scales if e not in f.ci95]
+    unknown = any("field" in name.split() for name in unknowns)
+    if not (isinstance(f.placed.effect, SoftIron) and unknown and 0 < len(taken) < len(scales)):
+        return ""
+    held = f"{' and '.join(taken)} {'is' if len(taken) == 1 else 'are'} taken to be zero"
+    return f"; in a field of unknown size only differences of xx, yy and zz can be seen: {held}"
 
 
 def _likened(f: PlacedFinding, name: str) -> str:
@@ -216,7 +251,7 @@ def _figures(g: SceneGap) -> list[Part]:
         block = max(1, a.size // 600)
         t = np.linspace(*g.scene.span, a.size)
         lines = [Line("believed model", *_blocks(t, a, block), BEFORE)]
-        if g.findings:
+        if g.findings or g.louder:
             lines.append(Line("mended model", *_blocks(t, b, block), AFTER))
         label = f"{channel}, residual over noise"
         parts.append(
@@ -252,6 +287,8 @@ def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
             "closed_fraction": g.gap.closed,
             "ci95": list(g.gap.ci95),
         },
+        "retuned": [c.channel for c in g.louder],
+        "noise_times": {c.channel: {"value": c.times, "ci95": list(c.ci95)} for c in g.louder},
         "rms_in_deviations": {c: {"before": a, "after": b} for c, a, b in g.rms},
         "remaining": {"significant": bool(remaining), "tests": remaining},
         "unknowns": {n: {"value": v, "unit": u.unit} for n, (u, v) in g.unknowns.items()},
@@ -310,7 +347,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
         "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
         "parameters": parameters_of(f, unit_of),
         "where": {"from_s": t0, "to_s": t1},
-        "sentence": finding_words(f, unit_of),
+        "sentence": finding_words(f, unit_of, g.unknowns),
     }
 
 

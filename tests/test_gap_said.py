@@ -1,0 +1,61 @@
+"""What the answer of a world that moves says: no unit where there is none, nothing twice, what is taken to be zero."""
+
+from __future__ import annotations
+
+import pytest
+
+from kfgen.effects import make
+from kfgen.effects.integrity import UnitError
+from kfgen.effects.magnetic import SoftIron
+from kfgen.gap.outcome import PlacedFinding
+from kfgen.gap.scene import Placed
+from kfgen.report.scene import finding_words
+from kfgen.units import derived_unit, parse_unit
+
+FIELD = ("field along 1_n", "field along 2_n", "field along 3_n")
+
+
+def soft_iron(*entries: str) -> PlacedFinding:
+    values = dict.fromkeys(entries, 0.003)
+    ci95 = dict.fromkeys(entries, (0.002, 0.004))
+    return PlacedFinding(Placed(SoftIron(**values), "mag"), ci95, 0.99, 30.0, (), {})
+
+
+@pytest.mark.parametrize(
+    ("entries", "unknowns", "said"),
+    [
+        (("xx", "xy", "yy"), FIELD, "only differences of xx, yy and zz can be seen: zz is taken to be zero"),
+        (("xx",), ("length of the field",), "can be seen: yy and zz are taken to be zero"),
+        (("xx", "xy", "yy"), (), ""),  # a reference says how large the field is
+        (("xy",), FIELD, ""),
+        (("xx", "yy", "zz"), FIELD, ""),
+    ],
+)
+def test_scales_of_soft_iron_that_are_taken_to_be_zero(
+    entries: tuple[str, ...], unknowns: tuple[str, ...], said: str
+) -> None:
+    """(1 + e) times a matrix in a field is the matrix in a field 1 + e times as large."""
+    words = finding_words(soft_iron(*entries), lambda _: "uT", unknowns)
+    assert said in words if said else "taken to be zero" not in words
+
+
+def test_another_fault_of_the_same_name_is_not_said() -> None:
+    others = (("unit_error", "u", 0.3), ("unit_error", "u", 0.3), ("sign_error", "u", 0.3))
+    found = PlacedFinding(Placed(UnitError(1000.0), "u"), {}, 0.1, 0.0, others, {})
+    assert finding_words(found, lambda _: "V").endswith("Just as well it is sign_error of u")
+
+
+@pytest.mark.parametrize(
+    ("template", "meant"),
+    [("U", ""), ("1/(U)", ""), ("1/(U)^2", ""), ("U/s", "1/s"), ("U*s", "s"), ("1/(U*s^2)", "1/s^2")],
+)
+@pytest.mark.parametrize("unit", ["", "1"])
+def test_a_number_has_no_unit(template: str, meant: str, unit: str) -> None:
+    assert derived_unit(template, unit) == meant
+    assert parse_unit(derived_unit("U/sqrt(Hz)", unit)).same_dimension(parse_unit("sqrt(s)"))
+
+
+def test_an_effect_of_a_dimensionless_input_is_said_in_plain_numbers() -> None:
+    placed = Placed(make("input_nonlinearity", k2=0.01, k3=0.0), "u")
+    words = finding_words(PlacedFinding(placed, {"k2": (0.009, 0.011)}, 0.99, 30.0, (), {}), lambda _: "")
+    assert "k2 = 0.01 (95 %: 0.009 to 0.011)" in words
