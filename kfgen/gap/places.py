@@ -36,8 +36,10 @@ LONGEST = 0.05
 """The longest of them, in records."""
 LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 """Start values of a saturation, in largest inputs."""
-PLAYS = (0.02, 0.1, 0.3)
-"""Start values of a backlash, in rms of the channel."""
+PLAY = 0.3
+"""Widest start value of a backlash, in rms of the channel; the narrowest is a deviation of its noise."""
+FINER = 2.5
+"""Times by which its start values differ at most: what turns at a width is seen from nearby only."""
 SPEEDS = ("m/s", "rad/s", "Hz")
 NO_SPEED = 2.0
 """Nats by which dry friction and drag are rarer in the equation of a state that is no speed."""
@@ -49,7 +51,7 @@ def additions(
     model: UserModel,
     inputs: Mapping[str, Array],
     speeds: Mapping[str, float],
-    seen: Mapping[str, float],
+    seen: Mapping[str, tuple[float, float]],
     times: tuple[float, float, float],
     placed: Sequence[Placed],
 ) -> list[list[Placed]]:
@@ -60,8 +62,8 @@ def additions(
     inputs : mapping of str to ndarray, shape (n,)
     speeds : mapping of str to float
         Rms of each state [SI].
-    seen : mapping of str to float
-        Rms of each channel about its mean [SI].
+    seen : mapping of str to (float, float)
+        Rms of each channel about its mean, and deviation of its noise [SI].
     times : (float, float, float)
         Sampling period, length of the record, and how late the channels seem to be [s].
     """
@@ -71,10 +73,9 @@ def additions(
         found += [[(name, e)] for e in _terms(model, name, speeds[name])]
     for name, u in inputs.items():
         found += [[(name, e) for e in starts] for starts in _changes(name, u, late)]
-    for name, size in seen.items():
+    for name, (size, noise) in seen.items():
         found.append([(name, SensorLag(t)) for t in late])
-        if size > 0.0:
-            found.append([(name, Backlash(share * size)) for share in PLAYS])
+        found.append([(name, Backlash(width)) for width in _plays(size, noise)])
     found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]
     known = {(p.where, p.effect.name) for p in placed} | _present(model)
     return [
@@ -117,6 +118,15 @@ def _late(times: tuple[float, float, float]) -> list[float]:
     dt, duration, seen = times
     usual = [k * dt for k in TIMES if k * dt <= LONGEST * duration] or [dt]
     return [*usual, seen] if seen > usual[-1] else usual
+
+
+def _plays(size: float, noise: float) -> list[float]:
+    """Widths from the noise of a channel up: at every reversal the narrowest matters as well as the widest."""
+    if not size > 0.0:
+        return []
+    narrowest = min(noise, PLAY * size)
+    count = 2 + int(np.log(PLAY * size / narrowest) / np.log(FINER))
+    return [float(w) for w in np.geomspace(narrowest, PLAY * size, count)]
 
 
 def _terms(model: UserModel, name: str, speed: float) -> list[PlantEffect]:

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.plant import ParameterError, PlantEffect
-from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
+from kfgen.gap.before import changed, independent, integrated, of_sensors, unsettled
 from kfgen.gap.places import additions
 from kfgen.gap.recorded import Recorded, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
@@ -269,14 +269,14 @@ class PlantScene:
         """The point of these effects with the unknowns as they are believed."""
         return Point(tuple(placed), np.array([u.value for u in self.unknowns]))
 
-    def _run(self, points: Sequence[Point]) -> Run:
+    def _run(self, points: Sequence[Point], before: Mapping[str, Array] | None = None) -> Run:
         own = self._own()
         kinds = (*((w, type(e)) for w, e in own), *_kinds(points[0].placed))
         plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
         run = plant.simulate(
             np.asarray(self.log.t),
             self.inputs,
-            self._batch(own, points),
+            replace(self._batch(own, points), before=before or {}),
             self.starts,
             self._parts.get(kinds, 1),
         )
@@ -317,34 +317,40 @@ class PlantScene:
         return Batch(parameters, tuple(effects), initial)
 
     def _whitened(self, channels: Mapping[str, Array], points: Sequence[Point]) -> Array:
-        parts = []
-        for name, recorded in self.recorded.items():
-            left = recorded.whitener.ordinates(recorded.left(channels[name]))
-            for E in self._begun(name, channels[name], points):
-                left = recorded.integrated(left, E)
-            parts.append(left)
-        return np.concatenate(parts)
+        left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])
+        for E in self._begun(channels, points):
+            left = integrated(left, E)
+        return left
 
-    def _begun(self, name: str, shown: Array, points: Sequence[Point]) -> list[Array]:
-        """Whitened, what the sensor of a channel may have begun with, each of shape (n, points)."""
-        effects = [e for w, e in self._batch(self._own(), points).effects if w == name]
-        t = np.asarray(self.log.t)
-        return [self.recorded[name].begun(e, t, shown) for e in effects if isinstance(e, SensorChange)]
+    def _begun(self, shown: Mapping[str, Array], points: Sequence[Point]) -> list[Array]:
+        """Whitened, what sensors and late inputs may have begun with, each of shape (sum of lengths, points)."""
+        batch = self._batch(self._own(), points)
+        found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
+        for name, size in unsettled(batch, self.inputs).items():
+            columns, source = self._from_one_start(points)
+            before = np.repeat([0.0, size], len(columns))
+            run = self._run([*columns, *columns], {name: before})
+            found.append(changed(self.recorded, run.channels, len(columns))[:, source])
+        return independent(found)
+
+    def _from_one_start(self, points: Sequence[Point]) -> tuple[list[Point], list[int]]:
+        """Points without those that differ only in where segments start, if there are several; which each one is."""
+        first = len(self.starts) * len(self.model.states) if len(self.starts) > 1 else 0
+        keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
+        place = {k: i for i, k in enumerate(dict.fromkeys(keys))}
+        return [points[keys.index(k)] for k in place], [place[k] for k in keys]
 
     def spread(self, point: Point) -> float:
         """See `kfgen.gap.scene.Integrating`."""
-        if not any(isinstance(e, SensorChange) for _, e in self._batch(self._own(), [point]).effects):
-            return 0.0
-        shown = self._shown([point])
-        powers = [float(np.sum(E**2)) for n in self.recorded for E in self._begun(n, shown[n], [point])]
-        return 0.5 * float(np.sum(np.log1p(powers)))
+        columns = self._begun(self._shown([point]), [point])
+        return 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
 
     @property
     def shooting(self) -> Shooting:
         """What the search for segments needs."""
         own = tuple(self._own())
         plant = Plant(self.model, [(w, type(e)) for w, e in own])
-        weights = {n: float(r.whitener.weight[-1]) for n, r in self.recorded.items()}
+        weights = {n: 1.0 / r.noise for n, r in self.recorded.items()}
         data = {n: (r.at, r.values) for n, r in self.recorded.items()}
         return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
 
@@ -352,7 +358,7 @@ class PlantScene:
         """Every effect at every place where it makes sense, with start values from the believed motion."""
         run = self.simulated(self.believed())
         speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
-        seen = {n: _rms(r.values - r.values.mean()) for n, r in self.recorded.items()}
+        seen = {n: (_rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
         times = self.dt, self.span[1] - self.span[0], self.late
         found = additions(self.model, self.inputs, speeds, seen, times, placed)
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}

@@ -33,9 +33,14 @@ class Recorded:
     values: Array
     whitener: Whitener
 
+    @property
+    def noise(self) -> float:
+        """Deviation of the white noise of a sample [SI]."""
+        return 1.0 / float(self.whitener.weight[-1])
+
     def left(self, simulated: Array) -> Array:
         """Measured less simulated, shape (n, points), finite even where the simulation is not."""
-        far = FAR * max(float(np.ptp(self.values)), 1.0 / float(self.whitener.weight[-1]))
+        far = FAR * max(float(np.ptp(self.values)), self.noise)
         left = self.values[:, None] - simulated[self.at]
         return np.clip(np.where(np.isfinite(left), left, far), -far, far)
 
@@ -45,13 +50,6 @@ class Recorded:
         if found is None or not np.isfinite(found).all():
             return np.zeros((self.at.size, shown.shape[1]))
         return self.whitener.ordinates(found)
-
-    @staticmethod
-    def integrated(left: Array, E: Array) -> Array:
-        """Whitened residuals whose squares are what is left of the likelihood without a unit normal deviate times `E`."""
-        power = np.sum(E**2, axis=0)
-        kept = 1.0 / np.sqrt(1.0 + power)
-        return np.asarray(left - E * (np.sum(E * left, axis=0) / np.maximum(power, 1e-300) * (1.0 - kept)))
 
 
 def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
