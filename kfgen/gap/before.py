@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kfgen.effects.plant import InputChange
 from kfgen.effects.plant_sensor import SensorChange
 from kfgen.gap.recorded import Recorded
+from kfgen.gap.scene import Point
 from kfgen.model.plant import Batch
 
 Array = NDArray[np.float64]
@@ -56,6 +57,13 @@ def changed(recorded: Mapping[str, Recorded], shown: Mapping[str, Array], size: 
     power = np.sum(np.minimum(np.abs(out), FAR) ** 2, axis=0)
     whole = np.all([np.isfinite(v).all(axis=0) for v in shown.values()], axis=0)
     return np.where(whole[:size] & whole[size:] & (power < FAR), out, 0.0)
+
+
+def apart(points: Sequence[Point], first: int) -> tuple[list[Point], list[int]]:
+    """Points without those that differ only in so many `first` unknowns, and which of these each one is."""
+    keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
+    place = {k: i for i, k in enumerate(dict.fromkeys(keys))}
+    return [points[keys.index(k)] for k in place], [place[k] for k in keys]
 
 
 def integrated(left: Array, E: Array) -> Array:

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from kfgen.effects.plant import ParameterError, PlantEffect
 from kfgen.errors import InputError
-from kfgen.gap.before import changed, independent, integrated, of_sensors, unsettled
+from kfgen.gap.before import apart, changed, independent, integrated, of_sensors, unsettled
 from kfgen.gap.places import additions
-from kfgen.gap.recorded import Recorded, check_unit, recorded_of
+from kfgen.gap.recorded import Recorded, check_near, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.shooting import FIRST, Shooting, lateness, segments, shortest
 from kfgen.gap.trust import FAR_FROM
@@ -96,12 +96,15 @@ class PlantScene:
             An input is missing or not a number, no measurement is in the log, a unit does not fit, a
             measurement has no white noise, or the model cannot be simulated over the log.
         """
-        bare = PlantScene.bare(model, log)
-        shooting = bare.shooting
+        return PlantScene.bare(model, log).cut()
+
+    def cut(self) -> PlantScene:
+        """The scene in as many segments as its model needs to follow the log; raises as `of`."""
+        shooting = self.shooting
         starts, initial, parameters = segments(shooting)
         begun = dict(zip(shooting.free, parameters.tolist()))
         hidden = shooting.hidden(initial[0])
-        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
+        return replace(self, starts=starts, initial=initial, hidden=hidden, begun=begun)
 
     @staticmethod
     def bare(model: UserModel, log: Log) -> PlantScene:
@@ -213,7 +216,14 @@ class PlantScene:
         parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
         doubted = tuple(n for n in self.model.states if n in names)
         model = replace(self.model, parameters=parameters)
-        return replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+        scene = replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+        if len(self.starts) == 1 or not names:
+            return scene
+        scene = scene.cut()
+        if scene.astray:
+            run = scene.simulated(Point((), np.array([u.start for u in scene.unknowns])))
+            check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as believed")
+        return scene
 
     def stated(self, where: str) -> float:
         """See `kfgen.gap.scene.Trusting`."""
@@ -327,18 +337,13 @@ class PlantScene:
         batch = self._batch(self._own(), points)
         found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
         for name, size in unsettled(batch, self.inputs).items():
-            columns, source = self._from_one_start(points)
+            columns, source = apart(
+                points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
+            )
             before = np.repeat([0.0, size], len(columns))
             run = self._run([*columns, *columns], {name: before})
             found.append(changed(self.recorded, run.channels, len(columns))[:, source])
         return independent(found)
-
-    def _from_one_start(self, points: Sequence[Point]) -> tuple[list[Point], list[int]]:
-        """Points without those that differ only in where segments start, if there are several; which each one is."""
-        first = len(self.starts) * len(self.model.states) if len(self.starts) > 1 else 0
-        keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
-        place = {k: i for i, k in enumerate(dict.fromkeys(keys))}
-        return [points[keys.index(k)] for k in place], [place[k] for k in keys]
 
     def spread(self, point: Point) -> float:
         """See `kfgen.gap.scene.Integrating`."""
