@@ -11,6 +11,7 @@ from kfgen.effects import catalogue
 from kfgen.effects.plant import (
     ConstantInput,
     CoulombFriction,
+    DeadZone,
     InputDelay,
     InputLag,
     InputNonlinearity,
@@ -36,6 +37,8 @@ LONGEST = 0.05
 """The longest of them, in records."""
 LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 """Start values of a saturation, in largest inputs."""
+DEAD = (0.003, 0.03, 0.1, 0.3)
+"""Start values of a dead zone, in largest inputs."""
 PLAY = 0.3
 """Widest start value of a backlash, in rms of the channel; the narrowest is a deviation of its noise."""
 FINER = 2.5
@@ -154,4 +157,10 @@ def _changes(name: str, u: Array, late: Sequence[float]) -> list[list[PlantEffec
     if name.startswith("ref_"):
         return timing
     largest = float(np.abs(u).max())
-    return [*timing, [InputNonlinearity(0.0, 0.0)], [Saturation(share * largest) for share in LIMITS]]
+    sizes: list[list[PlantEffect]] = [
+        [InputNonlinearity(0.0, 0.0)],
+        [Saturation(s * largest) for s in LIMITS],
+    ]
+    if np.unique(np.abs(u[u != 0.0])).size > 1:  # of one size alone a dead zone is a wrong gain
+        sizes.append([DeadZone(s * largest) for s in DEAD])
+    return [*timing, *sizes]
