@@ -15,7 +15,7 @@ from click.testing import Result
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
-from kfgen.gap.recorded import Recorded
+from kfgen.gap.before import independent, integrated
 
 Cli = Callable[..., Result]
 
@@ -67,10 +67,23 @@ def test_what_a_sensor_began_with_is_integrated_out() -> None:
     """The density of unit white noise plus a unit normal deviate times a known shape."""
     rng = np.random.default_rng(5)
     r, E = rng.standard_normal((30, 2)), rng.standard_normal((30, 2)) * [3.0, 0.0]
-    left = Recorded.integrated(r, E)
+    left = integrated(r, E)
     for j in range(2):
         exact = multivariate_normal(np.zeros(30), np.eye(30) + np.outer(E[:, j], E[:, j])).logpdf(r[:, j])
         power = float(E[:, j] @ E[:, j])
         found = -0.5 * left[:, j] @ left[:, j] - 0.5 * np.log1p(power) - 15.0 * np.log(2.0 * np.pi)
         assert found == pytest.approx(exact, rel=1e-12)
     np.testing.assert_array_equal(left[:, 1], r[:, 1])
+
+
+def test_two_of_them_are_integrated_out_one_after_the_other() -> None:
+    """Columns that are made independent give the density of both together."""
+    rng = np.random.default_rng(8)
+    r = rng.standard_normal((30, 1))
+    E = [2.0 * rng.standard_normal((30, 1)), np.ones((30, 1))]
+    exact = multivariate_normal(np.zeros(30), np.eye(30) + sum(e @ e.T for e in E)).logpdf(r[:, 0])
+    found = -15.0 * np.log(2.0 * np.pi)
+    for e in independent(E):
+        r = integrated(r, e)
+        found -= 0.5 * np.log1p(float(np.sum(e**2)))
+    assert found - 0.5 * float(np.sum(r**2)) == pytest.approx(exact, rel=1e-12)

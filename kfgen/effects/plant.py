@@ -282,6 +282,22 @@ class Saturation(InputChange):
 
 
 @dataclass(frozen=True)
+class DeadZone(InputChange):
+    """An actuator that does nothing until its input exceeds a width, and gives what is beyond: ``u -+ width``."""
+
+    width: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "dead_zone"
+    title: ClassVar[str] = "dead zone of an actuator"
+    separator: ClassVar[str] = "small and large inputs of both signs"
+    saying: ClassVar[str] = "does nothing within {width} of zero"
+
+    def samples(self, u: Any) -> Any:
+        """What is beyond the width of either sign."""
+        return u - (abs(u + self.width) - abs(u - self.width)) / 2
+
+
+@dataclass(frozen=True)
 class ParameterError(PlantEffect):
     """A number of the model file that is off by `value`; JSON has the right one, by the number's own name."""
 

@@ -71,11 +71,11 @@ class SensorLag(SensorChange):
         return behind(t, h, self.tau, h[0] - np.asarray(self.tau) * first)
 
     def begun(self, t: Array, y: Array) -> Array:
-        """``exp(-t / tau)``, as large as it lags behind all along: ``tau dy/dt``."""
+        """``exp(-t / tau)``, as large as it lags behind all along and at first, where it may have rested: ``tau dy/dt``."""
         tau = np.atleast_1d(np.asarray(self.tau, dtype=np.float64))
         slope = np.diff(y, axis=0) / np.diff(t)[:, None]
         with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
-            late = tau * np.sqrt(np.mean(slope**2, axis=0))
+            late = tau * np.sqrt(np.mean(slope**2, axis=0) + slope[0] ** 2)
         return np.asarray(late * np.exp(-(t - t[0])[:, None] / tau))
 
 

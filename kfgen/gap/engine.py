@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.motion import free
+from kfgen.effects.plant import InputChange
+from kfgen.effects.plant_sensor import SensorChange
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.evidence import ABOVE, BETWEEN
 from kfgen.gap.newton import (
@@ -243,10 +245,18 @@ def _alike(a: Placed, b: Placed) -> bool:
 
 
 def _too_slow(scene: Scene, placed: Placed) -> bool:
-    """Whether a corner lies below the lowest frequency of the log: nothing passes, and that is another effect."""
-    lowest = 1.0 / (scene.span[1] - scene.span[0])
-    found = (p.name for p in free(placed.effect) if p.kind == "frequency")
-    return any(float(getattr(placed.effect, n)) < lowest for n in found)
+    """Whether a corner lies below the lowest frequency of the log, or what is late is later than the log is long.
+
+    Then nothing passes, and that is another effect.
+    """
+    longest = scene.span[1] - scene.span[0]
+    found = {p.name: p.kind for p in free(placed.effect)}
+    if any(
+        kind == "frequency" and float(getattr(placed.effect, n)) < 1.0 / longest for n, kind in found.items()
+    ):
+        return True
+    plant = isinstance(placed.effect, InputChange | SensorChange)
+    return plant and max(float(getattr(placed.effect, n, 0.0)) for n in ("lag", "late")) > longest
 
 
 def _blind(base: Fitted, fit: Fitted) -> bool:

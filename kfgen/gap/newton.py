@@ -36,6 +36,8 @@ FARTHEST = 1e12
 """Largest relative change where nothing shows it."""
 LONGEST = 1.0
 """Longest step in a logarithm."""
+BENT = 0.1
+"""Step in a logarithm from which on it is no longer one in the number itself."""
 
 Key = tuple[int, str]
 
@@ -222,11 +224,12 @@ def _stepped(
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     K = H / np.outer(scale, scale)
     logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys], bool)
-    tried = []
+    tried: list[Point] = []
+    least = 0
     for factor in (1.0, 1e2, 1e4, 1e6):
         d = np.linalg.lstsq(K + damping * factor * np.eye(x.size), -g / scale, rcond=1e-13)[0] / scale
-        largest = float(np.abs(d[: logs.size][logs]).max(initial=0.0))
-        tried.append(moved(point, x + d * min(1.0, LONGEST / max(largest, 1e-300))))
+        tried += [moved(point, x + step) for step in _ways(d, logs)]
+        least = least or len(tried)
     found = scene.residuals(tried)
     values = [log_posterior(scene, found[:, j], p.unknowns) for j, p in enumerate(tried)]
     best = int(np.argmax(values))
@@ -237,5 +240,22 @@ def _stepped(
         tried[best],
         found[:, best],
         values[best],
-        max(damping * (1e-1 if best == 0 else 1e1), 1e-9),
+        max(damping * (1e-1 if best < least else 1e1), 1e-9),
     )
+
+
+def _ways(d: Array, logs: NDArray[np.bool_]) -> list[Array]:
+    """A step, shape (p,), of whose first coordinates some are logarithms: in these, and in the numbers themselves.
+
+    The first is shortened where it is long, everything by the same share. In the second a number grows or shrinks as
+    a step of its own would have it, and all else goes its whole way: from a time that is far too short or long only
+    this way leads on, for the unknowns that make up for it go in proportion to the time and not to its logarithm.
+    """
+    along = d[: logs.size][logs]
+    largest = float(np.abs(along).max(initial=0.0))
+    shortened = d * min(1.0, LONGEST / max(largest, 1e-300))
+    if largest <= BENT:
+        return [shortened]
+    straight = d.copy()
+    straight[: logs.size][logs] = np.log1p(np.maximum(along, np.expm1(-2.0 * LONGEST)))
+    return [shortened, straight]

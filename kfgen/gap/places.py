@@ -11,6 +11,7 @@ from kfgen.effects import catalogue
 from kfgen.effects.plant import (
     ConstantInput,
     CoulombFriction,
+    DeadZone,
     InputDelay,
     InputLag,
     InputNonlinearity,
@@ -36,8 +37,12 @@ LONGEST = 0.05
 """The longest of them, in records."""
 LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 """Start values of a saturation, in largest inputs."""
-PLAYS = (0.02, 0.1, 0.3)
-"""Start values of a backlash, in rms of the channel."""
+DEAD = (0.003, 0.03, 0.1, 0.3)
+"""Start values of a dead zone, in largest inputs."""
+PLAY = 0.3
+"""Widest start value of a backlash, in rms of the channel; the narrowest is a deviation of its noise."""
+FINER = 2.5
+"""Times by which its start values differ at most: what turns at a width is seen from nearby only."""
 SPEEDS = ("m/s", "rad/s", "Hz")
 NO_SPEED = 2.0
 """Nats by which dry friction and drag are rarer in the equation of a state that is no speed."""
@@ -49,7 +54,7 @@ def additions(
     model: UserModel,
     inputs: Mapping[str, Array],
     speeds: Mapping[str, float],
-    seen: Mapping[str, float],
+    seen: Mapping[str, tuple[float, float]],
     times: tuple[float, float, float],
     placed: Sequence[Placed],
 ) -> list[list[Placed]]:
@@ -60,8 +65,8 @@ def additions(
     inputs : mapping of str to ndarray, shape (n,)
     speeds : mapping of str to float
         Rms of each state [SI].
-    seen : mapping of str to float
-        Rms of each channel about its mean [SI].
+    seen : mapping of str to (float, float)
+        Rms of each channel about its mean, and deviation of its noise [SI].
     times : (float, float, float)
         Sampling period, length of the record, and how late the channels seem to be [s].
     """
@@ -71,10 +76,9 @@ def additions(
         found += [[(name, e)] for e in _terms(model, name, speeds[name])]
     for name, u in inputs.items():
         found += [[(name, e) for e in starts] for starts in _changes(name, u, late)]
-    for name, size in seen.items():
+    for name, (size, noise) in seen.items():
         found.append([(name, SensorLag(t)) for t in late])
-        if size > 0.0:
-            found.append([(name, Backlash(share * size)) for share in PLAYS])
+        found.append([(name, Backlash(width)) for width in _plays(size, noise)])
     found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]
     known = {(p.where, p.effect.name) for p in placed} | _present(model)
     return [
@@ -119,6 +123,15 @@ def _late(times: tuple[float, float, float]) -> list[float]:
     return [*usual, seen] if seen > usual[-1] else usual
 
 
+def _plays(size: float, noise: float) -> list[float]:
+    """Widths from the noise of a channel up: at every reversal the narrowest matters as well as the widest."""
+    if not size > 0.0:
+        return []
+    narrowest = min(noise, PLAY * size)
+    count = 2 + int(np.log(PLAY * size / narrowest) / np.log(FINER))
+    return [float(w) for w in np.geomspace(narrowest, PLAY * size, count)]
+
+
 def _terms(model: UserModel, name: str, speed: float) -> list[PlantEffect]:
     """Every term that a state's equation may have."""
     out: list[PlantEffect] = []
@@ -144,4 +157,10 @@ def _changes(name: str, u: Array, late: Sequence[float]) -> list[list[PlantEffec
     if name.startswith("ref_"):
         return timing
     largest = float(np.abs(u).max())
-    return [*timing, [InputNonlinearity(0.0, 0.0)], [Saturation(share * largest) for share in LIMITS]]
+    sizes: list[list[PlantEffect]] = [
+        [InputNonlinearity(0.0, 0.0)],
+        [Saturation(s * largest) for s in LIMITS],
+    ]
+    if np.unique(np.abs(u[u != 0.0])).size > 1:  # of one size alone a dead zone is a wrong gain
+        sizes.append([DeadZone(s * largest) for s in DEAD])
+    return [*timing, *sizes]

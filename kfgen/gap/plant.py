@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.plant import ParameterError, PlantEffect
-from kfgen.effects.plant_sensor import SensorChange
 from kfgen.errors import InputError
+from kfgen.gap.before import apart, changed, independent, integrated, of_sensors, unsettled
 from kfgen.gap.places import additions
-from kfgen.gap.recorded import Recorded, check_unit, recorded_of
+from kfgen.gap.recorded import Recorded, check_near, check_unit, recorded_of
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.gap.shooting import FIRST, Shooting, lateness, segments, shortest
 from kfgen.gap.trust import FAR_FROM
@@ -96,12 +96,15 @@ class PlantScene:
             An input is missing or not a number, no measurement is in the log, a unit does not fit, a
             measurement has no white noise, or the model cannot be simulated over the log.
         """
-        bare = PlantScene.bare(model, log)
-        shooting = bare.shooting
+        return PlantScene.bare(model, log).cut()
+
+    def cut(self) -> PlantScene:
+        """The scene in as many segments as its model needs to follow the log; raises as `of`."""
+        shooting = self.shooting
         starts, initial, parameters = segments(shooting)
         begun = dict(zip(shooting.free, parameters.tolist()))
         hidden = shooting.hidden(initial[0])
-        return replace(bare, starts=starts, initial=initial, hidden=hidden, begun=begun)
+        return replace(self, starts=starts, initial=initial, hidden=hidden, begun=begun)
 
     @staticmethod
     def bare(model: UserModel, log: Log) -> PlantScene:
@@ -213,7 +216,14 @@ class PlantScene:
         parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
         doubted = tuple(n for n in self.model.states if n in names)
         model = replace(self.model, parameters=parameters)
-        return replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+        scene = replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+        if len(self.starts) == 1 or not names:
+            return scene
+        scene = scene.cut()
+        if scene.astray:
+            run = scene.simulated(Point((), np.array([u.start for u in scene.unknowns])))
+            check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as believed")
+        return scene
 
     def stated(self, where: str) -> float:
         """See `kfgen.gap.scene.Trusting`."""
@@ -269,14 +279,14 @@ class PlantScene:
         """The point of these effects with the unknowns as they are believed."""
         return Point(tuple(placed), np.array([u.value for u in self.unknowns]))
 
-    def _run(self, points: Sequence[Point]) -> Run:
+    def _run(self, points: Sequence[Point], before: Mapping[str, Array] | None = None) -> Run:
         own = self._own()
         kinds = (*((w, type(e)) for w, e in own), *_kinds(points[0].placed))
         plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
         run = plant.simulate(
             np.asarray(self.log.t),
             self.inputs,
-            self._batch(own, points),
+            replace(self._batch(own, points), before=before or {}),
             self.starts,
             self._parts.get(kinds, 1),
         )
@@ -317,34 +327,35 @@ class PlantScene:
         return Batch(parameters, tuple(effects), initial)
 
     def _whitened(self, channels: Mapping[str, Array], points: Sequence[Point]) -> Array:
-        parts = []
-        for name, recorded in self.recorded.items():
-            left = recorded.whitener.ordinates(recorded.left(channels[name]))
-            for E in self._begun(name, channels[name], points):
-                left = recorded.integrated(left, E)
-            parts.append(left)
-        return np.concatenate(parts)
+        left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])
+        for E in self._begun(channels, points):
+            left = integrated(left, E)
+        return left
 
-    def _begun(self, name: str, shown: Array, points: Sequence[Point]) -> list[Array]:
-        """Whitened, what the sensor of a channel may have begun with, each of shape (n, points)."""
-        effects = [e for w, e in self._batch(self._own(), points).effects if w == name]
-        t = np.asarray(self.log.t)
-        return [self.recorded[name].begun(e, t, shown) for e in effects if isinstance(e, SensorChange)]
+    def _begun(self, shown: Mapping[str, Array], points: Sequence[Point]) -> list[Array]:
+        """Whitened, what sensors and late inputs may have begun with, each of shape (sum of lengths, points)."""
+        batch = self._batch(self._own(), points)
+        found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
+        for name, size in unsettled(batch, self.inputs).items():
+            columns, source = apart(
+                points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
+            )
+            before = np.repeat([0.0, size], len(columns))
+            run = self._run([*columns, *columns], {name: before})
+            found.append(changed(self.recorded, run.channels, len(columns))[:, source])
+        return independent(found)
 
     def spread(self, point: Point) -> float:
         """See `kfgen.gap.scene.Integrating`."""
-        if not any(isinstance(e, SensorChange) for _, e in self._batch(self._own(), [point]).effects):
-            return 0.0
-        shown = self._shown([point])
-        powers = [float(np.sum(E**2)) for n in self.recorded for E in self._begun(n, shown[n], [point])]
-        return 0.5 * float(np.sum(np.log1p(powers)))
+        columns = self._begun(self._shown([point]), [point])
+        return 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
 
     @property
     def shooting(self) -> Shooting:
         """What the search for segments needs."""
         own = tuple(self._own())
         plant = Plant(self.model, [(w, type(e)) for w, e in own])
-        weights = {n: float(r.whitener.weight[-1]) for n, r in self.recorded.items()}
+        weights = {n: 1.0 / r.noise for n, r in self.recorded.items()}
         data = {n: (r.at, r.values) for n, r in self.recorded.items()}
         return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
 
@@ -352,7 +363,7 @@ class PlantScene:
         """Every effect at every place where it makes sense, with start values from the believed motion."""
         run = self.simulated(self.believed())
         speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
-        seen = {n: _rms(r.values - r.values.mean()) for n, r in self.recorded.items()}
+        seen = {n: (_rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
         times = self.dt, self.span[1] - self.span[0], self.late
         found = additions(self.model, self.inputs, speeds, seen, times, placed)
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}

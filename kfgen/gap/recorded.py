@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,11 +33,18 @@ class Recorded:
     values: Array
     whitener: Whitener
 
+    @property
+    def noise(self) -> float:
+        """Deviation of the white noise of a sample [SI]."""
+        return 1.0 / float(self.whitener.weight[-1])
+
     def left(self, simulated: Array) -> Array:
         """Measured less simulated, shape (n, points), finite even where the simulation is not."""
-        far = FAR * max(float(np.ptp(self.values)), 1.0 / float(self.whitener.weight[-1]))
+        far = FAR * max(float(np.ptp(self.values)), self.noise)
         left = self.values[:, None] - simulated[self.at]
-        return np.clip(np.where(np.isfinite(left), left, far), -far, far)
+        # In turn to either side: one side all along would be a constant, which something else might explain.
+        side = far * (1.0 - 2.0 * (np.arange(self.at.size) % 2))[:, None]
+        return np.where(np.abs(np.where(np.isfinite(left), left, np.inf)) < far, left, side)
 
     def begun(self, effect: SensorChange, t: Array, shown: Array) -> Array:
         """Whitened, one deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
@@ -45,13 +52,6 @@ class Recorded:
         if found is None or not np.isfinite(found).all():
             return np.zeros((self.at.size, shown.shape[1]))
         return self.whitener.ordinates(found)
-
-    @staticmethod
-    def integrated(left: Array, E: Array) -> Array:
-        """Whitened residuals whose squares are what is left of the likelihood without a unit normal deviate times `E`."""
-        power = np.sum(E**2, axis=0)
-        kept = 1.0 / np.sqrt(1.0 + power)
-        return np.asarray(left - E * (np.sum(E * left, axis=0) / np.maximum(power, 1e-300) * (1.0 - kept)))
 
 
 def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
@@ -63,6 +63,20 @@ def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
             where=log.source,
             remedy="Mend the unit in the header, or in the model file",
         )
+
+
+def check_near(
+    model: UserModel, recorded: Mapping[str, Recorded], shown: Mapping[str, Array], words: str
+) -> None:
+    """Raise `InputError` where simulated channels, shape (n, 1), are farther from the log than that from its mean."""
+    for name, r in recorded.items():
+        if float(np.sqrt(np.mean(r.left(shown[name]) ** 2))) > float(np.std(r.values)):
+            raise InputError(
+                f"{model.name} does not follow the log: {words}, a simulation is nowhere near {name}, "
+                "however often it starts anew",
+                where=model.path,
+                remedy="Check the equations and what is believed of their numbers: a gap is sought in a model that is nearly right",
+            )
 
 
 def recorded_of(model: UserModel, log: Log, name: str) -> Recorded:

@@ -121,7 +121,8 @@ class Shooting:
         out = []
         for name, full in self._full.items():
             seen, shown = full[a:b, None], run.channels[name]
-            r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], FAR)
+            with np.errstate(over="ignore"):  # of a simulation that runs away
+                r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], FAR)
             out.append(np.where(np.isfinite(seen), np.clip(r, -FAR, FAR), 0.0))
         return np.array(out), run.states[-1]
 

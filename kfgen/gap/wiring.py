@@ -28,6 +28,7 @@ from kfgen.effects.integrity import (
 )
 from kfgen.effects.plant import PlantEffect
 from kfgen.gap.faults import believed_deviation, by_chance, spotted_moving, stuck_spans
+from kfgen.gap.lead import leading
 from kfgen.gap.plant import PlantScene
 from kfgen.gap.scene import Placed
 from kfgen.gap.shooting import FAR, FIRST, Shooting, lateness
@@ -71,7 +72,8 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
         spoilt, either = found[:1], found[1:]
     if spoilt:
         return replace(bare, spoilt=tuple(spoilt), either=tuple(either))
-    return replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said), seen_late=bare.late)
+    scene = replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said), seen_late=bare.late)
+    return replace(scene, spoilt=tuple(leading(scene)))
 
 
 def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]:

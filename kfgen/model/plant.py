@@ -11,7 +11,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -56,11 +56,14 @@ class Batch:
         With numbers of shape (batch,), in the order of the plant.
     initial : ndarray, shape (segments, states, batch)
         Where each segment of the record starts.
+    before : mapping of str to ndarray, shape (batch,)
+        By how much inputs were others before the record, see `Signal`.
     """
 
     parameters: Mapping[str, Array]
     effects: tuple[tuple[str, PlantEffect], ...]
     initial: Array
+    before: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -168,7 +171,8 @@ class Plant:
             Not finite where the simulation diverges.
         """
         signals = [
-            Signal(t, inputs[n], not n.startswith("ref_"), self._changes(batch, n)) for n in self.inputs
+            Signal(t, inputs[n], not n.startswith("ref_"), self._changes(batch, n), batch.before.get(n, 0.0))
+            for n in self.inputs
         ]
         task = _Task(t, signals, self.given(batch), batch, starts)
         with np.errstate(all="ignore"):

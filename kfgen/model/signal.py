@@ -34,12 +34,15 @@ class Signal:
         A sample acts until the next one; else it is of a smooth signal.
     changes : sequence of InputChange
         Their numbers may be of shape (batch,).
+    before : float or ndarray, shape (batch,)
+        By how much the input was another one before the first sample, where what is late or lags still shows it.
     """
 
     t: Array
     values: Array
     held: bool
     changes: Sequence[InputChange] = ()
+    before: Array | float = 0.0
 
     @cached_property
     def samples(self) -> Array:
@@ -61,13 +64,14 @@ class Signal:
 
     @cached_property
     def _behind(self) -> Array:
-        """The state of the lag at the samples, shape (n, batch); it starts settled."""
+        """The state of the lag at the samples, shape (n, batch); it starts settled with what was before."""
         u, tau = self.samples, self._lag
+        first = u[0] + self.before
         if not self.held:
-            return behind(self.t, u, tau, u[0])
+            return behind(self.t, u, np.broadcast_to(tau, np.broadcast_shapes(tau.shape, first.shape)), first)
         stay = np.exp(-np.diff(self.t)[:, None] / tau)
-        x = np.empty(np.broadcast_shapes(u.shape, (1, tau.size)))
-        x[0] = u[0]
+        x = np.empty(np.broadcast_shapes(u.shape, (1, tau.size), (1, first.size)))
+        x[0] = first
         for k in range(stay.shape[0]):
             x[k + 1] = u[k] + (x[k] - u[k]) * stay[k]
         return x
@@ -111,7 +115,7 @@ class Signal:
         k = self._before(s)
         columns = np.broadcast_to(np.arange(u.shape[1]), (1, u.shape[1]))
         whole = u * steps
-        part = u[k, columns] * (s - self.t[k])
+        part = u[k, columns] * (s - self.t[k]) + self.before * np.minimum(s - self.t[0], 0.0)
         if lag.any():
             distance = lag * (self._behind - u)
             whole = whole + distance * -np.expm1(-steps / lag)
@@ -129,12 +133,13 @@ class Signal:
         """What acts at times [s], shape (m, batch or 1)."""
         u, lag = self.samples, self._lag
         s = times[:, None] - self._late
+        earlier = self.before * (s < self.t[0])
         if not self.held:
             s = np.clip(s, self.t[0], self.t[-1])
         k = self._before(s)
         columns = np.broadcast_to(np.arange(u.shape[1]), (1, u.shape[1]))
         if not lag.any():
-            return np.asarray(u[k, columns]) if self.held else self._smooth(s)
+            return np.asarray((u[k, columns] if self.held else self._smooth(s)) + earlier)
         x = self._behind
         inner = np.broadcast_to(np.arange(x.shape[1]), (1, x.shape[1]))
         away = np.maximum(s - self.t[k], 0.0)

@@ -1,0 +1,70 @@
+"""Proves that a model which is nowhere near its log is refused, and that running away explains nothing.
+
+No statistics: a model of another plant, and simulations far beyond the data.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kfgen.effects.plant_sensor import SensorLag
+from kfgen.errors import InputError
+from kfgen.gap.engine import ranked
+from kfgen.gap.newton import fitted
+from kfgen.gap.plant import PlantScene
+from kfgen.gap.recorded import check_near
+from kfgen.gap.scene import Placed, Point
+from kfgen.gap.screen import Screened
+from kfgen.log import Channel, Log
+from kfgen.model.file import parse_model
+
+MOTOR = """format = "kfgen-model-1"
+name = "motor"
+[states]
+omega = "rad/s"
+[inputs]
+u = "V"
+[dynamics]
+omega = "(15*u - omega)/0.12"
+[measurements.speed]
+unit = "rad/s"
+expression = "omega"
+effects = [ { effect = "white_noise", N = "0.04 rad/s/sqrt(Hz)" } ]
+"""
+
+
+@pytest.fixture
+def scene() -> PlantScene:
+    """A motor at rest that is not the one of the log: its speed is a slow wave."""
+    t = np.arange(1000) * 0.01
+    u = np.repeat(np.random.default_rng(1).uniform(-5.0, 5.0, 20), 50)
+    speed = 40.0 * np.sin(0.9 * t) + 0.4 * np.random.default_rng(2).standard_normal(t.size)
+    log = Log(t, {"u": Channel(u, "V"), "speed": Channel(speed, "rad/s")}, "log")
+    return PlantScene.of(parse_model(MOTOR, "motor.toml"), log)
+
+
+def test_a_simulation_that_runs_away_is_no_constant(scene: PlantScene) -> None:
+    """Held beyond the data it stays far from them, whatever constant is taken off."""
+    recorded = scene.recorded["speed"]
+    for far in (1e12, -1e12, np.nan, np.inf):
+        left = recorded.left(np.full((1000, 1), far))[:, 0]
+        assert np.std(left) > 100.0 * np.ptp(recorded.values)
+
+
+def test_a_lag_longer_than_the_log_is_none(scene: PlantScene) -> None:
+    base = fitted(scene, Point((), np.array([u.start for u in scene.unknowns])))
+    for tau, kept in ((0.05, True), (1e6, False)):
+        start = Placed(SensorLag(tau), "speed")
+        trials = ranked(scene, base, [Screened(10.0, start, base.residual, np.zeros(0))])
+        times = [float(t.placed.effect.tau) for t in trials]  # type: ignore[attr-defined]
+        assert all(t <= 10.0 for t in times)
+        assert bool(times) or not kept
+
+
+def test_a_model_that_is_nowhere_near_is_refused(scene: PlantScene) -> None:
+    values = scene.recorded["speed"].values
+    near = {"speed": (values + 0.5 * np.std(values))[:, None]}
+    check_near(scene.model, scene.recorded, near, "as it is")
+    with pytest.raises(InputError, match=r"motor does not follow the log: as it is, .* nowhere near speed"):
+        check_near(scene.model, scene.recorded, {"speed": near["speed"] + 3.0 * np.std(values)}, "as it is")
