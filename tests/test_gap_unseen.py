@@ -64,13 +64,29 @@ def test_the_gap_of_a_scale_is_its_likelihood_ratio_on_the_tail() -> None:
     wrong, w = np.zeros((N, 3)), motion()
     wrong[:, 0] = 0.012 * w[:, 0]
     g = answer(wrong, 4)
-    s = wrong[int(0.7 * N) :, 0]
-    nats = 0.5 * float(np.sum((s - s.mean()) ** 2)) / SD**2
+    s, k = wrong[:, 0], int(0.7 * N)
+    nats = (
+        0.5 * float(np.sum((s[k:] - s[:k].mean()) ** 2)) / SD**2
+    )  # a bias takes up the mean of what is seen
     assert g.gap.held_out == "the last 30 % of the log"
     assert g.gap.before * 0.9 * N == pytest.approx(nats, abs=LIMIT * np.sqrt(2.0 * nats))
     assert g.gap.after == 0.0
     assert g.gap.closed == 1.0
     assert g.gap.ci95[0] > 0.2
+
+
+def test_a_drift_goes_on_in_the_tail() -> None:
+    """The constant bias that the believed model has seen is not that of the tail."""
+    wrong = np.zeros((N, 3))
+    wrong[:, 2] = 0.0012 * DT * np.arange(N)
+    g = answer(wrong, 9)
+    (found,) = g.findings
+    assert found.placed.effect.name == "rate_ramp"
+    s, k = wrong[:, 2], int(0.7 * N)
+    nats = 0.5 * float(np.sum((s[k:] - s[:k].mean()) ** 2)) / SD**2
+    # What is seen says where the mean of the tail is, to a deviation of sqrt(1 + 3/7) of its own.
+    assert g.gap.before * 0.9 * N == pytest.approx(nats, abs=LIMIT * np.sqrt(2.0 * nats * (1.0 + 3.0 / 7.0)))
+    assert g.gap.closed == 1.0
 
 
 def test_what_is_over_before_the_tail_is_judged_on_every_other_block() -> None:
@@ -82,8 +98,8 @@ def test_what_is_over_before_the_tail_is_judged_on_every_other_block() -> None:
     assert found.placed.effect.name == "warm_up"
     assert g.gap.held_out == "every other block of the log"
     unseen = every_other((N,)).unseen[0]
-    s = wrong[unseen, 1]
-    nats = 0.5 * float(np.sum((s - s.mean()) ** 2)) / SD**2
+    s = wrong[:, 1]
+    nats = 0.5 * float(np.sum((s[unseen] - s[~unseen].mean()) ** 2)) / SD**2
     assert g.gap.before * 3 * unseen.sum() == pytest.approx(nats, abs=LIMIT * np.sqrt(2.0 * nats))
 
 

@@ -1,8 +1,9 @@
 """The proof of a scene: samples that no fit saw, foretold by the believed and by the mended model.
 
 The whole scene is run, so that what is inside it (the state of a filter, of a plant) is carried over from the part
-that was fitted into the part that was not; its white series is cut in time. The effects are fitted to the samples that
-are seen. On the others, of which only what is unknown anyway is fitted anew, the mended model gains
+that was fitted into the part that was not; its white series is cut in time. Effects, biases and all that is unknown
+are fitted to the samples that are seen, under either model. On the others, to which only states that start there, or
+are seen there too, are fitted anew, the mended model gains
 
     G = (|z0|^2 - m0 - |z1|^2 + m1) / 2   nats
 
@@ -159,15 +160,10 @@ def held_out(answer: Answered, louder: Mask | None = None) -> Gap:
     cut = _cut(scene, found.fit)
     if any(b - a < SHORTEST for blocks in cut.stretches for a, b in blocks):
         return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
-    seen = tuple(~m for m in cut.unseen)
-    learnt = _part(scene, seen, found.fit)
-    trained = learnt.fitted(found.fit.point.placed)
-    values, placed = learnt.whole(trained.point.unknowns), trained.point.placed
-    shown = _part(scene, cut.unseen, found.fit)
-    after = Part(scene, cut.unseen, values, shown.free, placed).fitted()
-    before = _part(answer.written, cut.unseen, found.believed).fitted()
+    learnt, trained, after = _foretold(scene, cut, found.fit)
+    before = _foretold(answer.written, cut, found.believed)[2]
     levels = np.ones(len(scene.channels))
-    if not placed and (louder is None or not louder.any()):
+    if not found.fit.point.placed and (louder is None or not louder.any()):
         after = before  # nothing was mended
     if louder is not None and louder.any():
         split = np.split(trained.residual, np.cumsum(learnt.lengths)[:-1])
@@ -175,12 +171,23 @@ def held_out(answer: Answered, louder: Mask | None = None) -> Gap:
     return _gap(cut, before, after, levels)
 
 
-def _part(scene: Scene, kept: tuple[Mask, ...], fit: Fitted) -> Part:
-    """Samples of a scene, with the unknowns of a fit that they show."""
+def _foretold(scene: Scene, cut: Cut, fit: Fitted) -> tuple[Part, Fitted, Fitted]:
+    """What is seen, the fit to it, and the fit to the rest of where things start: all else is as it was seen."""
+    seen = tuple(~m for m in cut.unseen)
+    learnt = Part(scene, seen, fit.point.unknowns, _shown(scene, seen, fit))
+    trained = learnt.fitted(fit.point.placed)
+    values = learnt.whole(trained.point.unknowns)
+    once = np.array([u.once for u in scene.unknowns], dtype=bool)
+    free = _shown(scene, cut.unseen, fit) & (once | ~learnt.free)
+    rest = Part(scene, cut.unseen, values, free, trained.point.placed)
+    return learnt, trained, rest.fitted()
+
+
+def _shown(scene: Scene, kept: tuple[Mask, ...], fit: Fitted) -> Mask:
+    """The unknowns that some samples show."""
     J = series(scene, fit.jacobian[:, len(fit.keys) :])
     there = np.linalg.norm(J[np.concatenate(kept)], axis=0)
-    free = there > VISIBLE * np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    return Part(scene, kept, fit.point.unknowns, free)
+    return np.asarray(there > VISIBLE * np.maximum(np.linalg.norm(J, axis=0), 1e-300))
 
 
 def _cut(scene: Scene, fit: Fitted) -> Cut:
