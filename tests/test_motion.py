@@ -428,16 +428,6 @@ def test_one_axis_on_a_table() -> None:
     assert {"scale_factor", "time_delay"} <= names
 
 
-def test_a_part_is_the_same_world_for_a_while() -> None:
-    scene = table(lambda w: moved(w, 1, 0.003 * w[:, 1]))
-    half = scene.part(0.0, 30.0)
-    assert half.span == (0.0, pytest.approx(29.99))
-    _, (theta,), (sd,), _ = fit(half, Placed(make("scale_factor", coefficient=1e-3), "gyro_y"))
-    assert abs(theta - 0.003) < LIMIT * sd
-    with pytest.raises(InputError, match="too short"):
-        scene.part(0.0, 0.01)
-
-
 def test_entries_at_zero_are_not_there() -> None:
     assert [p.name for p in free(make("misalignment", xy=1e-3))] == ["xy"]
     assert [p.name for p in free(make("hard_iron", x=1e-6, z=1e-6, time=3.0))] == ["x", "z"]

@@ -549,16 +549,6 @@ def test_residuals_of_different_points_are_those_of_each() -> None:
         np.testing.assert_allclose(together[:, j], scene.residuals([p])[:, 0], rtol=1e-9, atol=1e-9)
 
 
-def test_a_part_is_the_same_model_over_less() -> None:
-    scene = scene_of(motion(LONG, push(LONG), none)[:, 1], 8)
-    part = scene.part(20.0, 30.0)
-    assert part.span == (pytest.approx(20.0), pytest.approx(30.0))
-    assert part.lengths == (501,)
-    white(gauss_newton(part, part.believed())[2])
-    with pytest.raises(InputError, match="no sample between"):
-        scene.part(100.0, 200.0)
-
-
 def test_a_chaotic_plant_is_followed_in_segments() -> None:
     t = np.arange(3000) * 0.02
     u = 0.9 * np.cos(2.9 * t)

@@ -21,7 +21,6 @@ from kfgen.effects.axes import axis_faults
 from kfgen.effects.lag import Lag, unheard
 from kfgen.effects.motion import Motion, Signals
 from kfgen.effects.reference import OtherMotion
-from kfgen.errors import InputError
 from kfgen.gap.acting import delayed, edges_of, needs_of
 from kfgen.gap.compared import Compared, compared_of, sound_samples
 from kfgen.gap.convention import misread
@@ -327,21 +326,6 @@ class MotionScene:
             (c, w, self.good & c.there) for c, w in zip(self.compared, self.whiteners) if c.sensor == sensor
         ]
         return likeness([(w, about(c.y, good), about(X, good), c.axis, top) for c, w, good in pairs])
-
-    def part(self, start: float, stop: float) -> MotionScene:
-        """The same world from `start` to `stop` [s]."""
-        i, j = np.searchsorted(self.truth.t, [start, stop], side="left")
-        if stop >= self.truth.t[-1]:
-            j = self.truth.t.size
-        if j - i < 16:
-            raise InputError("a part of the log is too short", remedy="Give a longer log")
-        share = (j - i) / self.truth.t.size
-        kept = tuple(
-            replace(c, y=c.y[i:j], there=c.there[i:j], keep=min(int(j - i), max(2, round(share * c.keep))))
-            for c in self.compared
-        )
-        drive = {k: v[i:j] for k, v in self.drive.items()}
-        return MotionScene(self.truth.cut(int(i), int(j)), kept, self.good[i:j], drive, self.own)
 
 
 def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:

@@ -14,7 +14,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.magnetic import HardIron, SoftIron
 from kfgen.effects.motion import AXES, Misalignment, Motion, ScaleFactor, Signals, free
-from kfgen.errors import InputError
 from kfgen.gap.scene import Placed, Point, Unknown
 from kfgen.log import Log
 from kfgen.noise import NoiseModel
@@ -143,13 +142,6 @@ class NormScene:
                 found.append(Placed(ScaleFactor(SMALL), name))
             found += [Placed(Misalignment(**{e: SMALL}), f"{self.sensor}_{e[0]}") for e in UPPER]
         return [[p] for p in found if not any(_same(p, old) for old in placed)]
-
-    def part(self, start: float, stop: float) -> NormScene:
-        """The readings from `start` to `stop` [s]."""
-        inside = (self.t >= start) & ((self.t < stop) | (stop >= self.t[-1]))
-        if inside.sum() < FEWEST:
-            raise InputError("a part of the log has too few poses", remedy="Give a longer log")
-        return replace(self, t=self.t[inside], y=self.y[inside], variance=self.variance[inside])
 
 
 def _same(new: Placed, old: Placed) -> bool:

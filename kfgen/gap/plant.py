@@ -369,18 +369,6 @@ class PlantScene:
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
         return found + [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
 
-    def part(self, start: float, stop: float) -> PlantScene:
-        """The same model over the samples from `start` to `stop` [s], from unknown initial states."""
-        a, b = np.searchsorted(self.log.t, [start, stop], side="left")
-        last = int(b) + (1 if b < self.log.n and self.log.t[b] <= stop else 0)
-        if last - int(a) < 2:
-            raise InputError(f"there is no sample between {start:g} s and {stop:g} s", where=self.log.source)
-        model = self.model
-        if a > 0:
-            states = {n: replace(s, initial=0.0, sd=np.inf) for n, s in model.states.items()}
-            model = replace(model, states=states)
-        return PlantScene.of(model, self.answering(self.log.cut(int(a), last)))
-
 
 def _kinds(placed: Sequence[Placed]) -> Kinds:
     """Where effects act and what they are; the order is theirs."""

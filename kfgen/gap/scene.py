@@ -118,9 +118,6 @@ class Scene(Protocol):
         logarithms.
         """
 
-    def part(self, start: float, stop: float) -> Scene:
-        """The same world over a share of its time, as held-out data."""
-
 
 @runtime_checkable
 class Inspected(Protocol):

@@ -122,10 +122,6 @@ class _Alone:
         """None."""
         return []
 
-    def part(self, start: float, stop: float) -> Scene:
-        """Not asked for."""
-        raise NotImplementedError
-
 
 def basis(J: Array) -> Array:
     """Orthonormal columns of what is fitted anyway."""

@@ -116,15 +116,6 @@ class Truth:
             y = self.R_bn @ np.asarray(m_n)
         return Signals(self.t, y, self.omega_b, self.f_b, self.R_bn, self.down, self.power, self.warmth)
 
-    def cut(self, start: int, stop: int) -> Truth:
-        """Samples `start` to `stop`."""
-        arrays = {
-            name: value[start:stop]
-            for name in ("t", "good", "omega_b", "f_b", "power", "warmth", "R_bn")
-            if (value := getattr(self, name)) is not None
-        }
-        return replace(self, **arrays, read={k: v[start:stop] for k, v in self.read.items()})
-
 
 def truth_of(log: Log, bandwidth: Mapping[str, float] | None = None) -> Truth | None:
     """The truth of a log with references; none without.

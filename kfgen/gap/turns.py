@@ -113,19 +113,6 @@ class TurnScene:
         there = {(type(p.effect), p.where) for p in placed}
         return [[p] for p in found if (type(p.effect), p.where) not in there]
 
-    def part(self, start: float, stop: float) -> TurnScene:
-        """The turns that lie within `start` and `stop` [s]."""
-        inside = [k for k, t in enumerate(self.turns) if t.start >= start and t.stop <= stop]
-        if not inside:
-            raise InputError("a part of the log has no turn", remedy="Give a longer log")
-        return replace(
-            self,
-            turns=tuple(self.turns[k] for k in inside),
-            integral=self.integral[inside],
-            lasted=self.lasted[inside],
-            deviation=self.deviation[inside],
-        )
-
 
 def turn_scene(log: Log, noise: NoiseModel, turns: Sequence[Turn], sd: float) -> TurnScene:
     """The world of known turns of a log.

@@ -139,10 +139,6 @@ class Part:
         """None."""
         return []
 
-    def part(self, start: float, stop: float) -> Scene:
-        """Not asked for."""
-        raise NotImplementedError
-
     def fitted(self, placed: tuple[Placed, ...] = ()) -> Fitted:
         """To these samples, from the values of the unknowns."""
         return fitted(self, Point(placed, self.values[self.free]))
