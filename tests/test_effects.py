@@ -82,6 +82,17 @@ TWO_LEVELS = ["random_telegraph"]
 """Random and not normal: their second moments have the law, the spread of these is another."""
 
 
+def test_no_two_effects_have_one_name() -> None:
+    catalogue()
+    queue, names = list(Effect.__subclasses__()), []
+    while queue:
+        cls = queue.pop()
+        queue += cls.__subclasses__()
+        own = cls.__dict__.get("name", "")
+        names += [own] if own and ":" not in own and cls.__module__.startswith("kfgen.") else []
+    assert sorted(names) == sorted(set(names))
+
+
 def test_the_catalogue_has_the_effects_of_the_interface() -> None:
     wanted = {"white_noise", "quantisation", "bias_instability", "gauss_markov", "rate_random_walk"}
     assert wanted | {"rate_ramp", "temperature", "bias"} <= set(NAMES)

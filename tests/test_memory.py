@@ -55,7 +55,7 @@ SIZES = {
     "input_lag": 'u = [ { effect = "input_lag", tau = 0.1 } ]',
     "input_nonlinearity": 'u = [ { effect = "input_nonlinearity", k2 = 0.2, k3 = -0.05 } ]',
     "saturation": 'u = [ { effect = "saturation", limit = 0.6 } ]',
-    "dead_zone": 'u = [ { effect = "dead_zone", width = 0.2 } ]',
+    "input_dead_zone": 'u = [ { effect = "input_dead_zone", width = 0.2 } ]',
     "sensor_lag": '{ effect = "sensor_lag", tau = 0.1 }',
     "backlash": '{ effect = "backlash", width = 0.2 }',
 }

@@ -215,7 +215,7 @@ def test_a_nonlinear_and_a_saturated_actuator() -> None:
     np.testing.assert_allclose(bent, motion(TIMES, u + 0.8 * u**2 - 1.5 * u**3, none), atol=5e-5)
     cut, _ = run([("u", make("saturation", limit=0.1))], TIMES, u)
     np.testing.assert_allclose(cut, motion(TIMES, np.clip(u, -0.1, 0.1), none), atol=5e-5)
-    dead, _ = run([("u", make("dead_zone", width=0.1))], TIMES, u)
+    dead, _ = run([("u", make("input_dead_zone", width=0.1))], TIMES, u)
     beyond = np.where(np.abs(u) > 0.1, u - 0.1 * np.sign(u), 0.0)
     np.testing.assert_allclose(dead, motion(TIMES, beyond, none), atol=5e-5)
 
@@ -463,7 +463,7 @@ def changed(name: str) -> Array:
         return np.asarray(motion(LONG, u + 0.3 * u**2 - 0.6 * u**3, none)[:, 1])
     if name == "saturation":
         return np.asarray(motion(LONG, np.clip(u, -0.18, 0.18), none)[:, 1])
-    if name == "dead_zone":
+    if name == "input_dead_zone":
         beyond = np.where(np.abs(u) > 0.02, u - 0.02 * np.sign(u), 0.0)
         return np.asarray(motion(LONG, beyond, none)[:, 1])
     x, X = np.array([START["omega"], START["theta"], u[0]]), []
@@ -483,7 +483,7 @@ def changed(name: str) -> Array:
         ("input_lag", [0.06]),
         ("input_nonlinearity", [0.3, -0.6]),
         ("saturation", [0.18]),
-        ("dead_zone", [0.02]),
+        ("input_dead_zone", [0.02]),
     ],
 )
 def test_a_change_of_the_input_is_recovered(name: str, wanted: list[float]) -> None:
@@ -525,7 +525,10 @@ def test_candidates_are_at_sensible_places_once() -> None:
     found = {(c[0].where, c[0].effect.name) for c in scene.candidates([])}
     assert found == {
         *(("omega", n) for n in TERMS),
-        *(("u", n) for n in ("input_delay", "input_lag", "input_nonlinearity", "saturation", "dead_zone")),
+        *(
+            ("u", n)
+            for n in ("input_delay", "input_lag", "input_nonlinearity", "saturation", "input_dead_zone")
+        ),
         *(("angle", n) for n in ("sensor_lag", "backlash")),
         ("g_over_l", "parameter_error"),
         ("gain", "parameter_error"),

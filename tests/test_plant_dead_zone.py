@@ -60,7 +60,7 @@ def test_a_dead_zone_is_named(width: float, kfgen: Cli, tmp_path: Path) -> None:
     done = kfgen("gap", path, "--model", model, "--json", out, "-o", mended)
     assert done.exit_code == 0, done.output
     (step,) = json.loads(out.read_text(encoding="utf-8"))["steps"]
-    assert step["effect"] == "dead_zone"
+    assert step["effect"] == "input_dead_zone"
     lo, hi = step["parameters"]["width"]["ci95"]
     assert abs(width - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo) < 0.2 * width
     again = kfgen("gap", path, "--model", mended, "--json", out)
@@ -69,11 +69,18 @@ def test_a_dead_zone_is_named(width: float, kfgen: Cli, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sizes", "offered"), [([0.0, 1.0], False), ([-3.0, 3.0], False), ([1.0, -2.0], True)]
+    ("sizes", "offered"),
+    [
+        ([0.0, 1.0], False),
+        ([-3.0, 3.0], False),
+        ([1.0, -2.0], True),
+        ([1.0, 2.0], False),
+        ([0.0, 1.0, 2.0], True),
+    ],
 )
-def test_an_input_of_one_size_has_none(sizes: list[float], offered: bool) -> None:
+def test_an_input_of_one_size_or_of_one_sign_has_none(sizes: list[float], offered: bool) -> None:
     u = np.repeat(np.random.default_rng(2).choice(sizes, 20), 30)
     speed = Channel(turned(u, 0.0, 3), "rad/s")
     log = Log(np.arange(u.size) * 0.01, {"u": Channel(u, "V"), "speed": speed}, "log")
     scene = PlantScene.of(parse_model(MOTOR, "motor.toml"), log)
-    assert ("dead_zone" in {c[0].effect.name for c in scene.candidates([])}) == offered
+    assert ("input_dead_zone" in {c[0].effect.name for c in scene.candidates([])}) == offered

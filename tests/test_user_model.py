@@ -200,7 +200,7 @@ UNITS = {  # by hand: what a coefficient must be measured in, for a state in m/s
     "input_lag": {"tau": "s"},
     "input_nonlinearity": {"k2": "1/(N m)", "k3": "1/(N m)^2"},
     "saturation": {"limit": "N m"},
-    "dead_zone": {"width": "N m"},
+    "input_dead_zone": {"width": "N m"},
 }
 CART = """
 format = "kfgen-model-1"

@@ -282,12 +282,12 @@ class Saturation(InputChange):
 
 
 @dataclass(frozen=True)
-class DeadZone(InputChange):
+class InputDeadZone(InputChange):
     """An actuator that does nothing until its input exceeds a width, and gives what is beyond: ``u -+ width``."""
 
     width: Any = parameter("U", "size")
 
-    name: ClassVar[str] = "dead_zone"
+    name: ClassVar[str] = "input_dead_zone"
     title: ClassVar[str] = "dead zone of an actuator"
     separator: ClassVar[str] = "small and large inputs of both signs"
     saying: ClassVar[str] = "does nothing within {width} of zero"

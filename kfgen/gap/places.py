@@ -11,7 +11,7 @@ from kfgen.effects import catalogue
 from kfgen.effects.plant import (
     ConstantInput,
     CoulombFriction,
-    DeadZone,
+    InputDeadZone,
     InputDelay,
     InputLag,
     InputNonlinearity,
@@ -161,6 +161,7 @@ def _changes(name: str, u: Array, late: Sequence[float]) -> list[list[PlantEffec
         [InputNonlinearity(0.0, 0.0)],
         [Saturation(s * largest) for s in LIMITS],
     ]
-    if np.unique(np.abs(u[u != 0.0])).size > 1:  # of one size alone a dead zone is a wrong gain
-        sizes.append([DeadZone(s * largest) for s in DEAD])
+    # Of one size alone a dead zone is a wrong gain, of one sign and never zero a constant.
+    if np.unique(np.abs(u[u != 0.0])).size > 1 and u.min() <= 0.0 <= u.max():
+        sizes.append([InputDeadZone(s * largest) for s in DEAD])
     return [*timing, *sizes]
