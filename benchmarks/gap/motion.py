@@ -11,7 +11,8 @@ the magnetometer. Size is found by bisection, for effects that are not linear in
 * ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration, its axes together
 * ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late. To first
   order both are the same; where the best of one comes within a nat of the other (`TWIN`), no record of this motion
-  can tell them apart: the case counts as poorly excited, and either name is right
+  can tell them apart: the case counts as poorly excited, and either name is right; so with the square of a force
+  whose tilts are so small that one of the forces does the same
 * ``soft_iron``, entry xy: ``B_x += xy * B_y``, both ways; ``magnetic_disturbance``: a constant in the
   navigation frame, in a span of time
 * ``lever_arm``: the accelerometer sits at r from the point of the reference: ``f + w' x r + w x (w x r)``
@@ -123,6 +124,17 @@ def _late(run: Run, effect: str) -> Plan:
     if effect == "time_delay":
         return Plan("gyro", "gyro", lambda a: rates.at(t - a), lambda a: {"delay": a})
     return Plan("gyro", "gyro", lambda a: rates.lagged(t, a), lambda a: {"corner": 1.0 / (2.0 * np.pi * a)})
+
+
+def _forced(run: Run, plan: Plan, size: float) -> tuple[str, ...]:
+    """The linear sensitivity to one axis of the force, where it leaves less than `TWIN` nats of a square's change."""
+    d = plan.change(size) - plan.change(0.0)
+    d = d - d.mean(axis=0)
+    left = []
+    for f in (run.force - run.force.mean(axis=0)).T:
+        slopes = f @ d / max(float(f @ f), 1e-300)
+        left.append(_nats("gyro", run, d - f[:, None] * slopes))
+    return ("g_sensitivity",) if min(left) < TWIN else ()
 
 
 def _twin(run: Run, effect: str, size: float) -> tuple[str, ...]:
@@ -259,7 +271,7 @@ def make(request: Request) -> Case:
         if request.strength < OBVIOUS:
             size = nats.scaled(lambda a: _gain(run, plan, a), request.strength + p, 1e-9, 1e6)
         signals[kind] = plan.change(size)
-        twin = _twin(run, name, size)
+        twin = _forced(run, plan, size) if name == "g_squared" else _twin(run, name, size)
         hidden = (Hidden(name, plan.channel, plan.values(size), _gain(run, plan, size), p, twin),)
         if twin and run.table.name == "rich":
             variant = "alike"
