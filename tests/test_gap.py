@@ -116,7 +116,10 @@ HIDDEN: dict[str, tuple[Callable[[np.random.Generator, Array], Array], dict[str,
 }
 
 
-@pytest.mark.parametrize("seed", range(3))
+SEEDS = [0, 1, pytest.param(2, marks=pytest.mark.long)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", HIDDEN)
 def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> None:
     hidden, truth, believed = HIDDEN[name]
@@ -145,7 +148,7 @@ def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> No
         assert abs(value - centre) < 2.5 * half
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_temperature_is_named_beside_a_slow_bias(seed: int) -> None:
     rng = np.random.default_rng([seed, 7])
     K = thermometer(rng)
