@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.battery import RATE
+from kfgen.gap.battery import BANDS_PER_DECADE, RATE
 from kfgen.gap.newton import Fitted, fitted
 from kfgen.gap.norm import NormScene
 from kfgen.gap.proof import BLOCKS, DRAWS, HELD_OUT, OVER, Gap, lost
@@ -34,7 +34,6 @@ from kfgen.gap.written import Answered
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BANDS_PER_DECADE = 3
 VISIBLE = 1e-3
 """Share of an unknown's effect that must fall on samples for it to be fitted to them."""
 LEAST = 0.5
