@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.routines import Program
-from kfgen.log import Log
+from kfgen.log.log import Log
+from kfgen.log.readers import read_log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.model.option import NOTHING, read_pairs
-from kfgen.readers import read_log
-from kfgen.run import FilterRun, attitude_error, run
+from kfgen.run.run import FilterRun, attitude_error, run
 
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
@@ -38,7 +38,7 @@ def by_kfgen(log: Log, name: str = "ahrs25", options: Mapping[str, str] = NOTHIN
     """The emitted filter, shape (n, 4)."""
     model = build(name, None, options)
     longest = max(0.1, 1.001 * float(np.diff(log.t).max()))
-    return run(Program(DiscreteModel.stepping(model, 1.0 / log.dt, max_step=longest)), log).estimate[:, :4]
+    return run(Program(DiscreteModel.at_rate(model, 1.0 / log.dt, max_step=longest)), log).estimate[:, :4]
 
 
 def by_vqf(log: Log) -> np.ndarray:

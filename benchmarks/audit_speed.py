@@ -24,8 +24,8 @@ print(f"ins15, {1 + len(answer.table.manoeuvres)} manoeuvres, nullity {answer.fi
 """
 
 LARGE = """
-from kfgen.audit.chain import along
-from kfgen.audit.plan import Plan
+from kfgen.audit.exact.chain import along
+from kfgen.audit.exact.plan import Plan
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.model.library import build
 options = {"lever_arm": "state", "sensors": "gnss_position,mag,barometer", "field": "vector", "hard_iron": "true"}
@@ -38,8 +38,8 @@ print(f"{plan.size} states, generic: rank {plan.size - h.nullity}", end="")
 GROWTH = """
 import time
 from dataclasses import replace
-from kfgen.audit.chain import along
-from kfgen.audit.plan import Plan
+from kfgen.audit.exact.chain import along
+from kfgen.audit.exact.plan import Plan
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.model.library import build
 model = build("ins15")

@@ -28,14 +28,14 @@ import numpy as np
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
-from kfgen.discretise import DiscreteModel
-from kfgen.emit.c import CPrinter
-from kfgen.emit.ir import Ref, Routine
+from kfgen.emit.ir.ir import Ref, Routine
+from kfgen.emit.ir.symbols import transition
+from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.routines import Program
-from kfgen.emit.symbols import transition
-from kfgen.emit.tidy import tidy
+from kfgen.emit.targets.c import CPrinter
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.model.rotation import matrix_of
+from kfgen.model.symbols.rotation import matrix_of
 from kfgen.verify.emulated import CHIPS, Board
 
 

@@ -18,16 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.units import STANDARD_GRAVITY
+from kfgen.core.whole_file import write_text
 from kfgen.effects import make
-from kfgen.emit.c import header
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.emit.routines import Program
+from kfgen.emit.targets.c import header
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, NoiseModel, Term
 from kfgen.report.plots import Line, series_picture
-from kfgen.units import STANDARD_GRAVITY
 from kfgen.verify.host import compiler
-from kfgen.whole import write_text
 
 RATE, AIDING, EVERY = 250, 5, 60.0
 NOISE = {"gyro": ("rad/s", 8.7e-5, 1e-6), "accel": ("m/s^2", 1e-3, 1e-5)}
@@ -107,7 +107,7 @@ def emitted(form: str, real: str, lump: float = 0.0) -> dict[str, str]:
     driver = (
         EMITTED.replace("REAL", real).replace("GRAVITY", str(STANDARD_GRAVITY)).replace("DT", str(1.0 / RATE))
     )
-    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, lump=lump))}
+    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, q_interval=lump))}
 
 
 def textbook(joseph: bool) -> dict[str, str]:

@@ -16,16 +16,16 @@ from collections.abc import Callable
 import numpy as np
 
 from kfgen.effects import make
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.log.log import Channel, Log
 
 
 def static(n: int = 1_000_000) -> tuple[int, list[str], float]:
     """White noise and a Gauss-Markov bias, 100 Hz, a thermometer, a hidden temperature term and a line."""
     from scipy.signal import lfilter
 
-    from kfgen.gap.regular import drivers_of, regular
-    from kfgen.gap.workflow import find_gap
+    from kfgen.gap.rest.even_record import drivers_of, regular
+    from kfgen.gap.rest.workflow import find_gap
 
     rng = np.random.default_rng(1)
     t = np.arange(n) / 100.0
@@ -72,9 +72,9 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
     """A driven pendulum at 100 Hz with hidden dry friction."""
     from scipy.integrate import solve_ivp
 
-    from kfgen.gap.outcome import find_scene_gap
-    from kfgen.gap.plant import PlantScene
-    from kfgen.model.file import parse_model
+    from kfgen.gap.core.outcome import find_scene_gap
+    from kfgen.gap.plant.scene import PlantScene
+    from kfgen.model.plant.file import parse_model
 
     rng = np.random.default_rng(2)
     t = np.arange(n) / 100.0
@@ -96,8 +96,8 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
 
 def motion(n: int = 100_000) -> tuple[int, list[str], float]:
     """Gyros, accelerometers and magnetometers on a moving body at 100 Hz, references of each; a hidden misalignment."""
-    from kfgen.gap.motion import motion_scene
-    from kfgen.gap.outcome import find_scene_gap
+    from kfgen.gap.core.outcome import find_scene_gap
+    from kfgen.gap.motion.scene import motion_scene
 
     rng = np.random.default_rng(3)
     t = np.arange(n) / 100.0

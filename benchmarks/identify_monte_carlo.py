@@ -19,9 +19,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from kfgen.effects import make
-from kfgen.identify.bounds import relative_bound
-from kfgen.identify.channel import identify
-from kfgen.identify.record import Record
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.bounds import relative_bound
+from kfgen.identify.identify import identify
 
 FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 

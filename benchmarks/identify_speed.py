@@ -23,15 +23,15 @@ from unittest.mock import patch
 import numpy as np
 from scipy.signal import lfilter
 
-from kfgen.identify import differences
-from kfgen.identify.allan import log_factors, overlapping_variance
-from kfgen.identify.channel import identify
-from kfgen.identify.choice import combined
-from kfgen.identify.likelihood import best_of, by_likelihood
-from kfgen.identify.long import Stream, condense
-from kfgen.identify.record import Record
-from kfgen.readers import ColumnMap, read_long
-from kfgen.readers.table import chunks
+from kfgen.identify.evidence import differences
+from kfgen.identify.evidence.allan import log_factors, overlapping_variance
+from kfgen.identify.evidence.long import Stream, condense
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.choice import combined
+from kfgen.identify.identify import identify
+from kfgen.identify.methods.likelihood import best_of, by_likelihood
+from kfgen.log.readers import ColumnMap, read_long
+from kfgen.log.readers.table import chunks
 
 Values = np.ndarray
 REPEATS = 5
@@ -39,7 +39,7 @@ FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 COLD = """
 import time, sys
 import numpy as np
-import kfgen.identify.phase as phase
+import kfgen.identify.evidence.phase as phase
 start = time.perf_counter()
 import numba
 imported = time.perf_counter()

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.routines import Program
+from kfgen.log.readers import read_log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.readers import read_log
-from kfgen.run import attitude_error, run
+from kfgen.run.run import attitude_error, run
 
 data = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 recording = data / "dynamic" / "broad_01_undisturbed_slow_rotation_A.npz"

@@ -6,14 +6,14 @@ gyro noise as ``e_p + v T e_psi - v T^2 e_b / 2``, and by ``v^2 N^2 T^3 / 3`` in
 
 import numpy as np
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.routines import Program
-from kfgen.log import Channel, Log
+from kfgen.log.log import Channel, Log
+from kfgen.manoeuvre.truth import MotionProfile
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.model.motion import GYRO
-from kfgen.model.truth import Wanted
-from kfgen.run import run
-from kfgen.simulate import simulate_motion
+from kfgen.model.parts.motion import GYRO
+from kfgen.run.run import run
+from kfgen.simulate.simulate import simulate_motion
 
 SPEED, OUTAGE, RATE = 15.0, 60.0, 50.0
 GNSS = "gnss_position,gnss_velocity"
@@ -21,7 +21,7 @@ t = np.arange(0.0, 180.0, 1.0 / RATE)
 turning = 0.3 * np.sin(2 * np.pi * t / 20.0) * (t < t[-1] - OUTAGE)
 course = np.concatenate([[0.0], np.cumsum(turning[:-1]) / RATE])
 across = np.column_stack([-np.sin(course), np.cos(course), 0 * t]) * (SPEED * turning)[:, None]
-motion = Wanted(t, np.outer(turning, [0.0, 0.0, 1.0]), across, np.eye(3), np.array([SPEED, 0.0, 0.0]))
+motion = MotionProfile(t, np.outer(turning, [0.0, 0.0, 1.0]), across, np.eye(3), np.array([SPEED, 0.0, 0.0]))
 
 wheels = build("ins15", None, {"sensors": f"{GNSS},non_holonomic,odometer", "left_out": "false"})
 free = build("ins15", None, {"sensors": GNSS})

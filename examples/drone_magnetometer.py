@@ -6,12 +6,12 @@ what the filter says is above that, for it learns attitude, gyro bias and the Ea
 
 import numpy as np
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.routines import Program
-from kfgen.log import Channel, Log
+from kfgen.log.log import Channel, Log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.run import run
-from kfgen.simulate import simulate
+from kfgen.run.run import run
+from kfgen.simulate.simulate import simulate
 
 RATE, DURATION = 50.0, 60.0
 IRON = np.array([4e-6, -3e-6, 2e-6])

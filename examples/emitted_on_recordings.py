@@ -12,13 +12,13 @@ from pathlib import Path
 from recordings.fixed_wing import flight
 from recordings.fixed_wing import model as flying
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.folder import Emitted, write_folder
 from kfgen.emit.routines import Program
-from kfgen.log import Log
+from kfgen.log.log import Log
+from kfgen.log.readers import read_log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.readers import read_log
 from kfgen.report.proof import on_log_sentences
 from kfgen.verify.compare import verify
 from kfgen.verify.rounding import over_log

@@ -9,14 +9,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from kfgen.identify.channel import identify
-from kfgen.identify.published import Published
-from kfgen.identify.sampling import evidence
-from kfgen.readers import ColumnMap, read_log
+from kfgen.core.units import display_unit
+from kfgen.core.whole_file import write_text
+from kfgen.identify.evidence.published import Published
+from kfgen.identify.evidence.sampling import evidence
+from kfgen.identify.identify import identify
+from kfgen.log.readers import ColumnMap, read_log
 from kfgen.report.identify import one_line, panel
 from kfgen.report.plots import panels_picture
-from kfgen.units import display_unit
-from kfgen.whole import write_text
 
 AXES = "xyz"
 COUNTS = ", ".join(

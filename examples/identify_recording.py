@@ -7,10 +7,10 @@ counts: 131 per deg/s, 16384 per g, 100 Hz.
 import os
 from pathlib import Path
 
-from kfgen.identify.channel import identify
-from kfgen.identify.record import Record
-from kfgen.noise import noise_text
-from kfgen.readers import ColumnMap, read_log
+from kfgen.effects.noise_model import noise_text
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import identify
+from kfgen.log.readers import ColumnMap, read_log
 from kfgen.report.identify import identify_answer, noise_model
 
 data = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kfgen.log.readers import ColumnMap, read_log
 from kfgen.papers.narasimhappa import (
     DEGREE_PER_HOUR,
     Static,
@@ -19,7 +20,6 @@ from kfgen.papers.narasimhappa import (
     under_motion,
 )
 from kfgen.papers.row import text_of
-from kfgen.readers import ColumnMap, read_log
 
 seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
 full = seconds >= 3600.0

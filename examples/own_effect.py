@@ -9,12 +9,12 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kfgen.effects import Effect, Form, Look, State, make
-from kfgen.effects.base import parameter
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
+from kfgen.effects import Effect, LinearSystem, Look, State, make
+from kfgen.effects.effect import parameter
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, Term
 from kfgen.report.gap_words import finding_sentence
 
 
@@ -27,13 +27,15 @@ class SupplySquared(Effect):
 
     name: ClassVar[str] = "supply_squared"
     title: ClassVar[str] = "bias proportional to the square of the supply voltage's error"
-    saying: ClassVar[str] = "follows the supply voltage squared by {coefficient}"
+    sentence_template: ClassVar[str] = "follows the supply voltage squared by {coefficient}"
     driver: ClassVar[str] = "voltage"
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """One constant state, seen through the voltage."""
         away = (drive["voltage"] - self.reference) ** 2 if drive else 0.0
-        return Form(((0,),), ((0,),), (away,), x0=(self.coefficient,), states=(State("supply", "U/V^2"),))
+        return LinearSystem(
+            ((0,),), ((0,),), (away,), x0=(self.coefficient,), states=(State("supply", "U/V^2"),)
+        )
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:

@@ -8,15 +8,15 @@ import math
 
 import numpy as np
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.units import parse_quantity
 from kfgen.effects import Effect, make
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.emit.routines import Program
-from kfgen.model.earth import EARTH_RATE
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, NoiseModel, Term
-from kfgen.run import run
-from kfgen.simulate import simulate
-from kfgen.units import parse_quantity
+from kfgen.model.parts.earth import EARTH_RATE
+from kfgen.run.run import run
+from kfgen.simulate.simulate import simulate
 
 LATITUDE = math.radians(45.0)
 bias_g = parse_quantity("0.01 deg/h", "rad/s")

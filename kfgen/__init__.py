@@ -4,7 +4,7 @@ The conventions of the whole package are stated here and nowhere else.
 
 Units
     SI and radians inside. Units are converted where data comes in (`readers`,
-    files) and where it goes out (`report`, the command line), by `kfgen.units`.
+    files) and where it goes out (`report`, the command line), by `kfgen.core.units`.
 Frames
     ``b`` body (x forward, y right, z down), ``n`` navigation: local level,
     north-east-down. A vector carries its frame as suffix, ``v_n``. A rotation
@@ -14,7 +14,7 @@ Quaternions
 Errors
     true = estimate "plus" error: additive for vectors, ``R_nb = Exp(phi) R_nb_hat``
     for attitudes, so that ``phi`` has navigation axes (the phi-angle convention).
-    Other conventions are chosen by name (`kfgen.model.convention`); so are Earth
+    Other conventions are chosen by name (`kfgen.model.symbols.convention`); so are Earth
     axes as navigation axes, in which ``n`` stands for them.
 Noise
     Densities are two-sided (IEEE Std 952-1997, annex C): white noise ``N`` has the

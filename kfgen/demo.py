@@ -13,19 +13,19 @@ from pathlib import Path
 import numpy as np
 
 from kfgen.audit.audit import audit
-from kfgen.discretise import DiscreteModel
 from kfgen.effects import Effect, make
-from kfgen.effects.driven import DRIVERS
+from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.effects.noise_model import NoiseModel, write_noise
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
-from kfgen.gap.regular import drivers_of, regular
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.channel import identify
-from kfgen.identify.record import Record
-from kfgen.log import Channel, Log
+from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import identify
+from kfgen.log.log import Channel, Log
+from kfgen.log.readers import write_log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.noise import NoiseModel, write_noise
-from kfgen.readers import write_log
 from kfgen.report.audit import audit_answer
 from kfgen.report.filter import OPERATIONS, operation_rows
 from kfgen.report.gap import gap_answer, mended_model
@@ -126,7 +126,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
 
 def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
     """Audit, emission and proof of the mended filter."""
-    program = Program(DiscreteModel.stepping(build("gyro-static", noise), RATE))
+    program = Program(DiscreteModel.at_rate(build("gyro-static", noise), RATE))
     for target in ("c", "filterpy"):
         write_folder(program, target, noise, out / target)
     cores = ["host", "m4f"] if _emulator() else ["host"]

@@ -9,17 +9,24 @@ from typing import Any
 
 import sympy as sp
 
-from kfgen.audit.chain import Hidden, along
-from kfgen.audit.plan import Plan
+from kfgen.audit.exact.chain import Hidden, along
+from kfgen.audit.exact.plan import Plan
+from kfgen.core.expression import read_expression
 from kfgen.effects import make
 from kfgen.manoeuvre.manoeuvre import NAMES, Manoeuvre, Segment
-from kfgen.model.blocks import Attitude, Vector
-from kfgen.model.equations import filter_model
-from kfgen.model.expression import read_expression
-from kfgen.model.file import parse_model
 from kfgen.model.filter import FilterModel
-from kfgen.model.motion import ACCEL, GRAVITY, GYRO, NED, Constant, Motion, Rotating, Strapdown
-from kfgen.model.sensors import FIELD, GnssPosition, GnssVelocity, GravityDirection, MagneticField, Sensor
+from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, Constant, MotionModel, Rotating, Strapdown
+from kfgen.model.parts.sensors import (
+    FIELD,
+    GnssPosition,
+    GnssVelocity,
+    GravityDirection,
+    MagneticField,
+    Sensor,
+)
+from kfgen.model.plant.equations import filter_model
+from kfgen.model.plant.file import parse_model
+from kfgen.model.symbols.blocks import Attitude, Vector
 
 G = Fraction("9.80665")
 OMEGA = Fraction("7.292115e-5")
@@ -73,7 +80,7 @@ class ScaledStrapdown(Strapdown):
         return {**super().rates(x, true), "sg": sp.zeros(3, 1), "sa": sp.zeros(3, 1)}
 
 
-class Misaligned(Motion):
+class Misaligned(MotionModel):
     """Attitude and velocity from triads with a full matrix of scale and misalignment errors of the accelerometers."""
 
     blocks = (
@@ -96,10 +103,10 @@ class Misaligned(Motion):
 
 
 @dataclass(frozen=True)
-class With(Motion):
+class With(MotionModel):
     """A motion with one more block of constants."""
 
-    base: Motion
+    base: MotionModel
     block: Vector
 
     @property
@@ -160,7 +167,7 @@ def _bearing(x: Mapping[str, sp.Matrix]) -> sp.Matrix:
 camera = Shows("camera", ("p", "phi", "f1"), 2, _bearing)
 
 
-def model(motion: Motion, *sensors: Sensor) -> FilterModel:
+def model(motion: MotionModel, *sensors: Sensor) -> FilterModel:
     """White noise and a constant bias on every input."""
     noise = {
         c: (make("white_noise", N=i.N), make("bias", sd=i.bias_prior))
@@ -170,7 +177,7 @@ def model(motion: Motion, *sensors: Sensor) -> FilterModel:
     return FilterModel("test", "a test", motion, sensors, noise)
 
 
-def ins(motion: Motion | None = None, *more: Sensor) -> FilterModel:
+def ins(motion: MotionModel | None = None, *more: Sensor) -> FilterModel:
     return model(motion or Strapdown(), GnssPosition(), GnssVelocity(), *more)
 
 

@@ -29,7 +29,7 @@ def recording() -> Callable[[str], Path]:
 def kfgen() -> Callable[..., Result]:
     """The command line: returns exit status and output; errors of kfgen become its exit status."""
     from kfgen.cli.app import app
-    from kfgen.errors import KfgenError
+    from kfgen.core.errors import KfgenError
 
     def call(*words: object) -> Result:
         result = CliRunner().invoke(app, [str(w) for w in words])

@@ -19,28 +19,28 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from kfgen.adaptive.cost import bandwidth, cost_of, response
-from kfgen.adaptive.denoise import Settings, at_rest, denoise
-from kfgen.adaptive.loop import WINDOW, LinearModel, run_filter
-from kfgen.adaptive.rules import Bounds, Factors, Seen, bounded, rule_named, rules
-from kfgen.adaptive.wrapper import adapted
 from kfgen.arma.process import Arma
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
+from kfgen.core.linear import van_loan
 from kfgen.effects import make
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.linear import van_loan
-from kfgen.log import Channel, Log
+from kfgen.log.log import Channel, Log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, NoiseModel, Term
-from kfgen.run import run
+from kfgen.run.adaptive.cost import bandwidth, cost_of, response
+from kfgen.run.adaptive.denoise import Settings, at_rest, denoise
+from kfgen.run.adaptive.loop import WINDOW, ScalarModel, run_filter
+from kfgen.run.adaptive.rules import Bounds, Factors, Seen, bounded, rule_named, rules
+from kfgen.run.adaptive.wrapper import adapted
+from kfgen.run.run import run
 
 Array = NDArray[np.float64]
 Call = Callable[..., Result]
 
 PAPER = Arma((0.5422, 0.1204), (-0.1382,), np.exp(-5.7612 / 2))
 """Table 3 and AIC of Narasimhappa 2019, in the sign convention in which it is a drift."""
-FIRST = LinearModel(np.array([[0.95]]), np.array([[0.05]]), np.array([1.0]), 1.0)
+FIRST = ScalarModel(np.array([[0.95]]), np.array([[0.05]]), np.array([1.0]), 1.0)
 R_RULES = ["iae", "sage-husa", "shafkf-p", "shafkf-r"]
 BAND = chi2.ppf([0.025, 0.975], 1000) / 1000
 
@@ -53,7 +53,7 @@ def first_order(seed: int, level: Array, drive: Array | float = 1.0) -> Array:
 
 
 def test_the_conventional_filter_is_filterpys() -> None:
-    model = LinearModel.of(PAPER)
+    model = ScalarModel.of(PAPER)
     z = PAPER.sigma * np.random.default_rng(1).standard_normal(60)
     kf = KalmanFilter(dim_x=2, dim_z=1)
     kf.F, kf.Q, kf.H, kf.R = model.A, model.Q, model.H[None, :], np.array([[model.R]])
@@ -86,7 +86,7 @@ def jumps(n: int) -> Array:
 ])  # fmt: skip
 def test_covariances_stay_positive_definite(name: str) -> None:
     """Over 1e6 samples; R and Q stay inside their bounds, P has positive pivots all along."""
-    found = run_filter(jumps(1_000_000), LinearModel.of(Arma(PAPER.phi, PAPER.theta, 1.0)), rule_named(name))
+    found = run_filter(jumps(1_000_000), ScalarModel.of(Arma(PAPER.phi, PAPER.theta, 1.0)), rule_named(name))
     bounds = Bounds()
     assert found.least > 1e-12
     assert np.isfinite(found.estimate).all()
@@ -137,7 +137,7 @@ def test_a_filter_that_knows_is_best() -> None:
     level = np.full(8000, 10.0)
     x = first_order(2, np.zeros(8000))
     z = x + level * np.random.default_rng(9).standard_normal(8000)
-    told = run_filter(z, LinearModel(FIRST.A, FIRST.Q, FIRST.H, 100.0), rule_named("kf"))
+    told = run_filter(z, ScalarModel(FIRST.A, FIRST.Q, FIRST.H, 100.0), rule_named("kf"))
     best = np.std((told.estimate - x)[1000:])
     for name in ("iae", "sage-husa"):
         assert np.std((run_filter(z, FIRST, rule_named(name)).estimate - x)[1000:]) < 1.2 * best
@@ -147,9 +147,9 @@ def test_a_filter_that_knows_is_best() -> None:
 # The price.
 
 
-def smoother(K: float) -> LinearModel:
+def smoother(K: float) -> ScalarModel:
     """A level in random walk whose steady gain is K: ``Q = K^2 / (1 - K)``."""
-    return LinearModel(np.eye(1), np.array([[K**2 / (1 - K)]]), np.ones(1), 1.0)
+    return ScalarModel(np.eye(1), np.array([[K**2 / (1 - K)]]), np.ones(1), 1.0)
 
 
 def test_the_price_of_an_exponential_smoother() -> None:
@@ -170,7 +170,7 @@ def test_the_price_of_an_exponential_smoother() -> None:
 def test_the_paper_s_filter_scales_everything() -> None:
     """ARMA(2,1) as the state and R = 980 Q: a constant rate falls to the share to which the noise falls."""
     z = 0.1 * np.random.default_rng(4).standard_normal(20_000)
-    model = LinearModel.of(PAPER)
+    model = ScalarModel.of(PAPER)
     found = run_filter(z, model, rule_named("kf"))
     cost = cost_of(z, 0.01, model, rule_named("kf"), WINDOW, found)
     assert cost.dc < 0.01
@@ -183,13 +183,13 @@ def test_the_paper_s_filter_scales_everything() -> None:
 # The emitted filter.
 
 
-def emitted(dt: float, N: float) -> tuple[Program, LinearModel]:
+def emitted(dt: float, N: float) -> tuple[Program, ScalarModel]:
     """A Gauss-Markov bias under white noise, as an emitted filter and as a filter of one channel."""
     effects = make("white_noise", N=N), make("gauss_markov", sigma=0.02, tau=1.0)
     noise = NoiseModel({"gyro_x": ChannelNoise("rad/s", tuple(Term(e) for e in effects))})
     discrete = DiscreteModel(build("gyro-static", noise), rate=1.0 / dt)
     A, Q = van_loan(np.array([[-1.0]]), np.array([[2 * 0.02**2]]), dt)
-    return Program(discrete), LinearModel(A, Q, np.ones(1), N**2 / dt)
+    return Program(discrete), ScalarModel(A, Q, np.ones(1), N**2 / dt)
 
 
 def noisy_log(seed: int, n: int, dt: float, N: float) -> Log:
@@ -253,9 +253,9 @@ def test_bad_records(z: Array, window: int, words: str) -> None:
 
 def test_bad_models() -> None:
     with pytest.raises(InputError, match="singular"):
-        LinearModel(FIRST.A, FIRST.Q, FIRST.H, 0.0)
+        ScalarModel(FIRST.A, FIRST.Q, FIRST.H, 0.0)
     with pytest.raises(InputError, match="no covariance"):
-        LinearModel(FIRST.A, -FIRST.Q, FIRST.H, 1.0)
+        ScalarModel(FIRST.A, -FIRST.Q, FIRST.H, 1.0)
     with pytest.raises(InputError, match="Known are kf, iae"):
         rule_named("magic")
 

@@ -23,9 +23,9 @@ from scipy.signal import fftconvolve
 from scipy.special import gammaln
 from scipy.stats import binom
 
-from kfgen.errors import InputError
-from kfgen.identify import differences, phase
-from kfgen.identify.allan import (
+from kfgen.core.errors import InputError
+from kfgen.identify.evidence import differences, phase
+from kfgen.identify.evidence.allan import (
     allan_curve,
     curve_of_chunks,
     degrees_of_freedom,
@@ -34,7 +34,7 @@ from kfgen.identify.allan import (
     overlapping_variance,
     variance_of_chunks,
 )
-from kfgen.readers.table import chunks
+from kfgen.log.readers.table import chunks
 
 Array = NDArray[np.float64]
 
@@ -161,7 +161,7 @@ def kernel(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
         pytest.importorskip("numba")
         monkeypatch.setattr(differences, "COMPILED", 0)
     else:
-        monkeypatch.setitem(sys.modules, "kfgen.identify.compiled", None)
+        monkeypatch.setitem(sys.modules, "kfgen.identify.evidence.compiled", None)
     return str(request.param)
 
 
@@ -253,7 +253,7 @@ def test_both_kernels_agree(monkeypatch: pytest.MonkeyPatch, y: str) -> None:
 
 
 def test_without_numba_numpy_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "kfgen.identify.compiled", None)
+    monkeypatch.setitem(sys.modules, "kfgen.identify.evidence.compiled", None)
     assert isinstance(differences.kernel(float("inf")), differences.NumpyKernel)
 
 

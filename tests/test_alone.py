@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.folder import write_folder
 from kfgen.emit.routines import Program
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 
 CASES = [("filterpy", "ins15"), ("filterpy", "ahrs6"), ("numpy", "ahrs6")]

@@ -69,7 +69,7 @@ def test_no_second_allan_variance() -> None:
     places = {
         name for name, text in code.items() for word in ("/ tau**2", "tau / 3", "log(2)") if word in text
     }
-    assert places == {"form.py"}
+    assert places == {"linear_system.py"}
 
 
 def test_light_start() -> None:

@@ -19,7 +19,7 @@ from kfgen.arma.equivalent import THREE, Equivalent, condition
 from kfgen.arma.estimate import estimate, estimators, kind
 from kfgen.arma.process import Arma, autocovariance_of, spectral_factor
 from kfgen.arma.series import LEVEL, correlations, orders, series_tests
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 

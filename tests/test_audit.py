@@ -17,16 +17,16 @@ import sympy as sp
 from scipy.linalg import block_diag
 
 from kfgen.audit.audit import audit
-from kfgen.audit.basis import readable
-from kfgen.audit.chain import along
-from kfgen.audit.plan import Plan
-from kfgen.audit.symbolic import null_of, rows_of
+from kfgen.audit.exact.basis import readable
+from kfgen.audit.exact.chain import along
+from kfgen.audit.exact.plan import Plan
+from kfgen.audit.exact.symbolic import null_of, rows_of
 from kfgen.effects import Effect, make
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.model.motion import Rest, Strapdown
-from kfgen.model.sensors import AtRest, GnssPosition, GnssVelocity, MagneticField, Sensor
+from kfgen.model.parts.motion import AtRestMotion, Strapdown
+from kfgen.model.parts.sensors import AtRest, GnssPosition, GnssVelocity, MagneticField, Sensor
 
 G = 9.80665
 
@@ -36,7 +36,7 @@ def skew(a: np.ndarray) -> np.ndarray:
 
 
 def one_axis(*effects: Effect) -> FilterModel:
-    return FilterModel("one", "one axis", Rest(), (AtRest(),), {"gyro_x": effects})
+    return FilterModel("one", "one axis", AtRestMotion(), (AtRest(),), {"gyro_x": effects})
 
 
 def hidden(model: FilterModel, sensors: Sequence[str] = ()) -> list[dict[str, float]]:

@@ -15,19 +15,19 @@ from audit_models import DELAY, LEVER, With, antenna, flown, ins, late, model, p
 from scipy.integrate import solve_ivp
 
 from kfgen.audit.audit import audit, notes
-from kfgen.audit.chain import along, null_space
 from kfgen.audit.degree import Horizon, degree
-from kfgen.audit.plan import Plan
-from kfgen.audit.ring import PRIMES, Ring
-from kfgen.discretise import DiscreteModel
+from kfgen.audit.exact.chain import along, null_space
+from kfgen.audit.exact.padic import PRIMES, Ring
+from kfgen.audit.exact.plan import Plan
 from kfgen.effects import make
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.library import LIBRARY
-from kfgen.model.convention import conventions
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.model.motion import Rest, Strapdown
-from kfgen.model.sensors import AtRest
+from kfgen.model.parts.motion import AtRestMotion, Strapdown
+from kfgen.model.parts.sensors import AtRest
+from kfgen.model.symbols.convention import conventions
 
 STATIC = LIBRARY["static"]
 G = 9.80665
@@ -47,7 +47,7 @@ def navigation_grade() -> FilterModel:
 def test_row_23_limits_of_alignment() -> None:
     """Heading 0.0539 deg, tilt 20.63 arcsec; after an hour the down gyro still keeps 89 % of its prior."""
     m = navigation_grade()
-    run = degree(DiscreteModel.stepping(m, 1.0), STATIC, Horizon(3600.0, 1.0), 6)
+    run = degree(DiscreteModel.at_rate(m, 1.0), STATIC, Horizon(3600.0, 1.0), 6)
     end = {s.name: sigma for s, sigma in zip(m.states, run.sigma[-1])}
     assert math.degrees(end["phi_D"]) == pytest.approx(0.0539, rel=0.02)
     assert math.degrees(end["phi_E"]) * 3600 == pytest.approx(20.63, rel=0.02)
@@ -59,9 +59,9 @@ def test_covariance_of_a_constant_is_that_of_a_mean() -> None:
     """A bias in white noise: 1 / P = 1 / P0 + T / N^2, in closed form."""
     N, sd, T = 1e-3, 0.2, 40.0
     m = FilterModel(
-        "one", "", Rest(), (AtRest(),), {"gyro_x": (make("white_noise", N=N), make("bias", sd=sd))}
+        "one", "", AtRestMotion(), (AtRest(),), {"gyro_x": (make("white_noise", N=N), make("bias", sd=sd))}
     )
-    run = degree(DiscreteModel.stepping(m, 50.0), STATIC, Horizon(T, 50.0), 0)
+    run = degree(DiscreteModel.at_rate(m, 50.0), STATIC, Horizon(T, 50.0), 0)
     wanted = (1 / sd**2 + T / N**2) ** -0.5
     assert run.sigma[-1, 0] == pytest.approx(wanted, rel=1e-9)
     assert run.bits_per_minute[0] == pytest.approx(math.log2(sd / wanted) / (T / 60.0), rel=1e-9)
@@ -74,7 +74,7 @@ def test_covariance_of_a_constant_is_that_of_a_mean() -> None:
 def test_verdicts_tell_exact_from_practical() -> None:
     """A Gauss-Markov bias of an hour below the noise of a minute is visible, but keeps its prior."""
     effects = make("white_noise", N=1e-2), make("gauss_markov", sigma=1e-5, tau=3600.0), make("bias", sd=1.0)
-    m = FilterModel("one", "", Rest(), (AtRest(),), {"gyro_x": effects})
+    m = FilterModel("one", "", AtRestMotion(), (AtRest(),), {"gyro_x": effects})
     answer = audit(m, (STATIC,), Horizon(60.0, 10.0)).first
     assert [answer.verdict(k) for k in range(2)] == ["practically_unobservable", "observable"]
     still = audit(build("ins15"), (STATIC,), Horizon(60.0)).first
@@ -211,7 +211,7 @@ def test_lint_of_effects() -> None:
     white, walk = make("white_noise", N=1e-3), make("bias", sd=0.1)
     twin = make("gauss_markov", sigma=3e-3, tau=20.0), make("gauss_markov", sigma=4e-3, tau=20.0)
     slow = make("gauss_markov", sigma=1e-3, tau=5e3)
-    m = FilterModel("one", "", Rest(), (AtRest(),), {"gyro_x": (white, *twin, slow, walk)})
+    m = FilterModel("one", "", AtRestMotion(), (AtRest(),), {"gyro_x": (white, *twin, slow, walk)})
     notes = audit(m, (STATIC,), Horizon(100.0)).lint
     assert len(notes) == 2
     assert "same tau = 20 s" in notes[0]

@@ -39,14 +39,14 @@ from audit_models import (
     plant,
 )
 
-from kfgen.audit.chain import along
-from kfgen.audit.plan import Plan
+from kfgen.audit.exact.chain import along
+from kfgen.audit.exact.plan import Plan
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.model.motion import Rotating, Strapdown
-from kfgen.model.sensors import GnssPosition, GnssVelocity
+from kfgen.model.parts.motion import Rotating, Strapdown
+from kfgen.model.parts.sensors import GnssPosition, GnssVelocity
 
 STATIC, GENERIC, HOVER = LIBRARY["static"], LIBRARY["generic"], LIBRARY["hover"]
 NORTH = flown(part(a=(1, 0, 0)))

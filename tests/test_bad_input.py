@@ -327,9 +327,9 @@ def test_a_channel_name_that_no_noise_file_can_carry_leaves_no_broken_one(kfgen:
 @pytest.fixture(scope="module")
 def emitted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
     """The files of an emitted filter for each target."""
-    from kfgen.discretise import DiscreteModel
     from kfgen.emit.folder import write_folder
     from kfgen.emit.routines import Program
+    from kfgen.model.discretise import DiscreteModel
     from kfgen.model.library import build
 
     made = {}

@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from kfgen.audit.audit import hidden_directions
-from kfgen.discretise import DT, DiscreteModel
 from kfgen.emit.routines import Program
-from kfgen.log import Channel, Log
+from kfgen.log.log import Channel, Log
+from kfgen.log.readers import read_log
+from kfgen.manoeuvre.truth import numeric, wandered
+from kfgen.model.discretise import DT, DiscreteModel
 from kfgen.model.library import build
-from kfgen.model.truth import numeric, wandered
-from kfgen.readers import read_log
-from kfgen.run import attitude_error, run
+from kfgen.run.run import attitude_error, run
 
 ALARM = 1e-3
 SIGMA, TAU = 0.4, 0.2
@@ -117,7 +117,7 @@ def test_a_hand_turns_a_sensor(recording: Callable[[str], Path]) -> None:
     )
     errors, delay = {}, 0.0
     for name in ("ahrs6", "ahrs25"):
-        result = run(Program(DiscreteModel.stepping(build(name), 1.0 / cut.dt)), cut)
+        result = run(Program(DiscreteModel.at_rate(build(name), 1.0 / cut.dt)), cut)
         error = attitude_error(result, cut)
         assert error is not None
         errors[name] = np.degrees(error.inclination)

@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from kfgen.discretise import DiscreteModel
-from kfgen.emit.c import CPrinter
 from kfgen.emit.routines import Program
+from kfgen.emit.targets.c import CPrinter
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 
 MAG = {"sensors": "gnss_position,gnss_velocity,mag"}

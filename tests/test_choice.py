@@ -17,11 +17,11 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from kfgen.effects import make
-from kfgen.identify.channel import Identified, identify
-from kfgen.identify.choice import DECISIVE, FAST, PLAIN, SHAPED, Trial, threshold
-from kfgen.identify.fit import Problem, maximise
-from kfgen.identify.interval import edge
-from kfgen.identify.record import Record
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.choice import DECISIVE, FAST, PLAIN, SHAPED, EffectSet, threshold
+from kfgen.identify.fit.fit import Problem, maximise
+from kfgen.identify.fit.interval import edge
+from kfgen.identify.identify import Identified, identify
 
 Array = NDArray[np.float64]
 DT = 0.1
@@ -88,7 +88,7 @@ def test_a_score_is_the_gain_less_what_each_term_costs() -> None:
     record = Record(times(500), white(np.random.default_rng(0), 500))
     problem = Problem(record, (make("white_noise", N=0.1), make("gauss_markov", sigma=0.1, tau=2.0)))
     fit = maximise(problem)
-    assert Trial(fit, problem, 100.0).score == pytest.approx(100.0 - PLAIN - SHAPED)
+    assert EffectSet(fit, problem, 100.0).score == pytest.approx(100.0 - PLAIN - SHAPED)
 
 
 # Random effects.

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from kfgen.identify.channel import Identified, identify
-from kfgen.identify.clean import is_outlier, noise_change, roll_off
-from kfgen.identify.record import Record
+from kfgen.identify.evidence.clean import is_outlier, noise_change, roll_off
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import Identified, identify
 
 RATE, SECONDS = 100.0, 300.0
 T = np.arange(int(RATE * SECONDS)) / RATE

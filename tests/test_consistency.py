@@ -15,15 +15,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from kfgen.discretise import DiscreteModel
 from kfgen.effects import make
-from kfgen.emit.filterpy import class_name
 from kfgen.emit.routines import Program
-from kfgen.model.blocks import Attitude
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.run import load
-from kfgen.simulate import simulate
+from kfgen.model.symbols.blocks import Attitude
+from kfgen.run.run import load
+from kfgen.simulate.simulate import simulate
 
 ALARM = 1e-3
 RATE = 50.0

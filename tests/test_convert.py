@@ -19,10 +19,18 @@ import pytest
 from typer.testing import Result
 
 from kfgen.consumers import consumers, convert
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.effects.stochastic import FLICKER_FLOOR, GaussMarkov, gauss_markov_peak
-from kfgen.errors import InputError
-from kfgen.noise import FORMAT, ChannelNoise, NoiseModel, Term, noise_text, parse_noise, write_noise
+from kfgen.effects.noise_model import (
+    FORMAT,
+    ChannelNoise,
+    NoiseModel,
+    Term,
+    noise_text,
+    parse_noise,
+    write_noise,
+)
+from kfgen.effects.process.stochastic import FLICKER_FLOOR, GaussMarkov, gauss_markov_peak
 
 Cli = Callable[..., Result]
 

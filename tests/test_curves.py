@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.errors import InputError
-from kfgen.identify.bounds import relative_bound
-from kfgen.identify.channel import identify
-from kfgen.identify.curve import by_wavelet_covariance, fit_curve
-from kfgen.identify.fit import Problem
-from kfgen.identify.published import Published
-from kfgen.identify.record import Record
+from kfgen.identify.evidence.published import Published
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.bounds import relative_bound
+from kfgen.identify.fit.fit import Problem
+from kfgen.identify.identify import identify
+from kfgen.identify.methods.allan_curve import by_wavelet_covariance, fit_curve
 
 Array = NDArray[np.float64]
 TAU = np.geomspace(0.01, 3000.0, 92)

@@ -17,21 +17,21 @@ import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
-from kfgen import linear
-from kfgen.discretise import DT, DiscreteModel
+from kfgen.core import linear
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.errors import InputError
+from kfgen.model.discretise import DT, DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.model.motion import Rest
-from kfgen.model.sensors import AtRest
+from kfgen.model.parts.motion import AtRestMotion
+from kfgen.model.parts.sensors import AtRest
 
 LIMIT = 2.2
 """beta*dt up to here is allowed: (2 x)^24 / 24! falls below 2^-27 at x = 2.26."""
 
 
 def at_rest(*effects: object) -> FilterModel:
-    return FilterModel("one", "one axis", Rest(), (AtRest(),), {"gyro_x": effects})  # type: ignore[dict-item]
+    return FilterModel("one", "one axis", AtRestMotion(), (AtRest(),), {"gyro_x": effects})  # type: ignore[dict-item]
 
 
 def in_precision(expression: sp.Expr, dt: float, real: type) -> float:

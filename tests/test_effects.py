@@ -20,10 +20,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
+from kfgen.core.units import derived_unit, parse_unit, to_si
 from kfgen.effects import (
     Effect,
-    Form,
+    LinearSystem,
     Look,
     Parameter,
     State,
@@ -32,19 +33,18 @@ from kfgen.effects import (
     make,
     sampled_spectrum,
 )
-from kfgen.effects.base import parameter
-from kfgen.effects.form import initial_covariance
-from kfgen.emit import c
+from kfgen.effects.effect import parameter
+from kfgen.effects.linear_system import initial_covariance
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.gap.evidence import additions, believed, candidates, series_of
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.channel import identify
-from kfgen.identify.record import Record
+from kfgen.emit.targets import c
+from kfgen.gap.rest.evidence import additions, believed, candidates, series_of
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import identify
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
-from kfgen.simulate import simulate
-from kfgen.units import derived_unit, parse_unit, to_si
+from kfgen.simulate.simulate import simulate
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def example(cls: type[Effect]) -> Effect:
 
 NAMES = list(catalogue())
 EXAMPLES = {name: example(cls) for name, cls in catalogue().items()}
-SILENT = [n for n, e in EXAMPLES.items() if e.form() == Form()]
+SILENT = [n for n, e in EXAMPLES.items() if e.form() == LinearSystem()]
 """Effects of an empty form: they filter or alter samples, or act in a plant, in motion, between channels."""
 RANDOM = [n for n, e in EXAMPLES.items() if not e.form().deterministic and n not in SILENT]
 DETERMINISTIC = [n for n in NAMES if n not in RANDOM and n not in SILENT]
@@ -206,7 +206,7 @@ def test_an_effect_of_an_empty_form_adds_nothing_to_a_channel_at_rest(name: str)
     np.testing.assert_array_equal(effect.mean(t), 0.0)
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if catalogue()[n].filters])
+@pytest.mark.parametrize("name", [n for n in NAMES if catalogue()[n].is_filter])
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_filter_does_to_samples_what_it_says_of_their_spectrum(name: str, order: int) -> None:
     """The transform of its response to an impulse, squared; and a constant passes."""
@@ -214,13 +214,13 @@ def test_a_filter_does_to_samples_what_it_says_of_their_spectrum(name: str, orde
     t, rng = np.arange(n) * dt, np.random.default_rng(0)
     impulse = np.zeros(n)
     impulse[1] = 1.0  # the first sample sets the filter's state
-    power = np.abs(np.fft.rfft(effect.applied(impulse, t, rng))) ** 2
+    power = np.abs(np.fft.rfft(effect.apply_to(impulse, t, rng))) ** 2
     omega = np.linspace(0.0, np.pi, power.size)
     factor = effect.response(omega, dt)
     assert factor is not None
     np.testing.assert_allclose(factor, power, rtol=1e-6, atol=1e-9)
     assert factor[0] == pytest.approx(1.0, rel=1e-9)
-    np.testing.assert_allclose(effect.applied(np.full(n, 3.0), t, rng), 3.0, rtol=1e-12)
+    np.testing.assert_allclose(effect.apply_to(np.full(n, 3.0), t, rng), 3.0, rtol=1e-12)
     white = make("white_noise", N=2.0)
     np.testing.assert_allclose(
         sampled_spectrum([white, effect], omega[1:], dt), factor[1:] * 4.0 / dt, rtol=1e-12
@@ -469,16 +469,16 @@ def hum() -> Iterator[type[Effect]]:
 
         name: ClassVar[str] = "test_hum"
         title: ClassVar[str] = "hum of the test bench"
-        saying: ClassVar[str] = "hums by {rms}, decaying in {decay}"
+        sentence_template: ClassVar[str] = "hums by {rms}, decaying in {decay}"
 
         @classmethod
         def starts(cls, look: Look) -> list[Any]:
             return [cls(float(look.deviation[0]))]
 
-        def form(self, drive: Mapping[str, Any] | None = None) -> Form:
+        def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
             w = 2 * 3.141592653589793
             q = 2 * self.rms**2 / self.decay
-            return Form(
+            return LinearSystem(
                 A=((-1 / self.decay, w), (-w, -1 / self.decay)),
                 W=((q, 0), (0, q)),
                 C=(1, 0),
@@ -503,10 +503,10 @@ def swell() -> Iterator[type[Effect]]:
 
         name: ClassVar[str] = "test_swell"
         title: ClassVar[str] = "swell of the test bench"
-        saying: ClassVar[str] = "swells by {rms} with a lag of {lag}"
+        sentence_template: ClassVar[str] = "swells by {rms} with a lag of {lag}"
 
-        def form(self, drive: Mapping[str, Any] | None = None) -> Form:
-            return Form(
+        def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+            return LinearSystem(
                 A=((-1 / self.lag, 1), (0, -1 / self.lag)),
                 W=((0, 0), (0, 4 * self.rms**2 / self.lag**3)),
                 C=(1, 0),

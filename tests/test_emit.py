@@ -27,21 +27,21 @@ import sympy as sp
 from scipy.spatial.transform import Rotation
 
 import kfgen
-from kfgen.discretise import DT, DiscreteModel
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.emit.c import files
-from kfgen.emit.filterpy import class_name
 from kfgen.emit.folder import read_folder, write_folder
-from kfgen.emit.plain import module as numpy_module
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario, split
-from kfgen.errors import InputError
-from kfgen.model.equations import filter_model
-from kfgen.model.file import parse_model
+from kfgen.emit.targets.c import files
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.emit.targets.plain import module as numpy_module
+from kfgen.model.discretise import DT, DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.run import load
+from kfgen.model.plant.equations import filter_model
+from kfgen.model.plant.file import parse_model
+from kfgen.run.run import load
 from kfgen.verify.compare import verify
 from kfgen.verify.host import Host
 
@@ -900,7 +900,7 @@ def test_noise_of_constant_states_may_wait() -> None:
         model = model.augment(f"gyro_{axis}", make("rate_random_walk", K=1e-3))
     f = Filter("ins15", 1, 7, form="ud")
     d = DiscreteModel(model)
-    lumped = Machine(Program(d, "ud", lump=0.1), np.float64)
+    lumped = Machine(Program(d, "ud", q_interval=0.1), np.float64)
     prompt = Machine(Program(d, "p"), np.float64)
     still = Machine(Program(DiscreteModel(build("ins15")), "p"), np.float64)
     for machine in (lumped, prompt, still):
@@ -917,12 +917,12 @@ def test_noise_of_constant_states_may_wait() -> None:
     assert lumped.arrays["waiting"][0] == 0.0
     sd = np.sqrt(np.diag(prompt.covariance()))
     assert np.abs(np.sqrt(np.diag(lumped.covariance())) / sd - 1.0).max() < 1e-2
-    few, many = (Program(d, "ud", lump=s).predict.operations for s in (0.1, 0.0))
+    few, many = (Program(d, "ud", q_interval=s).predict.operations for s in (0.1, 0.0))
     assert few < 0.6 * many
 
 
 def test_noise_waits_with_factors_only(kfgen: Any, tmp_path: Path) -> None:
-    assert kfgen("emit", "ins15", "--target", "c", "--lump", "0.2", "-o", tmp_path / "f").exit_code == 2
+    assert kfgen("emit", "ins15", "--target", "c", "--q-interval", "0.2", "-o", tmp_path / "f").exit_code == 2
     assert list(tmp_path.iterdir()) == []
 
 

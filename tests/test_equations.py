@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from kfgen.discretise import DiscreteModel
-from kfgen.emit.c import CPrinter
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import parse_noise
 from kfgen.emit.folder import read_folder, write_folder
-from kfgen.emit.ir import Bin, Expr, Let, Num, Ref, Una
-from kfgen.emit.lower import FUNCTIONS, Lowering
-from kfgen.emit.printer import PythonPrinter
+from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Una
+from kfgen.emit.ir.lower import FUNCTIONS, Lowering
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.model.equations import filter_model
-from kfgen.model.file import parse_model
+from kfgen.emit.targets.c import CPrinter
+from kfgen.emit.targets.printer import PythonPrinter
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.model.user import read_model
-from kfgen.noise import parse_noise
-from kfgen.run import run
-from kfgen.simulate import simulate
+from kfgen.model.plant.equations import filter_model
+from kfgen.model.plant.file import parse_model
+from kfgen.model.plant.user import read_model
+from kfgen.run.run import run
+from kfgen.simulate.simulate import simulate
 from kfgen.verify.compare import verify
 
 PENDULUM = """

@@ -16,9 +16,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kfgen.errors import InputError
-from kfgen.model.expression import DEEPEST, FUNCTIONS, LONGEST, read_expression, symbol
-from kfgen.model.tape import tape
+from kfgen.core.errors import InputError
+from kfgen.core.expression import DEEPEST, FUNCTIONS, LONGEST, read_expression, symbol
+from kfgen.core.tape import tape
 
 X, Y = 0.7, -1.3
 

@@ -23,10 +23,10 @@ from scipy.stats import t as student
 from typer.testing import Result
 
 from kfgen.cli import fleet as command
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import read_noise
 from kfgen.fleet.fleet import Outcome, fleet_of
 from kfgen.fleet.population import Ahead, outliers, population
-from kfgen.noise import read_noise
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

@@ -18,11 +18,11 @@ import pytest
 from click.testing import Result
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect, make
-from kfgen.errors import InputError
-from kfgen.gap.workflow import ChannelGap, find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, Term, read_noise
+from kfgen.effects.noise_model import ChannelNoise, Term, read_noise
+from kfgen.gap.rest.workflow import ChannelGap, find_gap
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
@@ -204,7 +204,7 @@ def burst(rng: np.random.Generator) -> Array:
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that gives up early: of what no list of effects explains, a long list takes minutes."""
-    monkeypatch.setattr("kfgen.gap.search.MOST", 2)
+    monkeypatch.setattr("kfgen.gap.rest.search.MOST", 2)
 
 
 def test_a_line_is_named() -> None:

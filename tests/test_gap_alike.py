@@ -12,14 +12,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import PlacedFinding, find_scene_gap
-from kfgen.gap.wiener import noiseless
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import PlacedFinding, find_scene_gap
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.wiener import noiseless
+from kfgen.log.log import Channel, Log
 from kfgen.report.scene import finding_words
-from kfgen.units import STANDARD_GRAVITY as G
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from kfgen.effects import Effect, catalogue, make
-from kfgen.gap.apart import Apart, apart, divergence
-from kfgen.gap.evidence import Candidate
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.fit import Problem, maximise
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.distinguishability import Distinguishability, apart, divergence
+from kfgen.gap.rest.evidence import Candidate
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.fit import Problem, maximise
 from kfgen.report.gap_words import finding_sentence
 
 N, DT = 400, 0.1
@@ -74,6 +74,8 @@ def test_what_would_tell_is_said() -> None:
 
 
 def test_a_record_that_is_long_enough_is_not_made_longer() -> None:
-    assert Apart("rate_ramp", 0.2, 30.0).longer == 1.0
-    assert Apart("rate_ramp", 0.9, 1.5).longer == pytest.approx(2.0)
-    assert "a record 2 times as long" in Apart("rate_ramp", 0.9, 1.5).words(catalogue()["gauss_markov"])
+    assert Distinguishability("rate_ramp", 0.2, 30.0).longer == 1.0
+    assert Distinguishability("rate_ramp", 0.9, 1.5).longer == pytest.approx(2.0)
+    assert "a record 2 times as long" in Distinguishability("rate_ramp", 0.9, 1.5).words(
+        catalogue()["gauss_markov"]
+    )

@@ -11,10 +11,10 @@ import pytest
 from click.testing import Result
 
 from kfgen.effects import make
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.log import Channel, Log
 
 N, DT = 1e-4, 0.01
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from kfgen.effects import make
-from kfgen.gap.comb import comb_of
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.comb import comb_of
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 from kfgen.report.gap_words import sentences
 
 T = 300.0

@@ -14,11 +14,11 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import make
-from kfgen.gap.cross import with_pairs
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, NoiseModel, Term, read_noise, write_noise
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise, write_noise
+from kfgen.gap.rest.cross_axis import with_pairs
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 

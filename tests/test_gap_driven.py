@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.effects.driven import DRIVERS
-from kfgen.errors import InputError
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.regular import drivers_of, regular
-from kfgen.gap.workflow import find_gap
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
+from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
+from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.truth import body_rate
-from kfgen.gap.whitened import Whitener
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.truth import body_rate
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 

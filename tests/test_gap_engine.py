@@ -16,15 +16,15 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import OF_A_COEFFICIENT
-from kfgen.gap.engine import evidence, explained, ranked
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.newton import TRUST, coordinates, fitted, levels_of, log_posterior, moved
-from kfgen.gap.outcome import find_scene_gap
-from kfgen.gap.scene import Placed, Point, Unknown
-from kfgen.gap.screen import screen
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.engine import evidence, explained, ranked
+from kfgen.gap.core.newton import TRUST, coordinates, fitted, levels_of, log_posterior, moved
+from kfgen.gap.core.outcome import find_scene_gap
+from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.core.screen import screen
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class Lines:
     def unknowns(self) -> tuple[Unknown, ...]:
         return (Unknown("offset", "1", 0.0, np.inf),) if self.known else ()
 
-    def residuals(self, points: Sequence[Point]) -> Array:
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
         i = round(self.t[0] / self.dt)
         keep = slice(i, i + self.y.shape[1])
         out = []
@@ -99,7 +99,7 @@ def scale(where: str, value: float = 0.0) -> Placed:
     return Placed(make("scale_factor", coefficient=value), where)
 
 
-NONE = Point((), np.zeros(0))
+NONE = ScenePoint((), np.zeros(0))
 
 
 def test_the_level_of_the_noise_is_the_most_likely_one() -> None:
@@ -115,7 +115,7 @@ def test_the_level_of_the_noise_is_the_most_likely_one() -> None:
 def test_a_linear_effect_is_least_squares() -> None:
     """Value, deviation and gain in closed form."""
     scene = hidden(2)
-    fit = fitted(scene, Point((scale("a"),), np.zeros(0)))
+    fit = fitted(scene, ScenePoint((scale("a"),), np.zeros(0)))
     found = float(coordinates(fit.point)[0])
     assert found == pytest.approx(float(WAVE @ scene.y[0]), rel=1e-6)
     sd = float(np.sqrt(fit.covariance[0, 0]))
@@ -126,7 +126,7 @@ def test_a_linear_effect_is_least_squares() -> None:
 def numerical(scene: Lines, placed: Placed, name: str, grid: Array, weight: Array) -> float:
     """Logarithm of the integral of the posterior over one parameter."""
     points = [
-        Point((replace(placed, effect=replace(placed.effect, **{name: float(v)})),), np.zeros(0))
+        ScenePoint((replace(placed, effect=replace(placed.effect, **{name: float(v)})),), np.zeros(0))
         for v in grid
     ]
     R = scene.residuals(points)
@@ -140,14 +140,14 @@ def test_the_evidence_is_the_integral_of_the_likelihood() -> None:
     The line is normal but for the level: to 1e-3. The decay is skew: to 0.05.
     """
     scene = hidden(3)
-    fit = fitted(scene, Point((scale("a"),), np.zeros(0)))
+    fit = fitted(scene, ScenePoint((scale("a"),), np.zeros(0)))
     best = float(coordinates(fit.point)[0])
     grid = best + np.linspace(-8.0, 8.0, 401)
     expected = numerical(scene, scale("a"), "coefficient", grid, grid) - np.log(OF_A_COEFFICIENT * best)
     assert evidence(scene, fit) == pytest.approx(expected, abs=0.01)
     scene = hidden(3, 0.0, tau=1.0)
     lag = Placed(make("sensor_lag", tau=0.8), "b")
-    fit = fitted(scene, Point((lag,), np.zeros(0)))
+    fit = fitted(scene, ScenePoint((lag,), np.zeros(0)))
     grid = np.exp(np.linspace(-1.0, 1.0, 401))
     expected = numerical(scene, lag, "tau", grid, np.log(grid)) - np.log(np.log(N))
     assert evidence(scene, fit) == pytest.approx(expected, abs=0.05)
@@ -162,7 +162,7 @@ def test_a_free_number_of_the_world_is_fitted_and_costs_no_effect() -> None:
     y = scene.y.copy()
     y[0] += 7.0
     scene = replace(scene, y=y)
-    fit = fitted(scene, Point((scale("a"),), np.zeros(1)))
+    fit = fitted(scene, ScenePoint((scale("a"),), np.zeros(1)))
     A = np.column_stack([WAVE, np.ones(N)])
     np.testing.assert_allclose(coordinates(fit.point), np.linalg.lstsq(A, y[0], rcond=None)[0], rtol=1e-5)
 
@@ -206,9 +206,10 @@ def test_directions_that_are_the_same_cannot_be_told_apart() -> None:
                 return []
             return [[scale("a")], [Placed(make("scale_factor", coefficient=0.0), "a ")]]
 
-        def residuals(self, points: Sequence[Point]) -> Array:
+        def residuals(self, points: Sequence[ScenePoint]) -> Array:
             bare = [
-                Point(tuple(replace(p, where=p.where.strip()) for p in q.placed), q.unknowns) for q in points
+                ScenePoint(tuple(replace(p, where=p.where.strip()) for p in q.placed), q.unknowns)
+                for q in points
             ]
             return super().residuals(bare)
 
@@ -253,6 +254,6 @@ def test_at_zero_an_effect_leaves_the_residuals_as_they_are() -> None:
     u = np.array([x.value for x in scene.unknowns])
     starts = [g[0] for g in scene.candidates([]) if any(q.kind == "signed" for q in g[0].effect.parameters())]
     assert len(starts) > 10
-    R = scene.residuals([Point((), u), *(Point((off(p),), u) for p in starts)])
+    R = scene.residuals([ScenePoint((), u), *(ScenePoint((off(p),), u) for p in starts)])
     for k, p in enumerate(starts):
         np.testing.assert_allclose(R[:, k + 1], R[:, 0], atol=1e-9, err_msg=str(p))

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.stats import kstest
 
 from kfgen.effects import Effect, catalogue, make
-from kfgen.effects.series import Series
-from kfgen.gap.evidence import believed, series_of
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.effects.series import WhiteSeries
+from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ def test_a_believed_step_is_no_gap() -> None:
     assert (gap.verdict, gap.findings) == ("no_gap", ())
 
 
-def series(y: Array) -> Series:
+def series(y: Array) -> WhiteSeries:
     return series_of(believed(Record(np.arange(y.size) * DT, y), (WHITE,), {}))
 
 
@@ -130,7 +130,7 @@ def test_what_is_taken_out_leaves_white_normal_samples(name: str) -> None:
     """Kolmogorov's test at 1e-4; powers of three scales of time within 4.5 sqrt(2 / m), and 3 % for what a level
     that jumps leaves beside its jumps."""
     y = record_of(name).y
-    left = make(name, **EVENTS[name][1]).taken(series(y))
+    left = make(name, **EVENTS[name][1]).removed_from(series(y))
     assert left is not None
     left = left - left.mean()
     assert kstest(left, "norm").pvalue > 1e-4
@@ -158,7 +158,7 @@ def test_white_noise_has_no_events() -> None:
     for seed in range(10):
         s = series(np.random.default_rng([seed, 5]).standard_normal(2048))
         for name in ALTERING:
-            found = [x.evidence for x in catalogue()[name].sought(s)]
+            found = [x.evidence for x in catalogue()[name].detect(s)]
             assert all(e is not None and e < 8.0 for e in found), (seed, name, found)
 
 
@@ -169,7 +169,7 @@ def test_the_onset_of_a_step_is_as_likely_as_the_whole_scan_says() -> None:
     n = 256
     y = np.random.default_rng(8).standard_normal(n) + 1.0 * (np.arange(n) >= 100)
     s = series(y)
-    (found,) = catalogue()["bias_step"].sought(s)
+    (found,) = catalogue()["bias_step"].detect(s)
     scores = []
     for k in range(9, n - 8):
         x = (np.arange(n) >= k) - (n - k) / n

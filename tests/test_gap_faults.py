@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import catalogue, make
-from kfgen.effects.integrity import Fault
-from kfgen.errors import InputError
-from kfgen.gap.faults import spotted_in
-from kfgen.gap.regular import regular
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.faults.samples import Fault
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.even_record import regular
+from kfgen.gap.rest.faults import spotted_in
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from kfgen.effects import make
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 N, DT = 8192, 0.1

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import catalogue, effect_named, make
-from kfgen.errors import InputError
-from kfgen.gap.evidence import believed, series_of
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, NoiseModel, Term, read_noise, write_noise
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise, write_noise
+from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
@@ -78,14 +78,14 @@ def test_even_noise_follows_nothing() -> None:
     for seed in range(20):
         series = series_of(believed(record_of("", seed), (WHITE,), {}))
         for name in ("noise_temperature", "noise_level"):
-            found = [x.evidence for x in catalogue()[name].sought(series)]
+            found = [x.evidence for x in catalogue()[name].detect(series)]
             assert all(e is not None and e < 8.0 for e in found), (seed, name, found)
 
 
 def test_what_is_simulated_follows_its_channel() -> None:
     """Power of eighths of the record by their temperature: a line in the logarithm, of twice the slope."""
     effect = make("noise_temperature", slope=0.05, reference=float(HEAT.min()))
-    y = effect.applied(
+    y = effect.apply_to(
         np.random.default_rng(3).standard_normal(N), T, np.random.default_rng(4), {"temperature": HEAT}
     )
     edges = np.quantile(HEAT, np.linspace(0.0, 1.0, 9))

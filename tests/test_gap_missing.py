@@ -15,8 +15,8 @@ import pytest
 from click.testing import Result
 from numpy.typing import NDArray
 
-from kfgen.gap.missing import with_missing
-from kfgen.log import Channel, Log
+from kfgen.gap.motion.missing_rows import with_missing
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from kfgen.effects import make
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.regular import regular
-from kfgen.gap.workflow import find_gap
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.even_record import regular
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.log.log import Channel, Log
 
 DT, N = 0.01, 12_000
 T = np.arange(N) * DT

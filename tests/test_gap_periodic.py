@@ -15,10 +15,10 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from kfgen.effects import Effect, make
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 

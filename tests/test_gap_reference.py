@@ -14,17 +14,17 @@ import pytest
 from numpy.typing import NDArray
 from test_gap_edges import DT, N, T, attitude, names, rate, table
 
+from kfgen.core.errors import InputError
 from kfgen.effects import make
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
-from kfgen.errors import InputError
-from kfgen.gap.faults import spotted_moving
-from kfgen.gap.memory import Memory
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.reference import heard
-from kfgen.gap.scene import Placed, Point
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.cache import RecentResults
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.motion.reference import heard
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.rest.faults import spotted_moving
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 
@@ -223,7 +223,9 @@ def test_residuals_do_not_depend_on_what_was_asked_before() -> None:
         Placed(make(n, **v), "gyro_y")
         for n, v in (("scale_factor", {"coefficient": 0.02}), ("time_delay", {"delay": 0.01}))
     )
-    points = [Point(p, np.full(3, b)) for p in ((), (scale,), (late,), (scale, late)) for b in (0.0, 0.1)]
+    points = [
+        ScenePoint(p, np.full(3, b)) for p in ((), (scale,), (late,), (scale, late)) for b in (0.0, 0.1)
+    ]
     together = scene.residuals([*points, *points[::-1]])
     for k, point in enumerate(points):
         alone = replace(scene).residuals([point])[:, 0]  # a scene that remembers nothing
@@ -235,7 +237,7 @@ def test_residuals_do_not_depend_on_what_was_asked_before() -> None:
 
 def test_a_memory_forgets_what_was_not_asked_for_longest() -> None:
     asked: list[int] = []
-    memory: Memory[int] = Memory(2)
+    memory: RecentResults[int] = RecentResults(2)
     for k in (1, 2, 1, 3, 1, 2):
         assert memory.recalled(k, lambda k=k: asked.append(k) or -k) == -k  # type: ignore[func-returns-value, misc]
     assert asked == [1, 2, 3, 2]

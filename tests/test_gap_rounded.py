@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.reference import heard
-from kfgen.gap.rounded import step_of
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.motion.reference import heard
+from kfgen.gap.motion.rounded_reference import step_of
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 

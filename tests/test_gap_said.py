@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects import make
-from kfgen.effects.integrity import UnitError
-from kfgen.effects.magnetic import SoftIron
-from kfgen.gap.outcome import PlacedFinding
-from kfgen.gap.scene import Placed
+from kfgen.effects.faults.samples import UnitError
+from kfgen.effects.inertial.magnetic import SoftIron
+from kfgen.gap.core.outcome import PlacedFinding
+from kfgen.gap.core.scene import Placed
 from kfgen.report.scene import finding_words
-from kfgen.units import derived_unit, parse_unit
 
 FIELD = ("field along 1_n", "field along 2_n", "field along 3_n")
 

@@ -15,7 +15,7 @@ from click.testing import Result
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
-from kfgen.gap.before import independent, integrated
+from kfgen.gap.plant.initial_history import independent, integrated
 
 Cli = Callable[..., Result]
 

@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
-from kfgen.effects.thermal import play, rate_of
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.regular import drivers_of, regular, smoothed
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.record import Record
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.driven.history import play, rate_of
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.even_record import drivers_of, regular, smoothed
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ def test_a_thermometer_without_numbers_is_said_and_not_blamed(temperature: Array
 
 def test_a_believed_effect_without_its_channel_is_refused() -> None:
     """What is believed cannot be compared; it is not silently left out."""
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
 
     wrong: list[Effect] = [make("temperature", coefficient=0.1), make("temperature_rate", coefficient=4.0)]
     for effect in wrong:

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from kfgen.gap.places import additions
-from kfgen.model.file import parse_model
+from kfgen.gap.plant.candidates import additions
+from kfgen.model.plant.file import parse_model
 
 Cli = Callable[..., Result]
 
@@ -85,7 +85,7 @@ def test_friction_is_rarer_where_nothing_moves() -> None:
     model = parse_model(ARM, "arm.toml")
     found = additions(model, {}, dict.fromkeys(model.states, 1.0), {}, (0.01, 10.0, 0.0), [])
     for name, elsewhere in (("coulomb_friction", 2.0), ("quadratic_drag", 2.0), ("viscous_friction", 0.0)):
-        rare = {c[0].where: c[0].rare for c in found if c[0].effect.name == name}
+        rare = {c[0].where: c[0].prior_penalty_nats for c in found if c[0].effect.name == name}
         assert set(rare) == {"v", "turn", "i", "fast"}
         assert rare["v"] == rare["turn"] == rare["fast"]
         assert rare["i"] - rare["v"] == pytest.approx(elsewhere)

@@ -12,9 +12,9 @@ from click.testing import Result
 from numpy.typing import NDArray
 
 from kfgen.effects import make
-from kfgen.gap.together import Recording, Together, find_together
-from kfgen.identify.record import Record
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.several_recordings import JointGap, Recording, find_together
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ N, DT, COUNT = 4000, 0.1, 3
 T = np.arange(N) * DT
 
 
-def together(kind: str, seed: int) -> Together:
+def together(kind: str, seed: int) -> JointGap:
     """Three recordings of white noise of deviation one and something else."""
     rng, parts = np.random.default_rng(seed), []
     for k in range(COUNT):

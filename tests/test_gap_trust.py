@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from kfgen.effects import make
-from kfgen.gap.checks import Checks
-from kfgen.gap.regular import regular
-from kfgen.gap.workflow import ChannelGap, find_gap
-from kfgen.identify.record import Record
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, Term
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.checks import Checks
+from kfgen.gap.rest.even_record import regular
+from kfgen.gap.rest.workflow import ChannelGap, find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.log.log import Channel, Log
 from kfgen.report.gap_words import sentences
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plots import bars_picture
@@ -144,8 +144,8 @@ def test_a_flicker_of_which_only_B_is_stated_reaches_to_the_samples(seed: int) -
 
 def test_a_stated_band_of_flicker_is_believed() -> None:
     stated = make("bias_instability", B=2 * N, shortest=1.0, longest=1000.0)
-    assert stated.reaching(0.05, 1e5) is stated
-    open_band = make("bias_instability", B=2 * N).reaching(0.05, 1e5)
+    assert stated.extended_band(0.05, 1e5) is stated
+    open_band = make("bias_instability", B=2 * N).extended_band(0.05, 1e5)
     assert open_band == make("bias_instability", B=2 * N, shortest=0.05, longest=1e5)
 
 

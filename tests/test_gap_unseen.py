@@ -18,12 +18,12 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 from kfgen.effects import make
-from kfgen.gap.louder import scaled
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.unseen import band_edges, every_other, gap_of, tail
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.noise_scale import scaled
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene_holdout import band_edges, every_other, gap_of, tail
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]
@@ -180,7 +180,7 @@ def test_noise_of_another_size_is_said_with_its_number() -> None:
     g = answer(np.zeros((N, 3)), 13, (1.0, 1.2, 1.0))
     assert g.verdict == "effects_found"
     assert not g.findings
-    (found,) = g.louder
+    (found,) = g.noise_scales
     e = 1.2 * np.random.default_rng(13).standard_normal((N, 3))[:, 1]
     power = float(np.sum((e - e.mean()) ** 2))
     assert found.channel == "gyro_y"

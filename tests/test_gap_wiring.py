@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from kfgen.gap.faults import by_chance, stuck_spans
-from kfgen.gap.outcome import find_scene_gap
-from kfgen.gap.wiring import plant_scene
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
+from kfgen.gap.core.outcome import find_scene_gap
+from kfgen.gap.plant.wiring import plant_scene
+from kfgen.gap.rest.faults import by_chance, stuck_spans
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
 
 SERVO = """
 format = "kfgen-model-1"

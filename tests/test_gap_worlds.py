@@ -16,8 +16,8 @@ import pytest
 from click.testing import Result
 from numpy.typing import NDArray
 
-from kfgen.model.user import read_model
-from kfgen.noise import read_noise
+from kfgen.effects.noise_model import read_noise
+from kfgen.model.plant.user import read_model
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

@@ -16,7 +16,7 @@ from click.testing import Result
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from kfgen.model.user import read_model
+from kfgen.model.plant.user import read_model
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

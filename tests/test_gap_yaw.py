@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import effect_named
-from kfgen.effects.magnetic import HardIron, MagneticDisturbance, SoftIron
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.spans import best_span
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.motion.on_off_times import best_span
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 

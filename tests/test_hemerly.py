@@ -20,21 +20,21 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from kfgen.arma import state_space as ss
-from kfgen.discretise import DT, DiscreteModel
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.emit.filterpy import class_name
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.identify import ekf, em
-from kfgen.identify.allan import allan_curve
-from kfgen.identify.arma import solve
-from kfgen.identify.asymptotes import read_asymptotes, short_white
-from kfgen.identify.channel import identify
-from kfgen.identify.ekf import run_ekf
-from kfgen.identify.record import Record
-from kfgen.identify.saini import Parameters
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.identify.evidence.allan import allan_curve
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import identify
+from kfgen.identify.methods import ekf, em
+from kfgen.identify.methods.arma import solve
+from kfgen.identify.methods.asymptotes import read_asymptotes, short_white
+from kfgen.identify.methods.ekf import run_ekf
+from kfgen.identify.methods.saini import Parameters
+from kfgen.model.discretise import DT, DiscreteModel
 from kfgen.model.library import build
-from kfgen.run import load
+from kfgen.run.run import load
 
 Array = NDArray[np.float64]
 Call = Callable[..., Result]

@@ -22,12 +22,12 @@ from scipy.fft import dst
 from scipy.signal import lfilter
 from scipy.stats import binom, chi2
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect, make
-from kfgen.errors import InputError
-from kfgen.identify.bounds import relative_bound, seconds_for
-from kfgen.identify.channel import Identified, identify
-from kfgen.identify.record import Record
-from kfgen.identify.whittle import block_means, density_of_differences, ordinates, transform
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.whittle import block_means, density_of_differences, ordinates, transform
+from kfgen.identify.fit.bounds import relative_bound, seconds_for
+from kfgen.identify.identify import Identified, identify
 
 Array = NDArray[np.float64]
 

@@ -18,13 +18,13 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 
 from kfgen.effects import Effect, make
-from kfgen.identify import kalman
-from kfgen.identify.bounds import relative_bound
-from kfgen.identify.channel import Identified, identify
-from kfgen.identify.fit import Problem, maximise
-from kfgen.identify.kalman import chain
-from kfgen.identify.record import Record
-from kfgen.identify.sampling import evidence
+from kfgen.identify.evidence import kalman
+from kfgen.identify.evidence.kalman import chain
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.sampling import evidence
+from kfgen.identify.fit.bounds import relative_bound
+from kfgen.identify.fit.fit import Problem, maximise
+from kfgen.identify.identify import Identified, identify
 
 Array = NDArray[np.float64]
 DT = 0.1

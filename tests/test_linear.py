@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from kfgen import linear
+from kfgen.core import linear
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 from kfgen.manoeuvre.file import manoeuvre, parse_manoeuvre, quaternion
 from kfgen.manoeuvre.flight import wanted
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.manoeuvre.truth import along
 from kfgen.model.library import build
-from kfgen.model.truth import along
 
 HEAD = 'format = "kfgen-manoeuvre-1"\n'
 G = 9.80665
@@ -144,7 +144,7 @@ def test_simulation_flies_a_file(kfgen: Callable[..., Any], tmp_path: Path) -> N
     log = tmp_path / "log.npz"
     done = kfgen("simulate", "ahrs6", "--manoeuvre", path, "--duration", 4, "--rate", 50, "-o", log)
     assert done.exit_code == 0, done.output
-    from kfgen.readers import read_log
+    from kfgen.log.readers import read_log
 
     q = read_log(log).channels["ref_q_z"].values
     assert q[-1] == pytest.approx(np.sin(0.5), abs=0.01)

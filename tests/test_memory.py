@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
 from kfgen.effects import catalogue
-from kfgen.effects.plant import ParameterError, PlantEffect
-from kfgen.emit.filterpy import class_name
+from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.log import Channel, Log
-from kfgen.model.equations import filter_model
-from kfgen.model.file import parse_model
-from kfgen.play import Play
-from kfgen.run import load, run
-from kfgen.simulate import simulate
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.log.log import Channel, Log
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.plant.equations import filter_model
+from kfgen.model.plant.file import parse_model
+from kfgen.run.filter_calls import FilterCalls
+from kfgen.run.run import load, run
+from kfgen.simulate.simulate import simulate
 from kfgen.verify.compare import verify
 
 CART = """
@@ -69,7 +69,7 @@ def text_of(entry: str = "") -> str:
 
 
 def program_of(text: str, rate: float = RATE) -> Program:
-    return Program(DiscreteModel.stepping(filter_model(parse_model(text, "cart.toml")), rate))
+    return Program(DiscreteModel.at_rate(filter_model(parse_model(text, "cart.toml")), rate))
 
 
 def filter_of(program: Program) -> Any:
@@ -83,7 +83,7 @@ def pushed(n: int) -> np.ndarray:
 
 def log_of(text: str, n: int = 2000) -> Log:
     """Pushes, and what a plant of its own simulation shows of them."""
-    from kfgen.model.plant import simulate as simulated
+    from kfgen.model.plant.plant import simulate as simulated
 
     t, u = np.arange(n) / RATE, pushed(n)
     place = simulated(parse_model(text, "cart.toml"), t, {"u": u}).channels["place"][:, 0]
@@ -196,7 +196,7 @@ def test_a_motion_without_noise_is_listened_to_for_ever() -> None:
     log = simulate(discrete, "generic", 600.0, np.random.default_rng(0))
     from kfgen.verify.replay import replay
 
-    played = replay(Play(Program(discrete, "ud"), log))
+    played = replay(FilterCalls(Program(discrete, "ud"), log))
     assert not played.refused
     assert np.isfinite(played.calls[-1].words).all()
 
@@ -209,7 +209,7 @@ def test_a_log_of_another_rate_is_refused_where_samples_are_counted() -> None:
 
 def test_a_slower_log_steps_at_the_rate_of_the_filter() -> None:
     program, log = program_of(text_of(SIZES["input_delay"]), rate=100.0), log_of(text_of(), 100)
-    assert [len(list(Play(program, log).steps(k))) for k in (0, 50, 99)] == [2, 2, 0]
+    assert [len(list(FilterCalls(program, log).steps(k))) for k in (0, 50, 99)] == [2, 2, 0]
 
 
 @pytest.mark.parametrize(

@@ -17,18 +17,18 @@ import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
 from kfgen.effects import make
+from kfgen.effects.noise_model import read_noise
 from kfgen.emit.folder import Emitted, write_folder
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.model.motion import Strapdown
-from kfgen.model.sensors import GnssPosition, Sensor, sensors
-from kfgen.noise import read_noise
-from kfgen.simulate import simulate
+from kfgen.model.parts.motion import Strapdown
+from kfgen.model.parts.sensors import GnssPosition, Sensor, sensors
+from kfgen.simulate.simulate import simulate
 
 G = 9.80665
 TAU, REFERENCE = 7.0, 290.0

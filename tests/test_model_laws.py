@@ -16,14 +16,14 @@ import pytest
 import sympy as sp
 from scipy.linalg import expm
 
-from kfgen.discretise import DiscreteModel
 from kfgen.effects import make
-from kfgen.model.blocks import Attitude
-from kfgen.model.convention import conventions
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import LIBRARY, Resting, build
-from kfgen.model.option import STATE, Choice, Flag, Names, OrState
-from kfgen.model.sensors import AtRest, sensors
+from kfgen.model.option import STATE, Choice, Names, OrState, YesNo
+from kfgen.model.parts.sensors import AtRest, sensors
+from kfgen.model.symbols.blocks import Attitude
+from kfgen.model.symbols.convention import conventions
 
 Values = dict[str, Any]
 STEP = 1e-3
@@ -41,7 +41,7 @@ def variants(name: str) -> list[dict[str, str]]:
             if o.name == "frame" or isinstance(o.kind, Names):
                 continue
             kind = o.kind.known if isinstance(o.kind, OrState) else o.kind
-            values = {Flag: ["true", "false"], Choice: list(getattr(kind, "names", ()))}.get(type(kind), [])
+            values = {YesNo: ["true", "false"], Choice: list(getattr(kind, "names", ()))}.get(type(kind), [])
             values += [STATE] if isinstance(o.kind, OrState) else []
             out += [base | {o.name: v} for v in values if v != o.default]
         out.append(dict(base))
@@ -93,7 +93,7 @@ def marked(cases: list[tuple[str, dict[str, str]]]) -> list[Any]:
 
 def accepted(name: str, options: Mapping[str, str]) -> bool:
     """Whether the value is one of the option's: the product above is generous."""
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
 
     try:
         build(name, None, options)

@@ -15,18 +15,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
+from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import Parameter, make
-from kfgen.effects.motion import Signals, free
-from kfgen.errors import InputError
-from kfgen.gap.motion import MotionScene, motion_scene
-from kfgen.gap.outcome import find_scene_gap
-from kfgen.gap.scene import Placed, Point
-from kfgen.gap.spans import best_span, vibrations
-from kfgen.gap.truth import body_rate, running_variance, truth_of
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
-from kfgen.readers import read_log
-from kfgen.units import STANDARD_GRAVITY as G
+from kfgen.effects.inertial.errors import Signals, free
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import find_scene_gap
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.motion.on_off_times import best_span, vibrations
+from kfgen.gap.motion.scene import MotionScene, motion_scene
+from kfgen.gap.motion.truth import body_rate, running_variance, truth_of
+from kfgen.log.log import Channel, Log
+from kfgen.log.readers import read_log
 
 Array = NDArray[np.float64]
 Find = Callable[[str], Path]
@@ -67,7 +67,7 @@ def fit(scene: MotionScene, *placed: Placed) -> tuple[tuple[Placed, ...], Array,
     m = theta.size
     for _ in range(8):
         points = [both] + [both + np.eye(both.size)[k] * h for k, h in enumerate(steps)]
-        r = scene.residuals([Point(at(placed, keys, p[:m]), p[m:]) for p in points])
+        r = scene.residuals([ScenePoint(at(placed, keys, p[:m]), p[m:]) for p in points])
         J = (r[:, 1:] - r[:, :1]) / steps
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
         inverse = np.linalg.pinv((J / size).T @ (J / size), rcond=1e-12, hermitian=True)
@@ -75,7 +75,7 @@ def fit(scene: MotionScene, *placed: Placed) -> tuple[tuple[Placed, ...], Array,
         change[:m] = np.where(signed, change[:m], np.clip(change[:m], -1.0, 1.0))
         both = both + change
     best = at(placed, keys, both[:m])
-    left = scene.residuals([Point(best, both[m:])])[:, 0]
+    left = scene.residuals([ScenePoint(best, both[m:])])[:, 0]
     deviation = (np.sqrt(np.diag(inverse)) / size)[:m]
     theta = values(best, keys)
     return best, theta, np.where(signed, deviation, deviation * theta), float(left @ left)

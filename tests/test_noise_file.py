@@ -14,10 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue, make
-from kfgen.errors import InputError
-from kfgen.model.library import build
-from kfgen.noise import (
+from kfgen.effects.noise_model import (
     FORMAT,
     ChannelNoise,
     NoiseModel,
@@ -28,6 +27,7 @@ from kfgen.noise import (
     read_noise,
     write_noise,
 )
+from kfgen.model.library import build
 
 DEG = math.pi / 180.0
 

@@ -15,15 +15,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from kfgen.core.errors import InputError
+from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
-from kfgen.effects.motion import free
-from kfgen.errors import InputError
-from kfgen.gap.norm import NormScene, norm_scene, poses
-from kfgen.gap.scene import Placed, Point
-from kfgen.gap.turns import Turn, TurnScene, turn_scene
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
-from kfgen.units import STANDARD_GRAVITY as G
+from kfgen.effects.inertial.errors import free
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.motion.known_length import NormScene, norm_scene, poses
+from kfgen.gap.motion.known_turns import Turn, TurnScene, turn_scene
+from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]
 Find = Callable[[str], Path]
@@ -61,7 +61,7 @@ def fit(scene: NormScene, placed: tuple[Placed, ...], x0: Array | None = None) -
         for (i, name), value in zip(keys, x):
             effects[i][name] = float(value)
         point = [Placed(make(p.effect.name, **v), p.where) for p, v in zip(placed, effects)]
-        return scene.residuals([Point(tuple(point), x[len(keys) :])])[:, 0]
+        return scene.residuals([ScenePoint(tuple(point), x[len(keys) :])])[:, 0]
 
     u = [one.value for one in scene.unknowns]
     start = np.concatenate([np.zeros(len(keys)) if x0 is None else x0, u])
@@ -190,7 +190,7 @@ def turn_fit(scene: TurnScene) -> Array:
         scales = tuple(
             Placed(make("scale_factor", coefficient=float(s)), f"gyro_{a}") for s, a in zip(x, AXES)
         )
-        return scene.residuals([Point(scales, x[3:])])[:, 0]
+        return scene.residuals([ScenePoint(scales, x[3:])])[:, 0]
 
     for k in range(6):
         J[:, k] = residual(np.eye(6)[k]) - residual(x0)

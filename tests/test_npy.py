@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kfgen.errors import InputError
-from kfgen.readers import ColumnMap, read_log
-from kfgen.readers.npy import read as read_npy
-from kfgen.readers.table import chunks
+from kfgen.core.errors import InputError
+from kfgen.log.readers import ColumnMap, read_log
+from kfgen.log.readers.npy import read as read_npy
+from kfgen.log.readers.table import chunks
 
 
 def npy(folder: Path, array: object, **how: bool) -> Path:

@@ -19,18 +19,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
 from kfgen.emit.folder import Emitted, write_folder
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.log import Channel, Log
+from kfgen.log.log import Channel, Log
+from kfgen.log.readers import read_log
+from kfgen.log.readers.npz import write
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.play import Play
-from kfgen.readers import read_log
-from kfgen.readers.npz import write
-from kfgen.run import run
-from kfgen.simulate import simulate
+from kfgen.run.filter_calls import FilterCalls
+from kfgen.run.run import run
+from kfgen.simulate.simulate import simulate
 from kfgen.verify.compare import verify
 from kfgen.verify.replay import replay
 from kfgen.verify.rounding import Rounding, over_log, rounding
@@ -119,7 +119,7 @@ def test_a_gap_is_gone_through_in_steps_that_the_filter_takes(
     keep = np.r_[0:100, 125:200]
     channels = {n: replace(c, values=c.values[keep]) for n, c in log.channels.items()}
     gappy = Log(log.t[keep], channels, source="gappy")
-    steps = list(Play(program, gappy).steps(99))
+    steps = list(FilterCalls(program, gappy).steps(99))
     assert [g["dt"] for g in steps] == pytest.approx([0.52 / 6] * 6)
     assert proven(program, gappy, {}, tmp_path / "c").share < WITHIN
     # what the gap adds to the variance of position without a fix: at least sd_v^2 T^2
@@ -135,7 +135,7 @@ def test_samples_that_a_sensor_has_not_are_no_calls(short: tuple[Program, Log]) 
         n: Channel(np.where(seldom & n.startswith("gnss_p"), np.nan, c.values), c.unit)
         for n, c in log.channels.items()
     }
-    played = replay(Play(program, Log(log.t, channels)))
+    played = replay(FilterCalls(program, Log(log.t, channels)))
     count = {r: sum(c.routine == r for c in played.calls) for r in ("predict", "update_gnss_position")}
     assert count == {"predict": log.n - 1, "update_gnss_position": int((~seldom).sum())}
     assert len(played.ends) == log.n
@@ -144,7 +144,7 @@ def test_samples_that_a_sensor_has_not_are_no_calls(short: tuple[Program, Log]) 
 def test_rounding_finds_a_word_that_is_off(short: tuple[Program, Log]) -> None:
     """A position one deviation away, at one sample, is one deviation; a turn of 1 mrad is 1 mrad."""
     program, log = short
-    played, double = replay(Play(program, log)), run(program, log)
+    played, double = replay(FilterCalls(program, log)), run(program, log)
     k, call = 150, played.ends[150] - 1
     words = played.calls[call].words.copy()
     words[0] = double.estimate[k, 0] + double.deviation[k, 0]
@@ -161,8 +161,8 @@ def test_rounding_finds_a_word_that_is_off(short: tuple[Program, Log]) -> None:
 def test_a_start_that_is_no_state_is_refused(short: tuple[Program, Log]) -> None:
     program, log = short
     with pytest.raises(InputError, match="stores no 'q_v'"):
-        Play(program, log, {"q_v": 1.0})
-    assert Play(program, log, {"p_E": 7.0}).start[1] == 7.0
+        FilterCalls(program, log, {"q_v": 1.0})
+    assert FilterCalls(program, log, {"p_E": 7.0}).start[1] == 7.0
 
 
 def test_the_command_line_proves_on_a_log(

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import parse_noise
 from kfgen.emit.folder import read_folder
-from kfgen.errors import InputError
 from kfgen.model.library import LIBRARY, build
-from kfgen.model.motion import LEFT_OUT
 from kfgen.model.option import read_pairs
-from kfgen.model.sensors import sensors
-from kfgen.noise import parse_noise
+from kfgen.model.parts.motion import LEFT_OUT
+from kfgen.model.parts.sensors import sensors
 
 Kfgen = Callable[..., Any]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from kfgen.noise import read_noise
+from kfgen.effects.noise_model import read_noise
 
 ROOT = Path(__file__).resolve().parents[1]
 

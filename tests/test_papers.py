@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kfgen.log import Channel, Log
+from kfgen.log.log import Channel, Log
 from kfgen.papers.compare import bound, table
 from kfgen.papers.compare import compare as scores
 from kfgen.papers.figures import figure_1, figure_2

@@ -17,17 +17,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue, make
-from kfgen.effects.plant import PlantEffect, StateTerm
-from kfgen.errors import InputError
-from kfgen.gap.mended import mended
-from kfgen.gap.places import moving
-from kfgen.gap.plant import PlantScene
-from kfgen.gap.scene import Placed, Point
-from kfgen.log import Channel, Log
-from kfgen.model.file import model_text, parse_model
-from kfgen.model.plant import Batch, Plant, simulate
-from kfgen.model.user import UserModel
+from kfgen.effects.plant.terms import PlantEffect, StateTerm
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.plant.candidates import moving
+from kfgen.gap.plant.scene import PlantScene
+from kfgen.gap.plant.updated_model import mended
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import model_text, parse_model
+from kfgen.model.plant.plant import Batch, Plant, simulate
+from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
 G, B = 19.6, 25.0
@@ -294,7 +294,7 @@ def test_without_numba_the_numbers_are_the_same(monkeypatch: pytest.MonkeyPatch)
         ("angle", make("sensor_lag", tau=0.02)),
     ]
     fast = run(placed, TIMES, push(TIMES))[0]
-    monkeypatch.setitem(__import__("sys").modules, "kfgen.model.compiled", None)
+    monkeypatch.setitem(__import__("sys").modules, "kfgen.model.plant.compiled", None)
     np.testing.assert_allclose(run(placed, TIMES, push(TIMES))[0], fast, rtol=1e-9, atol=1e-12)
 
 
@@ -319,7 +319,7 @@ expression = "x**3"
     model, t = parse_model(text, "all"), np.arange(50) * 0.02
     u = np.sin(3 * t)
     fast = simulate(model, t, {"u": u}, {"x": 1.3})
-    monkeypatch.setitem(__import__("sys").modules, "kfgen.model.compiled", None)
+    monkeypatch.setitem(__import__("sys").modules, "kfgen.model.plant.compiled", None)
     slow = simulate(model, t, {"u": u}, {"x": 1.3})
     np.testing.assert_allclose(fast.states, slow.states, rtol=1e-12)
     np.testing.assert_allclose(fast.channels["y"][:, 0], slow.states[:, 0, 0] ** 3, rtol=1e-12)
@@ -356,7 +356,7 @@ def recorded(angle: Array, t: Array, u: Array, seed: int, name: str = "u") -> Lo
     return Log(t, {"angle": Channel.of(np.rad2deg(angle + noise), "deg"), name: Channel.of(u, "N m")})
 
 
-def moved(point: Point, values: Array) -> Point:
+def moved(point: ScenePoint, values: Array) -> ScenePoint:
     """A point with its effects' estimated numbers and unknowns set."""
     placed, at = [], 0
     for p in point.placed:
@@ -364,10 +364,10 @@ def moved(point: Point, values: Array) -> Point:
         effect = type(p.effect)(**{q.name: getattr(p.effect, q.name) for q in p.effect.parameters()} | dict(zip(names, values[at:].tolist())))  # fmt: skip
         placed.append(Placed(effect, p.where))
         at += len(names)
-    return Point(tuple(placed), values[at:])
+    return ScenePoint(tuple(placed), values[at:])
 
 
-def gauss_newton(scene: PlantScene, start: Point) -> tuple[Array, Array, Array]:
+def gauss_newton(scene: PlantScene, start: ScenePoint) -> tuple[Array, Array, Array]:
     """Numbers, their deviations, residuals: differences of residuals, steps halved while they do not help."""
     x = np.array(
         [float(getattr(p.effect, q.name)) for p in start.placed for q in p.effect.estimated()]
@@ -572,7 +572,9 @@ def test_an_unstable_plant_has_finite_residuals() -> None:
     model = parse_model(text, "m.toml")
     angle = simulate(model, LONG, {"u": push(LONG)}, START).channels["angle"][:, 0]
     scene = PlantScene.of(model, recorded(angle, LONG, push(LONG), 10))
-    wild = Point((Placed(make("viscous_friction", coefficient=-50.0), "omega"),), scene.believed().unknowns)
+    wild = ScenePoint(
+        (Placed(make("viscous_friction", coefficient=-50.0), "omega"),), scene.believed().unknowns
+    )
     assert np.isfinite(scene.residuals([wild])).all()
 
 

@@ -17,8 +17,8 @@ from click.testing import Result
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from kfgen.effects.plant import InputDelay, InputLag
-from kfgen.model.signal import Signal
+from kfgen.effects.plant.terms import InputDelay, InputLag
+from kfgen.model.plant.signal import Signal
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

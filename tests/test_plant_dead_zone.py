@@ -15,9 +15,9 @@ import pytest
 from click.testing import Result
 from numpy.typing import NDArray
 
-from kfgen.gap.plant import PlantScene
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
+from kfgen.gap.plant.scene import PlantScene
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

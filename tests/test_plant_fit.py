@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kfgen.effects.plant import InputDelay, InputLag
-from kfgen.gap.newton import fitted
-from kfgen.gap.plant import PlantScene
-from kfgen.gap.scene import Placed, Point
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
+from kfgen.effects.plant.terms import InputDelay, InputLag
+from kfgen.gap.core.newton import fitted
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.plant.scene import PlantScene
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def test_a_time_is_found_from_far_below_and_above(effect: str, start: float) -> 
     scene = PlantScene.of(parse_model(CART, "cart.toml"), log)
     cls = InputDelay if effect == "input_delay" else InputLag
     placed = Placed(cls(start * DT), "force")
-    fit = fitted(scene, Point((placed,), np.array([u.start for u in scene.unknowns])))
+    fit = fitted(scene, ScenePoint((placed,), np.array([u.start for u in scene.unknowns])))
     found = 0.5 * float(np.sum(fit.residual**2))
     best = least(force, data, effect, np.arange(1, 61) * 1e-3).min()
     assert found < best + 0.2  # the levels of the noise are fitted as well, and a grid is coarse

@@ -8,16 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kfgen.effects.plant_sensor import SensorLag
-from kfgen.errors import InputError
-from kfgen.gap.engine import ranked
-from kfgen.gap.newton import fitted
-from kfgen.gap.plant import PlantScene
-from kfgen.gap.recorded import check_near
-from kfgen.gap.scene import Placed, Point
-from kfgen.gap.screen import Screened
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
+from kfgen.core.errors import InputError
+from kfgen.effects.plant.sensor import SensorLag
+from kfgen.gap.core.engine import ranked
+from kfgen.gap.core.newton import fitted
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.core.screen import Screened
+from kfgen.gap.plant.recorded_channel import check_near
+from kfgen.gap.plant.scene import PlantScene
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
 
 MOTOR = """format = "kfgen-model-1"
 name = "motor"
@@ -53,7 +53,7 @@ def test_a_simulation_that_runs_away_is_no_constant(scene: PlantScene) -> None:
 
 
 def test_a_lag_longer_than_the_log_is_none(scene: PlantScene) -> None:
-    base = fitted(scene, Point((), np.array([u.start for u in scene.unknowns])))
+    base = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
     for tau, kept in ((0.05, True), (1e6, False)):
         start = Placed(SensorLag(tau), "speed")
         trials = ranked(scene, base, [Screened(10.0, start, base.residual, np.zeros(0))])

@@ -15,10 +15,10 @@ import pytest
 from click.testing import Result
 from numpy.typing import NDArray
 
-from kfgen.effects.integrity import TooEarly
-from kfgen.gap.wiring import plant_scene
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
+from kfgen.effects.faults.samples import TooEarly
+from kfgen.gap.plant.wiring import plant_scene
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]

@@ -11,11 +11,11 @@ import time
 import numpy as np
 import pytest
 
-from kfgen.errors import InputError
-from kfgen.gap.plant import PlantScene
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
-from kfgen.model.plant import simulate
+from kfgen.core.errors import InputError
+from kfgen.gap.plant.scene import PlantScene
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
+from kfgen.model.plant.plant import simulate
 
 MODEL = """format = "kfgen-model-1"
 name = "p"

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kfgen.errors import InputError
-from kfgen.log import Channel, Log
-from kfgen.readers import ColumnMap, read_log, write_log
+from kfgen.core.errors import InputError
+from kfgen.log.log import Channel, Log
+from kfgen.log.readers import ColumnMap, read_log, write_log
 
 DEG = np.pi / 180.0
 

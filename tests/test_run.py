@@ -18,14 +18,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from kfgen.discretise import DiscreteModel
-from kfgen.emit.filterpy import class_name
+from kfgen.core.errors import InputError
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.log import Channel, Log
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.log.log import Channel, Log
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.run import FilterRun, attitude_error, load, run
-from kfgen.simulate import simulate
+from kfgen.run.run import FilterRun, attitude_error, load, run
+from kfgen.simulate.simulate import simulate
 
 ALARM = 1e-3
 SEEDS = range(12)

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.errors import InputError
-from kfgen.identify.channel import Identified, identify
-from kfgen.identify.joint import Joint
-from kfgen.identify.kalman import Exact
-from kfgen.identify.record import Record
-from kfgen.identify.sampling import evidence
+from kfgen.identify.evidence.joint import JointRecord
+from kfgen.identify.evidence.kalman import Exact
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.sampling import evidence
+from kfgen.identify.identify import Identified, identify
 
 Array = NDArray[np.float64]
 N_SAMPLES, DT = 6000, 0.01
@@ -268,12 +268,12 @@ def values(found: Identified) -> Array:
 
 @pytest.fixture(scope="module")
 def four() -> Identified:
-    return identify(Joint(tuple(log_of(s) for s in range(4))), NAMES)
+    return identify(JointRecord(tuple(log_of(s) for s in range(4))), NAMES)
 
 
 def test_four_logs_know_four_times_as_much(four: Identified) -> None:
     """At the same parameters the information adds up: every bound falls by two (and by sqrt 2 for two)."""
-    from kfgen.identify.bounds import relative_bound
+    from kfgen.identify.fit.bounds import relative_bound
 
     effects = [make("white_noise", N=1.0), make("gauss_markov", sigma=1.5, tau=4.0)]
     one, two, all4 = (np.array(list(relative_bound(effects, 0.1, *[3000] * k).values())) for k in (1, 2, 4))
@@ -297,23 +297,23 @@ def test_the_estimate_of_four_logs_is_that_much_better(four: Identified) -> None
 
 def test_the_constants_of_logs_are_their_own(four: Identified) -> None:
     """Each was switched on anew: a turn-on bias in each is no drift."""
-    shifted = identify(Joint(tuple(log_of(s, 1e3 * s * (-1) ** s) for s in range(4))), NAMES)
+    shifted = identify(JointRecord(tuple(log_of(s, 1e3 * s * (-1) ** s) for s in range(4))), NAMES)
     np.testing.assert_allclose(values(shifted), values(four), rtol=1e-3)
     white = [Record(T, 40.0 * s + noise(30 + s)) for s in range(3)]
-    found = identify(Joint(tuple(white)))
+    found = identify(JointRecord(tuple(white)))
     assert [e.name for e in found.fit.effects] == ["white_noise"]
     assert abs(np.log(N_of(found) / 0.1)) < 4 / np.sqrt(2 * 3 * T.size)
 
 
 def test_logs_of_different_rates_are_refused_together() -> None:
     with pytest.raises(InputError, match="50 to 100 Hz") as caught:
-        Joint((Record(T, noise(0)), Record(2 * T, noise(1))))
+        JointRecord((Record(T, noise(0)), Record(2 * T, noise(1))))
     assert "apart" in str(caught.value.remedy)
 
 
 def test_logs_of_different_lengths_are_fitted_together() -> None:
     records = tuple(Record(T[:n], noise(50 + n, n)) for n in (700, 2400, 6000))
-    found = identify(Joint(records), ["white_noise"])
+    found = identify(JointRecord(records), ["white_noise"])
     assert abs(np.log(N_of(found) / 0.1)) < 4 / np.sqrt(2 * 9100)
     assert found.bounds[0, "N"] == pytest.approx(1 / np.sqrt(2 * 9097), rel=1e-3)
 
@@ -347,12 +347,12 @@ def test_the_exact_likelihood_takes_one_log() -> None:
     """It must not fall back to another method in silence."""
     records = tuple(Record(T, noise(seed)) for seed in range(2))
     with pytest.raises(InputError, match="one log"):
-        identify(Joint(records), ["white_noise"], "kalman")
+        identify(JointRecord(records), ["white_noise"], "kalman")
 
 
 def test_logs_of_different_noise_are_said_and_have_no_lines() -> None:
     """Beside the pooled spectrum the louder of two white records would be full of lines."""
-    found = identify(Joint((Record(T, noise(1)), Record(T, 3.0 * noise(2)))), ["white_noise"])
+    found = identify(JointRecord((Record(T, noise(1)), Record(T, 3.0 * noise(2)))), ["white_noise"])
     assert not found.lines
     said = next(w for w in found.warnings if "differ in their noise by a factor of" in w)
     assert float(said.split("factor of ")[1].split(";")[0]) == pytest.approx(3.0, rel=0.05)

@@ -14,10 +14,10 @@ import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
-from kfgen.errors import InputError
-from kfgen.model.earth import geodetic, gravity_e, normal_gravity, place
+from kfgen.core.errors import InputError
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
+from kfgen.model.parts.earth import geodetic, gravity_e, normal_gravity, place
 
 OMEGA = 7.292115e-5
 A, F = 6378137.0, 1 / 298.257223563

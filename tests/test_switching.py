@@ -11,18 +11,19 @@ from scipy.linalg import expm, toeplitz
 from scipy.signal import lfilter
 from scipy.stats import kstest, multivariate_normal, multivariate_t
 
-from kfgen.effects import chain, make
-from kfgen.effects.drawn import integral
-from kfgen.effects.series import Series
-from kfgen.effects.switching import Point, Slow, Switching
-from kfgen.effects.telegraph import RandomTelegraph
+from kfgen.effects import make
+from kfgen.effects.process import markov_chain as chain
+from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
+from kfgen.effects.process.telegraph import RandomTelegraph
+from kfgen.effects.series import WhiteSeries
 
 DT, M = 0.5, 9
 
 
-def point(**given: float) -> Point:
+def point(**given: float) -> SwitchingParameters:
     values = {"size": 1.0, "dwell": 2.0, "middle": 0.2, "loud": 1.0, "wander": 1.0} | given
-    return Point(**{name: np.array([v]) for name, v in values.items()})
+    return SwitchingParameters(**{name: np.array([v]) for name, v in values.items()})
 
 
 def over_all_histories(y: np.ndarray, sigma: float, tau: float, sd: float) -> float:
@@ -120,5 +121,7 @@ def test_levels_are_looked_for_in_even_noise_alone(held: float) -> None:
     weight[0] = 0.0
     weight /= np.sqrt(np.mean((dct(y, norm="ortho") * weight) ** 2))  # as a fit leaves it
     nothing = np.zeros(n)
-    series = Series(np.arange(n) * 1.0, y - y.mean(), 1.0, weight, nothing, np.zeros((n, 0)), (0.0, 1.0), {})
-    assert bool(RandomTelegraph.sought(series)) == (held == 0.0)
+    series = WhiteSeries(
+        np.arange(n) * 1.0, y - y.mean(), 1.0, weight, nothing, np.zeros((n, 0)), (0.0, 1.0), {}
+    )
+    assert bool(RandomTelegraph.detect(series)) == (held == 0.0)

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kfgen.errors import InputError
-from kfgen.units import derived_unit, display_unit, from_si, parse_quantity, parse_unit, to_si
+from kfgen.core.errors import InputError
+from kfgen.core.units import derived_unit, display_unit, from_si, parse_quantity, parse_unit, to_si
 
 DEG = math.pi / 180.0
 G = 9.80665

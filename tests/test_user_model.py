@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from kfgen.core.errors import InputError
+from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects import catalogue, make
-from kfgen.effects.plant import PlantEffect
-from kfgen.errors import InputError
-from kfgen.model.file import model_text, parse_model, write_model
-from kfgen.model.user import Acting, UserModel, read_model
-from kfgen.noise import Term
-from kfgen.units import derived_unit, parse_unit
+from kfgen.effects.noise_model import Term
+from kfgen.effects.plant.terms import PlantEffect
+from kfgen.model.plant.file import model_text, parse_model, write_model
+from kfgen.model.plant.user import Acting, UserModel, read_model
 
 PENDULUM = """
 format = "kfgen-model-1"

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kfgen.discretise import DiscreteModel
 from kfgen.emit.folder import Emitted, write_folder
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.verify.compare import verify
-from kfgen.verify.core import Verdict
+from kfgen.verify.core import CoreVerdict
 
 NAMES = ["gyro-static", "ahrs6", "ins15"]
 
@@ -72,11 +72,11 @@ def need(core: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def verdicts(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Verdict]:
+def verdicts(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., CoreVerdict]:
     """The verdict of a model on a core, worked out once."""
 
     @cache
-    def find(name: str, core: str, form: str = "p") -> Verdict:
+    def find(name: str, core: str, form: str = "p") -> CoreVerdict:
         need(core)
         folder = tmp_path_factory.mktemp("emitted") / "c"
         write_folder(program(name, form), "c", None, folder)
@@ -88,7 +88,7 @@ def verdicts(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Verdict]
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("core", ["host", "m4f"])
-def test_no_word_differs(name: str, core: str, verdicts: Callable[..., Verdict]) -> None:
+def test_no_word_differs(name: str, core: str, verdicts: Callable[..., CoreVerdict]) -> None:
     v = verdicts(name, core)
     n = program(name).n
     per_call = len(program(name).discrete.nominal_names) + n * (n + 1) // 2
@@ -101,7 +101,7 @@ CASES = [pytest.param(*key, marks=pytest.mark.long if key[0] == "ins23" else ())
 
 
 @pytest.mark.parametrize(("name", "form"), CASES)
-def test_costs_are_within_budget(name: str, form: str, verdicts: Callable[..., Verdict]) -> None:
+def test_costs_are_within_budget(name: str, form: str, verdicts: Callable[..., CoreVerdict]) -> None:
     """And no word differs on the core that is counted."""
     verdict = verdicts(name, "m4f", form)
     assert (verdict.differing, verdict.max_ulp) == (0, 0)
@@ -143,7 +143,7 @@ def test_fused_products_stay_within_the_tolerance(core: str, tmp_path: Path) -> 
     assert fused.cost.instructions["predict"] < exact.cost.instructions["predict"]
 
 
-def test_the_host_does_not_pretend_to_count(verdicts: Callable[..., Verdict]) -> None:
+def test_the_host_does_not_pretend_to_count(verdicts: Callable[..., CoreVerdict]) -> None:
     cost = verdicts("ahrs6", "host").cost
     assert (cost.instructions, cost.stack_bytes, cost.text_bytes) == ({}, None, None)
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.emit.folder import Emitted, read_folder, write_folder
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import LONGEST_WAIT, Program
 from kfgen.emit.scenario import scenario, split
-from kfgen.errors import InputError
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.verify.compare import verify
@@ -91,7 +91,7 @@ def test_no_word_differs(name: str, options: dict[str, str], how: dict[str, Any]
 
 
 def waits(lump: float) -> Program:
-    return Program(DiscreteModel(walking()), "ud", lump=lump)
+    return Program(DiscreteModel(walking()), "ud", q_interval=lump)
 
 
 def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
@@ -127,4 +127,4 @@ def test_noise_that_waits_for_longer_than_the_first_500_steps_is_met() -> None:
 def test_noise_does_not_wait_for_longer_than_the_proof() -> None:
     with pytest.raises(InputError, match="misses 3000 predictions"):
         waits(1.5 * LONGEST_WAIT / 100.0)
-    assert np.isfinite(waits(LONGEST_WAIT / 100.0).lump)
+    assert np.isfinite(waits(LONGEST_WAIT / 100.0).q_interval)

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import make
-from kfgen.gap.evidence import believed, series_of
-from kfgen.gap.whitened import GRID, Whitener
-from kfgen.identify.record import Record
-from kfgen.identify.whittle import residual_ratio
+from kfgen.gap.core.whitener import GRID, Whitener
+from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.whittle import residual_ratio
 
 Array = NDArray[np.float64]
 

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.outcome import SceneGap, find_scene_gap
-from kfgen.gap.regular import drivers_of, regular
-from kfgen.gap.scene import Scene
-from kfgen.gap.workflow import find_gap
-from kfgen.identify.channel import identify
-from kfgen.identify.record import Record
-from kfgen.log import Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene import Scene
+from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.workflow import find_gap
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import identify
+from kfgen.log.log import Log
 from kfgen.report.gap import gap_answer
 from kfgen.report.gap_words import finding_sentence
 from kfgen.report.page import Answer, write_page

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
-from kfgen.log import Channel, Log
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.log.log import Channel, Log
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.noise import ChannelNoise, NoiseModel, Term
 
 EARTH = 6371e3
 FIX = 6.9e-3**0.5

@@ -11,9 +11,9 @@ from common import AXES, Array, Case, main, of_scene
 from scipy.spatial.transform import Rotation, Slerp
 
 from kfgen.effects import make
-from kfgen.gap.motion import motion_scene
-from kfgen.log import Channel, Log
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.log import Channel, Log
 
 GRAVITY_N = np.array([0.0, 0.0, 9.80665])
 BAND = 0.3

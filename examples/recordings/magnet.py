@@ -10,10 +10,10 @@ import numpy as np
 from common import AXES, DATA, Case, identified, main, of_scene, thinned
 
 from kfgen.effects import make
-from kfgen.gap.motion import motion_scene
-from kfgen.gap.scene import Placed, Point
-from kfgen.noise import ChannelNoise, NoiseModel, Term
-from kfgen.readers import read_log
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.log.readers import read_log
 
 EVERY = 8
 QUIET = DATA / "dynamic" / "broad_01_undisturbed_slow_rotation_A.npz"
@@ -26,7 +26,7 @@ def undisturbed() -> NoiseModel:
     scene = motion_scene(log, NoiseModel(first))
     assert scene is not None
     start = np.array([u.start for u in scene.unknowns])
-    left = scene.left(Point((Placed(make("time_delay", delay=0.015), "mag"),), start))
+    left = scene.left(ScenePoint((Placed(make("time_delay", delay=0.015), "mag"),), start))
     names = [c.name for c in scene.compared]
     return NoiseModel({n: identified("uT", scene.truth.t, np.asarray(x)) for n, x in zip(names, left)})
 

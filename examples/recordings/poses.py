@@ -8,8 +8,8 @@ from pathlib import Path
 
 from common import AXES, Case, at_rest, main, of_scene
 
-from kfgen.gap.norm import norm_scene, poses
-from kfgen.readers import read_log
+from kfgen.gap.motion.known_length import norm_scene, poses
+from kfgen.log.readers import read_log
 
 
 def posed(file: Path) -> Case:

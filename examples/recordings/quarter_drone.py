@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from common import Case, main, of_scene
 
-from kfgen.gap.plant import PlantScene
-from kfgen.log import Channel, Log
-from kfgen.model.file import parse_model
+from kfgen.gap.plant.scene import PlantScene
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.file import parse_model
 
 EVERY = 5
 MODEL = """

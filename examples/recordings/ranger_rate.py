@@ -7,7 +7,7 @@ from pathlib import Path
 
 from common import Case, at_rest, main, of_channel
 
-from kfgen.readers import ColumnMap, read_log
+from kfgen.log.readers import ColumnMap, read_log
 
 
 def ranger(file: Path) -> Case:

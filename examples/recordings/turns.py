@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from common import AXES, Case, at_rest, main, of_scene
 
-from kfgen.gap.turns import Turn, turn_scene
-from kfgen.readers import read_log
+from kfgen.gap.motion.known_turns import Turn, turn_scene
+from kfgen.log.readers import read_log
 
 BY_HAND = np.radians(0.5)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from common import AXES, Case, main
 
-from kfgen.gap.spans import vibrations
-from kfgen.readers import read_log
+from kfgen.gap.motion.on_off_times import vibrations
+from kfgen.log.readers import read_log
 
 REST, CORNER, LEAST = 30.0, 40.0, 3.0
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.arma.process import autocovariance_of, exact_factor
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 Poly = tuple[Any, ...]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kfgen.arma.library import statsmodels
 from kfgen.arma.process import Arma, autocovariance_of, spectral_factor
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 

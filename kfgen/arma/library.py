@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from kfgen.errors import MissingExtra
+from kfgen.core.errors import MissingExtra
 
 
 def statsmodels(module: str) -> Any:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 

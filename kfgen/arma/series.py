@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from kfgen.arma.estimate import estimate, sample_autocovariance
 from kfgen.arma.library import statsmodels
 from kfgen.arma.process import Arma
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ LONGEST = 100_000
 
 
 @dataclass(frozen=True)
-class Verdict:
+class SeriesVerdict:
     """One test.
 
     Parameters
@@ -70,11 +70,11 @@ class SeriesTests:
         Zero and 3 of a normal series.
     """
 
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[SeriesVerdict, ...]
     skewness: float
     kurtosis: float
 
-    def named(self, name: str) -> Verdict:
+    def named(self, name: str) -> SeriesVerdict:
         """The test of that name."""
         return next(v for v in self.verdicts if v.name == name)
 
@@ -125,20 +125,22 @@ def series_tests(y: Array) -> SeriesTests:
         _, q, p_q = statsmodels("tsa.stattools").acf(y, nlags=LAGS, fft=True, qstat=True)
     return SeriesTests(
         (
-            Verdict("runs", "the samples are independent", float(z), float(p_runs)),
-            Verdict(
+            SeriesVerdict("runs", "the samples are independent", float(z), float(p_runs)),
+            SeriesVerdict(
                 "Ljung-Box",
                 f"no correlation up to lag {LAGS}",
                 float(q[-1]),
                 float(p_q[-1]),
             ),
-            Verdict("zero mean", "the mean is zero", float(zero.statistic), float(zero.pvalue)),
-            Verdict("normality", "the samples are normal", float(normal.statistic), float(normal.pvalue)),
-            Verdict("unit root", "the series has a unit root", float(root[0]), float(root[1])),
-            Verdict(
+            SeriesVerdict("zero mean", "the mean is zero", float(zero.statistic), float(zero.pvalue)),
+            SeriesVerdict(
+                "normality", "the samples are normal", float(normal.statistic), float(normal.pvalue)
+            ),
+            SeriesVerdict("unit root", "the series has a unit root", float(root[0]), float(root[1])),
+            SeriesVerdict(
                 "reverse arrangements", "its power has no trend", float(trend.statistic), float(trend.pvalue)
             ),
-            Verdict("runs of power", "its power is even", float(z_power), float(p_power)),
+            SeriesVerdict("runs of power", "its power is even", float(z_power), float(p_power)),
         ),
         float(stats.skew(y)),
         float(stats.kurtosis(y, fisher=False)),

@@ -12,22 +12,22 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.audit.basis import Null, readable
-from kfgen.audit.carried import carried
-from kfgen.audit.chain import Hidden, along
 from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
+from kfgen.audit.exact.basis import Null, readable
+from kfgen.audit.exact.chain import Hidden, along
+from kfgen.audit.exact.padic import PRIMES, Degenerate
+from kfgen.audit.exact.plan import Plan
+from kfgen.audit.exact.symbolic import at_rest, null_of
+from kfgen.audit.exact.transport import carried
+from kfgen.audit.exact.value_columns import in_numbers
 from kfgen.audit.lint import lint
 from kfgen.audit.numeric import Numeric, numeric
-from kfgen.audit.plan import Plan
-from kfgen.audit.ring import PRIMES, Degenerate
-from kfgen.audit.symbolic import at_rest, null_of
-from kfgen.audit.values import in_numbers
 from kfgen.audit.words import called, sentence, words
-from kfgen.discretise import DiscreteModel
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
-from kfgen.model.equations import Equations
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
+from kfgen.model.plant.equations import Equations
 
 UNDETERMINED = "unobservable"
 FAINT = "practically_unobservable"
@@ -108,7 +108,7 @@ class Audit:
 
 
 @dataclass(frozen=True)
-class Table:
+class ManoeuvreTable:
     """Which manoeuvre shows which direction of the first one.
 
     Parameters
@@ -134,7 +134,7 @@ class Audited:
     """A model's audits, the first one's directions against the library, warnings of the lint."""
 
     audits: tuple[Audit, ...]
-    table: Table | None
+    table: ManoeuvreTable | None
     lint: tuple[str, ...]
 
     @property
@@ -184,7 +184,7 @@ def audit(
         rows = tuple(
             tuple(_freed(h, carried(plan, v, flown[0], m)) for m, h in zip(columns, seen)) for v in nulls[0]
         )
-        table = Table(columns, rows) if columns else None
+        table = ManoeuvreTable(columns, rows) if columns else None
         freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
     audits = []
     for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
@@ -192,7 +192,7 @@ def audit(
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
         run, start = None, plan.numbers(generic=generic)
         if horizon is not None:
-            run = degree(DiscreteModel.stepping(model, horizon.rate), m, horizon, h.nullity, start)
+            run = degree(DiscreteModel.at_rate(model, horizon.rate), m, horizon, h.nullity, start)
         audits.append(Audit(model, m, directions, names, generic, start, run))
     return Audited(tuple(audits), table, notes(plan, horizon))
 

@@ -18,11 +18,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.discretise import DiscreteModel
-from kfgen.errors import InputError
-from kfgen.linear import van_loan
+from kfgen.core.errors import InputError
+from kfgen.core.linear import van_loan
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
+from kfgen.model.discretise import DiscreteModel
 
 Array = NDArray[np.float64]
 

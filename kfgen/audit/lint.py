@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from kfgen.effects.stochastic import GaussMarkov
+from kfgen.effects.process.stochastic import GaussMarkov
 from kfgen.model.filter import FilterModel
 
 ALIKE = 1e-9

@@ -14,7 +14,7 @@ def main() -> None:
     for library in LIBRARIES:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from kfgen.cli.app import app
-    from kfgen.errors import KfgenError
+    from kfgen.core.errors import KfgenError
 
     try:
         app()

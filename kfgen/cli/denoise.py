@@ -13,7 +13,7 @@ from kfgen.cli.options import Columns, Json, LogPath, Rate, Report, deliver, not
 
 
 def _order(text: str) -> tuple[int, int] | None:
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
 
     if text == "auto":
         return None
@@ -47,14 +47,14 @@ def denoise(
     report: Report = None,
 ) -> None:
     """The adaptive filters of Narasimhappa 2019 on a log, with what they cost under motion."""
-    from kfgen.adaptive.denoise import Settings
-    from kfgen.adaptive.denoise import at_rest as resting
-    from kfgen.adaptive.denoise import denoise as denoised
-    from kfgen.adaptive.rules import rule_named
-    from kfgen.errors import InputError
-    from kfgen.log import Channel
-    from kfgen.readers import write_log
+    from kfgen.core.errors import InputError
+    from kfgen.log.log import Channel
+    from kfgen.log.readers import write_log
     from kfgen.report.denoise import denoise_answer
+    from kfgen.run.adaptive.denoise import Settings
+    from kfgen.run.adaptive.denoise import at_rest as resting
+    from kfgen.run.adaptive.denoise import denoise as denoised
+    from kfgen.run.adaptive.rules import rule_named
 
     rule_named(filter)
     if not 0.0 < ratio < float("inf"):

@@ -58,9 +58,9 @@ def fleet(
     report: Report = None,
 ) -> None:
     """Many logs at once: what the sensors have in common, how much they differ, which is not like the others."""
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
+    from kfgen.effects.noise_model import write_noise
     from kfgen.fleet.fleet import fleet_of
-    from kfgen.noise import write_noise
     from kfgen.report.fleet import fleet_answer, typical
 
     if output and model:
@@ -83,7 +83,7 @@ def _matching(patterns: Sequence[str]) -> list[str]:
     """The files that match, each once, in order of their names."""
     from glob import glob
 
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
 
     found: dict[Path, str] = {}
     for pattern in patterns:
@@ -103,7 +103,7 @@ def _check(model: str) -> None:
     from kfgen.cli.options import noise_of
     from kfgen.cli.worlds import is_model_file
     from kfgen.model.library import build
-    from kfgen.model.user import read_model
+    from kfgen.model.plant.user import read_model
 
     if is_model_file(model):
         read_model(model)
@@ -115,7 +115,7 @@ def _check(model: str) -> None:
 
 def work(task: Task) -> Outcome:
     """Do one log; whatever is wrong with it is told and not raised, for the others go on."""
-    from kfgen.errors import KfgenError
+    from kfgen.core.errors import KfgenError
     from kfgen.fleet.fleet import Outcome
 
     try:
@@ -129,7 +129,7 @@ def work(task: Task) -> Outcome:
 
 def _identify(task: Task) -> tuple[dict[str, Any], tuple[str, ...]]:
     from kfgen.cli.logs import channels_identified
-    from kfgen.readers import ColumnMap, read_long
+    from kfgen.log.readers import ColumnMap, read_long
     from kfgen.report.identify import identify_data
 
     log = read_long(
@@ -169,7 +169,7 @@ def _on_cluster(tasks: Sequence[Task], address: str) -> Iterator[Outcome]:
     import socket
     from dataclasses import replace
 
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
     from kfgen.verify.host import missing
 
     try:

@@ -13,19 +13,19 @@ from kfgen.cli.app import app
 from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver, listed, noise_of, not_over, read
 
 if TYPE_CHECKING:
-    from kfgen.gap.finding import ChannelGap
-    from kfgen.gap.proof import Gap
-    from kfgen.log import Log
-    from kfgen.noise import NoiseModel
+    from kfgen.effects.noise_model import NoiseModel
+    from kfgen.gap.core.holdout import Gap
+    from kfgen.gap.rest.finding import ChannelGap
+    from kfgen.log.log import Log
     from kfgen.report.page import Answer
 
 
 def _believed(model: str, log: Log) -> tuple[NoiseModel, list[str]]:
     """What is believed of the channels of a log, from a noise file or a library model; what is to be said."""
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
+    from kfgen.core.units import parse_unit
+    from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
     from kfgen.model.library import build
-    from kfgen.noise import ChannelNoise, NoiseModel, Term
-    from kfgen.units import parse_unit
 
     if model.endswith(".toml"):
         noise = noise_of(Path(model))
@@ -78,7 +78,7 @@ def gap(
     report: Report = None,
 ) -> None:
     """Where model and record disagree, the missing effect by name, the mended model, before and after."""
-    from kfgen.whole import write_text
+    from kfgen.core.whole_file import write_text
 
     for log in logs:
         not_over(output, log)
@@ -98,10 +98,10 @@ def gap_between(
 ) -> tuple[Answer, str]:
     """The answer over the gap between a model and a log, in whichever world they are, and the mended model's file."""
     from kfgen.cli.worlds import is_model_file, motion_gap, plant_gap
-    from kfgen.gap.cross import with_pairs
-    from kfgen.gap.regular import drivers_of, regular
-    from kfgen.gap.workflow import find_gap
-    from kfgen.noise import noise_text
+    from kfgen.effects.noise_model import noise_text
+    from kfgen.gap.rest.cross_axis import with_pairs
+    from kfgen.gap.rest.even_record import drivers_of, regular
+    from kfgen.gap.rest.workflow import find_gap
     from kfgen.report.again import with_proofs
     from kfgen.report.gap import gap_answer, mended_model
 
@@ -109,7 +109,7 @@ def gap_between(
         _no_proof(others, model)
         return plant_gap(model, data)
     believed, said = _believed(model, data)
-    believed = believed.reaching(data.dt, data.duration)
+    believed = believed.extended_band(data.dt, data.duration)
     wanted = listed(channels) or list(believed.channels)
     moving = motion_gap(replace(believed, channels={n: believed.channel(n) for n in wanted}), data)
     if moving is not None:
@@ -136,10 +136,10 @@ def gap_together(
 ) -> tuple[Answer, str]:
     """The answer over the gap between a model and several recordings of one sensor, and the mended model's file."""
     from kfgen.cli.worlds import is_model_file
-    from kfgen.errors import InputError
-    from kfgen.gap.regular import drivers_of, regular
-    from kfgen.gap.together import Recording, find_together
-    from kfgen.noise import noise_text
+    from kfgen.core.errors import InputError
+    from kfgen.effects.noise_model import noise_text
+    from kfgen.gap.rest.even_record import drivers_of, regular
+    from kfgen.gap.rest.several_recordings import Recording, find_together
     from kfgen.report.gap import mended_model
     from kfgen.report.together import together_answer
 
@@ -169,8 +169,8 @@ def gap_together(
 
 def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
     """The gap of every channel with a finding over another recording."""
-    from kfgen.gap.again import again_on
-    from kfgen.gap.regular import drivers_of, regular
+    from kfgen.gap.rest.even_record import drivers_of, regular
+    from kfgen.gap.rest.second_recording import again_on
 
     found = {n: g for n, g in gaps.items() if g.verdict != "bad_data" and (g.findings or g.retuned)}
     drive, _ = drivers_of(other)
@@ -181,7 +181,7 @@ def _again(gaps: Mapping[str, ChannelGap], other: Log) -> dict[str, Gap]:
 
 
 def _no_proof(others: Sequence[Log], what: str) -> None:
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
 
     if others:
         raise InputError(

@@ -31,9 +31,9 @@ from kfgen.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from kfgen.identify.channel import Identified
-    from kfgen.identify.record import Evidence
-    from kfgen.log import Log, StoredLog
+    from kfgen.identify.evidence.record import Evidence
+    from kfgen.identify.identify import Identified
+    from kfgen.log.log import Log, StoredLog
 
 BAND = ("_lo", "_hi")
 NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
@@ -41,12 +41,12 @@ NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
 
 def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, list[str]]:
     """A channel of one log or of several, or a published curve, and what is to be said of its sampling."""
-    from kfgen.errors import InputError
-    from kfgen.identify.joint import Joint
-    from kfgen.identify.record import Record
-    from kfgen.identify.sampling import evidence
-    from kfgen.log import Log
-    from kfgen.units import parse_unit
+    from kfgen.core.errors import InputError
+    from kfgen.core.units import parse_unit
+    from kfgen.identify.evidence.joint import JointRecord
+    from kfgen.identify.evidence.record import Record
+    from kfgen.identify.evidence.sampling import evidence
+    from kfgen.log.log import Log
 
     first = logs[0]
     if len(logs) == 1 and not isinstance(first, Log):
@@ -76,19 +76,19 @@ def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, lis
             "a log with gaps or uneven time cannot be fitted together with others",
             remedy="Identify it alone, or cut it at its gaps",
         )
-    return Joint(even), said
+    return JointRecord(even), said
 
 
 def _condensed(log: StoredLog, name: str) -> Evidence:
-    from kfgen.identify.long import Stream, condense
+    from kfgen.identify.evidence.long import Stream, condense
 
     channel = log.channel(name)
     return condense(Stream(channel.chunks, channel.n, log.dt))
 
 
 def _published(log: Log, name: str) -> Evidence:
-    from kfgen.errors import InputError
-    from kfgen.identify.published import Published
+    from kfgen.core.errors import InputError
+    from kfgen.identify.evidence.published import Published
 
     band = [log.channels[name + end].values for end in BAND if name + end in log.channels]
     if len(band) == 1:
@@ -106,8 +106,8 @@ def channels_identified(
     InputError
         There is nothing to identify, or a channel cannot be; the log and the channel are said.
     """
-    from kfgen.errors import InputError
-    from kfgen.identify.channel import identify as identified
+    from kfgen.core.errors import InputError
+    from kfgen.identify.identify import identify as identified
 
     first = data[0]
     names = listed(channels) or [
@@ -163,9 +163,9 @@ def identify(
     report: Report = None,
 ) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
-    from kfgen.errors import InputError
-    from kfgen.noise import write_noise
-    from kfgen.readers import ColumnMap, read_long
+    from kfgen.core.errors import InputError
+    from kfgen.effects.noise_model import write_noise
+    from kfgen.log.readers import ColumnMap, read_long
     from kfgen.report.identify import identify_answer, noise_model
 
     for log in logs:
@@ -201,12 +201,12 @@ def simulate(
     """A log from a model."""
     import numpy as np
 
-    from kfgen.discretise import DiscreteModel
-    from kfgen.readers import write_log
+    from kfgen.log.readers import write_log
+    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import simulate_answer
-    from kfgen.simulate import simulate as simulated
+    from kfgen.simulate.simulate import simulate as simulated
 
-    discrete = DiscreteModel.stepping(model_of(model, noise, set_, sensor), rate)
+    discrete = DiscreteModel.at_rate(model_of(model, noise, set_, sensor), rate)
     log = simulated(discrete, manoeuvre, duration, np.random.default_rng(seed))
     write_log(log, output)
     deliver(simulate_answer(log, str(output)), json, report)
@@ -230,18 +230,18 @@ def run(
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
     import numpy as np
 
-    from kfgen.adaptive.rules import rule_named
-    from kfgen.adaptive.wrapper import adapted
-    from kfgen.discretise import DiscreteModel
     from kfgen.emit.routines import Program
+    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import run_answer
-    from kfgen.run import attitude_error
-    from kfgen.run import run as ran
+    from kfgen.run.adaptive.rules import rule_named
+    from kfgen.run.adaptive.wrapper import adapted
+    from kfgen.run.run import attitude_error
+    from kfgen.run.run import run as ran
 
     data = read(log, rate, columns)
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
     built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.stepping(built, 1.0 / data.dt, max_step=longest))
+    program = Program(DiscreteModel.at_rate(built, 1.0 / data.dt, max_step=longest))
     rule = rule_named(adaptive, "--adaptive") if adaptive else None
     result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)

@@ -32,15 +32,15 @@ from kfgen.cli.options import (
 @app.command("list")
 def list_(json: Json = None, report: Report = None) -> None:
     """Library models, sensors, effects, manoeuvres, targets, cores, consumers, adaptive filters, estimators."""
-    from kfgen.adaptive.rules import rules
     from kfgen.arma.estimate import estimators
     from kfgen.consumers import consumers
     from kfgen.effects import catalogue
     from kfgen.emit import targets
     from kfgen.manoeuvre.library import LIBRARY as MANOEUVRES
     from kfgen.model.library import LIBRARY, option_rows
-    from kfgen.model.sensors import sensors
+    from kfgen.model.parts.sensors import sensors
     from kfgen.report.model import list_answer
+    from kfgen.run.adaptive.rules import rules
     from kfgen.verify.compare import cores
 
     answer = list_answer(
@@ -73,8 +73,8 @@ def derive(
     report: Report = None,
 ) -> None:
     """States, F, G, H, Phi and Qd of a model."""
-    from kfgen.discretise import DiscreteModel
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
+    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.model import derive_answer
 
     if format not in ("text", "latex", "mathml"):
@@ -82,7 +82,7 @@ def derive(
             f"there is no format '{format}'", where="--format", remedy="Known are text, latex, mathml"
         )
     built = model_of(model, noise, set_, sensor)
-    deliver(derive_answer(DiscreteModel.stepping(built, rate, order), format), json, report)
+    deliver(derive_answer(DiscreteModel.at_rate(built, rate, order), format), json, report)
 
 
 @app.command()
@@ -116,7 +116,7 @@ def audit(
     from kfgen.audit.audit import audit as audited
     from kfgen.audit.audit import in_log
     from kfgen.audit.degree import Horizon
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
     from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
     from kfgen.report.audit import audit_answer
 
@@ -146,8 +146,8 @@ def emit(
     form: Annotated[str, typer.Option(help="p: the covariance; ud: its factors, never indefinite.")] = "p",
     real: Annotated[str, typer.Option(help="float or double.")] = "float",
     loops: Annotated[bool, typer.Option("--loops", help="Loops: less code, more instructions.")] = False,
-    lump: Annotated[
-        float, typer.Option(help="With ud: noise of constant states comes in after so long [s].")
+    q_interval: Annotated[
+        float, typer.Option(help="Add the process noise of bias states every so many seconds (UD form only).")
     ] = 0.0,
     core: Annotated[
         list[str] | None, typer.Option(help="m4f, ...: its instructions, stack and code go into the header.")
@@ -161,16 +161,16 @@ def emit(
     report: Report = None,
 ) -> None:
     """The filter as code, with its self-test."""
-    from kfgen.discretise import DiscreteModel
     from kfgen.emit.folder import write_folder
     from kfgen.emit.routines import Program
+    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import emit_answer
 
     built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.stepping(built, rate, order, max_step), form, real, loops, lump)
+    program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
     if core:
-        from kfgen.emit.c import TARGET
-        from kfgen.errors import InputError
+        from kfgen.core.errors import InputError
+        from kfgen.emit.targets.c import TARGET
         from kfgen.verify.compare import costs
 
         if target != TARGET:

@@ -22,8 +22,8 @@ def plan(
     report: Report = None,
 ) -> None:
     """How long to log for a wanted accuracy: the Cramér-Rao bound against the length of the record."""
-    from kfgen.errors import InputError
-    from kfgen.noise import read_noise
+    from kfgen.core.errors import InputError
+    from kfgen.effects.noise_model import read_noise
     from kfgen.report.plan import plan_answer
 
     if not 0.0 < wanted < 10.0 or not 0.0 < rate < float("inf"):
@@ -47,9 +47,9 @@ def convert(
     import hashlib
 
     from kfgen.consumers import convert as converted
-    from kfgen.noise import read_noise
+    from kfgen.core.whole_file import write_text
+    from kfgen.effects.noise_model import read_noise
     from kfgen.report.convert import Request, convert_answer
-    from kfgen.whole import write_text
 
     model = read_noise(noise)
     not_over(output, noise)

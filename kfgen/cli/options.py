@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from kfgen.log import Log
+    from kfgen.effects.noise_model import NoiseModel
+    from kfgen.log.log import Log
     from kfgen.model.filter import FilterModel
-    from kfgen.noise import NoiseModel
     from kfgen.report.page import Answer
 
     Array = NDArray[np.float64]
@@ -54,8 +54,8 @@ SampleRate = Annotated[float, typer.Option("--rate", help="Rate of the sensors [
 
 def read(path: Path, rate: float | None, columns: str | None) -> Log:
     """A log with its columns mapped."""
-    from kfgen.errors import InputError
-    from kfgen.readers import ColumnMap, read_log
+    from kfgen.core.errors import InputError
+    from kfgen.log.readers import ColumnMap, read_log
 
     log = read_log(path, rate=rate, columns=ColumnMap.parse(columns) if columns else None)
     if log.axis != "t":
@@ -65,14 +65,14 @@ def read(path: Path, rate: float | None, columns: str | None) -> Log:
 
 def noise_of(path: Path | None) -> NoiseModel | None:
     """The noise file, where one is given."""
-    from kfgen.noise import read_noise
+    from kfgen.effects.noise_model import read_noise
 
     return read_noise(path) if path else None
 
 
 def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:
     """A library model with its noise and what was chosen of its options."""
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
     from kfgen.model.library import build
     from kfgen.model.option import read_pairs
 
@@ -90,12 +90,12 @@ def ran_over(model: FilterModel, log: Log) -> tuple[FilterModel, Array, Array]:
 
     import numpy as np
 
-    from kfgen.discretise import DiscreteModel
     from kfgen.emit.routines import Program
-    from kfgen.run import run
+    from kfgen.model.discretise import DiscreteModel
+    from kfgen.run.run import run
 
     longest = max(0.1, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
-    result = run(Program(DiscreteModel.stepping(model, 1.0 / log.dt, max_step=longest)), log)
+    result = run(Program(DiscreteModel.at_rate(model, 1.0 / log.dt, max_step=longest)), log)
     present = tuple(s for s in model.sensors if s.name in result.sensors)
     return replace(model, sensors=present), log.t, result.deviation
 
@@ -107,7 +107,7 @@ def hashes(files: Iterable[Path]) -> dict[str, str]:
 
 def not_over(output: Path | None, source: Path) -> None:
     """An output must not overwrite what the command reads."""
-    from kfgen.errors import InputError
+    from kfgen.core.errors import InputError
 
     if output is not None and output.resolve() == source.resolve():
         raise InputError("the output would overwrite the input", where=str(output), remedy="Give another -o")
@@ -115,8 +115,8 @@ def not_over(output: Path | None, source: Path) -> None:
 
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     """Print an answer, write what was asked for, and exit with 1 when a check failed."""
+    from kfgen.core.whole_file import write_text
     from kfgen.report.page import write_page
-    from kfgen.whole import write_text
 
     for warning in answer.warnings:
         print(f"warning: {warning}", file=sys.stderr)

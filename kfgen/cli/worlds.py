@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from kfgen.gap.outcome import SceneGap
-    from kfgen.gap.scene import Scene
-    from kfgen.log import Log
-    from kfgen.noise import ChannelNoise, NoiseModel
+    from kfgen.effects.noise_model import ChannelNoise, NoiseModel
+    from kfgen.gap.core.outcome import SceneGap
+    from kfgen.gap.core.scene import Scene
+    from kfgen.log.log import Log
     from kfgen.report.page import Answer
 
 
 def is_model_file(model: str) -> bool:
     """Whether a path is a model file, by its format."""
-    from kfgen.model.user import FORMAT
+    from kfgen.model.plant.user import FORMAT
 
     path = Path(model)
     if not path.is_file() or path.suffix != ".toml":
@@ -33,12 +33,12 @@ def is_model_file(model: str) -> bool:
 
 def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
     """The answer for a plant, and the text of its mended model file."""
-    from kfgen.effects.integrity import Fault
-    from kfgen.gap.mended import mended
-    from kfgen.gap.outcome import find_scene_gap
-    from kfgen.gap.wiring import plant_scene
-    from kfgen.model.file import model_text
-    from kfgen.model.user import read_model
+    from kfgen.effects.faults.samples import Fault
+    from kfgen.gap.core.outcome import find_scene_gap
+    from kfgen.gap.plant.updated_model import mended
+    from kfgen.gap.plant.wiring import plant_scene
+    from kfgen.model.plant.file import model_text
+    from kfgen.model.plant.user import read_model
     from kfgen.report.scene import scene_answer
 
     believed = read_model(model)
@@ -57,10 +57,10 @@ def plant_gap(model: str, log: Log) -> tuple[Answer, str]:
 
 def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | None:
     """The answer for sensors that move, and the mended noise model; None where nothing moves."""
-    from kfgen.gap.missing import with_missing
-    from kfgen.gap.motion import motion_scene
-    from kfgen.gap.outcome import find_scene_gap
-    from kfgen.noise import noise_text
+    from kfgen.effects.noise_model import noise_text
+    from kfgen.gap.core.outcome import find_scene_gap
+    from kfgen.gap.motion.missing_rows import with_missing
+    from kfgen.gap.motion.scene import motion_scene
     from kfgen.report.scene import scene_answer, units_of_channels
 
     whole, said = with_missing(log)
@@ -79,8 +79,8 @@ def motion_gap(believed: NoiseModel, log: Log) -> tuple[Answer, NoiseModel] | No
 
 def _turned_about(log: Log, believed: NoiseModel) -> Scene | None:
     """An accelerometer that rests in several poses and has no reference."""
-    from kfgen.errors import InputError
-    from kfgen.gap.norm import norm_scene
+    from kfgen.core.errors import InputError
+    from kfgen.gap.motion.known_length import norm_scene
 
     try:
         return norm_scene(log, believed)
@@ -90,8 +90,8 @@ def _turned_about(log: Log, believed: NoiseModel) -> Scene | None:
 
 def _with_findings(believed: NoiseModel, found: SceneGap) -> NoiseModel:
     """Every finding but a fault of the rig as a term of the channels where it acts."""
-    from kfgen.effects.integrity import Fault
-    from kfgen.noise import Term
+    from kfgen.effects.faults.samples import Fault
+    from kfgen.effects.noise_model import Term
 
     channels = _retuned(believed.channels, found)
     for f in [f for f in found.findings if not isinstance(f.placed.effect, Fault)]:
@@ -104,11 +104,11 @@ def _with_findings(believed: NoiseModel, found: SceneGap) -> NoiseModel:
 
 def _retuned(channels: Mapping[str, ChannelNoise], found: SceneGap) -> dict[str, ChannelNoise]:
     """The noise of channels, of the size that was found."""
-    from kfgen.gap.louder import scaled
-    from kfgen.noise import Term
+    from kfgen.effects.noise_model import Term
+    from kfgen.gap.core.noise_scale import scaled
 
     out = dict(channels)
-    for louder in found.louder:
+    for louder in found.noise_scales:
         for name in [c for c in out if louder.channel in (c, c.rpartition("_")[0])]:
             terms = tuple(Term(scaled(t.effect, louder.times)) for t in out[name].terms)
             out[name] = replace(out[name], terms=terms, covariance=None)

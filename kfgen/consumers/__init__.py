@@ -18,8 +18,8 @@ from functools import cache
 from types import ModuleType
 
 from kfgen.consumers.base import SENSORS, Converted, Imu, Value
-from kfgen.errors import InputError
-from kfgen.noise import NoiseModel
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import NoiseModel
 
 __all__ = ["Converted", "Imu", "Value", "consumers", "convert"]
 

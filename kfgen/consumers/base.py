@@ -17,11 +17,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import kfgen
+from kfgen.core.errors import InputError
+from kfgen.core.units import from_si, parse_unit
 from kfgen.effects import Effect
-from kfgen.effects.stochastic import GaussMarkov, RateRandomWalk, WhiteNoise
-from kfgen.errors import InputError
-from kfgen.noise import NoiseModel
-from kfgen.units import from_si, parse_unit
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.effects.process.stochastic import GaussMarkov, RateRandomWalk, WhiteNoise
 
 SENSORS = {"gyro": ("gyroscope", "rad/s"), "accel": ("accelerometer", "m/s^2")}
 AXES = ("x", "y", "z")
@@ -56,7 +56,7 @@ class Converted:
 
 
 @dataclass(frozen=True)
-class Reading:
+class AxisValue:
     """The effects on one axis."""
 
     channel: str
@@ -85,7 +85,7 @@ def root_sum(sizes: Iterable[float]) -> float | None:
     return total if total > 0.0 else None
 
 
-def formula(readings: Sequence[Reading], letter: str, by: str = "") -> tuple[str, str]:
+def formula(readings: Sequence[AxisValue], letter: str, by: str = "") -> tuple[str, str]:
     """How the numbers of some axes come about, and what is to be said about it at the end."""
     drifts = max(len(r.drifts) for r in readings)
     if letter == "N" or not drifts:
@@ -104,7 +104,7 @@ class Imu:
     safety: float = 1.0
     origin: str = ""
 
-    def readings(self, sensor: str) -> tuple[Reading, ...]:
+    def readings(self, sensor: str) -> tuple[AxisValue, ...]:
         """The axes of ``gyro`` or ``accel`` that the noise file has, in order."""
         found = []
         for name in (*(f"{sensor}_{a}" for a in AXES), sensor):
@@ -118,10 +118,10 @@ class Imu:
                     where=self.origin,
                     remedy=f"Give it in a unit of {unit}",
                 )
-            found.append(Reading(name, channel.effects))
+            found.append(AxisValue(name, channel.effects))
         return tuple(found)
 
-    def known(self, sensor: str, letter: str) -> list[tuple[float, Reading]]:
+    def known(self, sensor: str, letter: str) -> list[tuple[float, AxisValue]]:
         """The axes that have a number, with it [SI]."""
         pairs = [(r.number(letter), r) for r in self.readings(sensor)]
         return [(number, reading) for number, reading in pairs if number is not None]
@@ -204,7 +204,7 @@ def by_axis(names: Sequence[str], known: Mapping[str, float]) -> str:
     return f"; axes x y z{f', {filled} as the worst of the others' if filled else ''}"
 
 
-def unused(reading: Reading, title: str) -> list[str]:
+def unused(reading: AxisValue, title: str) -> list[str]:
     """The effects on an axis that have no parameter in N, K and Gauss-Markov terms."""
     carried = (WhiteNoise, RateRandomWalk, GaussMarkov)
     names = [e.name for e in reading.effects if not isinstance(e, carried)]

@@ -17,16 +17,16 @@ import math
 from kfgen.consumers.base import (
     AXES,
     SENSORS,
+    AxisValue,
     Converted,
     Imu,
-    Reading,
     Value,
     by_axis,
     root_sum,
     unused,
     yaml_lines,
 )
-from kfgen.units import from_si
+from kfgen.core.units import from_si
 
 NAME = "kfgins"
 TITLE = "KF-GINS imunoise"
@@ -78,7 +78,7 @@ def _deviation(imu: Imu, sensor: str, unit: str, common: float | None) -> Value:
     return Value(numbers, unit, words + by_axis(axes, known) + imu.safely())
 
 
-def _stationary(reading: Reading, common: float) -> float | None:
+def _stationary(reading: AxisValue, common: float) -> float | None:
     return root_sum([*(e.sigma for e in reading.drifts), (reading.K or 0.0) * math.sqrt(common / 2.0)])
 
 

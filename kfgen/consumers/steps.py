@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from kfgen.consumers.base import Imu, Value
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kfgen.consumers.base import SENSORS, Converted, Imu, Value
+from kfgen.core.errors import InputError
+from kfgen.core.units import derived_unit, from_si, parse_unit
 from kfgen.effects import Effect
-from kfgen.errors import InputError
-from kfgen.noise import ChannelNoise, Term
-from kfgen.units import derived_unit, from_si, parse_unit
+from kfgen.effects.noise_model import ChannelNoise, Term
 
 NAME = "table"
 TITLE = "a data sheet, every parameter in every usual unit"

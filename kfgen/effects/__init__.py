@@ -10,17 +10,17 @@ import pkgutil
 from functools import cache
 from typing import Any
 
-from kfgen.effects.base import Effect, Look, Parameter
-from kfgen.effects.driven import COUPLING, coupled, is_plain
-from kfgen.effects.form import Form, State
-from kfgen.effects.level import NOISE_LEVEL, leveled
-from kfgen.effects.passed import filtered, sampled_spectrum
-from kfgen.effects.thermal import LAGGED, lagged
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
+from kfgen.effects.driven.history import LAGGED, lagged
+from kfgen.effects.driven.noise_level import NOISE_LEVEL, leveled
+from kfgen.effects.driven.proportional import COUPLING, coupled, is_plain
+from kfgen.effects.effect import Effect, Look, Parameter
+from kfgen.effects.linear_system import LinearSystem, State
+from kfgen.effects.samples.filtered_spectrum import filtered, sampled_spectrum
 
 __all__ = [
     "Effect",
-    "Form",
+    "LinearSystem",
     "Look",
     "Parameter",
     "State",
@@ -38,8 +38,8 @@ OF_CHANNELS = {COUPLING: coupled, LAGGED: lagged, NOISE_LEVEL: leveled}
 
 @cache
 def _load() -> None:
-    for info in pkgutil.iter_modules(__path__):
-        importlib.import_module(f"{__name__}.{info.name}")
+    for info in pkgutil.walk_packages(__path__, f"{__name__}."):
+        importlib.import_module(info.name)
 
 
 def catalogue() -> dict[str, type[Effect]]:

@@ -1,6 +1,6 @@
-"""`Series`: a channel in white, in which effects that no start value finds look for themselves.
+"""`WhiteSeries`: a channel in white, in which effects that no start value finds look for themselves.
 
-Priors are those of `kfgen.gap.evidence`: sizes and times log-uniform, coefficients log-uniform in
+Priors are those of `kfgen.gap.rest.evidence`: sizes and times log-uniform, coefficients log-uniform in
 size and of either sign, places uniform over the record or the band.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from kfgen.effects.base import Effect
-    from kfgen.effects.form import Form
+    from kfgen.effects.effect import Effect
+    from kfgen.effects.linear_system import LinearSystem
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Series:
+class WhiteSeries:
     """A channel and what the model makes of it.
 
     Parameters
@@ -62,7 +62,7 @@ class Series:
     nuisance: Array
     level: tuple[float, float]
     drive: Mapping[str, Array]
-    forms: tuple[Form, ...] = ()
+    forms: tuple[LinearSystem, ...] = ()
     wander: tuple[float, float] = (0.0, 1.0)
 
     @property
@@ -138,7 +138,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Sought:
+class Detection:
     """An effect that was looked for.
 
     Parameters
@@ -200,7 +200,7 @@ def noise_of_differences(differences: Array, order: int) -> float:
 
 
 @dataclass(frozen=True)
-class Raw:
+class RawSamples:
     """A channel as it was logged, before any model.
 
     Parameters
@@ -272,7 +272,7 @@ class Raw:
 
 
 @dataclass(frozen=True)
-class Spotted:
+class DetectedFault:
     """A fault: the effect, how many samples show it, whether a fit would be meaningless."""
 
     effect: Effect

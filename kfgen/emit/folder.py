@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import kfgen
-from kfgen.discretise import DiscreteModel
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
-from kfgen.errors import InputError
-from kfgen.model.equations import Equations
-from kfgen.model.file import model_text
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.noise import NoiseModel, noise_text, read_noise
+from kfgen.model.plant.equations import Equations
+from kfgen.model.plant.file import model_text
 
 MANIFEST = "kfgen.json"
 NOISE = "noise.toml"
@@ -68,7 +68,7 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "form": program.form,
         "real": program.real,
         "loops": program.loops,
-        "lump": program.lump,
+        "q_interval": program.q_interval,
         "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
@@ -177,10 +177,10 @@ def read_folder(folder: str | Path) -> Emitted:
             where=str(folder / MANIFEST),
             remedy="Emit it again",
         )
-    lump = float(manifest.get("lump", 0.0))
+    q_interval = float(manifest.get("q_interval", 0.0))
     options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
     return Emitted(
-        Program(discrete, str(options[0]), str(options[1]), options[2], lump),
+        Program(discrete, str(options[0]), str(options[1]), options[2], q_interval),
         str(manifest.get("target")),
         folder,
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from kfgen.emit.ir import Argument, Ref, Routine, Store
+from kfgen.emit.ir.ir import Argument, Ref, Routine, Store
 from kfgen.emit.routines import Program
 
 

@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.covariance import place
-from kfgen.emit.ir import (
+from kfgen.emit.covariance.packed import place
+from kfgen.emit.ir.ir import (
     STATUS,
     Bin,
-    Call,
     Compare,
     Expr,
-    Flag,
     For,
+    FunctionCall,
     Let,
     Num,
     Ref,
     Routine,
+    StatusFlag,
     Stmt,
     Store,
     Una,
@@ -92,13 +92,13 @@ class Machine:
                 env[s.target.name][self._index(s.target, env)] = self._value(s.value, env)
             elif isinstance(s, When):
                 self._run(s.body if self._holds(s.condition, env) else s.orelse, env)
-            elif isinstance(s, Flag):
+            elif isinstance(s, StatusFlag):
                 env["status"] = max(env["status"], s.status, key=STATUS.index)
             elif isinstance(s, For):
                 for k in turns(s, env):
                     env[s.var] = k
                     self._run(s.body, env)
-            elif isinstance(s, Call):
+            elif isinstance(s, FunctionCall):
                 routine = self.routines[s.routine]
                 given = {
                     a.name: self._value(e, env) for a, e in zip(routine.arguments, s.arguments, strict=True)

@@ -16,21 +16,22 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from kfgen.discretise import DT, DiscreteModel
-from kfgen.emit.covariance import Row
-from kfgen.emit.factored import Factored
-from kfgen.emit.forms import ANY_HELD, HEALTH, HELD, Form, Packed
-from kfgen.emit.ir import (
+from kfgen.core.errors import InputError
+from kfgen.emit.covariance.factored import Factored
+from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
+from kfgen.emit.covariance.packed import Row
+from kfgen.emit.covariance.scalars import NIS, fused
+from kfgen.emit.ir.ir import (
     Argument,
     Compare,
     Expr,
-    Flag,
     Let,
     Note,
     Num,
     Ref,
     Routine,
     Scratch,
+    StatusFlag,
     Stmt,
     Store,
     Una,
@@ -39,21 +40,20 @@ from kfgen.emit.ir import (
     mul,
     sub,
 )
-from kfgen.emit.lower import Lowering
-from kfgen.emit.names import argument, check_names, identifier
-from kfgen.emit.scalars import NIS, fused
-from kfgen.emit.symbols import Atoms, Rows, lowering, transition
-from kfgen.emit.tidy import tidy
-from kfgen.errors import InputError
-from kfgen.model.motion import Constant
-from kfgen.model.sensors import Sensor
+from kfgen.emit.ir.lower import Lowering
+from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
+from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.targets.names import argument, check_names, identifier
+from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.parts.motion import Constant
+from kfgen.model.parts.sensors import Sensor
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
 HUGE = 1e30
 """Squares of inputs add up to less, unless one is no number."""
 LONGEST_WAIT = 2000
 """Predictions for which noise may wait: the proof plays twice as many."""
-FORMS: dict[str, type[Form]] = {f.NAME: f for f in (Packed, Factored)}
+FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
 
@@ -70,7 +70,7 @@ class Program:
         Of every number: a key of `REALS`.
     loops : bool
         Loops in place of repeated columns: less code, more instructions.
-    lump : float
+    q_interval : float
         Noise of states that keep their value waits and comes in after so long [s]; zero: at every step.
     costs : tuple of str
         What its calls cost on cores, in words for the reader of the code.
@@ -80,7 +80,7 @@ class Program:
     form: str = Packed.NAME
     real: str = "float"
     loops: bool = False
-    lump: float = 0.0
+    q_interval: float = 0.0
     costs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -90,16 +90,16 @@ class Program:
                 raise InputError(
                     f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
                 )
-        if not 0.0 <= self.lump < float("inf") or (self.lump and not FORMS[self.form].LUMPS):
+        if not 0.0 <= self.q_interval < float("inf") or (self.q_interval and not FORMS[self.form].LUMPS):
             raise InputError(
-                f"noise cannot wait for {self.lump:g} s with --form {self.form}",
-                where="--lump",
+                f"noise cannot wait for {self.q_interval:g} s with --form {self.form}",
+                where="--q-interval",
                 remedy="Give zero or more seconds, with --form ud",
             )
-        if self.lump * d.rate > LONGEST_WAIT:
+        if self.q_interval * d.rate > LONGEST_WAIT:
             raise InputError(
-                f"noise that waits for {self.lump:g} s misses {self.lump * d.rate:.6g} predictions",
-                where="--lump",
+                f"noise that waits for {self.q_interval:g} s misses {self.q_interval * d.rate:.6g} predictions",
+                where="--q-interval",
                 remedy=f"Give {LONGEST_WAIT / d.rate:g} s or less, {LONGEST_WAIT} predictions",
             )
         if d.rate * d.max_step < 1.0:
@@ -110,12 +110,12 @@ class Program:
         check_names(d)
 
     @cached_property
-    def covariance(self) -> Form:
+    def covariance(self) -> CovarianceForm:
         """How the covariance is stored and worked on."""
         rows, _ = self._transition
         names = tuple(s.name for s in self.discrete.model.states)
         Phi = {i: tuple(row) for i, row in rows.items()}
-        return FORMS[self.form](self.n, Phi, names, self.loops, self._slow, self.lump)
+        return FORMS[self.form](self.n, Phi, names, self.loops, self._slow, self.q_interval)
 
     @cached_property
     def _slow(self) -> dict[int, float]:
@@ -123,12 +123,12 @@ class Program:
         rows, noise = self._transition
         mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
         still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
-        return {i: float(q) for i, q in still.items() if self.lump > 0.0 and q.is_number}
+        return {i: float(q) for i, q in still.items() if self.q_interval > 0.0 and q.is_number}
 
     @property
     def settling(self) -> int:
         """Predictions until noise that waits has come in; zero where none waits."""
-        return ceil(self.lump * self.discrete.rate) if self._slow else 0
+        return ceil(self.q_interval * self.discrete.rate) if self._slow else 0
 
     @property
     def type(self) -> type[np.floating[Any]]:
@@ -255,8 +255,8 @@ class Program:
         arguments = self.motion_arguments([e for row in self._raw for e in row])
         longest = Num(self.discrete.max_step)
         known = self._known(arguments[:-1], tuple(body))
-        guarded = When(Compare("<=", Ref("dt"), longest), known, (Flag("BAD_STEP"),))
-        outer = When(Compare(">", Ref("dt"), Num(0.0)), (guarded,), (Flag("BAD_STEP"),))
+        guarded = When(Compare("<=", Ref("dt"), longest), known, (StatusFlag("BAD_STEP"),))
+        outer = When(Compare(">", Ref("dt"), Num(0.0)), (guarded,), (StatusFlag("BAD_STEP"),))
         return Routine(
             "predict",
             "State and covariance over one step.",
@@ -275,7 +275,7 @@ class Program:
         if not given:
             return body
         squares = reduce(add, (mul(g, g) for g in given))
-        return (When(Compare("<=", squares, Num(HUGE)), body, (Flag("BAD_INPUT"),)),)
+        return (When(Compare("<=", squares, Num(HUGE)), body, (StatusFlag("BAD_INPUT"),)),)
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one measurement of a sensor, scalar by scalar.

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.discretise import DiscreteModel
-from kfgen.emit.ir import Routine
-from kfgen.emit.names import argument
+from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
-from kfgen.log import Log
-from kfgen.simulate import simulate
+from kfgen.emit.targets.names import argument
+from kfgen.log.log import Log
+from kfgen.model.discretise import DiscreteModel
+from kfgen.simulate.simulate import simulate
 
 STEPS = 500
 """Predictions, or twice those for which noise waits where they are more."""
@@ -27,7 +27,7 @@ SEED = 20261121
 
 
 @dataclass(frozen=True)
-class Call:
+class RecordedCall:
     """One call: the routine, its inputs in a row, state and covariance after it."""
 
     routine: str
@@ -35,7 +35,7 @@ class Call:
     words: NDArray[np.floating[Any]]
 
 
-def scenario(program: Program, most: int | None = None) -> tuple[Call, ...]:
+def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, ...]:
     """Simulated inputs through the reference in the program's precision, from ``init`` on.
 
     Parameters
@@ -48,7 +48,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[Call, ...]:
     log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng)
     machine = Machine(program)
     machine.call("init")
-    calls: list[Call] = []
+    calls: list[RecordedCall] = []
     for k in range(steps):
         due = program.routines[1:] if k % EVERY == EVERY - 1 else program.routines[1:2]
         for routine in due:
@@ -56,7 +56,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[Call, ...]:
             if k in REFUSED:
                 inputs = _refused(routine, inputs)
             machine.call(routine.name, split(routine, inputs))
-            calls.append(Call(routine.name, inputs, machine.words()))
+            calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
     return tuple(calls)

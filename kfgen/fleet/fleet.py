@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.errors import InputError
-from kfgen.fleet.population import TESTED, Apart, Population, deviation, outliers, population
-from kfgen.fleet.reading import Found, Number, Reading, effects_of, readings_of
+from kfgen.core.errors import InputError
+from kfgen.fleet.population import TESTED, OutlyingSensor, Population, deviation, outliers, population
+from kfgen.fleet.reading import Found, LogReading, ReadNumber, effects_of, readings_of
 
 Array = NDArray[np.float64]
 
@@ -58,11 +58,11 @@ class Shared:
     outliers : tuple of (Reading, Apart)
     """
 
-    number: Number
+    number: ReadNumber
     unit: str
-    readings: tuple[Reading, ...]
+    readings: tuple[LogReading, ...]
     population: Population | None
-    outliers: tuple[tuple[Reading, Apart], ...] = ()
+    outliers: tuple[tuple[LogReading, OutlyingSensor], ...] = ()
 
     def back(self, value: float) -> float:
         """From the scale of the population to a value [SI]."""
@@ -117,7 +117,7 @@ def fleet_of(outcomes: Sequence[Outcome]) -> Fleet:
     failed = tuple(o for o in inspected if o.data is None)
     if not done:
         raise InputError(f"none of {len(failed)} logs could be used; the first: {failed[0].complaint}")
-    gathered: dict[Number, list[Reading]] = defaultdict(list)
+    gathered: dict[ReadNumber, list[LogReading]] = defaultdict(list)
     found: dict[Found, list[str]] = defaultdict(list)
     for o in done:
         for number, reading in readings_of(o.log, o.data or {}):
@@ -138,7 +138,9 @@ def fleet_of(outcomes: Sequence[Outcome]) -> Fleet:
     )
 
 
-def _shared(number: Number, every: Sequence[Reading], known: Sequence[Reading], rate: float) -> Shared:
+def _shared(
+    number: ReadNumber, every: Sequence[LogReading], known: Sequence[LogReading], rate: float
+) -> Shared:
     plain = Shared(number, every[0].unit, tuple(every), None)
     if not known:
         return plain
@@ -148,7 +150,7 @@ def _shared(number: Number, every: Sequence[Reading], known: Sequence[Reading], 
     return replace(plain, population=population(y[inside], s[inside]), outliers=apart)
 
 
-def _scaled(number: Number, known: Sequence[Reading]) -> tuple[Array, Array]:
+def _scaled(number: ReadNumber, known: Sequence[LogReading]) -> tuple[Array, Array]:
     """Estimates and their deviations on the scale on which they are normal."""
     rows = np.array([[r.value, r.lo, r.hi] for r in known])
     rows = np.log(rows) if number.positive else rows

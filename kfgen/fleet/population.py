@@ -194,7 +194,7 @@ def _between(values: Array, low: NDArray[np.int_], high: NDArray[np.int_], part:
 
 
 @dataclass(frozen=True)
-class Apart:
+class OutlyingSensor:
     """A sensor that is not of the population of the others: its index, how many deviations off, p-value."""
 
     index: int
@@ -202,7 +202,7 @@ class Apart:
     p: float
 
 
-def outliers(y: Array, s: Array, rate: float) -> list[Apart]:
+def outliers(y: Array, s: Array, rate: float) -> list[OutlyingSensor]:
     """The sensors that lie apart from the rest, by Rosner's many-outlier procedure [5]_.
 
     The sensor farthest from the others is set aside, then the farthest of the rest, up to a quarter of them:
@@ -217,24 +217,24 @@ def outliers(y: Array, s: Array, rate: float) -> list[Apart]:
         Share of populations without an outlier in which one is named.
     """
     left = np.arange(y.size)
-    found: list[Apart] = []
+    found: list[OutlyingSensor] = []
     last = 0
     for _ in range(min(MOST, y.size // 4) if y.size >= TESTED else 0):
         far = _farthest(y[left], s[left])
-        found.append(Apart(int(left[far.index]), far.deviations, min(1.0, far.p * left.size)))
+        found.append(OutlyingSensor(int(left[far.index]), far.deviations, min(1.0, far.p * left.size)))
         if found[-1].p < rate:
             last = len(found)
         left = np.delete(left, far.index)
     return found[:last]
 
 
-def _farthest(y: Array, s: Array) -> Apart:
+def _farthest(y: Array, s: Array) -> OutlyingSensor:
     mean, spread, _ = _moments(y, s)
     i = int((np.abs(y - mean) / np.hypot(s, spread)).argmax())
     others, errors = np.delete(y, i), np.delete(s, i)
     mean, spread, error = _moments(others, errors)
     z = abs(float(y[i]) - mean) / float(np.sqrt(s[i] ** 2 + spread**2 + error**2))
-    return Apart(i, z, Ahead.of(others, errors).beyond(float(y[i]), float(s[i])))
+    return OutlyingSensor(i, z, Ahead.of(others, errors).beyond(float(y[i]), float(s[i])))
 
 
 def deviation(interval: Sequence[float]) -> float:

@@ -1,4 +1,4 @@
-"""`Reading`: what one log says of one number, as the answers of ``identify`` and ``gap`` give it."""
+"""`LogReading`: what one log says of one number, as the answers of ``identify`` and ``gap`` give it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from kfgen.effects import catalogue
-from kfgen.effects.base import POSITIVE
+from kfgen.effects.effect import POSITIVE
 
 
 @dataclass(frozen=True, order=True)
-class Number:
+class ReadNumber:
     """A number that the sensors of a fleet have in common: where, of what, which.
 
     Parameters
@@ -48,7 +48,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Reading:
+class LogReading:
     """A value [SI] with its 95 % interval; of a number that cannot be negative, in its logarithm they are normal."""
 
     log: str
@@ -74,14 +74,14 @@ class Found:
     effect: str
 
 
-def readings_of(log: str, data: Mapping[str, Any]) -> list[tuple[Number, Reading]]:
+def readings_of(log: str, data: Mapping[str, Any]) -> list[tuple[ReadNumber, LogReading]]:
     """Every number that an answer (``kfgen-identify-1`` or ``kfgen-gap-1``) gives."""
     out = []
     for found, place, parameters in _effects(data):
         for name, p in parameters.items():
             lo, hi = (np.nan if v is None else float(v) for v in p.get("ci95") or (None, None))
-            number = Number(found.channel, found.effect, place, name)
-            out.append((number, Reading(log, float(p["value"]), lo, hi, str(p.get("unit", "")))))
+            number = ReadNumber(found.channel, found.effect, place, name)
+            out.append((number, LogReading(log, float(p["value"]), lo, hi, str(p.get("unit", "")))))
     return out
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from kfgen.model.blocks import Vector
 from kfgen.model.filter import FilterModel
+from kfgen.model.symbols.blocks import Vector
 
 
 @dataclass(frozen=True)

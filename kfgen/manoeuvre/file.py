@@ -13,12 +13,12 @@ from typing import Any
 
 import sympy as sp
 
-from kfgen.document import document_of, text_of
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
+from kfgen.core.expression import Expression, read_expression
+from kfgen.core.toml_document import document_of, text_of
+from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import NAMES, TIME, USUAL, Manoeuvre, Segment, Triple, of_time
-from kfgen.model.expression import Expression, read_expression
-from kfgen.units import parse_quantity, parse_unit
 
 FORMAT = "kfgen-manoeuvre-1"
 KEYS = ("duration", "start", "rate", "acceleration", "body_acceleration", "inputs")

@@ -11,11 +11,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.effects.driven import driver_named
+from kfgen.core.tape import Tape, tape
+from kfgen.effects.driven.proportional import driver_named
 from kfgen.manoeuvre.manoeuvre import SIGNALS, Manoeuvre
+from kfgen.manoeuvre.truth import MotionProfile, along, attitudes
 from kfgen.model.filter import FilterModel
-from kfgen.model.tape import Tape, tape
-from kfgen.model.truth import Wanted, along, attitudes
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
     return np.asarray(np.hstack([rate, acceleration])[:, SIGNALS[k % len(SIGNALS)]])
 
 
-def wanted(manoeuvre: Manoeuvre, t: Array) -> Wanted:
+def wanted(manoeuvre: Manoeuvre, t: Array) -> MotionProfile:
     """A manoeuvre at times (n,), from its start at the origin."""
     from scipy.spatial.transform import Rotation
 
@@ -38,7 +38,7 @@ def wanted(manoeuvre: Manoeuvre, t: Array) -> Wanted:
     if a_b.any():
         dt = float(t[1] - t[0]) if t.size > 1 else 1.0
         a_l = a_l + np.einsum("kij,kj->ki", attitudes(R_lb, omega_b, dt), a_b)
-    return Wanted(t, omega_b, a_l, R_lb, np.array(manoeuvre.velocity))
+    return MotionProfile(t, omega_b, a_l, R_lb, np.array(manoeuvre.velocity))
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from kfgen.core.expression import read_expression
 from kfgen.manoeuvre.manoeuvre import NAMES, Manoeuvre, Segment, Triple
-from kfgen.model.expression import read_expression
 
 Row = tuple[str, str, str]
 REST: Row = ("0", "0", "0")

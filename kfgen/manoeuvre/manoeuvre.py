@@ -16,10 +16,10 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.errors import InputError
-from kfgen.model.expression import Expression, symbol
-from kfgen.model.tape import tape
-from kfgen.units import STANDARD_GRAVITY
+from kfgen.core.errors import InputError
+from kfgen.core.expression import Expression, symbol
+from kfgen.core.tape import tape
+from kfgen.core.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import sympy as sp
 
-from kfgen.effects import Effect, Form
-from kfgen.effects.form import initial_covariance
-from kfgen.units import derived_unit
+from kfgen.core.units import derived_unit
+from kfgen.effects import Effect, LinearSystem
+from kfgen.effects.linear_system import initial_covariance
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Attached:
 
     channel: str
     effect: Effect
-    form: Form
+    form: LinearSystem
     states: tuple[int, ...]
     brought: tuple[bool, ...]
 
@@ -114,7 +114,7 @@ class Attachment:
         return next(n for n in (stem, *(f"{stem}{i}" for i in range(2, 1000))) if n not in taken)
 
 
-def _priors(effect: Effect, form: Form) -> list[float]:
+def _priors(effect: Effect, form: LinearSystem) -> list[float]:
     """Deviation of each state before the first measurement [SI]."""
     if not form.order:
         return []

@@ -23,15 +23,15 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect
-from kfgen.errors import InputError
 from kfgen.model.attach import Attached, Attachment, StateInfo
-from kfgen.model.blocks import Attitude, Block, Vector
-from kfgen.model.convention import Convention
-from kfgen.model.error import ErrorState, Variation, slopes
-from kfgen.model.motion import Constant, Motion
-from kfgen.model.sensors import Sensor
-from kfgen.model.spread import expanded
+from kfgen.model.parts.motion import Constant, MotionModel
+from kfgen.model.parts.sensors import Sensor
+from kfgen.model.symbols.blocks import Attitude, Block, Vector
+from kfgen.model.symbols.convention import Convention
+from kfgen.model.symbols.error_state import ErrorState, Variation, slopes
+from kfgen.model.symbols.expanded import expanded
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class FilterModel:
 
     name: str
     title: str
-    motion: Motion
+    motion: MotionModel
     sensors: tuple[Sensor, ...]
     noise: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
@@ -237,7 +237,7 @@ class FilterModel:
         return tuple(b for b in self.blocks if isinstance(b, Vector) and b.driven)
 
     @cached_property
-    def wandering(self) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
+    def noise_driven_blocks(self) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
         """Blocks that white noise moves and nothing else: dynamics A and driving density W of their components."""
         if not self.driven:
             return (), sp.zeros(0, 0), sp.zeros(0, 0)

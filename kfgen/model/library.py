@@ -8,23 +8,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
 from kfgen.effects import Effect, make
-from kfgen.errors import InputError
-from kfgen.model.earth_fixed import FRAMES
+from kfgen.effects.noise_model import NoiseModel, canonical
 from kfgen.model.filter import FilterModel
-from kfgen.model.hemerly import hemerly
-from kfgen.model.motion import GYRO, Motion, Rest, Rotating
-from kfgen.model.option import NOTHING, Choice, Flag, Names, Option, read_options
-from kfgen.model.sensors import AtRest, Sensor, sensors
-from kfgen.noise import NoiseModel, canonical
-from kfgen.units import parse_unit
+from kfgen.model.option import NOTHING, Choice, Names, Option, YesNo, read_options
+from kfgen.model.parts.earth_fixed import FRAMES
+from kfgen.model.parts.hemerly import hemerly
+from kfgen.model.parts.motion import GYRO, AtRestMotion, MotionModel, Rotating
+from kfgen.model.parts.sensors import AtRest, Sensor, sensors
 
 TURN_ON = {"rad/s": 0.2, "m/s^2": 20.0, "T": 1e-4}
 """How far off a channel at rest may be [SI], by its unit: a gyro's turn-on bias, gravity, the field."""
 BEYOND = 1e3
 """The same for other units, in sizes of the channel's noise."""
 
-BIASES = Option("biases", "constant biases of the inputs as states", Flag(), "true")
+BIASES = Option("biases", "constant biases of the inputs as states", YesNo(), "true")
 
 
 class Entry:
@@ -61,7 +61,7 @@ class Moving(Entry):
     """
 
     title: str
-    motions: Mapping[str, type[Motion]]
+    motions: Mapping[str, type[MotionModel]]
     aiding: tuple[str, ...]
     defaults: Mapping[str, str] = field(default_factory=dict)
 
@@ -73,7 +73,7 @@ class Moving(Entry):
         aiding = Option("sensors", "what it is aided by", offered, ",".join(self.aiding))
         return (*((frame,) if len(frames) > 1 else ()), aiding)
 
-    def _parts(self, texts: Mapping[str, str]) -> tuple[type[Motion], list[type[Sensor]]]:
+    def _parts(self, texts: Mapping[str, str]) -> tuple[type[MotionModel], list[type[Sensor]]]:
         by_name = {o.name: o for o in self._composition()}
         frame = (
             by_name["frame"].read(texts.get("frame", next(iter(self.motions)))) if "frame" in by_name else ""
@@ -108,7 +108,7 @@ class Moving(Entry):
 
 
 def _effects(
-    motion: Motion, aiding: tuple[Sensor, ...], noise: NoiseModel | None, biases: bool
+    motion: MotionModel, aiding: tuple[Sensor, ...], noise: NoiseModel | None, biases: bool
 ) -> dict[str, tuple[Effect, ...]]:
     """The noise file's effects, white noise on inputs that it does not know, and a constant bias where it has none."""
     known = {c: found.effects for c, found in (noise.channels if noise else {}).items()}
@@ -184,7 +184,12 @@ class Resting(Entry):
         rest = [AtRest(c, u, f"rest_{c}") if self.every else AtRest(c, u) for c, u in si.items()]
         effects = {c: (*es, make("bias", sd=_turn_on(si[c], es))) for c, (_, es) in found.items()}
         return FilterModel(
-            name, self.title, Rest(), tuple(rest), effects, {c: unit for c, (unit, _) in found.items()}
+            name,
+            self.title,
+            AtRestMotion(),
+            tuple(rest),
+            effects,
+            {c: unit for c, (unit, _) in found.items()},
         )
 
 
@@ -287,8 +292,8 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
         No such model or option, a value that an option does not take, or a channel of another dimension.
     """
     if name.endswith(".toml"):
-        from kfgen.model.equations import filter_model
-        from kfgen.model.user import read_model
+        from kfgen.model.plant.equations import filter_model
+        from kfgen.model.plant.user import read_model
 
         read_options((), options, "a model file")
         return filter_model(read_model(name), canonical(noise) if noise else None)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from kfgen.errors import InputError
-from kfgen.units import parse_quantity
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_quantity
 
 STATE = "state"
 """The value of an option that is unknown and therefore a state of the filter."""
@@ -35,7 +35,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Flag(Kind):
+class YesNo(Kind):
     """Yes or no."""
 
     @property

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect
-from kfgen.errors import InputError
-from kfgen.identify.asymptotes import read_asymptotes
-from kfgen.identify.bounds import fisher
-from kfgen.identify.channel import identify
-from kfgen.identify.record import Record
-from kfgen.identify.saini import TERMS
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.bounds import fisher
+from kfgen.identify.identify import identify
+from kfgen.identify.methods.asymptotes import read_asymptotes
+from kfgen.identify.methods.saini import TERMS
 from kfgen.papers.hemerly import POINT, SAMPLES, T, record
 from kfgen.report.page import columns
 

@@ -6,18 +6,18 @@ import numpy as np
 
 from kfgen.arma.equivalent import condition
 from kfgen.effects import make
-from kfgen.identify.allan import allan_curve
-from kfgen.identify.asymptotes import Asymptote, read_asymptotes
-from kfgen.identify.bounds import relative_bound
+from kfgen.identify.evidence.allan import allan_curve
+from kfgen.identify.fit.bounds import relative_bound
+from kfgen.identify.methods.asymptotes import Asymptote, read_asymptotes
 from kfgen.papers.hemerly import POINT, T, as_deviation, record
-from kfgen.report.page import Part, figure
+from kfgen.report.page import PagePart, figure
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Map, allan_picture, maps_picture
 
 TAUS, STEPS = np.geomspace(1.0, 1000.0, 13), np.geomspace(0.01, 1.0, 11)
 HOURS = 3.0
 
 
-def figure_1() -> Part:
+def figure_1() -> PagePart:
     """cond(M) over correlation and sampling time; the bound of sigma and K in a record of some hours."""
     cond = np.array([[np.log10(condition(tau, dt)) for tau in TAUS] for dt in STEPS])
     bound = np.array([[_bounds(tau, dt) for tau in TAUS] for dt in STEPS])
@@ -41,7 +41,7 @@ def _bounds(tau: float, dt: float) -> tuple[float, float]:
     return bound[1, "sigma"], bound[2, "K"]
 
 
-def figure_2(seed: int = 0) -> Part:
+def figure_2(seed: int = 0) -> PagePart:
     """The Allan plot with the asymptotes that are read, and what the noises give on average."""
     curve = allan_curve(record(POINT.effects(), seed), T)
     seen = read_asymptotes(curve)

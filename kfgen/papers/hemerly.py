@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from kfgen.arma import state_space
 from kfgen.arma.equivalent import THREE, Equivalent, condition
 from kfgen.arma.estimate import estimate
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect, make
-from kfgen.errors import InputError
-from kfgen.identify.allan import allan_curve
-from kfgen.identify.arma import Solved, solve, unit_variance
-from kfgen.identify.asymptotes import read_asymptotes, short_white
-from kfgen.identify.bounds import relative_bound
-from kfgen.identify.ekf import run_ekf
-from kfgen.identify.saini import Parameters
+from kfgen.identify.evidence.allan import allan_curve
+from kfgen.identify.fit.bounds import relative_bound
+from kfgen.identify.methods.arma import ArmaSolution, solve, unit_variance
+from kfgen.identify.methods.asymptotes import read_asymptotes, short_white
+from kfgen.identify.methods.ekf import run_ekf
+from kfgen.identify.methods.saini import Parameters
 from kfgen.papers.row import Row, exact, over_seeds
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ def section_2_2(seeds: int) -> list[Row]:
     return rows
 
 
-def _by_printed_16(found: Solved) -> tuple[float, float]:
+def _by_printed_16(found: ArmaSolution) -> tuple[float, float]:
     """sigma_1 and K [deg, s] by eq. (16) with the sign as printed; no number where a variance is negative."""
     a, e = found.alpha, found.model.sigma * found.model.ma
     s2 = e[0] * e[2] / a

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import lfilter
 
-from kfgen.adaptive.denoise import Denoised, Settings, at_rest, denoise
-from kfgen.adaptive.rules import rules
 from kfgen.arma.estimate import estimate
 from kfgen.arma.process import Arma
 from kfgen.effects import make
-from kfgen.effects.stochastic import FLICKER_FLOOR
-from kfgen.log import Log
+from kfgen.effects.process.stochastic import FLICKER_FLOOR
+from kfgen.log.log import Log
 from kfgen.papers.row import Row, exact
 from kfgen.report.page import columns
+from kfgen.run.adaptive.denoise import Denoised, Settings, at_rest, denoise
+from kfgen.run.adaptive.rules import rules
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kfgen.report.page import Page, Part, columns, heading, table
+from kfgen.report.page import Page, PagePart, columns, heading, table
 
 HEAD = ("what", "paper", "here", "95 % of seeds", "note")
 
@@ -56,9 +56,11 @@ def text_of(title: str, rows: Sequence[Row]) -> str:
     return f"{title}\n{columns(cells)}\n"
 
 
-def page_of(title: str, sections: Sequence[tuple[str, Sequence[Row]]], pictures: Sequence[Part] = ()) -> Page:
+def page_of(
+    title: str, sections: Sequence[tuple[str, Sequence[Row]]], pictures: Sequence[PagePart] = ()
+) -> Page:
     """Sections as a page, pictures first."""
-    parts: list[Part] = list(pictures)
+    parts: list[PagePart] = list(pictures)
     for name, rows in sections:
         cells = [[r.what, r.paper, r.here, r.interval, r.note] for r in rows]
         parts += [heading(name), table(HEAD, cells)]

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from kfgen.gap.again import happens_once
-from kfgen.gap.finding import ChannelGap
-from kfgen.gap.proof import Gap
-from kfgen.log import Log
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.second_recording import happens_once
+from kfgen.log.log import Log
 from kfgen.report.gap import gap_rows
-from kfgen.report.page import Answer, Page, Part, columns, heading, table, text
+from kfgen.report.page import Answer, Page, PagePart, columns, heading, table, text
 
 Proof = tuple[Log, Mapping[str, Gap]]
 """Another recording, and the gap of each channel over it."""
@@ -20,7 +20,7 @@ Proof = tuple[Log, Mapping[str, Gap]]
 def with_proofs(answer: Answer, gaps: Mapping[str, ChannelGap], proofs: Sequence[Proof]) -> Answer:
     """The answer with what other recordings say."""
     lines: list[str] = []
-    parts: list[Part] = []
+    parts: list[PagePart] = []
     data: list[dict[str, Any]] = []
     for log, found in proofs:
         for name, gap in found.items():

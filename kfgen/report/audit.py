@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 import kfgen
-from kfgen.audit.audit import Audit, Audited, Table
+from kfgen.audit.audit import Audit, Audited, ManoeuvreTable
 from kfgen.audit.degree import Degree
 from kfgen.audit.words import amount, called
-from kfgen.errors import InputError
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.report.identify import finite
-from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import Line, curves_picture, thin
-from kfgen.units import parse_quantity, parse_unit
 
 FREED, HIDDEN, UNKNOWN = "freed", "hidden", "unknown"
 AT_ONCE = 6
@@ -27,7 +27,7 @@ STATE_HEAD = ("state", "prior", "at the end", "bits per minute", "verdict")
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WantedAccuracy:
     """A deviation that is asked for: state, its SI size, as written."""
 
     state: str
@@ -35,7 +35,7 @@ class Wanted:
     written: str
 
     @staticmethod
-    def parse(entry: str, audit: Audit) -> Wanted:
+    def parse(entry: str, audit: Audit) -> WantedAccuracy:
         """Read ``phi_D=0.1 deg``; raises `InputError` where it names no state or no size."""
         name, _, value = entry.partition("=")
         names = {n: s for s, n in zip(audit.model.states, _names(audit))}
@@ -52,7 +52,7 @@ class Wanted:
             raise InputError(
                 f"a deviation of '{value}' is none", where="--want", remedy="Give a positive one"
             )
-        return Wanted(state.name, sigma, value.strip())
+        return WantedAccuracy(state.name, sigma, value.strip())
 
 
 def audit_answer(
@@ -68,9 +68,9 @@ def audit_answer(
         SHA-256 of the files that were read.
     """
     first = audited.first
-    wants = [Wanted.parse(w, first) for w in wanted]
+    wants = [WantedAccuracy.parse(w, first) for w in wanted]
     lines: list[str] = []
-    parts: list[Part] = []
+    parts: list[PagePart] = []
     for a in audited.audits:
         for own, shown in (
             _said(a),
@@ -116,7 +116,7 @@ def _scaled(a: Audit) -> str:
     )
 
 
-Said = tuple[list[str], list[Part]]
+Said = tuple[list[str], list[PagePart]]
 """Lines of the terminal, parts of the page."""
 
 
@@ -140,13 +140,13 @@ def _said(a: Audit) -> Said:
     return lines, [*parts, *map(text, beside)]
 
 
-def _freeing(first: Audit, t: Table) -> Said:
+def _freeing(first: Audit, t: ManoeuvreTable) -> Said:
     """Which manoeuvre frees which direction."""
     parts = [heading("What frees them"), _table_part(first, t), sentence(f"{_shortest(t)}.")]
     return [*_table_lines(first, t), f"  {_shortest(t)}."], parts
 
 
-def _shown(a: Audit, run: Degree, wants: Sequence[Wanted]) -> Said:
+def _shown(a: Audit, run: Degree, wants: Sequence[WantedAccuracy]) -> Said:
     """How well each state shows."""
     rows = _state_rows(a, run)
     scaled = [f"{_scaled(a)}."] if run.singular.size else []
@@ -176,7 +176,7 @@ def _state_rows(a: Audit, run: Degree) -> list[list[str]]:
     ]
 
 
-def _reached(a: Audit, run: Degree, w: Wanted) -> str:
+def _reached(a: Audit, run: Degree, w: WantedAccuracy) -> str:
     k = next(i for i, s in enumerate(a.model.states) if s.name == w.state)
     seconds = run.reaches(k, w.sigma)
     if seconds is None:
@@ -184,7 +184,7 @@ def _reached(a: Audit, run: Degree, w: Wanted) -> str:
     return f"{_names(a)[k]} reaches {w.written} after {seconds / 60:.3g} min"
 
 
-def _picture(a: Audit, run: Degree) -> Part:
+def _picture(a: Audit, run: Degree) -> PagePart:
     """Deviations against time, a panel for each unit; hidden states are dashed."""
     names, panels, some = _names(a), [], thin(run.t)
     for unit in dict.fromkeys(s.unit for s in a.model.states):
@@ -215,7 +215,7 @@ def _cells(row: Sequence[bool | None]) -> list[str]:
     return [UNKNOWN if free is None else FREED if free else HIDDEN for free in row]
 
 
-def _table_lines(first: Audit, t: Table) -> list[str]:
+def _table_lines(first: Audit, t: ManoeuvreTable) -> list[str]:
     lines = []
     for k in range(0, len(t.manoeuvres), AT_ONCE):
         head = [f"hidden at {first.manoeuvre.name}", *(m.name for m in t.manoeuvres[k : k + AT_ONCE])]
@@ -226,13 +226,13 @@ def _table_lines(first: Audit, t: Table) -> list[str]:
     return lines
 
 
-def _table_part(first: Audit, t: Table) -> Part:
+def _table_part(first: Audit, t: ManoeuvreTable) -> PagePart:
     head = (f"hidden at {first.manoeuvre.name}", *(m.name for m in t.manoeuvres))
     rows = [[_label(d.vector), *_cells(row)] for d, row in zip(first.directions, t.freed)]
     return table(head, rows, "Every cell is exact")
 
 
-def _shortest(t: Table) -> str:
+def _shortest(t: ManoeuvreTable) -> str:
     if t.shortest is not None:
         return f"The shortest manoeuvre that frees all: {t.shortest.name} ({t.shortest.title}), {t.shortest.length:g} s"
     best = max(t.manoeuvres, key=lambda m: _count(t, m))
@@ -242,12 +242,12 @@ def _shortest(t: Table) -> str:
     return f"No manoeuvre here frees all; {best.name} frees {count} of {len(t.freed)}"
 
 
-def _count(t: Table, m: Manoeuvre) -> int:
+def _count(t: ManoeuvreTable, m: Manoeuvre) -> int:
     """How many directions a manoeuvre frees."""
     return sum(bool(row[t.manoeuvres.index(m)]) for row in t.freed)
 
 
-def _table_data(first: Audit, t: Table | None) -> dict[str, Any] | None:
+def _table_data(first: Audit, t: ManoeuvreTable | None) -> dict[str, Any] | None:
     if t is None:
         return None
     return {
@@ -259,7 +259,7 @@ def _table_data(first: Audit, t: Table | None) -> dict[str, Any] | None:
     }
 
 
-def _data(a: Audit, wants: Sequence[Wanted]) -> dict[str, Any]:
+def _data(a: Audit, wants: Sequence[WantedAccuracy]) -> dict[str, Any]:
     run = a.degree
     condition = {"raw": finite(a.numeric.condition)}
     out: dict[str, Any] = {

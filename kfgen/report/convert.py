@@ -10,8 +10,8 @@ import kfgen
 from kfgen.consumers import Converted, Value, consumers
 from kfgen.consumers.table import MEANING_HEAD, labelled, meaning_rows, plain
 from kfgen.effects import Effect
-from kfgen.noise import NoiseModel
-from kfgen.report.page import Answer, Page, Part, code, columns, heading, sentence, table
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, sentence, table
 from kfgen.report.page import text as paragraph
 
 
@@ -60,7 +60,7 @@ def convert_answer(noise: NoiseModel, made: Converted, request: Request) -> Answ
     return Answer("\n".join(lines), data, page, warnings=made.warnings)
 
 
-def meaning_parts(channel: str, effects: Iterable[Effect], unit: str, safety: float = 1.0) -> list[Part]:
+def meaning_parts(channel: str, effects: Iterable[Effect], unit: str, safety: float = 1.0) -> list[PagePart]:
     """A table for each term of a channel whose size has several names: what each consumer calls B."""
     return [
         table(MEANING_HEAD, rows, f"What each consumer calls B of {channel}: {effect.title}.")

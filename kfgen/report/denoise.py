@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 import kfgen
-from kfgen.adaptive.cost import HIDDEN, STEP
-from kfgen.adaptive.denoise import Denoised, Settings
-from kfgen.adaptive.rules import rule_named
 from kfgen.arma.process import Arma
-from kfgen.log import Log
+from kfgen.core.units import display_unit, parse_unit
+from kfgen.log.log import Log
 from kfgen.report.identify import quantity
-from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Panel, panels_picture, series_picture, thin
-from kfgen.units import display_unit, parse_unit
+from kfgen.run.adaptive.cost import HIDDEN, STEP
+from kfgen.run.adaptive.denoise import Denoised, Settings
+from kfgen.run.adaptive.rules import rule_named
 
 NOISE_HEAD = ("", "before", "after", "share")
 TEST_HEAD = ("test", "null", "p", "rejected")
@@ -77,7 +77,7 @@ def denoise_answer(log: Log, found: Mapping[str, Denoised], settings: Settings) 
     return Answer("\n".join(lines), data, Page(f"{title}", tuple(parts)), warnings=tuple(warnings))
 
 
-def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[Part]:
+def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[PagePart]:
     tests = one.rest.tests
     rows = [[v.name, v.null, f"{v.p:.2g}", "yes" if v.rejected else "no"] for v in tests.verdicts]
     factor, keep = parse_unit(unit).factor, thin(log.t)
@@ -124,7 +124,7 @@ def _correlations(one: Denoised, name: str) -> str:
     return series_picture(lines, "correlation", f"correlation-{name}", "lag [samples]")
 
 
-def _orders(one: Denoised) -> list[Part]:
+def _orders(one: Denoised) -> list[PagePart]:
     tried = one.rest.orders
     rows = [[str(o.model.order), f"{o.aic:.6g}", f"{o.aic - tried[0].aic:.2g}"] for o in tried]
     return [table(("order (p, q)", "AIC per sample", "above the least"), rows)] if rows else []

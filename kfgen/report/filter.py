@@ -6,10 +6,10 @@ import numpy as np
 
 import kfgen
 from kfgen.emit.routines import Program
-from kfgen.log import Log
-from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table
+from kfgen.log.log import Log
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, MEASURED, Line, series_picture, thin
-from kfgen.run import AttitudeError, FilterRun
+from kfgen.run.run import AttitudeError, FilterRun
 
 OPERATIONS = ("routine", "operations")
 
@@ -47,7 +47,7 @@ def emit_answer(program: Program, target: str, folder: str, names: list[str]) ->
 def run_answer(result: FilterRun, error: AttitudeError | None, log: Log) -> Answer:
     """Estimates, innovations and the distance from a reference."""
     lines = [f"{result.model} over {log.duration:.6g} s of {log.source}"]
-    parts: list[Part] = []
+    parts: list[PagePart] = []
     data: dict[str, object] = {
         "format": "kfgen-run-1",
         "kfgen": kfgen.__version__,

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 import kfgen
+from kfgen.core.errors import InputError
+from kfgen.core.units import display_unit, from_si
 from kfgen.effects import make
-from kfgen.errors import InputError
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.fleet.fleet import RATE, Fleet, Outcome, Shared
 from kfgen.fleet.population import TESTED, Interval
-from kfgen.fleet.reading import Number, Reading
-from kfgen.noise import ChannelNoise, NoiseModel, Term
+from kfgen.fleet.reading import LogReading, ReadNumber
 from kfgen.report.identify import finite, quantity
-from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table, text
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import Dot, dots_picture
-from kfgen.units import display_unit, from_si
 
 MOST_SHARE = 0.3
 """Spread in logarithms up to which it is said in per cent, beyond as a factor."""
@@ -153,7 +153,7 @@ def _row(s: Shared, fleet: Fleet) -> list[str]:
     return [*row, f"{typical} ({_span(s, p.mean95)})", _spread(s), _span(s, p.next95)]
 
 
-def _of(number: Number, fleet: Fleet) -> int:
+def _of(number: ReadNumber, fleet: Fleet) -> int:
     return next(
         t.of for t in fleet.tallies if (t.found.channel, t.found.effect) == (number.channel, number.effect)
     )
@@ -182,13 +182,13 @@ def _value_rows(numbers: Sequence[Shared], names: Mapping[str, str]) -> list[lis
     return rows
 
 
-def _value(s: Shared, r: Reading) -> tuple[str, str]:
+def _value(s: Shared, r: LogReading) -> tuple[str, str]:
     unit = shown_unit(s.unit)
     closed = f"{from_si(r.lo, unit):.4g} to {from_si(r.hi, unit):.4g}" if r.known(False) else "not known"
     return quantity(r.value, unit), closed
 
 
-def _is_apart(s: Shared, r: Reading) -> bool:
+def _is_apart(s: Shared, r: LogReading) -> bool:
     return any(r is out for out, _ in s.outliers)
 
 
@@ -211,7 +211,7 @@ def _which(kind: str, logs: Sequence[str], names: Mapping[str, str]) -> str:
     return ("one-off: " if kind == "one-off" else "") + ", ".join(names[log] for log in logs)
 
 
-def _figure(s: Shared, names: Mapping[str, str]) -> Part:
+def _figure(s: Shared, names: Mapping[str, str]) -> PagePart:
     unit = shown_unit(s.unit)
 
     def shown(value: float) -> float:

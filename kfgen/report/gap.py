@@ -11,19 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects import Effect
-from kfgen.gap.battery import RATE, Test, bands
-from kfgen.gap.finding import ChannelGap, Finding
-from kfgen.gap.proof import METRIC, Gap
-from kfgen.gap.whitened import Whitener
-from kfgen.identify.allan import overlapping_variance
-from kfgen.identify.record import Record
-from kfgen.identify.whittle import block_means, residual_ratio
-from kfgen.log import Log
-from kfgen.noise import NoiseModel, noise_text
+from kfgen.effects.noise_model import NoiseModel, noise_text
+from kfgen.gap.core.battery import RATE, Test, bands
+from kfgen.gap.core.holdout import METRIC, Gap
+from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.finding import ChannelGap, Finding
+from kfgen.identify.evidence.allan import overlapping_variance
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.whittle import block_means, residual_ratio
+from kfgen.log.log import Log
 from kfgen.report.gap_words import finding_sentence, sentences
 from kfgen.report.identify import finite, quantity
-from kfgen.report.page import Answer, Page, Part, code, columns, figure, heading, sentence, table, text
+from kfgen.report.page import Answer, Page, PagePart, code, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import (
     AFTER,
     BEFORE,
@@ -35,7 +36,6 @@ from kfgen.report.plots import (
     spectrum_picture,
     thin,
 )
-from kfgen.units import derived_unit, parse_unit
 
 Array = NDArray[np.float64]
 
@@ -118,7 +118,7 @@ def _limit_lines(g: ChannelGap) -> list[str]:
     return seen
 
 
-def _parts(g: ChannelGap) -> list[Part]:
+def _parts(g: ChannelGap) -> list[PagePart]:
     key = g.channel
     parts = [
         heading(g.channel),
@@ -191,7 +191,7 @@ def _allan(g: ChannelGap) -> str:
     lines = [_model_line("believed model", g.believed, g, BEFORE)]
     if g.findings or g.retuned:
         lines.append(_model_line("mended model", g.mended.effects, g, AFTER))
-    altering = [f.effect.title for f in g.findings if f.effect.alters]
+    altering = [f.effect.title for f in g.findings if f.effect.changes_samples]
     if altering and g.clean is not None:
         c = g.clean.curve
         lines.append(
@@ -325,7 +325,7 @@ def step_data(g: ChannelGap, f: Finding) -> dict[str, Any]:
         "apart": [
             {"effect": o.other, "cos2": o.cos2, "nats": o.nats, "record_factor": o.longer} for o in f.others
         ],
-        "separator": f.effect.separator,
+        "separator": f.effect.separating_experiment,
         "parameters": {
             p.name: {
                 "value": float(getattr(f.effect, p.name)),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from kfgen.effects.integrity import Fault
-from kfgen.effects.periodic import Sinusoid
-from kfgen.gap.comb import comb_of
-from kfgen.gap.finding import ChannelGap, Finding
-from kfgen.noise import Term
+from kfgen.core.units import derived_unit, from_si
+from kfgen.effects.faults.samples import Fault
+from kfgen.effects.noise_model import Term
+from kfgen.effects.process.periodic import Sinusoid
+from kfgen.gap.rest.comb import comb_of
+from kfgen.gap.rest.finding import ChannelGap, Finding
 from kfgen.report.identify import quantity
-from kfgen.units import derived_unit, from_si
 
 VERDICTS = {
     "no_gap": "model and record agree",

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
-from kfgen.identify.channel import Identified
-from kfgen.identify.limits import Limit
-from kfgen.identify.published import Published
-from kfgen.identify.record import Evidence
-from kfgen.log import Log, StoredLog
-from kfgen.noise import ChannelNoise, Joint, NoiseModel, Term
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, ParameterCovariance, Term
+from kfgen.identify.evidence.published import Published
+from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.fit.limits import Limit
+from kfgen.identify.identify import Identified
+from kfgen.log.log import Log, StoredLog
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture
-from kfgen.units import derived_unit, display_unit, from_si, parse_unit
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def noise_model(
     )
 
 
-def _covariance(result: Identified) -> Joint | None:
+def _covariance(result: Identified) -> ParameterCovariance | None:
     """The covariance of the logarithms of what is written and known."""
     written = [i for i in range(len(result.fit.effects)) if i not in result.unresolved]
     at = [
@@ -60,7 +60,7 @@ def _covariance(result: Identified) -> Joint | None:
     if not at or not np.isfinite(C).all():
         return None
     names = tuple((written.index(result.fit.free[k][0]), result.fit.free[k][1]) for k in at)
-    return Joint(names, tuple(map(tuple, (0.5 * (C + C.T)).tolist())))
+    return ParameterCovariance(names, tuple(map(tuple, (0.5 * (C + C.T)).tolist())))
 
 
 def expected_deviation(record: Evidence, effects: tuple[Effect, ...]) -> Array:

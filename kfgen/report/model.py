@@ -8,10 +8,10 @@ from collections.abc import Callable
 import sympy as sp
 
 import kfgen
-from kfgen.discretise import DiscreteModel
-from kfgen.model.motion import Input
-from kfgen.model.sensor import Sensor
-from kfgen.report.page import Answer, Page, Part, columns, heading, math, sentence, table
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.motion import Input
+from kfgen.model.parts.sensor import Sensor
+from kfgen.report.page import Answer, Page, PagePart, columns, heading, math, sentence, table
 
 
 def mathml(expression: sp.Basic) -> str:
@@ -49,7 +49,7 @@ def equations(discrete: DiscreteModel) -> list[tuple[str, sp.Matrix]]:
     ]
 
 
-def equation_parts(discrete: DiscreteModel, letters: tuple[str, ...] = ()) -> list[Part]:
+def equation_parts(discrete: DiscreteModel, letters: tuple[str, ...] = ()) -> list[PagePart]:
     """The matrices as MathML, each under its letter; short of digits."""
     return [
         math(mathml(_short(M)), f"{letter} ({M.rows} x {M.cols})")

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import kfgen
-from kfgen.emit.templates import render
-from kfgen.whole import write_text
+from kfgen.core.whole_file import write_text
+from kfgen.emit.targets.templates import render
 
 
 @dataclass(frozen=True)
-class Part:
+class PagePart:
     """One part of a page.
 
     Parameters
@@ -44,7 +44,7 @@ class Page:
     """A title and parts in order."""
 
     title: str
-    parts: tuple[Part, ...] = ()
+    parts: tuple[PagePart, ...] = ()
 
     def __add__(self, other: Page) -> Page:
         """The parts of both, under this title."""
@@ -70,39 +70,39 @@ class Answer:
     warnings: tuple[str, ...] = field(default=())
 
 
-def heading(text: str) -> Part:
+def heading(text: str) -> PagePart:
     """A section's heading."""
-    return Part("heading", text)
+    return PagePart("heading", text)
 
 
-def sentence(text: str) -> Part:
+def sentence(text: str) -> PagePart:
     """An answer in words."""
-    return Part("sentence", text)
+    return PagePart("sentence", text)
 
 
-def text(words: str) -> Part:
+def text(words: str) -> PagePart:
     """A paragraph."""
-    return Part("text", words)
+    return PagePart("text", words)
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> Part:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> PagePart:
     """A table of texts."""
-    return Part("table", [list(r) for r in rows], tuple(head), caption)
+    return PagePart("table", [list(r) for r in rows], tuple(head), caption)
 
 
-def figure(svg: str | Callable[[], str], caption: str) -> Part:
+def figure(svg: str | Callable[[], str], caption: str) -> PagePart:
     """A picture as inline SVG; given what draws it, it is drawn when the page is written, if ever."""
-    return Part("figure", svg, caption=caption)
+    return PagePart("figure", svg, caption=caption)
 
 
-def math(markup: str, caption: str = "") -> Part:
+def math(markup: str, caption: str = "") -> PagePart:
     """An equation as MathML."""
-    return Part("math", markup, caption=caption)
+    return PagePart("math", markup, caption=caption)
 
 
-def code(words: str, caption: str = "") -> Part:
+def code(words: str, caption: str = "") -> PagePart:
     """Preformatted text."""
-    return Part("code", words, caption=caption)
+    return PagePart("code", words, caption=caption)
 
 
 def page_html(page: Page) -> str:

@@ -9,10 +9,10 @@ import numpy as np
 
 import kfgen
 from kfgen.effects import Effect
-from kfgen.identify.bounds import relative_bound, seconds_for
-from kfgen.noise import NoiseModel
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.identify.fit.bounds import relative_bound, seconds_for
 from kfgen.report.identify import finite
-from kfgen.report.page import Answer, Page, Part, columns, figure, heading, sentence, table
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
 
 HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
@@ -22,7 +22,7 @@ COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
 def plan_answer(noise: NoiseModel, rate: float, wanted: float) -> Answer:
     """The Cramér-Rao bound of every parameter against the length of record."""
     lines: list[str] = []
-    parts: list[Part] = []
+    parts: list[PagePart] = []
     channels: dict[str, Any] = {}
     for name, channel in noise.channels.items():
         rows, data = _table(channel.effects, rate, wanted)

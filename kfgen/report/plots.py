@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.identify.allan import AllanCurve
+from kfgen.identify.evidence.allan import AllanCurve
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import kfgen
 from kfgen.report.page import Answer, Page, columns, sentence, table
-from kfgen.verify.core import Verdict
+from kfgen.verify.core import CoreVerdict
 from kfgen.verify.rounding import OnLog
 
 VERDICT_HEAD = ("core", "words", "differing", "instructions", "stack [B]", "code [B]")
 
 
-def verdict_rows(verdicts: list[Verdict]) -> list[list[str]]:
+def verdict_rows(verdicts: list[CoreVerdict]) -> list[list[str]]:
     """One row a core."""
     rows = []
     for v in verdicts:
@@ -35,7 +35,7 @@ def _known(value: int | None) -> str:
     return "-" if value is None else str(value)
 
 
-def verify_sentence(verdicts: list[Verdict]) -> str:
+def verify_sentence(verdicts: list[CoreVerdict]) -> str:
     """The proof in words."""
     wrong = [v for v in verdicts if v.differing]
     if wrong:
@@ -67,7 +67,7 @@ def on_log_sentences(found: OnLog) -> list[str]:
     ]
 
 
-def verify_answer(model_hash: str, verdicts: list[Verdict], found: OnLog | None = None) -> Answer:
+def verify_answer(model_hash: str, verdicts: list[CoreVerdict], found: OnLog | None = None) -> Answer:
     """The comparison, with its counts, and what a log adds to it."""
     rows = verdict_rows(verdicts)
     data = {

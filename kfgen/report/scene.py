@@ -11,34 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
-from kfgen.effects.base import Parameter
-from kfgen.effects.integrity import Fault
-from kfgen.effects.magnetic import SoftIron
-from kfgen.gap.battery import RATE, Test
-from kfgen.gap.louder import Louder
-from kfgen.gap.outcome import PlacedFinding, SceneGap
-from kfgen.gap.proof import METRIC
-from kfgen.gap.scene import Placed
-from kfgen.gap.whitened import Whitener
-from kfgen.identify.whittle import block_means
-from kfgen.log import Log
+from kfgen.core.units import derived_unit, from_si, parse_unit
+from kfgen.effects.effect import Parameter
+from kfgen.effects.faults.samples import Fault
+from kfgen.effects.inertial.magnetic import SoftIron
+from kfgen.gap.core.battery import RATE, Test
+from kfgen.gap.core.holdout import METRIC
+from kfgen.gap.core.noise_scale import NoiseScale
+from kfgen.gap.core.outcome import PlacedFinding, SceneGap
+from kfgen.gap.core.scene import Placed
+from kfgen.gap.core.whitener import Whitener
+from kfgen.identify.evidence.whittle import block_means
+from kfgen.log.log import Log
 from kfgen.report.gap import gap_rows
 from kfgen.report.gap_words import VERDICTS, percent
 from kfgen.report.identify import finite, quantity
-from kfgen.report.page import (
-    Answer,
-    Page,
-    Part,
-    code,
-    columns,
-    figure,
-    heading,
-    sentence,
-    table,
-    text,
-)
+from kfgen.report.page import Answer, Page, PagePart, code, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, Line, bars_picture, series_picture
-from kfgen.units import derived_unit, from_si, parse_unit
 
 Array = NDArray[np.float64]
 
@@ -56,10 +45,10 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
     """
     words = [
         _verdict(g),
-        *map(_louder_words, g.louder),
+        *map(_louder_words, g.noise_scales),
         *(finding_words(f, unit_of, g.unknowns) for f in g.findings),
     ]
-    rows = [*gap_rows(g.gap, bool(g.findings or g.louder)), *_rms_rows(g)]
+    rows = [*gap_rows(g.gap, bool(g.findings or g.noise_scales)), *_rms_rows(g)]
     unseen = _limit_lines(g, unit_of)
     lines = [f"{w}." for w in words] + [columns(rows), *(f"  {w}" for w in unseen)]
     diff = "\n".join(
@@ -67,7 +56,7 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
             texts[0].splitlines(), texts[1].splitlines(), "believed", "mended", lineterm="", n=1
         )
     )
-    parts: list[Part] = [heading("The gap"), *(sentence(w + ".") for w in words), *_figures(g)]
+    parts: list[PagePart] = [heading("The gap"), *(sentence(w + ".") for w in words), *_figures(g)]
     parts += [table(("gap", ""), rows), table(_HEAD, _test_rows(g), _CAPTION)]
     parts += [text(w) for w in unseen]
     if diff:
@@ -81,7 +70,7 @@ def scene_answer(log: Log, g: SceneGap, unit_of: UnitOf, texts: tuple[str, str])
         **scene_data(g, unit_of),
     }
     page = Page(f"Model against {log.source.rsplit('/', 1)[-1]}", tuple(parts))
-    said = tuple(f"the input {n} never changes: no effect of it can be seen" for n in g.idle)
+    said = tuple(f"the input {n} never changes: no effect of it can be seen" for n in g.constant_inputs)
     return Answer("\n".join(lines), data | {"warnings": list(said)}, page, warnings=said)
 
 
@@ -90,17 +79,17 @@ _CAPTION = f"Tests that the believed model fails (family-wise rate {100 * RATE:g
 
 
 def _verdict(g: SceneGap) -> str:
-    if g.verdict == "bad_data" and g.idle:
-        moving, still = ", ".join(g.scene.channels), ", ".join(g.idle)
+    if g.verdict == "bad_data" and g.constant_inputs:
+        moving, still = ", ".join(g.scene.channels), ", ".join(g.constant_inputs)
         return f"{moving}: what was recorded is not driven by the input {still}, which never changes; check its column"
-    if g.louder and not g.findings:
+    if g.noise_scales and not g.findings:
         return (
             f"{', '.join(g.scene.channels)}: the structure of the model holds, the size of its noise does not"
         )
     return f"{', '.join(g.scene.channels)}: {VERDICTS[g.verdict]}"
 
 
-def _louder_words(c: Louder) -> str:
+def _louder_words(c: NoiseScale) -> str:
     """Noise of another size in words."""
     lo, hi = c.ci95
     return f"{c.channel}: its noise is {c.times:.3g} times as large as believed (95 %: {lo:.3g} to {hi:.3g})"
@@ -151,7 +140,7 @@ def _likened(f: PlacedFinding, name: str) -> str:
 
 def _told(f: PlacedFinding) -> str:
     """What would tell it from every other name that the log does not rule out."""
-    found = dict.fromkeys(f.placed.effect.told_from(n) for n in f.indistinguishable)
+    found = dict.fromkeys(f.placed.effect.distinguishing_experiment(n) for n in f.indistinguishable)
     return " and ".join(w for w in found if w)
 
 
@@ -243,15 +232,15 @@ def _span(g: SceneGap, t: Test) -> tuple[float, float]:
     return (t0 + t.span[0], t0 + t.span[1]) if t.span else (t0, t1)
 
 
-def _figures(g: SceneGap) -> list[Part]:
-    parts: list[Part] = []
+def _figures(g: SceneGap) -> list[PagePart]:
+    parts: list[PagePart] = []
     cuts = np.cumsum(g.scene.lengths)[:-1]
     pairs = zip(g.scene.channels, np.split(g.believed.residual, cuts), np.split(g.fit.residual, cuts))
     for channel, a, b in pairs:
         block = max(1, a.size // 600)
         t = np.linspace(*g.scene.span, a.size)
         lines = [Line("believed model", *_blocks(t, a, block), BEFORE)]
-        if g.findings or g.louder:
+        if g.findings or g.noise_scales:
             lines.append(Line("mended model", *_blocks(t, b, block), AFTER))
         label = f"{channel}, residual over noise"
         parts.append(
@@ -287,8 +276,8 @@ def scene_data(g: SceneGap, unit_of: UnitOf) -> dict[str, Any]:
             "closed_fraction": g.gap.closed,
             "ci95": list(g.gap.ci95),
         },
-        "retuned": [c.channel for c in g.louder],
-        "noise_times": {c.channel: {"value": c.times, "ci95": list(c.ci95)} for c in g.louder},
+        "retuned": [c.channel for c in g.noise_scales],
+        "noise_times": {c.channel: {"value": c.times, "ci95": list(c.ci95)} for c in g.noise_scales},
         "rms_in_deviations": {c: {"before": a, "after": b} for c, a, b in g.rms},
         "remaining": {"significant": bool(remaining), "tests": remaining},
         "unknowns": {n: {"value": v, "unit": u.unit} for n, (u, v) in g.unknowns.items()},
@@ -343,7 +332,7 @@ def _step(g: SceneGap, f: PlacedFinding, unit_of: UnitOf) -> dict[str, Any]:
         "evidence_nats": f.evidence,
         "alternatives": [{"effect": n, "channel": w, "probability": p} for n, w, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
-        "separator": _told(f) or f.placed.effect.separator,
+        "separator": _told(f) or f.placed.effect.separating_experiment,
         "cos2": {f"{n} ({w})": c for (n, w), c in f.alike.items() if c > 0.5},
         "parameters": parameters_of(f, unit_of),
         "where": {"from_s": t0, "to_s": t1},

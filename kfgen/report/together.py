@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from kfgen.gap.finding import Finding
-from kfgen.gap.together import Together
-from kfgen.log import Log
-from kfgen.noise import NoiseModel
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.gap.rest.finding import Finding
+from kfgen.gap.rest.several_recordings import JointGap
+from kfgen.log.log import Log
 from kfgen.report.gap import gap_answer, step_data
 from kfgen.report.gap_words import VERDICTS, finding_sentence
 from kfgen.report.page import Answer, Page, heading, table, text
 
 
-def together_answer(logs: Sequence[Log], believed: NoiseModel, found: Mapping[str, Together]) -> Answer:
+def together_answer(logs: Sequence[Log], believed: NoiseModel, found: Mapping[str, JointGap]) -> Answer:
     """Text, JSON and page: first what lasts, of all recordings; then each by itself, and what happened once in it."""
     gaps = {n: replace(t.gap, verdict=_verdict(t)) for n, t in found.items()}
     answer = gap_answer(logs[0], believed, gaps)
@@ -49,12 +49,12 @@ def together_answer(logs: Sequence[Log], believed: NoiseModel, found: Mapping[st
     )
 
 
-def _verdict(found: Together) -> str:
+def _verdict(found: JointGap) -> str:
     """Of all: what happened once is a gap too."""
     return "effects_found" if found.gap.verdict == "no_gap" and found.once else found.gap.verdict
 
 
-def _alone(found: Together, name: str) -> str:
+def _alone(found: JointGap, name: str) -> str:
     g = dict(found.alone)[name]
     names = ", ".join(f"{f.effect.name} ({100.0 * f.probability:.3g} %)" for f in g.findings)
     return f"{VERDICTS[g.verdict]}{': ' if names else ''}{names}"

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from kfgen.emit.c import header
+from kfgen.core.errors import InputError
 from kfgen.emit.folder import Emitted
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, scenario
-from kfgen.errors import InputError
-from kfgen.verify.core import Core, Verdict, Words
+from kfgen.emit.targets.c import header
+from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
 from kfgen.verify.python import MODULES, deviations_off
@@ -36,7 +36,7 @@ def _maker(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
 
 def verify(
     emitted: Emitted, names: Sequence[str], contract: bool = False, played: Replay | None = None
-) -> list[Verdict]:
+) -> list[CoreVerdict]:
     """Make the same calls on each core with the emitted files, and compare with the reference.
 
     Parameters
@@ -117,7 +117,7 @@ def _begin(core: Core, played: Replay) -> None:
         core.put(array, values)
 
 
-def _compare_contracted(name: str, core: Core, played: Replay, program: Program) -> Verdict:
+def _compare_contracted(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:
     """Words on either side as state and covariance, against the reference's own deviations."""
     _begin(core, played)
     words = differing = 0
@@ -127,10 +127,10 @@ def _compare_contracted(name: str, core: Core, played: Replay, program: Program)
         off = deviations_off(program, found, wanted)
         words += off.size
         differing += int((~(off <= CONTRACTED)).sum())
-    return Verdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED)
+    return CoreVerdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED)
 
 
-def _compare(name: str, core: Core, played: Replay, program: Program) -> Verdict:
+def _compare(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:
     _begin(core, played)
     words = differing = ulp = 0
     for call in played.calls:
@@ -141,7 +141,7 @@ def _compare(name: str, core: Core, played: Replay, program: Program) -> Verdict
         if wrong.any():
             differing += int(wrong.sum())
             ulp = max(ulp, int(np.abs(_ordered(found[wrong]) - _ordered(wanted[wrong])).max()))
-    return Verdict(name, words, differing, ulp, len(played.calls), core.cost())
+    return CoreVerdict(name, words, differing, ulp, len(played.calls), core.cost())
 
 
 def _ordered(words: Words) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

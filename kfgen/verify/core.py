@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
-from kfgen.emit.templates import render
+from kfgen.emit.targets.templates import render
 
 Words = NDArray[np.unsignedinteger[Any]]
 
 
 @dataclass(frozen=True)
-class Cost:
+class InstructionCount:
     """What the routines cost on a core: exact counts, None where it cannot count.
 
     Parameters
@@ -38,7 +38,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CoreVerdict:
     """How one core compares.
 
     Parameters
@@ -59,7 +59,7 @@ class Verdict:
     differing: int
     max_ulp: int
     calls: int
-    cost: Cost
+    cost: InstructionCount
     tolerance: float = 0.0
 
 
@@ -75,7 +75,7 @@ class Core(Protocol):
     def words(self) -> Words:
         """State and covariance as bit patterns."""
 
-    def cost(self) -> Cost:
+    def cost(self) -> InstructionCount:
         """What the calls so far have cost."""
 
 

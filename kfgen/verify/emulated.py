@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.errors import CheckFailed
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED
-from kfgen.emit.templates import template_folder
-from kfgen.errors import CheckFailed
-from kfgen.verify.core import Cost, Words, place_of, write_harness
+from kfgen.emit.targets.templates import template_folder
+from kfgen.verify.core import InstructionCount, Words, place_of, write_harness
 from kfgen.verify.host import contraction, missing
 from kfgen.verify.zig import command, environment
 
@@ -213,9 +213,9 @@ class Board:
             self._blocks[address, size] = count
         self._running += self._blocks[address, size]
 
-    def cost(self) -> Cost:
+    def cost(self) -> InstructionCount:
         """Executed instructions, stack and code of each function, and of all."""
-        return Cost(
+        return InstructionCount(
             {f: max(c) for f, c in self._counts.items()},
             max(self._stacks.values(), default=0),
             self.sizes[".text"],
@@ -248,14 +248,14 @@ class Emulated:
         """State and covariance as bit patterns."""
         return np.frombuffer(self._board.read("kf", self._bytes), f"u{self._type.itemsize}")
 
-    def cost(self) -> Cost:
+    def cost(self) -> InstructionCount:
         """Of each routine, and of all."""
         cost = self._board.cost()
         named = [
             {f.removeprefix("call_"): v for f, v in of.items()}
             for of in (cost.instructions, cost.stacks, cost.texts)
         ]
-        return Cost(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
+        return InstructionCount(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
 
 
 def _counted(program: Program) -> set[int]:

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from kfgen.core.errors import CheckFailed, MissingExtra
 from kfgen.emit.routines import Program
-from kfgen.errors import CheckFailed, MissingExtra
-from kfgen.verify.core import Cost, Words, place_of, width, write_harness
+from kfgen.verify.core import InstructionCount, Words, place_of, width, write_harness
 
 WARNINGS = (
     "-pedantic",
@@ -128,9 +128,9 @@ class Host:
         """State and covariance as bit patterns."""
         return np.array(self._words, dtype=self._type)
 
-    def cost(self) -> Cost:
+    def cost(self) -> InstructionCount:
         """A host is not counted."""
-        return Cost()
+        return InstructionCount()
 
 
 def missing(extra: str, what: str) -> MissingExtra:

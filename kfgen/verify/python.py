@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.filterpy import class_name
-from kfgen.emit.loaded import imported
+from kfgen.core.errors import CheckFailed, InputError
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import split
-from kfgen.emit.selftest import TOLERANCE, deviations
-from kfgen.errors import CheckFailed, InputError
-from kfgen.verify.core import Cost, Verdict
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.emit.targets.loaded import imported
+from kfgen.emit.targets.selftest import TOLERANCE, deviations
+from kfgen.verify.core import CoreVerdict, InstructionCount
 from kfgen.verify.replay import Replay
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def _module(program: Program, folder: Path) -> ModuleType:
         raise CheckFailed(f"the module cannot be imported: {error}", where=str(path)) from None
 
 
-def compare_filterpy(program: Program, folder: Path, played: Replay) -> Verdict:
+def compare_filterpy(program: Program, folder: Path, played: Replay) -> CoreVerdict:
     """Make calls on a filterpy module and count what is off by more than `TOLERANCE`.
 
     Raises
@@ -78,10 +78,10 @@ def compare_filterpy(program: Program, folder: Path, played: Replay) -> Verdict:
         differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum()) + (found.name != wanted)
         words += off_P.size + off_x.size + 1
         calls += 1
-    return Verdict("filterpy", words, differing, 0, calls, Cost(), TOLERANCE)
+    return CoreVerdict("filterpy", words, differing, 0, calls, InstructionCount(), TOLERANCE)
 
 
-def compare_numpy(program: Program, folder: Path, played: Replay) -> Verdict:
+def compare_numpy(program: Program, folder: Path, played: Replay) -> CoreVerdict:
     """Make calls on a numpy module and count the words that differ in any bit."""
     kf = getattr(_module(program, folder), class_name(program))()
     for array, start in played.start.items():
@@ -98,7 +98,7 @@ def compare_numpy(program: Program, folder: Path, played: Replay) -> Verdict:
         found = np.array([*kf.x, *getattr(kf, program.covariance.ARRAY)], program.type)
         words += found.size
         differing += int((found.view(bits) != call.words.view(bits)).sum())
-    return Verdict("numpy", words, differing, 0, len(played.calls), Cost())
+    return CoreVerdict("numpy", words, differing, 0, len(played.calls), InstructionCount())
 
 
 def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) -> Array:
@@ -112,7 +112,7 @@ def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) 
     return np.concatenate([off_x, off_P])
 
 
-MODULES: dict[str, Callable[[Program, Path, Replay], Verdict]] = {
+MODULES: dict[str, Callable[[Program, Path, Replay], CoreVerdict]] = {
     "filterpy": compare_filterpy,
     "numpy": compare_numpy,
 }

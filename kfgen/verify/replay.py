@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.filterpy import class_name
-from kfgen.emit.loaded import loaded
-from kfgen.emit.plain import module
 from kfgen.emit.routines import GATE, Program
-from kfgen.emit.scenario import Call, scenario
-from kfgen.play import Given, Play
+from kfgen.emit.scenario import RecordedCall, scenario
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.emit.targets.loaded import loaded
+from kfgen.emit.targets.plain import module
+from kfgen.run.filter_calls import FilterCalls, Given
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Replay:
     """
 
     start: Mapping[str, Sequence[float]]
-    calls: tuple[Call, ...]
+    calls: tuple[RecordedCall, ...]
     ends: tuple[int, ...] = ()
     refused: Mapping[str, int] = field(default_factory=dict)
 
@@ -51,7 +51,7 @@ class _Reference:
         self._filter = getattr(loaded(module(program)), class_name(program))()
         self._program = program
         self._stored = program.covariance.ARRAY
-        self.calls: list[Call] = []
+        self.calls: list[RecordedCall] = []
         self.refused: Counter[str] = Counter()
 
     def put(self, start: Mapping[str, Sequence[float]]) -> None:
@@ -68,14 +68,14 @@ class _Reference:
         words: NDArray[np.floating[Any]] = np.concatenate(
             [self._filter.x, getattr(self._filter, self._stored)]
         )
-        self.calls.append(Call(routine, tuple(row.tolist()), words))
+        self.calls.append(RecordedCall(routine, tuple(row.tolist()), words))
 
 
-def replay(play: Play) -> Replay:
+def replay(play: FilterCalls) -> Replay:
     """The calls of a log, with the words that the filter must have after each.
 
     Firmware sets the same before its first call: the aligned state, the constants that the log shows, and here a
-    gate that is open, as in `kfgen.run.run`.
+    gate that is open, as in `kfgen.run.run.run`.
     """
     start = {"x": play.start, "k": [*play.constants, play.GATE]}
     assert play.program.constants[-1] is GATE

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
-from kfgen.log import Log
-from kfgen.play import Play
-from kfgen.run import FilterRun, run
+from kfgen.log.log import Log
+from kfgen.run.filter_calls import FilterCalls
+from kfgen.run.run import FilterRun, run
 from kfgen.verify.replay import Replay, replay
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def over_log(program: Program, log: Log, start: Mapping[str, float] | None = Non
     InputError
         The log lacks an input of the model, or has none of its sensors.
     """
-    played = replay(Play(program, log, start or {}))
+    played = replay(FilterCalls(program, log, start or {}))
     beside = rounding(program, played, run(Program(program.discrete), log, start=start))
     rate = program.discrete.rate
     warnings: tuple[str, ...] = ()

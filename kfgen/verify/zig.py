@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from kfgen.errors import MissingExtra
+from kfgen.core.errors import MissingExtra
 
 
 def command(language: str = "cc") -> list[str]:

@@ -1,0 +1,384 @@
+"""Units: a small exact algebra of SI dimensions.
+
+A unit is a factor to SI and rational exponents of the base units, read by the
+grammar ``factor (("/" | "*" | " ") factor)*`` with ``factor`` a name or a number with
+an optional ``^exponent``, ``sqrt(unit)`` or ``(unit)``. So ``deg/s/sqrt(Hz)``,
+``deg/s^2/sqrt(Hz)``, ``deg/s^1.5``, ``g/16384`` and ``deg/sqrt(h)`` are all read, and
+equal units compare equal. So are the signs that people type: ``m/s2``, ``m/s²``, ``°/s``, ``µT``, ``°/√h``. The radian is kept as a base unit, so that an angle is
+not taken for a number.
+
+References
+----------
+.. [1] BIPM, The International System of Units, 9th ed., 2019.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+from kfgen.core.errors import InputError
+
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of free fall [m/s^2]."""
+
+BASE = ("m", "kg", "s", "A", "K", "rad", "count")
+
+_PREFIX = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
+
+# name: (factor to SI, exponents of BASE, takes prefixes)
+_NAMES: dict[str, tuple[float, dict[str, int], bool]] = {
+    "m": (1.0, {"m": 1}, True),
+    "kg": (1.0, {"kg": 1}, False),
+    "s": (1.0, {"s": 1}, True),
+    "min": (60.0, {"s": 1}, False),
+    "h": (3600.0, {"s": 1}, False),
+    "hr": (3600.0, {"s": 1}, False),
+    "sec": (1.0, {"s": 1}, False),
+    "A": (1.0, {"A": 1}, True),
+    "K": (1.0, {"K": 1}, True),
+    "degC": (1.0, {"K": 1}, False),
+    "rad": (1.0, {"rad": 1}, True),
+    "deg": (math.pi / 180.0, {"rad": 1}, True),
+    "dps": (math.pi / 180.0, {"rad": 1, "s": -1}, True),
+    "arcmin": (math.pi / 10800.0, {"rad": 1}, False),
+    "arcsec": (math.pi / 648000.0, {"rad": 1}, False),
+    "rev": (2.0 * math.pi, {"rad": 1}, False),
+    "rpm": (2.0 * math.pi / 60.0, {"rad": 1, "s": -1}, False),
+    "Hz": (1.0, {"s": -1}, True),
+    "g": (STANDARD_GRAVITY, {"m": 1, "s": -2}, True),
+    "Gal": (1e-2, {"m": 1, "s": -2}, True),
+    "N": (1.0, {"kg": 1, "m": 1, "s": -2}, True),
+    "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}, True),
+    "hPa": (100.0, {"kg": 1, "m": -1, "s": -2}, False),
+    "bar": (1e5, {"kg": 1, "m": -1, "s": -2}, True),
+    "J": (1.0, {"kg": 1, "m": 2, "s": -2}, True),
+    "W": (1.0, {"kg": 1, "m": 2, "s": -3}, True),
+    "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}, True),
+    "ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}, True),
+    "Ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}, True),
+    "T": (1.0, {"kg": 1, "s": -2, "A": -1}, True),
+    "G": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
+    "gauss": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
+    "count": (1.0, {"count": 1}, False),
+    "LSB": (1.0, {"count": 1}, False),
+    "%": (1e-2, {}, False),
+    "ppm": (1e-6, {}, False),
+}
+
+_TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z%]+)|([/*^()]))")
+
+# The same sign as people type it; the degree of temperature before that of angle.
+_SIGNS = (
+    ("\N{DEGREE SIGN}C", "degC"),
+    ("\N{DEGREE SIGN}", "deg"),
+    ("\N{MICRO SIGN}", "u"),
+    ("\N{GREEK SMALL LETTER MU}", "u"),
+    ("\N{OHM SIGN}", "ohm"),
+    ("\N{GREEK CAPITAL LETTER OMEGA}", "ohm"),
+    ("\N{SUPERSCRIPT TWO}", "^2"),
+    ("\N{SUPERSCRIPT THREE}", "^3"),
+    ("\N{MIDDLE DOT}", "*"),
+)
+_ROOT = re.compile("\N{SQUARE ROOT}([A-Za-z]+)")
+
+_NAMED_SI = {
+    "kg/s^2/A": "T",
+    "m*kg/s^2": "N",
+    "kg/m/s^2": "Pa",
+    "m^2*kg/s^2": "N m",
+    "m^2*kg/s^3/A": "V",
+}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: ``SI value = factor * value + offset``.
+
+    Parameters
+    ----------
+    text : str
+        As written by the user.
+    factor : float
+        Factor to SI.
+    exponents : tuple of Fraction, length 7
+        Exponents of `BASE`.
+    offset : float
+        Added after scaling; only ``degC`` alone has one.
+    """
+
+    text: str
+    factor: float
+    exponents: tuple[Fraction, ...]
+    offset: float = 0.0
+
+    def same_dimension(self, other: Unit) -> bool:
+        """Whether the two units measure the same kind of quantity."""
+        return self.exponents == other.exponents
+
+    @property
+    def si(self) -> str:
+        """The coherent SI unit of the same dimension, as text."""
+        up: list[str] = []
+        down: list[str] = []
+        for base, exponent in zip(BASE, self.exponents, strict=True):
+            if exponent:
+                power = abs(exponent)
+                term = base if power == 1 else f"{base}^{_number(power)}"
+                (up if exponent > 0 else down).append(term)
+        if not up and down == ["s"]:
+            return "Hz"
+        text = "/".join(["*".join(up) or "1", *down])
+        return _NAMED_SI.get(text, text)
+
+
+def _number(value: Fraction) -> str:
+    return str(value.numerator) if value.denominator == 1 else f"{float(value):g}"
+
+
+def _typed(text: str) -> str:
+    """A unit's text in the letters of the grammar."""
+    for sign, plain in _SIGNS:
+        text = text.replace(sign, plain)
+    return _ROOT.sub(r"sqrt(\1)", text).strip()
+
+
+class _Parser:
+    """Recursive descent over one unit text."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.tokens: list[str] = []
+        position, stripped = 0, _typed(text)
+        while position < len(stripped):
+            match = _TOKEN.match(stripped, position)
+            if match is None:
+                raise self.error(f"cannot be read at '{stripped[position:]}'")
+            if match.group(1) and position == match.start(1) and self.peek_last().isalpha():
+                self.tokens.append("^")  # m/s2 is m/s^2, as many write it
+            self.tokens.append(match.group(0).strip())
+            position = match.end()
+
+    def error(self, what: str) -> InputError:
+        """The error for this text."""
+        return InputError(
+            f"the unit '{self.text}' {what}",
+            remedy="Write units like 'deg/s', 'm/s^2', 'mg/sqrt(Hz)', 'deg/sqrt(h)' or 'g/16384'",
+        )
+
+    def peek_last(self) -> str:
+        """The last token that was read, empty at the beginning."""
+        return self.tokens[-1] if self.tokens else ""
+
+    def peek(self) -> str:
+        """The next token, empty at the end."""
+        return self.tokens[0] if self.tokens else ""
+
+    def take(self, expected: str = "") -> str:
+        """Consume a token."""
+        if not self.tokens or (expected and self.tokens[0] != expected):
+            raise self.error(f"misses a '{expected}'" if expected else "ends too early")
+        return self.tokens.pop(0)
+
+    def product(self) -> Unit:
+        """Factors with signs between them."""
+        result = self.power()
+        while self.tokens and self.peek() != ")":
+            sign = 1
+            if self.peek() in ("/", "*"):
+                sign = -1 if self.take() == "/" else 1
+            result = _multiply(result, self.power(), sign)
+        return result
+
+    def power(self) -> Unit:
+        """An atom with its exponent."""
+        unit = self.atom()
+        if self.peek() == "^":
+            self.take()
+            unit = _raise(unit, self.exponent())
+        return unit
+
+    def exponent(self) -> Fraction:
+        """A number, or a fraction in brackets."""
+        bracket = self.peek() == "("
+        if bracket:
+            self.take("(")
+        token = self.take()
+        try:
+            value = Fraction(token)
+            if bracket and self.peek() == "/":
+                self.take("/")
+                value /= Fraction(self.take())
+        except (ValueError, ZeroDivisionError):
+            raise self.error(f"has the exponent '{token}', which is no number") from None
+        if bracket:
+            self.take(")")
+        return value
+
+    def atom(self) -> Unit:
+        """A bracket, a root, a number or a name."""
+        token = self.take()
+        if token == "(":
+            unit = self.product()
+            self.take(")")
+            return unit
+        if token == "sqrt":
+            self.take("(")
+            unit = self.product()
+            self.take(")")
+            return _raise(unit, Fraction(1, 2))
+        if token[0].isdigit() or token[0] == ".":
+            value = float(token)
+            if not (math.isfinite(value) and value > 0.0):
+                raise self.error(f"has the factor {token}, which is not positive")
+            return Unit(token, value, (Fraction(0),) * len(BASE))
+        return self.name(token)
+
+    def name(self, token: str) -> Unit:
+        """A unit with or without a prefix."""
+        for split in (0, 1):
+            prefix, root = token[:split], token[split:]
+            if root in _NAMES and prefix in _PREFIX and (not prefix or _NAMES[root][2]):
+                factor, powers, _ = _NAMES[root]
+                exponents = tuple(Fraction(powers.get(base, 0)) for base in BASE)
+                return Unit(token, _PREFIX[prefix] * factor, exponents)
+        raise self.error(f"has the unknown part '{token}'")
+
+
+def _multiply(a: Unit, b: Unit, sign: int) -> Unit:
+    exponents = tuple(x + sign * y for x, y in zip(a.exponents, b.exponents, strict=True))
+    return Unit("", a.factor * b.factor**sign, exponents)
+
+
+def _raise(unit: Unit, power: Fraction) -> Unit:
+    return Unit("", unit.factor ** float(power), tuple(x * power for x in unit.exponents))
+
+
+@lru_cache(maxsize=512)
+def parse_unit(text: str) -> Unit:
+    """Read a unit.
+
+    Parameters
+    ----------
+    text : str
+        For example ``"deg/s/sqrt(Hz)"``; ``""`` and ``"1"`` are the pure number.
+
+    Raises
+    ------
+    InputError
+        The text is no unit of the grammar.
+    """
+    if not text.strip():
+        return Unit("1", 1.0, (Fraction(0),) * len(BASE))
+    parser = _Parser(text)
+    try:
+        unit = parser.product()
+    except (OverflowError, ZeroDivisionError, RecursionError):
+        raise parser.error("is beyond any number") from None
+    if not (math.isfinite(unit.factor) and unit.factor > 0.0):
+        raise parser.error("is beyond any number")
+    if parser.tokens:
+        raise parser.error(f"has '{parser.peek()}' left over")
+    offset = 273.15 if _typed(text) == "degC" else 0.0
+    return Unit(text.strip(), unit.factor, unit.exponents, offset)
+
+
+def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool = True) -> float:
+    """Read a value of a file: a number is SI, a string carries its unit.
+
+    Parameters
+    ----------
+    value : float or str
+        ``0.1`` or ``"0.0035 deg/s/sqrt(Hz)"``.
+    si_unit : str
+        The unit whose dimension is wanted.
+    where : str
+        Said in the error.
+
+    Returns
+    -------
+    float
+        The value in the coherent SI unit.
+
+    Raises
+    ------
+    InputError
+        No number, no unit, or a unit of another dimension.
+    """
+    wanted = parse_unit(si_unit)
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise InputError(f"expected a number or a text with a unit, found {value!r}", where=where)
+    if isinstance(value, int | float):
+        try:
+            number, unit = float(value), parse_unit(wanted.si)
+        except OverflowError:
+            raise InputError("the number is too large", where=where) from None
+    else:
+        match = re.match(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.])(.*)$", value, re.S)
+        if match is None:
+            raise InputError(
+                f"'{value}' does not begin with a number",
+                where=where,
+                remedy=f"Write it like '0.01 {si_unit}'",
+            )
+        number, rest = float(match.group(1)), match.group(2).strip()
+        try:
+            unit = parse_unit(rest) if rest else parse_unit(wanted.si)
+        except InputError as error:
+            raise InputError(error.what, where=where, remedy=error.remedy) from None
+        if not unit.same_dimension(wanted):
+            raise InputError(
+                f"'{value}' has the dimension of {unit.si}, not of {si_unit}",
+                where=where,
+                remedy=f"Write it in {si_unit}",
+            )
+    result = number * unit.factor + (unit.offset if offset else 0.0)
+    if not math.isfinite(result):
+        raise InputError(f"{value!r} is not finite", where=where)
+    return result
+
+
+def to_si(values: float, unit: str) -> float:
+    """Convert a number from `unit` to SI."""
+    parsed = parse_unit(unit)
+    return values * parsed.factor + parsed.offset
+
+
+def from_si(value: float, unit: str) -> float:
+    """Convert a number from SI to `unit`."""
+    parsed = parse_unit(unit)
+    return (value - parsed.offset) / parsed.factor
+
+
+def derived_unit(template: str, unit: str) -> str:
+    """The unit of a parameter: the template's ``U`` is the unit of its channel.
+
+    >>> derived_unit("U/sqrt(Hz)", "deg/s")
+    'deg/s/sqrt(Hz)'
+    """
+    unit = _typed(unit)
+    unit = "K" if unit == "degC" else unit  # a size of an effect is a difference
+    if unit.strip() in ("", "1"):  # 1/U and U/s are no unit and 1/s
+        text = re.sub(r"/\(U\)(\^[0-9.]+)?", "", re.sub(r"\bU\*", "", template))
+        text = re.sub(r"(?<!sqrt)\(([^()*/]+)\)", r"\1", re.sub(r"\bU\b", "1", text))
+        return "" if text == "1" else text
+    plain = re.fullmatch(r"[A-Za-z%]+(/[A-Za-z]+(\^[0-9.]+)?)*", unit) is not None
+    text = unit if plain else f"({unit.strip() or 1})"
+    text = re.sub(r"\(\(([^()]*)\)\)", r"(\1)", re.sub(r"\bU\b", text, template))
+    if "U*" in template and parse_unit(text).factor == 1.0:
+        return parse_unit(text).si  # rad instead of rad/s*s
+    text = re.sub(r"(?<!sqrt)\(([A-Za-z%]+)\)", r"\1", text)
+    return text[1:-1] if re.fullmatch(r"\([^()]*\)", text) else text
+
+
+_SHOWN = {"rad/s": "deg/s", "m/s^2": "mg", "T": "uT", "K": "K", "rad": "deg"}
+
+
+def display_unit(unit: str) -> str:
+    """The unit in which a person reads a channel: his own, or the usual one for raw counts."""
+    if re.search(r"\d", re.sub(r"\^[0-9.]+", "", unit)) or unit in ("rad/s", "g", "T"):
+        return _SHOWN.get(parse_unit(unit).si, parse_unit(unit).si)
+    return unit

@@ -1,0 +1,1 @@
+"""What follows a recorded driver: a temperature, a supply, any other channel."""

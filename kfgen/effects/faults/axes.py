@@ -1,0 +1,59 @@
+"""Axes that are exchanged, turned round or in another unit: seen against what a triad should have read.
+
+A channel's readings are a combination of what the three axes should have read; the row of its coefficients tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect
+from kfgen.effects.faults.samples import Fault
+
+Array = NDArray[np.float64]
+
+AT_RIGHT = 0.3
+"""Largest part of another axis in a channel that reads one axis, relative."""
+CLOSE = 0.25
+"""Relative distance of a coefficient from one that a scale factor explains."""
+
+
+@dataclass(frozen=True)
+class SignError(Fault):
+    """The readings have the wrong sign."""
+
+    name: ClassVar[str] = "sign_error"
+    title: ClassVar[str] = "a wrong sign"
+    sentence_template: ClassVar[str] = "has the opposite sign of what it should read: turn it round"
+
+    @classmethod
+    def turned(cls, own: bool, coefficient: float) -> Effect | None:
+        """Near minus one of its own axis."""
+        return cls() if own and abs(coefficient + 1.0) < CLOSE else None
+
+
+@dataclass(frozen=True)
+class AxisSwap(Fault):
+    """The readings are those of another axis."""
+
+    name: ClassVar[str] = "axis_swap"
+    title: ClassVar[str] = "exchanged axes"
+    sentence_template: ClassVar[str] = "reads another axis of its triad: exchange the columns"
+
+    @classmethod
+    def turned(cls, own: bool, coefficient: float) -> Effect | None:
+        """Near one or minus one of another axis."""
+        return cls() if not own and abs(abs(coefficient) - 1.0) < CLOSE else None
+
+
+def axis_faults(row: Array, axis: int) -> list[Effect]:
+    """What is wrong with the channel of `axis`, from the coefficients of the three axes in it, shape (3,)."""
+    along = int(np.argmax(np.abs(row)))
+    if np.abs(np.delete(row, along)).max() >= AT_RIGHT * abs(row[along]):
+        return []
+    found = [cls.turned(along == axis, float(row[along])) for cls in Fault.__subclasses__()]
+    return [f for f in found if f is not None]

@@ -1,0 +1,281 @@
+"""What is wrong with the samples or their times before any model: found by looking, never by likelihood.
+
+Each effect says how it is spotted in a `RawSamples` channel; one that spoils the samples makes a fit meaningless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.series import DetectedFault, RawSamples, periods
+
+Array = NDArray[np.float64]
+
+FEW = 64
+"""Steps below which nothing is said of those that repeat."""
+ENDS = 0.004
+"""Share of the samples at one end of the range that is no chance."""
+JITTER = 0.02
+"""Of a period: root mean square of the steps' error that is said."""
+COARSE = 1.0
+"""Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
+INTEGRATED = 1.04
+"""Ratio of the mean square of steps to neighbours and to next neighbours: one for samples that are rounded."""
+KNOWN = (
+    ("degrees for radians", 180.0 / np.pi),
+    ("g for m/s^2", 9.80665),
+    ("a thousand", 1e3),
+    ("a million", 1e6),
+    ("hours for seconds", 3600.0),
+)
+"""Factors between units that are taken for one another."""
+NEAR = 0.05
+"""Relative distance at which a factor is a known one."""
+
+
+@dataclass(frozen=True)
+class Fault(Effect):
+    """An effect of the rig, which a filter does not model.
+
+    `moving` says whether the samples show it where the sensor moves.
+    """
+
+    moving: ClassVar[bool] = True
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """Nothing is added."""
+        return LinearSystem()
+
+    @classmethod
+    def turned(cls, own: bool, coefficient: float) -> Effect | None:
+        """Of a channel that reads its own axis, or another one of its triad, by a coefficient: whether this is why."""
+        return None
+
+
+@dataclass(frozen=True)
+class RepeatedSamples(Fault):
+    """A `share` of the samples repeats the one before."""
+
+    share: Any = parameter("", "ratio")
+
+    name: ClassVar[str] = "repeated_samples"
+    title: ClassVar[str] = "repeated samples"
+    sentence_template: ClassVar[str] = "repeats the sample before in a share of {share}"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """More equal neighbours than the lattice of values and the noise explain."""
+        same = np.diff(raw.y) == 0.0
+        looked = same if raw.still is None else same[~raw.still]
+        if looked.size < FEW or raw.lattice > COARSE * raw.believed:
+            return None
+        equal = float(np.mean(looked))
+        chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
+        share = (equal - chance) / max(1.0 - chance, 1e-9)
+        least = 3.0 / looked.size + 5.0 * np.sqrt(chance / looked.size) + 0.25 * chance
+        if equal - chance < max(least, 0.005):
+            return None
+        one, two = raw.steps
+        if one > (1.0 - 0.25 * share) * two:  # samples that repeat make steps to neighbours small
+            return None
+        return DetectedFault(cls(share), equal * raw.n, spoils=True)
+
+
+@dataclass(frozen=True)
+class Stuck(Fault):
+    """From `time` on, for `lasting`, every sample is the one before."""
+
+    time: Any = parameter("s", "place")
+    lasting: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "stuck"
+    title: ClassVar[str] = "a stuck channel"
+    sentence_template: ClassVar[str] = "shows one and the same value from {time} on, for {lasting}"
+
+
+@dataclass(frozen=True)
+class TooEarly(Fault):
+    """An input does what it does `shift` before the log says that it was given: two clocks."""
+
+    shift: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "too_early"
+    title: ClassVar[str] = "an effect before its cause"
+    sentence_template: ClassVar[str] = "is logged {shift} after what it does: align the clocks of the columns"
+
+
+def runs(y: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where equal samples of shape (n,) begin to follow one another, and how many there are."""
+    first = np.concatenate([[0], 1 + np.flatnonzero(np.diff(y) != 0.0)])
+    return first, np.diff(np.append(first, y.size))
+
+
+@dataclass(frozen=True)
+class DroppedSamples(Fault):
+    """A `share` of the samples is missing, and the time stamps say so."""
+
+    share: Any = parameter("", "ratio")
+
+    name: ClassVar[str] = "dropped_samples"
+    moving: ClassVar[bool] = False
+    title: ClassVar[str] = "dropped samples"
+    sentence_template: ClassVar[str] = "lacks a share of {share} of its samples"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """Steps of time of more than one and a half periods."""
+        lost = float(np.sum(periods(raw.t, raw.dt) - 1.0))
+        if lost < 1.0:
+            return None
+        return DetectedFault(cls(lost / (lost + raw.n)), lost, spoils=lost > 0.2 * (lost + raw.n))
+
+
+@dataclass(frozen=True)
+class TimestampJitter(Fault):
+    """Time stamps off by `sigma`, root mean square."""
+
+    sigma: Any = parameter("s", "size")
+
+    name: ClassVar[str] = "timestamp_jitter"
+    moving: ClassVar[bool] = False
+    title: ClassVar[str] = "jitter of the time stamps"
+    sentence_template: ClassVar[str] = "has time stamps that are off by {sigma}"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """Steps of time that differ by more than a few percent of a period."""
+        error = np.diff(raw.t) / raw.dt - periods(raw.t, raw.dt)
+        rms = float(np.sqrt(0.5 * np.mean(error**2)))
+        return DetectedFault(cls(rms * raw.dt), float(raw.n)) if rms > JITTER else None
+
+
+@dataclass(frozen=True)
+class Clipping(Fault):
+    """Samples beyond `limit` stand at it."""
+
+    limit: Any = parameter("U", "signed")
+
+    name: ClassVar[str] = "clipping"
+    title: ClassVar[str] = "clipping"
+    sentence_template: ClassVar[str] = "is clipped at {limit}"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """The largest or smallest value, far too often."""
+        for end in (float(raw.y.max()), float(raw.y.min())):
+            share = float(np.mean(raw.y == end))
+            if share > ENDS and raw.lattice < 0.25 * raw.noise:
+                return DetectedFault(cls(end), share * raw.n, spoils=True)
+        return None
+
+
+@dataclass(frozen=True)
+class CoarseQuantisation(Fault):
+    """Values on a lattice of a `step` wider than the noise."""
+
+    step: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "coarse_quantisation"
+    title: ClassVar[str] = "coarse quantisation of the samples"
+    sentence_template: ClassVar[str] = "has values {step} apart, wider than its noise"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """The lattice of values against the noise."""
+        if raw.lattice < COARSE * raw.believed or raw.noise > 3.0 * raw.lattice:
+            return None
+        one, two = raw.steps
+        if one > INTEGRATED * two:  # the lattice is that of the integral
+            return None
+        return DetectedFault(cls(raw.lattice), float(raw.n), spoils=True)
+
+
+@dataclass(frozen=True)
+class StuckBit(Fault):
+    """Bit `bit` of the converter never changes, though higher ones do."""
+
+    bit: Any = parameter("", "setting")
+
+    name: ClassVar[str] = "stuck_bit"
+    title: ClassVar[str] = "a stuck bit"
+    sentence_template: ClassVar[str] = "has a converter whose bit {bit} never changes"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """Codes of which none has the bit, or all have, while the bit above changes."""
+        if raw.lattice <= 0.0:
+            return None
+        codes = np.round(raw.y / raw.lattice).astype(np.int64)
+        for bit in range(1, 16):
+            if codes.max() - codes.min() < 2 ** (bit + 1):
+                break
+            inside = codes[np.abs(raw.y - np.median(raw.y)) < 3.0 * float(np.std(raw.y))]
+            share, above = (float(np.mean((inside >> b) & 1)) for b in (bit, bit + 1))
+            if share in (0.0, 1.0) and 0.02 < above < 0.98:
+                return DetectedFault(cls(float(bit)), float(raw.n), spoils=True)
+        return None
+
+
+@dataclass(frozen=True)
+class DeadZone(Fault):
+    """Values closer to zero than `width` are zero."""
+
+    width: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "dead_zone"
+    title: ClassVar[str] = "a dead zone about zero"
+    sentence_template: ClassVar[str] = "shows zero for anything below {width}"
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """Zeros in place of the values about them: none stands next to zero, and no fewer than are missing are zero."""
+        zero = raw.y == 0.0
+        share = float(np.mean(zero))
+        away = np.abs(raw.y[~zero])
+        if share < 0.02 or away.size < 100 or raw.lattice > 0.25 * raw.noise:
+            return None
+        width = float(np.quantile(away, 0.001))
+        if width < max(
+            1.5 * raw.lattice, 0.02 * raw.believed
+        ):  # the lattice itself; or zeros that were put in
+            return None
+        next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
+        return DetectedFault(cls(width), share * raw.n, spoils=True) if share > 0.2 * next_to else None
+
+
+@dataclass(frozen=True)
+class UnitError(Fault):
+    """All values are `factor` times what they should be, as by a wrong unit."""
+
+    factor: Any = parameter("", "size")
+
+    name: ClassVar[str] = "unit_error"
+    title: ClassVar[str] = "a wrong unit"
+    sentence_template: ClassVar[str] = (
+        "is {factor} times as large as it should be: check the unit of the column"
+    )
+    moving: ClassVar[bool] = False
+
+    @classmethod
+    def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
+        """A noise that is larger or smaller than believed by just such a factor."""
+        found = _between(raw.noise / raw.believed) if raw.believed > 0.0 else None
+        return DetectedFault(found, float(raw.n), spoils=True) if found else None
+
+    @classmethod
+    def turned(cls, own: bool, coefficient: float) -> Effect | None:
+        """Near a factor between two units."""
+        return _between(abs(coefficient)) if own else None
+
+
+def _between(ratio: float) -> UnitError | None:
+    """The unit error of a ratio that is near a known one."""
+    known = [f for _, k in KNOWN for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < NEAR]
+    return UnitError(known[0]) if known else None

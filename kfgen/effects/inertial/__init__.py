@@ -1,0 +1,1 @@
+"""Errors of inertial and magnetic triads that motion shows."""

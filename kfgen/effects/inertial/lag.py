@@ -1,0 +1,126 @@
+"""Lags: the signals pass through them before other effects add to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.inertial.errors import InertialError, Signals
+
+Array = NDArray[np.float64]
+
+MOST_UNHEARD = 0.2
+"""Share of a log that a lag may leave without a truth; a longer memory starts from rest."""
+
+
+@dataclass(frozen=True)
+class Lag(InertialError):
+    """An effect through which the signals pass before others add to them."""
+
+    sensors: ClassVar[tuple[str, ...]] = ("gyro", "accel", "mag")
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """What becomes of signals along the first axis, shape (n, ...)."""
+        raise NotImplementedError
+
+    def memory(self) -> tuple[float, float]:
+        """How long before and after a time the signal matters for the reading [s]."""
+        raise NotImplementedError
+
+    def knee(self) -> float:
+        """Frequency [Hz] of motion that it turns by about a radian: far below, every lag is a delay."""
+        raise NotImplementedError
+
+    def distinguishing_experiment(self, other: str) -> str:
+        """From another lag: motion so fast that one keeps what the other weakens, by 4 % at a third of the knee."""
+        if other not in {cls.name for cls in Lag.__subclasses__()}:
+            return self.separating_experiment
+        return f"motion at {self.knee() / 3.0:.2g} Hz or faster, logged as fast as it needs,"
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """What it alone changes."""
+        u = signals.y[:, axis]
+        return np.asarray(self.passed(u, signals.dt) - u)
+
+
+def unheard(t: Array, effects: Sequence[Effect]) -> NDArray[np.bool_]:
+    """Where a reading depends on what was before the first or is after the last sample, shape (n,)."""
+    out = np.zeros(t.size, dtype=np.bool_)
+    half = (
+        0.5 * float(t[-1] - t[0]) / max(t.size - 1, 1)
+    )  # of a period: what is missing then is next to nothing
+    for lag in (e for e in effects if isinstance(e, Lag)):
+        before, after = lag.memory()
+        if before > half:
+            out |= t < t[0] + before
+        if after > half:
+            out |= t > t[-1] - after
+    return out if out.sum() < MOST_UNHEARD * out.size else np.zeros_like(out)
+
+
+@dataclass(frozen=True)
+class TimeDelay(Lag):
+    """The reading is that of an earlier time; a negative delay is one of the reference."""
+
+    delay: Any = parameter("s", "signed")
+
+    name: ClassVar[str] = "time_delay"
+    title: ClassVar[str] = "time delay"
+    separating_experiment: ClassVar[str] = "motion at two frequencies a factor of three apart"
+    sentence_template: ClassVar[str] = "lags by {delay}"
+
+    def memory(self) -> tuple[float, float]:
+        """The delay itself."""
+        return max(float(self.delay), 0.0), max(-float(self.delay), 0.0)
+
+    def knee(self) -> float:
+        """``1 / (2 pi delay)``."""
+        return 1.0 / (2.0 * np.pi * max(abs(float(self.delay)), 1e-300))
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """Signals, shape (n, ...), as they were `delay` earlier, by a cubic spline; held at the ends."""
+        from scipy.interpolate import CubicSpline
+
+        if self.delay == 0.0:
+            return x
+        at = np.arange(x.shape[0], dtype=np.float64)
+        then = np.clip(at - float(self.delay) / dt, 0.0, at[-1])
+        return np.asarray(CubicSpline(at, x, axis=0)(then))
+
+
+@dataclass(frozen=True)
+class Bandwidth(Lag):
+    """The reading passes a low-pass of first order."""
+
+    corner: Any = parameter("Hz", "frequency")
+
+    name: ClassVar[str] = "bandwidth"
+    shrinks_with_size: ClassVar[bool] = True
+    title: ClassVar[str] = "finite bandwidth"
+    separating_experiment: ClassVar[str] = "motion at two frequencies a factor of three apart"
+    prior_penalty_nats: ClassVar[float] = 1.5
+    sentence_template: ClassVar[str] = "follows its input up to {corner} only"
+
+    def memory(self) -> tuple[float, float]:
+        """Ten time constants, after which ``exp(-10)`` of a wrong start is left."""
+        return 10.0 / (2.0 * np.pi * float(self.corner)), 0.0
+
+    def knee(self) -> float:
+        """The corner."""
+        return float(self.corner)
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """Signals, shape (n, ...), through ``1 / (1 + i f / corner)``, as if mirrored before the first."""
+        from scipy.fft import irfft, next_fast_len, rfft
+
+        n = x.shape[0]
+        size = next_fast_len(2 * n, real=True)
+        mirrored = np.concatenate([x, x[::-1], np.broadcast_to(x[:1], (size - 2 * n, *x.shape[1:]))])
+        f = np.arange(size // 2 + 1) / (size * dt)
+        response = (1.0 / (1.0 + 1j * f / float(self.corner))).reshape(-1, *(1,) * (x.ndim - 1))
+        return np.asarray(irfft(rfft(mirrored, axis=0) * response, n=size, axis=0)[:n])

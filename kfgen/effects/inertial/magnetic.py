@@ -1,0 +1,118 @@
+"""Effects of iron and currents on a magnetometer that turns.
+
+References
+----------
+.. [1] V. Renaudin, M. H. Afzal, G. Lachapelle, Complete triaxis magnetometer calibration in the magnetic
+   domain, J. Sensors, 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import parameter
+from kfgen.effects.inertial.errors import InertialError, Signals, row_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HardIron(InertialError):
+    """A field fixed to the body; from `time` for `duration` when that is not zero, else always.
+
+    It comes and goes within `edge` at either end: a magnet in a hand.
+    """
+
+    x: Any = parameter("U", "signed", 0.0)
+    y: Any = parameter("U", "signed", 0.0)
+    z: Any = parameter("U", "signed", 0.0)
+    time: float = parameter("s", "setting", 0.0)
+    duration: float = parameter("s", "setting", 0.0)
+    edge: float = parameter("s", "setting", 0.0)
+
+    name: ClassVar[str] = "hard_iron"
+    title: ClassVar[str] = "hard iron"
+    separating_experiment: ClassVar[str] = "a turn in place about every axis"
+    sentence_template: ClassVar[str] = "carries a field of its own: {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("mag",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """A constant while it is there."""
+        return _while(signals.t, self) * float((self.x, self.y, self.z)[axis])
+
+    def sentence(self, channel: str, unit: str) -> str:
+        """The field and when it is there."""
+        return super().sentence(channel, unit) + _when(self)
+
+
+@dataclass(frozen=True)
+class SoftIron(InertialError):
+    """``m = (I + A) m_b``: the field is drawn together by iron in the body."""
+
+    xx: Any = parameter("%", "signed", 0.0)
+    xy: Any = parameter("%", "signed", 0.0)
+    xz: Any = parameter("%", "signed", 0.0)
+    yx: Any = parameter("%", "signed", 0.0)
+    yy: Any = parameter("%", "signed", 0.0)
+    yz: Any = parameter("%", "signed", 0.0)
+    zx: Any = parameter("%", "signed", 0.0)
+    zy: Any = parameter("%", "signed", 0.0)
+    zz: Any = parameter("%", "signed", 0.0)
+
+    name: ClassVar[str] = "soft_iron"
+    title: ClassVar[str] = "soft iron"
+    separating_experiment: ClassVar[str] = "a turn in place about every axis"
+    sentence_template: ClassVar[str] = "distorts the field (output axis, input axis): {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("mag",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``sum_j a_ij m_j``."""
+        return row_of(self, signals.y, axis)
+
+
+@dataclass(frozen=True)
+class MagneticDisturbance(InertialError):
+    """Another field, fixed in space, from `time` for `duration`, within `edge` there and gone; navigation axes."""
+
+    x: Any = parameter("U", "signed", 0.0)
+    y: Any = parameter("U", "signed", 0.0)
+    z: Any = parameter("U", "signed", 0.0)
+    time: float = parameter("s", "setting", 0.0)
+    duration: float = parameter("s", "setting", 0.0)
+    edge: float = parameter("s", "setting", 0.0)
+
+    name: ClassVar[str] = "magnetic_disturbance"
+    title: ClassVar[str] = "magnetic disturbance fixed in space"
+    separating_experiment: ClassVar[str] = "a turn in place about every axis"
+    sentence_template: ClassVar[str] = "meets another field in space: {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("mag",)
+    needs: ClassVar[tuple[str, ...]] = ("R_bn",)
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """``R_bn d`` while it is there."""
+        return np.asarray(_while(signals.t, self) * signals.body((self.x, self.y, self.z))[:, axis])
+
+    def sentence(self, channel: str, unit: str) -> str:
+        """The field and when it is there."""
+        return super().sentence(channel, unit) + _when(self)
+
+
+def _while(t: Array, effect: HardIron | MagneticDisturbance) -> Array:
+    if not effect.duration:
+        return np.ones(t.size)
+    inside = ((t >= effect.time) & (t < effect.time + effect.duration)).astype(np.float64)
+    if not effect.edge:
+        return inside
+    away = np.minimum(t - effect.time, effect.time + effect.duration - t)
+    return np.asarray(inside * np.clip(away / effect.edge, 0.0, 1.0))
+
+
+def _when(effect: HardIron | MagneticDisturbance) -> str:
+    if not effect.duration:
+        return ""
+    words = f" from {effect.time:.4g} s to {effect.time + effect.duration:.4g} s"
+    return words + (f", within {effect.edge:.2g} s there and gone" if effect.edge else "")

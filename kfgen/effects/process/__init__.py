@@ -1,0 +1,1 @@
+"""Random and deterministic processes of one channel at rest: each a linear system."""

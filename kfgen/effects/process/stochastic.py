@@ -1,0 +1,253 @@
+"""Noise of a sensor at rest: white, quantisation, Gauss-Markov, flicker, random walk.
+
+References
+----------
+.. [1] IEEE Std 952-1997, annex C, eqs (C.1)-(C.21).
+.. [2] P. S. Maybeck, Stochastic Models, Estimation, and Control, vol. 1, 1979, sec. 4.11.
+.. [3] V. Saini, S. C. Rana, M. M. Kuber, Online estimation of state space error model for MEMS IMU,
+   J. Modelling and Simulation of Systems 1(4), 2010.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from kfgen.core.errors import InputError
+from kfgen.effects.effect import Effect, Look, Meaning, parameter
+from kfgen.effects.linear_system import LinearSystem, State
+
+FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+"""Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
+
+
+@cache
+def gauss_markov_peak() -> tuple[float, float]:
+    """Where the Allan deviation of a Gauss-Markov process peaks, in units of tau, and its height in sigma."""
+    from scipy.optimize import minimize_scalar
+
+    unit = GaussMarkov(sigma=1.0, tau=1.0)
+
+    def below(t: float) -> float:
+        return -float(unit.allan_variance(np.array([t]))[0])
+
+    found = minimize_scalar(below, bracket=(1.0, 2.0, 4.0), tol=1e-10)
+    return float(found.x), math.sqrt(-float(found.fun))
+
+
+@dataclass(frozen=True)
+class WhiteNoise(Effect):
+    """White noise (angle or velocity random walk): density ``N^2``, AVAR ``N^2 / tau``."""
+
+    N: Any = parameter("U/sqrt(Hz)")
+
+    name: ClassVar[str] = "white_noise"
+    title: ClassVar[str] = "white noise (random walk of the integral)"
+    sentence_template: ClassVar[str] = "carries white noise of N = {N}"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The first point of the Allan deviation."""
+        return [cls(N=float(look.deviation[0] * np.sqrt(look.tau[0])))]
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """``y = v``."""
+        return LinearSystem(V=self.N**2)
+
+
+@dataclass(frozen=True)
+class Quantisation(Effect):
+    """Quantisation of the integrated output: AVAR ``3 Q^2 / tau^2``."""
+
+    Q: Any = parameter("U*s")
+
+    name: ClassVar[str] = "quantisation"
+    title: ClassVar[str] = "quantisation of the integrated output"
+    separating_experiment: ClassVar[str] = "another sampling rate"
+    sentence_template: ClassVar[str] = "is quantised in its integral by Q = {Q}"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The first point of the Allan deviation."""
+        return [cls(Q=float(look.deviation[0] * look.tau[0] / np.sqrt(3.0)))]
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """A white sequence of variance ``Q^2`` on the integral."""
+        return LinearSystem(Z=self.Q**2)
+
+
+@dataclass(frozen=True)
+class GaussMarkov(Effect):
+    """First-order Gauss-Markov process, stationary deviation `sigma`, correlation time `tau`."""
+
+    sigma: Any = parameter("U")
+    tau: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "gauss_markov"
+    title: ClassVar[str] = "first-order Gauss-Markov bias"
+    separating_experiment: ClassVar[str] = "a record of a hundred of its correlation times"
+    repeatable: ClassVar[bool] = True
+    sentence_template: ClassVar[str] = (
+        "has a bias that wanders by sigma = {sigma} with a correlation time of tau = {tau}"
+    )
+    meanings: ClassVar[tuple[Meaning, ...]] = (
+        Meaning(
+            "beta",
+            "1/s",
+            "tau",
+            "inverse correlation time",
+            "the literature on state-space models",
+            lambda beta, v: 1.0 / beta,
+            lambda e: 1.0 / e.tau,
+        ),
+        Meaning(
+            "sigma",
+            "U",
+            "sigma",
+            "stationary standard deviation",
+            "KF-GINS (gbstd, abstd), kfgen's own files",
+            lambda sigma, v: sigma,
+            lambda e: e.sigma,
+        ),
+        Meaning(
+            "q",
+            "U/sqrt(s)",
+            "sigma",
+            "root density of the driving noise, sigma sqrt(2/tau)",
+            "Gazebo, RotorS, PX4 SITL; a random walk's K over times short against tau",
+            lambda q, v: q * math.sqrt(v["tau"] / 2.0),
+            lambda e: e.sigma * math.sqrt(2.0 / e.tau),
+        ),
+        Meaning(
+            "B_ieee",
+            "U",
+            "sigma",
+            "flicker (bias instability) whose Allan floor is as high as this term's Allan peak",
+            "IEEE Std 952, data sheets that divide the floor by 0.664",
+            lambda B, v: B * FLICKER_FLOOR / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR,
+        ),
+        Meaning(
+            "adev_min",
+            "U",
+            "sigma",
+            "the floor of the Allan deviation as read off, taken for this term's peak",
+            "data sheets and Allan tools that do not divide by 0.664",
+            lambda floor, v: floor / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1],
+        ),
+        Meaning(
+            "B_saini",
+            "U/sqrt(Hz)",
+            "sigma",
+            "B of x' = -beta x + beta B w, so that the driver's root density is beta B",
+            "Saini, Rana, Kuber 2010; Hemerly 2017",
+            lambda B, v: B / math.sqrt(2.0 * v["tau"]),
+            lambda e: e.sigma * math.sqrt(2.0 * e.tau),
+        ),
+    )
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """Correlation times over the record, each with the deviation seen there at its peak."""
+        times = np.geomspace(max(look.duration / 1000.0, 20.0 * look.dt), look.duration / 10.0, 4)
+        return [cls(float(np.interp(t, look.tau, look.deviation)) / 0.6, float(t)) for t in times]
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """``dx = -x / tau dt + dw``, ``W = 2 sigma^2 / tau``."""
+        return LinearSystem(
+            A=((-1 / self.tau,),),
+            W=((2 * self.sigma**2 / self.tau,),),
+            C=(1,),
+            x0=(0,),
+            states=(State("gm"),),
+        )
+
+
+UNSTATED = (1.0, 1e4)
+"""The band of a flicker of which only B is stated [s]."""
+
+
+@dataclass(frozen=True)
+class BiasInstability(Effect):
+    """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
+
+    Time constants are spaced evenly in the logarithm with ratio ``r`` from `shortest` to
+    `longest`, each of variance ``B^2 ln(r) / pi``. The sum has the flicker's density within 1 % three
+    decades inside the band, 3 % below it one decade inside, and a third below it at the ends.
+    """
+
+    B: Any = parameter("U")
+    shortest: float = parameter("s", "setting", UNSTATED[0])
+    longest: float = parameter("s", "setting", UNSTATED[1])
+
+    name: ClassVar[str] = "bias_instability"
+    title: ClassVar[str] = "bias instability (flicker)"
+    separating_experiment: ClassVar[str] = "a much longer record"
+    sentence_template: ClassVar[str] = (
+        "has a bias instability (flicker) of B = {B} between {shortest} and {longest}"
+    )
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest < self.longest:
+            raise InputError(
+                f"the band of bias_instability from {self.shortest:g} s to {self.longest:g} s is empty",
+                remedy="Give longest a larger time than shortest",
+            )
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The floor of the Allan deviation, over the band that the record can show."""
+        return [cls(float(look.deviation.min()), 10.0 * look.dt, look.duration)]
+
+    def extended_band(self, dt: float, duration: float) -> Self:
+        """The same B over all that the record shows, where its band was not stated."""
+        if (self.shortest, self.longest) != UNSTATED:
+            return self
+        return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """A diagonal bank of Gauss-Markov processes."""
+        m = max(2, math.ceil(math.log(self.longest / self.shortest) / math.log(4.0)) + 1)
+        r = (self.longest / self.shortest) ** (1.0 / (m - 1))
+        taus = [self.shortest * r**i for i in range(m)]
+        variance = self.B**2 * (math.log(r) / math.pi)
+
+        def diagonal(entries: list[Any]) -> tuple[tuple[Any, ...], ...]:
+            return tuple(tuple(e if i == j else 0 for j in range(m)) for i, e in enumerate(entries))
+
+        return LinearSystem(
+            A=diagonal([-1 / t for t in taus]),
+            W=diagonal([2 * variance / t for t in taus]),
+            C=(1,) * m,
+            x0=(0,) * m,
+            states=tuple(State(f"flicker{i}") for i in range(m)),
+        )
+
+
+@dataclass(frozen=True)
+class RateRandomWalk(Effect):
+    """Random walk of the output itself: density ``K^2 / (2 pi f)^2``, AVAR ``K^2 tau / 3``."""
+
+    K: Any = parameter("U/sqrt(s)")
+
+    name: ClassVar[str] = "rate_random_walk"
+    title: ClassVar[str] = "rate random walk"
+    separating_experiment: ClassVar[str] = "a second record, for a random walk goes another way each time"
+    sentence_template: ClassVar[str] = "has a bias in random walk of K = {K}"
+
+    @classmethod
+    def starts(cls, look: Look) -> list[Self]:
+        """The last point of the Allan deviation."""
+        return [cls(K=float(look.deviation[-1] * np.sqrt(3.0 / look.tau[-1])))]
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """``dx = dw``, ``W = K^2``."""
+        return LinearSystem(
+            A=((0,),), W=((self.K**2,),), C=(1,), x0=(0,), states=(State("bias", shared=True),)
+        )

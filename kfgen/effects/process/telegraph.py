@@ -1,0 +1,249 @@
+"""Random telegraph (popcorn) noise: a bias that jumps between two levels.
+
+Its spectrum is that of a Gauss-Markov process of half its dwell time, so nothing of second order can tell
+them apart; the likelihood of a level that switches can, see `kfgen.effects.process.switching_level`, also beside slow noise.
+
+References
+----------
+.. [1] S. Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, J. Appl. Phys. 25, 1954.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.linear_system import LinearSystem, State
+from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
+from kfgen.effects.series import DECADES, Detection, WhiteSeries
+
+Array = NDArray[np.float64]
+
+CELLS = 2048
+"""Means into which a record is gathered."""
+PROMISING = 3.0
+"""Nats that the best of the first points must be worth at least, before levels are looked for in earnest."""
+SEVERAL = 8.0
+"""Jumps that a record holds on average at least: a single one is a step."""
+WIDTHS = (4, 16, 64)
+"""Cells over which means are smoothed to see how far apart levels may be."""
+FACTORS = (0.6, 1.0, 1.6)
+DWELLS = 9
+"""First points: distances of the levels about those seen, and dwell times."""
+STATES = 2
+"""Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
+UNEVEN = 0.15
+"""Of their distance: how far from the record's mean the middle of the levels may be."""
+COLOURED = 1.15
+"""Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
+HALF = 0.5
+"""Of what slow noise of the same spectrum gains: what the best of the first points must gain at least."""
+BEHIND = 3.0
+"""Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
+GRID = 16
+"""Sizes, and times, at which that noise is tried."""
+NOISES = 64
+"""First points of the noise alone."""
+
+
+@dataclass(frozen=True)
+class RandomTelegraph(Effect):
+    """A bias that jumps by `size` between two levels, on each of which it stays for `dwell` on average."""
+
+    size: Any = parameter("U")
+    dwell: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "random_telegraph"
+    title: ClassVar[str] = "random telegraph noise"
+    separating_experiment: ClassVar[str] = "a record with more of its jumps"
+    sentence_template: ClassVar[str] = "jumps between two levels {size} apart, staying for {dwell} on average"
+    changes_samples: ClassVar[bool] = True
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """The Gauss-Markov process of the same spectrum: ``sigma = size / 2``, ``tau = dwell / 2`` [1]_."""
+        return LinearSystem(
+            A=((-2 / self.dwell,),),
+            W=((self.size**2 / self.dwell,),),
+            C=(1,),
+            x0=(0,),
+            states=(State("telegraph"),),
+        )
+
+    def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Any] | None = None) -> Array:
+        """Levels with exponential dwell times, shape (n,)."""
+        t = np.asarray(t)
+        dt = float(t[-1] - t[0]) / max(t.size - 1, 1)
+        flips = rng.random(t.size) < -0.5 * np.expm1(-2.0 * dt / float(self.dwell))  # an odd number of jumps
+        return np.asarray(0.5 * float(self.size) * (1.0 - 2.0 * ((np.cumsum(flips) + rng.integers(2)) % 2)))
+
+    @classmethod
+    def detect(cls, series: WhiteSeries) -> list[Detection]:
+        """The level that explains the means of short cells best, integrated over its numbers and the noise's."""
+        cells = Cells.of(series)
+        if cells.switching.slow.order > STATES or not cells.even:
+            return []
+        starts, quiet = cells.starts(), cells.noise_starts()
+        still, rival = cells.noise_gain(quiet), cells.gauss_markov_gain()
+        alone, gains = float(still.max()), cells.gain(starts)
+        if starts.size == 0 or float(gains.max()) < alone + max(PROMISING, HALF * rival):
+            return []
+        best = integral(cells.gain, starts, alone + max(PROMISING, rival - BEHIND), values=gains)
+        without = integral(cells.noise_gain, quiet, values=still) if best else None
+        if best is None or without is None:
+            return []
+        size, dwell = np.exp(best.mean[:2]).tolist()
+        spread = np.exp(1.96 * np.sqrt(np.diag(best.covariance)[:2]))
+        evidence = best.log - without.log - float(np.log(DECADES * (cells.longest - cells.shortest)))
+        ci95 = {
+            name: (float(v / s), float(v * s)) for name, v, s in zip(("size", "dwell"), (size, dwell), spread)
+        }
+        return [Detection(cls(size, dwell), 0.0, evidence, ci95)]
+
+    def removed_from(self, series: WhiteSeries) -> Array:
+        """The samples that the model without levels would give for the same innovations, cell by cell."""
+        cells = Cells.of(series)
+        size, dwell = float(np.log(self.size)), float(np.log(self.dwell))
+
+        def gain(noise: Array) -> Array:
+            return cells.gain(np.column_stack([np.full((len(noise), 2), (size, dwell)), noise]))
+
+        best = integral(gain, cells.noise_starts())
+        assert best is not None
+        at = cells.point(np.concatenate([[size, dwell], best.mean])[None])
+        off = cells.switching.quiet(at, cells.switching.innovations(at)) - cells.switching.mean
+        each = np.minimum(np.arange(series.n) // cells.block, off.size - 1)
+        return np.asarray(series.y + off[each])
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A record gathered into cells, and what is believed of its noise.
+
+    Parameters
+    ----------
+    even : bool
+        Whether the noise that is not slow is white in the band of the cells.
+    block : int
+        Samples of a cell.
+    power : float
+        Sum of squares of the faster ordinates, of which there are `rest`.
+    density : ndarray, shape (m - 1,)
+        What the model expects of the squares of the cosine ordinates of the cells' means [SI^2].
+    still : float
+        Deviation of the record's mean without levels [SI].
+    level, wander : (mean, deviation)
+        What is believed of the logarithms of the levels of the white and of the slow noise over those of the fit.
+    """
+
+    switching: Switching
+    even: bool
+    block: int
+    power: float
+    rest: int
+    density: Array
+    still: float
+    level: tuple[float, float]
+    wander: tuple[float, float]
+
+    @staticmethod
+    def of(series: WhiteSeries) -> Cells:
+        """At most `CELLS` of them."""
+        block = max(1, -(-series.n // CELLS))
+        m = series.n // block
+        mean = series.y[: m * block].reshape(m, block).mean(axis=1)
+        dt = series.dt * block
+        band = np.maximum(series.weight[1:m], 1e-300) / np.sqrt(1.0 - series.slow[1:m])
+        sd = 1.0 / float(np.mean(band)) / float(np.sqrt(block))
+        even = float(band.max()) < COLOURED * float(band.min())
+        power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
+        rest = int(np.count_nonzero(series.weight[m:])) if block > 1 else 0
+        switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
+        still = 1.0 / float(series.weight[1] * np.sqrt(series.n))
+        density = 1.0 / (block * np.square(np.maximum(series.weight[1:m], 1e-150)))
+        return Cells(switching, even, block, power, rest, density, still, series.level, series.wander)
+
+    @property
+    def shortest(self) -> float:
+        """Logarithm of the shortest dwell time: a cell."""
+        return float(np.log(self.switching.dt))
+
+    @property
+    def longest(self) -> float:
+        """Logarithm of the longest: the record holds `SEVERAL` of them."""
+        return float(np.log(self.switching.mean.size * self.switching.dt / SEVERAL))
+
+    def starts(self) -> Array:
+        """Points about the distances at which the smoothed means stand, shape (p, 4 or 5)."""
+        from scipy.ndimage import uniform_filter1d
+
+        mean, sd = self.switching.mean, self.switching.sd
+        sizes = [
+            2.0 * float(np.sqrt(max(np.var(uniform_filter1d(mean, w)) - sd**2 / w, 1e-2 * sd**2 / w)))
+            for w in WIDTHS
+            if mean.size >= 8 * w
+        ]
+        dwells = np.linspace(self.shortest, self.longest, DWELLS + 1)[1:]
+        levels = np.array([[np.log(a * f), d] for a in sizes for f in FACTORS for d in dwells]).reshape(-1, 2)
+        deviation = np.tile(self.deviation, (len(levels), 1))
+        deviation[:, 0] = UNEVEN * np.exp(levels[:, 0])
+        drawn = np.random.default_rng(0).standard_normal(deviation.shape)
+        return np.column_stack([levels, self.noise + deviation * drawn])
+
+    @property
+    def noise(self) -> Array:
+        """About where the middle [SI] and the logarithms of the levels of the noise are, shape (2,) or (3,)."""
+        loud = 0.5 * float(np.log(self.power / self.rest)) if self.rest else 0.0
+        return np.array([0.0, loud, 0.0])[: 2 + bool(self.switching.slow.order)]
+
+    @property
+    def deviation(self) -> Array:
+        """How far off they may be without levels, shape (2,) or (3,)."""
+        free = 1.0 / float(np.sqrt(2.0 * (self.rest + self.switching.mean.size)))
+        return np.array([self.still, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
+
+    def noise_starts(self) -> Array:
+        """Points about the noise of the fast ordinates, and about that of a fit to all, shape (p, 2 or 3)."""
+        drawn = np.random.default_rng(0).standard_normal((NOISES, self.noise.size))
+        middle = np.where(np.arange(NOISES)[:, None] % 2, self.noise, 0.0)
+        return np.asarray(middle + 2.0 * self.deviation * drawn)
+
+    def gauss_markov_gain(self) -> float:
+        """What the process of the same spectrum gains over no levels [nats], at its best."""
+        from scipy.fft import dct
+
+        m, dt = self.switching.mean.size, self.switching.dt
+        power = np.square(dct(self.switching.mean, norm="ortho")[1:])
+        omega = np.pi * np.arange(1, m) / m
+        best = 0.0
+        for phi in np.exp(-2.0 * dt / np.exp(np.linspace(self.shortest, self.longest, GRID))):
+            shape = (1.0 - phi**2) / (1.0 - 2.0 * phi * np.cos(omega) + phi**2)
+            S = self.density + np.geomspace(1e-3, 1e1, GRID)[:, None] * np.var(self.switching.mean) * shape
+            gain = 0.5 * np.sum(np.log(self.density / S) + power * (1.0 / self.density - 1.0 / S), axis=1)
+            best = max(best, float(gain.max()))
+        return best
+
+    def noise_gain(self, noise: Array) -> Array:
+        """As `gain`, of no levels."""
+        return self.gain(np.column_stack([np.full((len(noise), 2), (-np.inf, self.longest)), noise]))
+
+    def point(self, x: Array) -> SwitchingParameters:
+        """From log size, log dwell, middle, log of the white level and, where there is slow noise, of its level."""
+        size, dwell, loud, wander = np.exp(
+            [x[:, 0], x[:, 1], x[:, 3], x[:, 4] if x.shape[1] > 4 else 0.0 * x[:, 3]]
+        )
+        return SwitchingParameters(size, dwell, x[:, 2], loud, wander)
+
+    def gain(self, x: Array) -> Array:
+        """Log-likelihood and log prior of the noise's levels [nats], up to a constant, at points, shape (p, 4 or 5)."""
+        at, loud = self.point(x), x[:, 3]
+        value = self.switching.log_likelihood(at) - self.rest * loud - 0.5 * self.power * np.exp(-2.0 * loud)
+        for x_k, (mean, deviation) in zip(x.T[3:], (self.level, self.wander)):
+            value = value - 0.5 * ((x_k - mean) / deviation) ** 2
+        inside = (x[:, 1] >= self.shortest) & (x[:, 1] <= self.longest)
+        return np.asarray(np.where(inside, value, -1e6))

@@ -1,0 +1,1 @@
+"""What happens to single samples: events, outliers, bursts, filters."""

@@ -1,0 +1,188 @@
+"""What happens at a time: a step of the bias, a change of the noise.
+
+References
+----------
+.. [1] A. S. Willsky and H. L. Jones, A generalized likelihood ratio approach to the detection and estimation
+   of jumps in linear systems, IEEE Trans. Automatic Control 21(1), 1976 (here integrated over the onset).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.linear_system import LinearSystem, State
+from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_worth, log_mean, middle95
+
+Array = NDArray[np.float64]
+
+MARGIN = 8
+"""Samples at either end at which no event is looked for."""
+
+
+@dataclass(frozen=True)
+class BiasStep(Effect):
+    """A jump of the bias by `size` at `time` since the first sample: a one-off."""
+
+    size: Any = parameter("U", "signed")
+    time: Any = parameter("s", "place")
+
+    name: ClassVar[str] = "bias_step"
+    title: ClassVar[str] = "step of the bias"
+    separating_experiment: ClassVar[str] = "a second record, for a step does not come again"
+    sentence_template: ClassVar[str] = "jumps by {size} at {time}"
+    repeatable: ClassVar[bool] = True
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """A constant; when it jumps, a filter's variance of it should grow by ``size^2`` [1]_."""
+        return LinearSystem(A=((0,),), W=((0,),), C=(1,), x0=(0,), states=(State("bias", shared=True),))
+
+    def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
+        """``size`` from `time` on."""
+        return np.where(np.asarray(t) >= self.time, float(self.size), 0.0)
+
+    @classmethod
+    def detect(cls, series: WhiteSeries) -> list[Detection]:
+        """Every sample as its onset, by one transform: products of all steps with the white series."""
+        from scipy.fft import dst
+
+        n = series.n
+        half = 2.0 * np.sin(0.5 * series.omega[1:])
+
+        def product(X: Array) -> Array:
+            return np.asarray(-np.sqrt(0.5 / n) * dst(X[1:] * series.weight[1:] / half, type=1))
+
+        power = np.concatenate([[0.0], (series.weight[1:] / half) ** 2])
+        energy = (power.sum() - np.fft.fft(power).real[1:]) / n
+        for q in series.nuisance.T:
+            energy = energy - product(q) ** 2
+        keep = slice(MARGIN, n - 1 - MARGIN)
+        size = product(series.X)[keep] / np.maximum(energy[keep], 1e-9 * energy.max())
+        w = coefficient_worth(size * np.sqrt(np.maximum(energy[keep], 0.0)))
+        k = int(np.argmax(w))
+        at = series.t[1:][keep]
+        effect = cls(float(size[k]), float(at[k]))
+        return [Detection(effect, log_mean(w) - float(w[k]), ci95={"time": middle95(at, w)})]
+
+
+@dataclass(frozen=True)
+class NoiseChange(Effect):
+    """White noise whose deviation grows by `ratio` at `time` since the first sample."""
+
+    ratio: Any = parameter("", "ratio")
+    time: Any = parameter("s", "place")
+
+    name: ClassVar[str] = "noise_change"
+    title: ClassVar[str] = "change of the noise's level"
+    separating_experiment: ClassVar[str] = "a second record"
+    sentence_template: ClassVar[str] = "has noise that grows by a factor of {ratio} at {time}"
+    changes_samples: ClassVar[bool] = True
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """Nothing is added."""
+        return LinearSystem()
+
+    @classmethod
+    def detect(cls, series: WhiteSeries) -> list[Detection]:
+        """Every sample as its onset, by the sums of squares before and after."""
+        square = np.cumsum(series.fast**2)
+        n, total = series.n, float(square[-1])
+        k = np.arange(10 * MARGIN, n - 10 * MARGIN)
+        if k.size < 2:
+            return []
+        before, after = square[k] / (k + 1), (total - square[k]) / (n - 1 - k)
+        mean, sd = series.level
+        # The noise before the change is what is believed of it; without a change all of it is.
+        whole = -0.5 * n * np.log(total / n) - 0.5 * ((0.5 * np.log(total / n) - mean) / sd) ** 2
+        parts = -0.5 * (k + 1) * np.log(before) - 0.5 * (n - 1 - k) * np.log(after)
+        parts = parts - 0.5 * ((0.5 * np.log(before) - mean) / np.hypot(sd, np.sqrt(0.5 / (k + 1)))) ** 2
+        spread = np.sqrt(0.5 / (k + 1) + 0.5 / (n - 1 - k))
+        w = parts - whole + 0.5 * np.log(2.0 * np.pi) + np.log(spread / (2.0 * DECADES))
+        best = int(np.argmax(w))
+        ratio = float(np.sqrt(after[best] / before[best]))
+        wide = 1.96 * float(spread[best])
+        at = series.t[1:][k]
+        ci95 = {
+            "ratio": (ratio * float(np.exp(-wide)), ratio * float(np.exp(wide))),
+            "time": middle95(at, w),
+        }
+        return [Detection(cls(ratio, float(at[best])), 0.0, log_mean(w), ci95)]
+
+    def removed_from(self, series: WhiteSeries) -> Array:
+        """The white part after the change brought to the level before it."""
+        late = series.t >= self.time
+        return np.where(late, series.y - series.noise * (1.0 - 1.0 / float(self.ratio)), series.y)
+
+    def apply_to(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
+        """Steps between samples grow as the noise does; where it shrinks, slow parts shrink with it."""
+        late = np.asarray(t) >= self.time
+        sd = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
+        if self.ratio >= 1.0:
+            more = sd * float(np.sqrt(self.ratio**2 - 1.0)) * rng.standard_normal(y.size)
+            return np.where(late, y + more, y)
+        return np.where(late, y.mean() + (y - y.mean()) * float(self.ratio), y)
+
+
+@dataclass(frozen=True)
+class Outliers(Effect):
+    """A `share` of the samples carries an error of deviation `sigma` beside the noise."""
+
+    share: Any = parameter("", "ratio")
+    sigma: Any = parameter("U", "size")
+
+    name: ClassVar[str] = "outliers"
+    title: ClassVar[str] = "outliers"
+    separating_experiment: ClassVar[str] = "a longer record"
+    sentence_template: ClassVar[str] = "has outliers of {sigma} in a share of {share}"
+    changes_samples: ClassVar[bool] = True
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """Nothing is added: a filter gates them."""
+        return LinearSystem()
+
+    @classmethod
+    def detect(cls, series: WhiteSeries) -> list[Detection]:
+        """A mixture of two normal laws against one, by the histogram of the white series."""
+        from kfgen.effects.samples.mixture import Mixture
+
+        found = Mixture.fitted(series.z, series.level)
+        if found is None:
+            return []
+        k = float(np.sqrt(found.kappa**2 - 1.0)) * series.sd * found.level
+        effect = cls(found.share, k)
+        half = np.minimum(1.96 * found.spread, 300.0)
+        lo, hi = np.exp(-half), np.exp(half)
+        ci95 = {
+            "share": (found.share * float(lo[1]), found.share * float(hi[1])),
+            "sigma": (k * float(lo[2]), k * float(hi[2])),
+        }
+        return [Detection(effect, 0.0, found.evidence, ci95)]
+
+    def chance(self, series: WhiteSeries) -> Array:
+        """Probability of each sample to be one, shape (n,)."""
+        s = series.sd
+        wide = float(np.hypot(1.0, self.sigma / s))
+        z2 = series.z**2
+        odds = float(self.share) / (1.0 - float(self.share)) / wide
+        log_odds = np.clip(0.5 * z2 * (1.0 - 1.0 / wide**2) + np.log(odds), -700.0, 700.0)
+        return np.asarray(1.0 / (1.0 + np.exp(-log_odds)))
+
+    def removed_from(self, series: WhiteSeries) -> Array:
+        """The samples with those that are outliers drawn anew from the noise: a draw from their posterior."""
+        rng = np.random.default_rng(series.n)
+        hit = rng.random(series.n) < self.chance(series)
+        return np.where(hit, series.y - series.sd * (series.z - rng.standard_normal(series.n)), series.y)
+
+    def apply_to(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
+        """Some samples, drawn at random, with their error."""
+        hit = rng.random(y.size) < float(self.share)
+        return np.asarray(y + hit * float(self.sigma) * rng.standard_normal(y.size))

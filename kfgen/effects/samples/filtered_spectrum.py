@@ -1,0 +1,74 @@
+"""The spectrum of several effects together: their sum, and what is left of it by those that filter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+STOP = 1e-3
+"""Share of the power that a filter passes below which nothing is said of a frequency: rounding and the ends of the
+record show there, and no model of the noise."""
+LEAK = 2048
+"""Lags over which what a filter passes is correlated at most."""
+
+
+def sampled_spectrum(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0) -> Array:
+    """Spectral density [U^2] of the samples of all random effects, shape (m,): what is filtered is filtered.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (m,)
+        Radians per block.
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples averaged to one.
+    n : int
+        Blocks of the record, of which so many cosine ordinates are made; zero for the density itself.
+    """
+    random = [e for e in effects if not e.coefficients()]
+    total = sum((e.sampled_density(omega, dt, block) for e in random), np.zeros(omega.size))
+    return filtered(effects, omega, dt, block, n) * total
+
+
+def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0) -> Array:
+    """Factor of the effects that filter, shape (m,), as the cosine ordinates of a record of `n` blocks show it."""
+    out = np.ones(omega.size)
+    for e in effects:
+        factor = e.response(omega / block, dt)
+        out = out if factor is None else out * factor
+    if n and block == 1 and any(e.is_filter for e in effects):
+        out = out + _leak(filtered(effects, np.pi * np.arange(LEAK + 1) / LEAK, dt), omega) / n
+    return out
+
+
+def _leak(factor: Array, omega: Array) -> Array:
+    """What a record without end does not show: power that the ends of one carry to other ordinates, times its length.
+
+    A cosine ordinate at ``omega = pi k / n`` of a stationary series of autocovariance ``gamma`` has the variance
+    ``S(omega) - (2 / n) sum_h gamma(h) (h cos(omega h) + sin(omega h) / sin(omega))``: the sum over all pairs of
+    samples, of which the second part is that of the cosines of the sums of their times. It is little but where a
+    filter lets nothing pass.
+
+    Parameters
+    ----------
+    factor : ndarray, shape (LEAK + 1,)
+        ``S`` from zero to the Nyquist frequency.
+    omega : ndarray, shape (m,)
+    """
+    from scipy.fft import dct, dst, irfft
+
+    h = np.arange(1, LEAK)
+    gamma = irfft(factor)[1:LEAK]
+    grid = np.pi * h / LEAK
+    cosines = 0.5 * dct(np.concatenate([[0.0], h * gamma, [0.0]]), type=1)[1:LEAK]
+    sines = 0.5 * dst(gamma, type=1) / np.sin(grid)
+    # Both parts cancel at the Nyquist frequency, to second order.
+    even = -2.0 * (cosines + sines) / np.cos(0.5 * grid) ** 2
+    return np.asarray(np.interp(omega, grid, even) * np.cos(0.5 * omega) ** 2)

@@ -1,0 +1,209 @@
+"""Intermittent noise: bursts of louder noise that come and go.
+
+Its spectrum is white, and the law of its samples is a mixture as that of outliers is; that loud samples
+stand together tells it. The sums of squares of short cells are those of a hidden Markov chain, whose likelihood is
+integrated over its numbers.
+
+References
+----------
+.. [1] L. R. Rabiner, A tutorial on hidden Markov models, Proc. IEEE 77(2), 1989.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.process.markov_chain import drawn, history, log_likelihood, transitions
+from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.series import Detection, WhiteSeries
+
+Array = NDArray[np.float64]
+
+CELLS = 2048
+"""Sums of squares into which a record is gathered."""
+FINE = 65536
+"""As many where a history is drawn."""
+SEVERAL = 8.0
+"""Bursts of the longest mean length that would fill the record."""
+WIDTHS = (1, 4, 16, 64)
+"""Cells over which squares are gathered to see whether their level changes at all."""
+UNEVEN = 3.5
+"""Deviations by which those sums must scatter more than of one level."""
+PROMISING = 3.0
+"""Nats that the best of the first points must be worth."""
+RATIO = (float(np.log(1.05)), float(np.log(1e3)))
+ODDS = (-8.0, 2.0)
+"""Ranges of the logarithms of the ratio of deviations and of the odds of the share: uniform priors."""
+
+
+@dataclass(frozen=True)
+class IntermittentNoise(Effect):
+    """White noise whose deviation is `ratio` times as large in a `share` of the time, for `lasting` at a stretch."""
+
+    ratio: Any = parameter("", "ratio")
+    share: Any = parameter("", "ratio")
+    lasting: Any = parameter("s", "time")
+
+    name: ClassVar[str] = "intermittent_noise"
+    title: ClassVar[str] = "intermittent noise"
+    separating_experiment: ClassVar[str] = "a longer record, with more of its bursts"
+    sentence_template: ClassVar[str] = (
+        "has noise that is {ratio} times as large in bursts of {lasting} on average, in a share of {share} of the time"
+    )
+    changes_samples: ClassVar[bool] = True
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """Nothing is added: a filter's R switches."""
+        return LinearSystem()
+
+    @classmethod
+    def detect(cls, series: WhiteSeries) -> list[Detection]:
+        """The chain that explains the squares of the white series best, integrated over its numbers."""
+        cells = Squares.of(series)
+        if not cells.uneven:
+            return []
+        starts, alone = cells.starts(), cells.one_level()
+        gains = cells.gain(starts)
+        if float(gains.max()) < alone + PROMISING:
+            return []
+        best = integral(cells.gain, starts, alone + PROMISING, values=gains)
+        if best is None:
+            return []
+        prior = np.log((RATIO[1] - RATIO[0]) * (ODDS[1] - ODDS[0]) * (cells.longest - cells.shortest))
+        spread = 1.96 * np.sqrt(np.diag(best.covariance))
+        low, middle, high = (cls.at(best.mean + k * spread) for k in (-1.0, 0.0, 1.0))
+        ci95 = {
+            name: (float(getattr(low, name)), float(getattr(high, name)))
+            for name in ("ratio", "share", "lasting")
+        }
+        return [Detection(middle, 0.0, best.log - alone - float(prior), ci95)]
+
+    @classmethod
+    def at(cls, x: Array) -> IntermittentNoise:
+        """From log ratio, log odds of the share and log length."""
+        share = 1.0 / (1.0 + np.exp(-x[1]))
+        return cls(float(np.exp(x[0])), float(share), float(np.exp(x[2])))
+
+    def removed_from(self, series: WhiteSeries) -> Array:
+        """The loud samples brought to the level of the others, where a history drawn from all says that they are."""
+        z, ratio, share = series.fast, float(self.ratio), float(self.share)
+        block = -(-series.n // FINE)
+        m = series.n // block
+        squares = (z[: m * block] ** 2).reshape(m, block).sum(axis=1)
+        quiet = float(np.mean(z**2)) / (1.0 + share * (ratio**2 - 1.0))
+        log_odds = 0.5 * squares / quiet * (1.0 - ratio**-2) - block * np.log(ratio)
+        T = transitions(np.array([share]), np.array([float(self.lasting)]), series.dt * block)[0]
+        loud = history(log_odds, T, share, np.random.default_rng(series.n))
+        each = loud[np.minimum(np.arange(series.n) // block, m - 1)]
+        return np.where(each, series.y - series.noise * (1.0 - 1.0 / ratio), series.y)
+
+    def apply_to(
+        self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None
+    ) -> Array:
+        """Noise is added for a while, again and again."""
+        dt = float(t[-1] - t[0]) / (y.size - 1)
+        T = transitions(np.array([float(self.share)]), np.array([float(self.lasting)]), dt)[0]
+        loud = drawn(y.size, T, float(self.share), rng)
+        sd = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
+        more = sd * float(np.sqrt(max(self.ratio**2 - 1.0, 0.0))) * rng.standard_normal(y.size)
+        return np.where(loud, y + more, y)
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Sums of squares of a white series, cell by cell.
+
+    Parameters
+    ----------
+    sums : ndarray, shape (m,)
+        Of `block` samples each, of unit variance if the model holds.
+    dt : float
+        Length of a cell [s].
+    level : (mean, deviation)
+        What is believed of the logarithm of the noise's level over that of the fit.
+    """
+
+    sums: Array
+    block: int
+    dt: float
+    level: tuple[float, float]
+
+    @staticmethod
+    def of(series: WhiteSeries) -> Squares:
+        """At most `CELLS` of them."""
+        block = -(-series.n // CELLS)
+        m = series.n // block
+        sums = (series.fast[: m * block] ** 2).reshape(m, block).sum(axis=1)
+        return Squares(sums, block, series.dt * block, series.level)
+
+    @property
+    def shortest(self) -> float:
+        """Logarithm of the shortest mean length of a burst: two cells."""
+        return float(np.log(2.0 * self.dt))
+
+    @property
+    def longest(self) -> float:
+        """Logarithm of the longest: the record holds `SEVERAL` of them."""
+        return float(np.log(max(self.sums.size / SEVERAL, 4.0) * self.dt))
+
+    @property
+    def uneven(self) -> bool:
+        """Whether sums over some width scatter more than those of normal samples of one level."""
+        for w in WIDTHS:
+            m = self.sums.size // w
+            if m < 16:
+                break
+            sums = self.sums[: m * w].reshape(m, w).sum(axis=1) / float(np.mean(self.sums)) / w
+            scatter = float(np.var(sums)) * 0.5 * self.block * w
+            if (scatter - 1.0) * np.sqrt(0.5 * m) > UNEVEN:
+                return True
+        return False
+
+    def starts(self) -> Array:
+        """Log ratio, log odds of the share, log length, log of the level between bursts: shape (p, 4)."""
+        ratio, odds, lasting = (
+            a.ravel()
+            for a in np.meshgrid(
+                np.log([1.3, 1.8, 3.0, 6.0]),
+                [-4.5, -2.5, -1.0, 0.0],
+                np.linspace(self.shortest, self.longest, 5),
+                indexing="ij",
+            )
+        )
+        share = 1.0 / (1.0 + np.exp(-odds))
+        whole = 0.5 * np.log(self.sums.sum() / (self.sums.size * self.block))
+        quiet = whole - 0.5 * np.log1p(share * (np.exp(2.0 * ratio) - 1.0))
+        return np.column_stack([ratio, odds, lasting, quiet])
+
+    def gain(self, x: Array) -> Array:
+        """Log-likelihood and log prior of the level [nats], up to a constant, at points of shape (p, 4)."""
+        ratio, share, lasting = x[:, 0], 1.0 / (1.0 + np.exp(-x[:, 1])), np.exp(x[:, 2])
+        levels = np.stack([x[:, 3], x[:, 3] + ratio], axis=-1)
+        log_e = -0.5 * self.sums[:, None, None] * np.exp(-2.0 * levels) - self.block * levels
+        value = log_likelihood(log_e, transitions(share, lasting, self.dt), share) + self._prior(x[:, 3])
+        ranges = zip(x.T[:3], (RATIO, ODDS, (self.shortest, self.longest)))
+        inside = np.all([(lo <= v) & (v <= hi) for v, (lo, hi) in ranges], axis=0)
+        return np.asarray(np.where(inside, value, -1e9))
+
+    def _prior(self, level: Array) -> Array:
+        mean, sd = self.level
+        return np.asarray(-0.5 * ((level - mean) / sd) ** 2 - np.log(sd * np.sqrt(2.0 * np.pi)))
+
+    def one_level(self) -> float:
+        """The same without bursts, integrated over the level by Laplace's method."""
+        n, total = self.sums.size * self.block, float(self.sums.sum())
+        mean, sd = self.level
+        x = 0.5 * np.log(total / n)
+        for _ in range(50):
+            power = total * np.exp(-2.0 * x)
+            x -= (n - power + (x - mean) / sd**2) / (2.0 * power + 1.0 / sd**2)
+        power = total * float(np.exp(-2.0 * x))
+        value = -n * x - 0.5 * power + float(self._prior(np.array(x)))
+        return float(value + 0.5 * np.log(2.0 * np.pi / (2.0 * power + 1.0 / sd**2)))

@@ -1,0 +1,1 @@
+"""Covariance arithmetic: packed storage and UD factors."""

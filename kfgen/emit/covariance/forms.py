@@ -1,0 +1,297 @@
+"""What a form of the covariance is: how it is stored, predicted and corrected. To add one, write one class.
+
+`Packed` stores P, `Factored` (in `kfgen.emit.covariance.factored`) its factors U and D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from kfgen.emit.covariance.packed import Noise, Row, cell, packed_size, predict_covariance, total
+from kfgen.emit.ir.ir import (
+    Argument,
+    Bin,
+    Compare,
+    Expr,
+    For,
+    FunctionCall,
+    Let,
+    Num,
+    Ref,
+    Routine,
+    Scratch,
+    StatusFlag,
+    Stmt,
+    Store,
+    When,
+    add,
+    mul,
+    sub,
+)
+
+HELD, ANY_HELD = "held", Ref("any_held", 0)
+"""One for each state that is considered but not corrected, else zero; and how many there are."""
+GAIN = "gain"
+"""Scratch of an update: what a call takes of the gain."""
+
+
+@dataclass(frozen=True)
+class Fusion:
+    """A scalar measurement at work.
+
+    Parameters
+    ----------
+    before : tuple of Stmt
+        What the innovation variance needs.
+    S : Expr
+        It, as an atom.
+    apply : tuple of Stmt
+        Covariance and correction, once the sample is accepted; ``y`` and ``s = 1 / S`` are there.
+    """
+
+    before: tuple[Stmt, ...]
+    S: Expr
+    apply: tuple[Stmt, ...]
+
+
+@dataclass(frozen=True)
+class CovarianceForm:
+    """A form of the covariance of `n` states.
+
+    Parameters
+    ----------
+    n : int
+    Phi, Qd : dict
+        Where the transition differs from the identity, and where noise drives.
+    names : tuple of str
+        Of the states, for comments.
+    loops : bool
+        Loops in place of repeated columns.
+    slow : dict of int to float
+        States that keep their value under white noise of so much density [SI^2 s], whose noise waits.
+    q_interval : float
+        Until it has waited so long [s]; it then comes in at once.
+    """
+
+    n: int
+    Phi: Mapping[int, Sequence[int]]
+    names: tuple[str, ...]
+    loops: bool = False
+    slow: Mapping[int, float] = field(default_factory=dict)
+    q_interval: float = 0.0
+
+    NAME = ""
+    TITLE = ""
+    ARRAY = ""
+    LUMPS = False
+    """Whether noise may wait: it does where each term of it is dear."""
+
+    @property
+    def memory(self) -> dict[str, tuple[int, str]]:
+        """Further arrays of the filter: size and meaning."""
+        return {}
+
+    @property
+    def size(self) -> int:
+        """Stored numbers."""
+        return packed_size(self.n)
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The states in the order of the stored triangle."""
+        return tuple(range(self.n))
+
+    def init(self, priors: Sequence[float]) -> list[Stmt]:
+        """The stored numbers for independent states of given deviations."""
+        raise NotImplementedError
+
+    def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
+        """Statements of ``P <- Phi P Phi' + Qd``."""
+        raise NotImplementedError
+
+    def fuse(self, tag: str, H: Row, R: float) -> Fusion:
+        """One scalar of Jacobian H and noise variance R."""
+        raise NotImplementedError
+
+    @property
+    def scratch(self) -> tuple[Scratch, ...]:
+        """Local arrays of an update."""
+        return (Scratch(GAIN, self.n),)
+
+    @property
+    def predict_scratch(self) -> tuple[Scratch, ...]:
+        """Local arrays of a prediction."""
+        return ()
+
+    @property
+    def internals(self) -> tuple[Routine, ...]:
+        """Routines that `fuse` and `predict` call."""
+        raise NotImplementedError
+
+    @cached_property
+    def health(self) -> Routine:
+        """Smallest normalised pivot of the covariance."""
+        raise NotImplementedError
+
+    def matrix(self, values: Sequence[float]) -> list[list[float]]:
+        """The covariance, from the stored numbers."""
+        raise NotImplementedError
+
+
+HEALTH = Ref("health", 0)
+
+
+def smaller(value: Expr) -> list[Stmt]:
+    """The health becomes a value where that is smaller; one that is not positive is flagged."""
+    worse = When(Compare("<", value, HEALTH), (Store(HEALTH, value),))
+    return [worse, When(Compare(">", value, Num(0.0)), (), (StatusFlag("NOT_POSITIVE"),))]
+
+
+def corrected(n: int, y: Expr, loops: bool, order: Sequence[int] = ()) -> list[Stmt]:
+    """The correction gathers gain times innovation, the gain from its array, in an order of the states."""
+    if loops and list(order) in ([], list(range(n))):
+        dx = Ref("dx", "i")
+        return [For("i", 0, n, (Store(dx, add(dx, mul(Ref(GAIN, "i"), y))),))]
+    places = [(k, Ref("dx", s)) for k, s in enumerate(order or range(n))]
+    return [Store(dx, add(dx, mul(Ref(GAIN, k), y))) for k, dx in places]
+
+
+class Packed(CovarianceForm):
+    """The covariance itself, its upper triangle by rows."""
+
+    NAME = "p"
+    TITLE = "covariance, upper triangle by rows"
+    ARRAY = "P"
+
+    def init(self, priors: Sequence[float]) -> list[Stmt]:
+        """Variances on the diagonal."""
+        return [
+            Store(cell(i, j), Num(priors[i] ** 2 if i == j else 0.0))
+            for i in range(self.n)
+            for j in range(i, self.n)
+        ]
+
+    def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
+        """By congruence in place."""
+        return predict_covariance(self.n, Phi, Qd, self.names, self.loops)
+
+    def fuse(self, tag: str, H: Row, R: float) -> Fusion:
+        """``b = P H'``, ``S = H b + R``, ``K = b / S``, ``P <- P - K b'``; for held states see `_general`."""
+        before: list[Stmt] = []
+        b: list[Expr] = []
+        for k in range(self.n):
+            before.append(Let(f"b_{tag}_{k}", total([mul(h, cell(k, j)) for j, h in H.items()])))
+            b.append(Ref(f"b_{tag}_{k}"))
+        S = Ref(f"S_{tag}")
+        before.append(Let(S.name, total([*(mul(h, b[j]) for j, h in H.items()), Num(R)])))
+        y, s = Ref(f"y_{tag}"), Ref(f"s_{tag}")
+        handed: list[Stmt] = [Store(Ref(GAIN, k), b[k]) for k in range(self.n)]
+        held = FunctionCall("fuse_held", (Ref(GAIN), S, s))
+        if self.loops:
+            which = When(
+                Compare(">", ANY_HELD, Num(0.0)), (held,), (FunctionCall("fuse_all", (Ref(GAIN), s)),)
+            )
+            return Fusion(tuple(before), S, (*handed, which, *corrected(self.n, y, self.loops)))
+        plain: list[Stmt] = []
+        for k in range(self.n):
+            gain = Ref(f"K_{tag}_{k}")
+            plain += [Let(gain.name, mul(b[k], s)), Store(Ref("dx", k), add(Ref("dx", k), mul(gain, y)))]
+            plain += [Store(cell(k, l), sub(cell(k, l), mul(gain, b[l]))) for l in range(k, self.n)]
+        which = When(
+            Compare(">", ANY_HELD, Num(0.0)), (*handed, held, *corrected(self.n, y, False)), tuple(plain)
+        )
+        return Fusion(tuple(before), S, (which,))
+
+    @property
+    def internals(self) -> tuple[Routine, ...]:
+        """The update in loops, for any gain and for the optimal one."""
+        return (self._held, self._all) if self.loops else (self._held,)
+
+    @property
+    def _held(self) -> Routine:
+        """``P <- P - K b' - c K'`` with ``c = b - S K``: right for any gain, here zero for held states."""
+        n, b, K, c = self.n, GAIN, "K_", "c_"
+        S, s, P = Ref("S"), Ref("s"), cell("i", "j")
+        gain = mul(mul(Ref(b, "i"), s), sub(Num(1.0), Ref(HELD, "i")))
+        left: tuple[Stmt, ...] = (
+            Store(Ref(K, "i"), gain),
+            Store(Ref(c, "i"), sub(Ref(b, "i"), mul(S, Ref(K, "i")))),
+        )
+        value = sub(sub(P, mul(Ref(K, "i"), Ref(b, "j"))), mul(Ref(c, "i"), Ref(K, "j")))
+        row = (For("j", "i", n, (Store(P, value),)), Store(Ref(b, "i"), Ref(K, "i")))
+        return Routine(
+            "fuse_held",
+            "One scalar with a gain K that is zero for held states: P - K b' - c K', c = b - S K; b becomes K.",
+            (
+                Argument(b, n, "P H', then the gain"),
+                Argument("S", 0, "variance of the innovation"),
+                Argument("s", 0, "one over it"),
+            ),
+            (For("i", 0, n, left), For("i", 0, n, row)),
+            (Scratch(K, n), Scratch(c, n)),
+            internal=True,
+        )
+
+    @property
+    def _all(self) -> Routine:
+        n, P, b = self.n, cell("i", "j"), GAIN
+        rows: tuple[Stmt, ...] = (
+            Let("K_", mul(Ref(b, "i"), Ref("s"))),
+            For("j", "i", n, (Store(P, sub(P, mul(Ref("K_"), Ref(b, "j")))),)),
+            Store(Ref(b, "i"), Ref("K_")),
+        )
+        return Routine(
+            "fuse_all",
+            "One scalar with the optimal gain K = b / S: P - K b'; b becomes K.",
+            (Argument(b, n, "P H', then the gain"), Argument("s", 0, "one over its variance")),
+            (For("i", 0, n, rows),),
+            internal=True,
+        )
+
+    @cached_property
+    def health(self) -> Routine:
+        """By the pivots of P = U D U', each over its variance."""
+        n, W = self.n, "W_"
+        pivot = cell("j", "j", W)
+        eliminate = For(
+            "m",
+            0,
+            "i",
+            (Store(cell("m", "i", W), sub(cell("m", "i", W), mul(Ref("u_"), cell("m", "j", W)))),),
+        )
+        on_diagonal = Store(cell("i", "i", W), sub(cell("i", "i", W), mul(Ref("u_"), cell("i", "j", W))))
+        column = (Let("u_", mul(cell("i", "j", W), Ref("over_"))), eliminate, on_diagonal)
+        healthy: tuple[Stmt, ...] = (
+            Let("over_", Bin("/", Num(1.0), pivot)),
+            For("i", 0, "j", column),
+        )
+        body: tuple[Stmt, ...] = (
+            Store(HEALTH, Num(1.0)),
+            For("i", 0, n, (For("j", "i", n, (Store(cell("i", "j", W), cell("i", "j")),)),)),
+            For(
+                "j",
+                0,
+                n,
+                (
+                    Let("ratio_", Bin("/", pivot, cell("j", "j"))),
+                    *smaller(Ref("ratio_")),
+                    When(Compare(">", pivot, Num(0.0)), healthy),
+                ),
+                down=True,
+            ),
+        )
+        return Routine("check", HEALTH_TEXT, (), body, (Scratch(W, packed_size(n)),))
+
+    def matrix(self, values: Sequence[float]) -> list[list[float]]:
+        """As it is stored."""
+        from kfgen.emit.covariance.packed import place
+
+        pairs = [[(min(i, j), max(i, j)) for j in range(self.n)] for i in range(self.n)]
+        return [[float(values[place(self.n, *p)]) for p in row] for row in pairs]
+
+
+HEALTH_TEXT = (
+    "Covariance health: the smallest pivot over its variance goes to kf->health; above zero is healthy."
+)

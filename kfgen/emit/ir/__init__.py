@@ -1,0 +1,1 @@
+"""Straight-line scalar code: from sympy, tidied, run as the reference."""

@@ -1,0 +1,82 @@
+"""Python: a class on numpy alone, with the words of the reference in the program's precision."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import kfgen
+from kfgen.emit.covariance.packed import place
+from kfgen.emit.ir.ir import STATUS, Routine, names_of
+from kfgen.emit.routines import Program
+from kfgen.emit.targets.filterpy import class_name
+from kfgen.emit.targets.printer import PythonPrinter
+from kfgen.emit.targets.selftest import FILE, exactly, recorded, selftest
+from kfgen.emit.targets.templates import render
+from kfgen.emit.targets.words import frames
+
+TARGET = "numpy"
+TITLE = "Python class on numpy alone, with the very words of the C"
+
+
+class NumpyPrinter(PythonPrinter):
+    """Python on numpy's scalars: every number has the program's precision."""
+
+    def number(self, value: float) -> str:
+        """A literal in its precision."""
+        return f"F({float(value)!r})"
+
+    def root(self, argument: str) -> str:
+        """Numpy's."""
+        return f"np.sqrt({argument})"
+
+    def signum(self, argument: str) -> str:
+        """By two comparisons."""
+        return f"F(int({argument} > F(0.0)) - int({argument} < F(0.0)))"
+
+    def rounded(self, argument: str) -> str:
+        """Numpy's."""
+        return f"np.rint({argument})"
+
+
+def _method(program: Program, routine: Routine) -> dict[str, Any]:
+    used = names_of(routine.body)
+    return {
+        "name": f"_{routine.name}" if routine.internal else routine.name,
+        "text": routine.text,
+        "internal": routine.internal,
+        "arguments": routine.arguments,
+        "arrays": [a for a in program.arrays if a in used],
+        "scratch": [s for s in routine.scratch if s.name in used],
+        "body": "\n".join(NumpyPrinter(program.n).statements(routine.body, 3)),
+    }
+
+
+def files(program: Program) -> dict[str, str]:
+    """The emitted files by name."""
+    calls = recorded(program)
+    found = f"[*kf.x, *kf.{program.covariance.ARRAY}]"
+    return module(program) | {FILE: selftest(program, class_name(program), calls, exactly(calls), found)}
+
+
+def module(program: Program) -> dict[str, str]:
+    """The emitted module by name."""
+    discrete, form = program.discrete, program.covariance
+    text = render(
+        "numpy/filter.py.j2",
+        model=discrete.model,
+        version=kfgen.__version__,
+        frames=frames(discrete.model),
+        hash=discrete.hash[:16],
+        program=program,
+        form=form,
+        klass=class_name(program),
+        type=program.type.__name__,
+        n=program.n,
+        nominal=discrete.nominal_names,
+        states=discrete.model.states,
+        constants=program.constants,
+        rows=[place(program.n, i, 0) for i in range(program.n)],
+        status=STATUS,
+        methods=[_method(program, r) for r in (*program.routines, *program.helpers)],
+    )
+    return {f"{program.name}.py": text}

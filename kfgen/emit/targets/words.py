@@ -1,0 +1,35 @@
+"""What generated code says about its frames and its samples, in every language alike."""
+
+from __future__ import annotations
+
+from kfgen.model.filter import FilterModel
+from kfgen.model.parts.motion import AFTER, AT, BEFORE
+
+AXES = {"N": "north", "E": "east", "S": "south", "W": "west", "U": "up", "D": "down"}
+
+
+def frames(model: FilterModel) -> tuple[str, ...]:
+    """Navigation axes, body axes, the quaternion, the convention of the error and its samples, a sentence each."""
+    axes = ", ".join(AXES.get(a, a) for a in model.motion.axes)
+    said = [f"Navigation axes: {axes}.", "Body axes: forward, right, down."]
+    if model.attitude is not None:
+        said += ["Quaternion: body to navigation axes, scalar first.", f"Error: {model.convention.title}."]
+    return (*said, "SI units and radians.", *handling(model))
+
+
+HELD = {
+    AFTER: "the sample at its beginning",
+    AT: "the mean of the samples at its beginning and its end",
+    BEFORE: "the sample at its end",
+}
+"""Inputs of a step, by what a sample stands for."""
+
+
+def handling(model: FilterModel) -> tuple[str, ...]:
+    """What is done with samples before the filter gets them: options that act on a log, for who has none."""
+    steps = f"Inputs of a step: {HELD[model.motion.chosen.get('samples', AFTER)]}."
+    remembered = [line.sentence for line in model.motion.late] + [
+        s.play.sentence for s in model.sensors if s.play
+    ]
+    handled = [h for s in model.sensors for h in s.handling()]
+    return (*((steps,) if model.motion.inputs else ()), *remembered, *handled)

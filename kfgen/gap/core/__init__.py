@@ -1,0 +1,1 @@
+"""What every gap needs: scenes, fits, screening, tests, hold-out."""

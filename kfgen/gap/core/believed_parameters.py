@@ -1,0 +1,83 @@
+"""A model as it is written: numbers that the data move far from what is believed of them are in question.
+
+A number with a deviation is fitted beside the effects, and would take up a gap in silence. One that is moved too far
+is held at what is believed of it, and its error competes with every other explanation; where that is not needed,
+the number is given its freedom back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kfgen.effects.plant.terms import ParameterError
+from kfgen.gap.core.engine import Added, Explained, explained, with_values
+from kfgen.gap.core.newton import fitted
+from kfgen.gap.core.scene import Scene, ScenePoint, Trusting
+
+ROUNDS = 3
+"""Times that more numbers may turn out to be moved."""
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A scene explained.
+
+    Parameters
+    ----------
+    scene : Scene
+        In which the explanation holds.
+    written : Scene
+        With every number in question as it is written.
+    found : Explained
+    """
+
+    scene: Scene
+    written: Scene
+    found: Explained
+
+
+def answered(scene: Scene) -> Answered:
+    """Explain a scene, the numbers in question as they are written."""
+    if not isinstance(scene, Trusting):
+        return Answered(scene, scene, explained(scene))
+    here: Scene = scene
+    # A start far from where it should be is mostly a sign of something else, and takes up little of it.
+    starts = {u.own for u in scene.unknowns if u.once}
+    wrong = moved(scene, fitted(scene, start_of(scene)).point) - starts
+    for _ in range(ROUNDS):
+        here = scene.held(wrong) if wrong else scene
+        found = explained(here)
+        more = moved(here, found.fit.point)
+        if not more:
+            break
+        wrong |= more
+    far = {u.own: u.far * u.sd for u in scene.unknowns if u.own}
+    named = {
+        a.trial.placed.where
+        for a in found.added
+        if _is_error(a)
+        and abs(float(getattr(a.trial.placed.effect, "value", 0.0))) > far.get(a.trial.placed.where, 0.0)
+    }
+    if wrong <= named:
+        return Answered(here, here, found)
+    free = scene.held(wrong & named)
+    kept = [a for a in found.added if not (_is_error(a) and a.trial.placed.where in wrong - named)]
+    fit = fitted(free, ScenePoint(tuple(a.trial.placed for a in kept), start_of(free).unknowns))
+    return Answered(free, here, Explained(found.believed, tuple(with_values(kept, fit)), fit))
+
+
+def _is_error(added: Added) -> bool:
+    return isinstance(added.trial.placed.effect, ParameterError)
+
+
+def start_of(scene: Scene) -> ScenePoint:
+    """Where fits begin."""
+    return ScenePoint((), np.array([u.start for u in scene.unknowns]))
+
+
+def moved(scene: Scene, point: ScenePoint) -> set[str]:
+    """The numbers that a fit moved far from what is believed of them."""
+    pairs = zip(scene.unknowns, point.unknowns.tolist())
+    return {u.own for u, x in pairs if u.own and abs(x - u.value) > u.far * u.sd}

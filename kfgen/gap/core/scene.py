@@ -1,0 +1,177 @@
+"""`Scene`: what a world must say of itself for its gap to be found.
+
+A world (a rate table, a plant) turns effects with their values into residuals in unit white noise.
+Everything else (screening, fitting, comparing, intervals, tests) follows from that one function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect and where it acts: a channel, a triad of channels, a state or an input of a plant.
+
+    Parameters
+    ----------
+    effect : Effect
+    where : str
+    rare : float
+        Nats by which it is rarer there than elsewhere, beside what its class says.
+    held : tuple of str
+        Its parameters that a fit leaves as they are.
+    """
+
+    effect: Effect
+    where: str
+    prior_penalty_nats: float = 0.0
+    held: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number of the world that is fitted beside the effects: a bias, an initial state, a trusted parameter.
+
+    Parameters
+    ----------
+    name, unit : str
+    value : float
+        What is believed [SI].
+    sd : float
+        Deviation of a Gaussian prior [SI]; infinite for none.
+    begun : float, optional
+        Where fits begin, if not there [SI].
+    own : str
+        How the model file calls it, where it says both value and deviation.
+    far : float
+        Deviations from what is believed beyond which it does not hold.
+    once : bool
+        Whether it belongs to this record alone.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sd: float
+    begun: float | None = None
+    own: str = ""
+    far: float = np.inf
+    once: bool = False
+
+    @property
+    def start(self) -> float:
+        """Where fits begin [SI]."""
+        return self.value if self.begun is None else self.begun
+
+
+@dataclass(frozen=True)
+class ScenePoint:
+    """A point of a scene: effects with values, and the values of its unknowns, shape (q,)."""
+
+    placed: tuple[Placed, ...]
+    unknowns: Array
+
+
+class Scene(Protocol):
+    """A world: channels of a log against what is believed of them."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that are compared."""
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Ordinates of each channel in the residuals, in order."""
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """What is fitted beside the effects."""
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """Whitened residuals of all channels one after the other, shape (sum of lengths, points).
+
+        Under the right point they are independent unit normal deviates.
+        """
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every addition that the log allows beside these: the start values of each.
+
+        Signed parameters may start at zero; sizes and times start above it, for they are fitted in their
+        logarithms.
+        """
+
+
+@runtime_checkable
+class Inspected(Protocol):
+    """A world that can look at its readings before anything is fitted."""
+
+    def faults(self) -> tuple[Placed, ...]:
+        """What spoils the readings: wrong units, signs, axes."""
+
+
+@runtime_checkable
+class Undecided(Protocol):
+    """A world in which another fault would explain the record as well as the first one."""
+
+    @property
+    def either(self) -> tuple[Placed, ...]:
+        """Those other faults."""
+
+
+@runtime_checkable
+class Trusting(Protocol):
+    """A world with numbers that are believed."""
+
+    def held(self, names: Collection[str]) -> Scene:
+        """The same world with these unknowns as they are believed; their errors are candidates."""
+
+    def stated(self, where: str) -> float:
+        """What is believed of a number [SI]."""
+
+
+@runtime_checkable
+class Integrating(Protocol):
+    """A world whose residuals have unknowns integrated out."""
+
+    def spread(self, point: ScenePoint) -> float:
+        """Logarithm of how much wider that makes the data [nats]."""
+
+
+@runtime_checkable
+class HasInputs(Protocol):
+    """A world with inputs."""
+
+    @property
+    def constant_inputs(self) -> tuple[str, ...]:
+        """Those that never change: no effect of them can be seen."""
+
+    @property
+    def follows_nowhere(self) -> bool:
+        """Whether the believed model follows the record nowhere."""
+
+
+@runtime_checkable
+class Telling(Protocol):
+    """A world in which faults were left out or mended, with which a fit means something."""
+
+    @property
+    def said(self) -> tuple[Placed, ...]:
+        """Those faults."""

@@ -1,0 +1,274 @@
+"""The proof of a scene: samples that no fit saw, foretold by the believed and by the mended model.
+
+The whole scene is run, so that what is inside it (the state of a filter, of a plant) is carried over from the part
+that was fitted into the part that was not; its white series is cut in time. Effects, biases and all that is unknown
+are fitted to the samples that are seen, under either model. On the others, to which only states that start there, or
+are seen there too, are fitted anew, the mended model gains
+
+    G = (|z0|^2 - m0 - |z1|^2 + m1) / 2   nats
+
+over the believed one, ``z`` the white series under either, ``m`` as many as are left to chance. What the mended model
+itself still loses, ``A``, is what it loses in each band against one that has the band's own level, see
+`kfgen.gap.core.holdout`; below what chance alone exceeds at the rate of the battery it is none. The gap is ``A + G`` before and ``A``
+after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.core.battery import BANDS_PER_DECADE, RATE
+from kfgen.gap.core.believed_parameters import Answered
+from kfgen.gap.core.holdout import BLOCKS, DRAWS, HELD_OUT, OVER, Gap, lost
+from kfgen.gap.core.newton import SceneFit, fitted
+from kfgen.gap.core.scene import Placed, Scene, ScenePoint, Unknown
+from kfgen.gap.core.screen import basis, freed
+from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.motion.known_length import NormScene
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+VISIBLE = 1e-3
+"""Share of an unknown's effect that must fall on samples for it to be fitted to them."""
+LEAST = 0.5
+"""Degrees of freedom below which a band says nothing."""
+SHORTEST = 4
+"""Samples of a stretch that has a spectrum."""
+MANY = 20000
+"""Draws by which is seen what chance exceeds rarely."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Which samples of each channel are held out, the stretches of equal length of which they consist, in words."""
+
+    unseen: tuple[Mask, ...]
+    stretches: tuple[tuple[tuple[int, int], ...], ...]
+    words: str
+
+    @property
+    def rows(self) -> Mask:
+        """Those of all channels, one after the other."""
+        return np.concatenate(self.unseen)
+
+
+def tail(lengths: Sequence[int]) -> Cut:
+    """The last samples."""
+    at = [(int(n * (1.0 - HELD_OUT)), n) for n in lengths]
+    unseen = tuple(np.arange(n) >= k for k, n in at)
+    return Cut(unseen, tuple(((k, n),) for k, n in at), f"the last {100 * HELD_OUT:.0f} % of the log")
+
+
+def every_other(lengths: Sequence[int]) -> Cut:
+    """Every other block."""
+    unseen, stretches = [], []
+    for n in lengths:
+        size = n // BLOCKS
+        blocks = tuple((k * size, (k + 1) * size) for k in range(1, BLOCKS, 2))
+        mask = np.zeros(n, dtype=bool)
+        for a, b in blocks:
+            mask[a:b] = True
+        unseen.append(mask)
+        stretches.append(blocks)
+    return Cut(tuple(unseen), tuple(stretches), "every other block of the log")
+
+
+def series(scene: Scene, X: Array) -> Array:
+    """Residuals of all channels, shape (N, ...), in time."""
+    if isinstance(scene, NormScene):
+        return X  # one for each pose
+    return np.concatenate([Whitener.back(x) for x in np.split(X, np.cumsum(scene.lengths)[:-1])])
+
+
+@dataclass(frozen=True)
+class ScenePart:
+    """Some samples of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    kept : tuple of ndarray of bool
+        Of each channel, which of its white series.
+    values : ndarray, shape (q,)
+        Of all unknowns.
+    free : ndarray of bool, shape (q,)
+        Those that are fitted.
+    placed : tuple of Placed
+        Effects that stand as they are.
+    """
+
+    scene: Scene
+    kept: tuple[Mask, ...]
+    values: Array
+    free: Mask
+    placed: tuple[Placed, ...] = ()
+
+    channels = property(lambda self: self.scene.channels)
+    dt = property(lambda self: self.scene.dt)
+    span = property(lambda self: self.scene.span)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples that are kept."""
+        return tuple(int(k.sum()) for k in self.kept)
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Those that are fitted."""
+        return tuple(u for u, f in zip(self.scene.unknowns, self.free) if f)
+
+    def whole(self, unknowns: Array) -> Array:
+        """The values of all unknowns, shape (q,)."""
+        out = self.values.copy()
+        out[self.free] = unknowns
+        return out
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """The white series at the samples that are kept, shape (sum of lengths, points)."""
+        there = [ScenePoint((*self.placed, *p.placed), self.whole(p.unknowns)) for p in points]
+        return np.asarray(series(self.scene, self.scene.residuals(there))[np.concatenate(self.kept)])
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """None."""
+        return []
+
+    def fitted(self, placed: tuple[Placed, ...] = ()) -> SceneFit:
+        """To these samples, from the values of the unknowns."""
+        return fitted(self, ScenePoint(placed, self.values[self.free]))
+
+
+def held_out(answer: Answered, louder: Mask | None = None) -> Gap:
+    """The gap on samples that the fits of the effects did not see.
+
+    Parameters
+    ----------
+    louder : ndarray of bool, shape (channels,), optional
+        Channels whose noise is mended too.
+    """
+    scene, found = answer.scene, answer.found
+    cut = _cut(scene, found.fit)
+    if any(b - a < SHORTEST for blocks in cut.stretches for a, b in blocks):
+        return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
+    learnt, trained, after = _foretold(scene, cut, found.fit)
+    before = _foretold(answer.written, cut, found.believed)[2]
+    levels = np.ones(len(scene.channels))
+    if not found.fit.point.placed and (louder is None or not louder.any()):
+        after = before  # nothing was mended
+    if louder is not None and louder.any():
+        split = np.split(trained.residual, np.cumsum(learnt.lengths)[:-1])
+        levels = np.where(louder, [np.sqrt(np.mean(z**2)) for z in split], 1.0)
+    return _gap(cut, before, after, levels)
+
+
+def _foretold(scene: Scene, cut: Cut, fit: SceneFit) -> tuple[ScenePart, SceneFit, SceneFit]:
+    """What is seen, the fit to it, and the fit to the rest of where things start: all else is as it was seen."""
+    seen = tuple(~m for m in cut.unseen)
+    learnt = ScenePart(scene, seen, fit.point.unknowns, _shown(scene, seen, fit))
+    trained = learnt.fitted(fit.point.placed)
+    values = learnt.whole(trained.point.unknowns)
+    once = np.array([u.once for u in scene.unknowns], dtype=bool)
+    free = _shown(scene, cut.unseen, fit) & (once | ~learnt.free)
+    rest = ScenePart(scene, cut.unseen, values, free, trained.point.placed)
+    return learnt, trained, rest.fitted()
+
+
+def _shown(scene: Scene, kept: tuple[Mask, ...], fit: SceneFit) -> Mask:
+    """The unknowns that some samples show."""
+    J = series(scene, fit.jacobian[:, len(fit.keys) :])
+    there = np.linalg.norm(J[np.concatenate(kept)], axis=0)
+    return np.asarray(there > VISIBLE * np.maximum(np.linalg.norm(J, axis=0), 1e-300))
+
+
+def _cut(scene: Scene, fit: SceneFit) -> Cut:
+    """What is held out: the tail, or every other block where the tail cannot show what was found."""
+    last, blocks = tail(scene.lengths), every_other(scene.lengths)
+    placed = fit.point.placed
+    if not placed or min(scene.lengths) < SHORTEST * BLOCKS:
+        return last
+    if any(float(getattr(p.effect, "duration", 0.0)) > 0.0 for p in placed):
+        return blocks
+    without = [ScenePoint((*placed[:i], *placed[i + 1 :]), fit.point.unknowns) for i in range(len(placed))]
+    alone = series(scene, np.column_stack([scene.residuals([p])[:, 0] - fit.residual for p in without]))
+    J = series(scene, fit.jacobian[:, len(fit.keys) :])
+    power, shown = (
+        np.sum(freed(alone[rows], basis(J[rows])) ** 2, axis=0)
+        for rows in (np.ones(len(alone), dtype=bool), last.rows)
+    )
+    return blocks if (shown < OVER * power).any() else last
+
+
+def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
+    """See the head of the module."""
+    P0, m0 = _powers(cut, before)
+    P1, m1 = _powers(cut, after)
+    loss0 = loss1 = 0.0
+    r, m = [], []
+    for p0, f0, p1, f1, s in zip(P0, m0, P1, m1, levels.tolist()):
+        loss0 += 0.5 * float(p0.sum() - f0.sum())
+        loss1 += 0.5 * float(p1.sum() / s**2 - f1.sum()) + float(f1.sum() * np.log(s))
+        edges = band_edges(p1.size)
+        power, count = (np.add.reduceat(x, edges[:-1]) for x in (p1 / s**2, f1))
+        told = count > LEAST
+        r.append(np.maximum(power[told] / count[told], 1e-12))
+        m.append(count[told])
+    noise = float(np.sqrt(sum(p.sum() for p in P1) / max(sum(f.sum() for f in m1), 1.0)))
+    away = noise * float(np.linalg.norm(before.residual - after.residual))
+    size = np.array([(s**2 - 1.0) * np.sqrt(0.5 * f.sum()) for s, f in zip(levels, m1)])
+    moved = float(np.hypot(away, np.linalg.norm(size)))
+    return gap_of(np.concatenate(r), np.concatenate(m), loss0 - loss1, moved, cut.words)
+
+
+def gap_of(r: Array, m: Array, gain: float, deviation: float, words: str) -> Gap:
+    """The gap from what the mended model leaves and from what it gains.
+
+    Parameters
+    ----------
+    r, m : ndarray, shape (bands,)
+        Power over expectation under the mended model, and degrees of freedom.
+    gain, deviation : float
+        Nats over the believed model, and how far chance moves them.
+    """
+    rng = np.random.default_rng(0)
+    chance = rng.chisquare(m, (MANY, m.size)) / m
+    left, n = float(lost(r, m)), float(m.sum())
+    A = left if left > float(np.quantile(lost(chance, m), 1.0 - RATE)) else 0.0
+    before, after = A + max(gain, 0.0), A + max(-gain, 0.0)
+    drawn = np.maximum(lost(r * chance[:DRAWS], m) - 0.5 * m.size, 0.0)
+    gains = gain + deviation * rng.standard_normal(DRAWS)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(gains > 0.0, gains / (gains + drawn), np.maximum(gains / drawn, -1.0))
+    closed = max(1.0 - after / before, -1.0) if before > 0.0 else 0.0
+    lo, hi = np.nan_to_num(np.quantile(shares, [0.025, 0.975])).tolist()
+    return Gap(before / n, after / n, closed, (min(lo, closed), max(hi, closed)), words)
+
+
+def _powers(cut: Cut, fit: SceneFit) -> tuple[list[Array], list[Array]]:
+    """Of each channel the power of each ordinate, all stretches together, and its degrees of freedom."""
+    Q = basis(fit.jacobian)
+    ends = np.cumsum([m.sum() for m in cut.unseen])[:-1]
+    power, count = [], []
+    for z, q, blocks in zip(np.split(fit.residual, ends), np.split(Q, ends), cut.stretches):
+        size = blocks[0][1] - blocks[0][0]
+        power.append(_spectrum(z, size).sum(axis=0))
+        taken = _spectrum(q, size).sum(axis=(0, 2)) if q.shape[1] else 0.0
+        count.append(np.maximum(len(blocks) - taken, 0.0) * np.ones(size))
+    return power, count
+
+
+def _spectrum(z: Array, size: int) -> Array:
+    """Squared cosine coefficients of stretches of equal size, shape (stretches, size, ...)."""
+    from scipy.fft import dct
+
+    return np.asarray(dct(z.reshape(-1, size, *z.shape[1:]), type=2, axis=1, norm="ortho") ** 2)
+
+
+def band_edges(n: int) -> NDArray[np.int64]:
+    """Of bands of n ordinates: the constant, the first, and then evenly in the logarithm."""
+    count = max(2, int(np.log10(n) * BANDS_PER_DECADE))
+    return np.unique(np.concatenate([[0.0, 1.0], np.geomspace(2.0, n, count).round()])).astype(np.int64)

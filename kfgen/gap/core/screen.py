@@ -1,0 +1,132 @@
+"""The screen of a scene: every addition by how much its direction explains of the residuals, linearly.
+
+It costs a few evaluations of the scene for each addition, all its starts at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.core.newton import SceneFit, derivative, first_steps, over_levels
+from kfgen.gap.core.scene import Placed, Scene, ScenePoint
+
+Array = NDArray[np.float64]
+
+LOST = 0.02
+"""Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
+
+
+@dataclass(frozen=True)
+class Screened:
+    """An addition as the screen sees it.
+
+    Parameters
+    ----------
+    gain : float
+        Linear gain [nats] of its best start.
+    start : Placed
+    direction : ndarray, shape (N,)
+        Of its parameter that moves the residuals most, freed of what is fitted anyway.
+    claims : ndarray, shape (effects,)
+        Share cos^2 of it, freed of all else, that lies in each effect that is there.
+    """
+
+    gain: float
+    start: Placed
+    direction: Array
+    claims: Array
+
+
+def screen(scene: Scene, base: SceneFit) -> list[Screened]:
+    """Every addition by its linear gain beside a fit, the best first."""
+    Q, own = basis(base.jacobian), _own(base)
+    before = freed(over_levels(scene, base.residual, base.levels), Q)
+    found = [_screened(scene, base, g, Q, own, before) for g in scene.candidates(base.point.placed)]
+    return sorted(found, key=lambda s: -s.gain)
+
+
+def _own(base: SceneFit) -> list[Array]:
+    """Orthonormal directions of each effect, freed of everything else that is fitted."""
+    J = base.jacobian
+    columns = [[c for c, (i, _) in enumerate(base.keys) if i == k] for k in range(len(base.point.placed))]
+    return [basis(freed(J[:, mine], basis(np.delete(J, mine, axis=1)))) for mine in columns]
+
+
+def _screened(
+    scene: Scene, base: SceneFit, starts: Sequence[Placed], Q: Array, own: Sequence[Array], before: Array
+) -> Screened:
+    """The best start of an addition, by its linear gain over what was left `before`."""
+    power = float(before @ before)
+    points = [ScenePoint((*base.point.placed, s), base.point.unknowns) for s in starts]
+    found = scene.residuals(points)
+    best = Screened(-np.inf, starts[0], np.zeros_like(before), np.zeros(len(own)))
+    for j, point in enumerate(points):
+        if not np.isfinite(found[:, j]).all():
+            continue
+        columns = new_columns(scene, base, point, found[:, j])
+        A = freed(columns, Q)
+        size = np.linalg.norm(A, axis=0)
+        told = size > LOST * np.linalg.norm(columns, axis=0)
+        rest = freed(over_levels(scene, found[:, j], base.levels), Q)
+        if told.any():
+            B = A[:, told] / size[told]
+            rest = rest - B @ (np.linalg.pinv(B.T @ B, rcond=1e-10, hermitian=True) @ (B.T @ rest))
+        gain = 0.5 * (power - float(rest @ rest))
+        if gain > best.gain:
+            best = Screened(gain, starts[j], A[:, int(np.argmax(size))], _claims(columns, size, own))
+    return best
+
+
+def _claims(columns: Array, size: Array, own: Sequence[Array]) -> Array:
+    """Shares of columns, of `size` where they are freed of everything, that lie in each effect's directions."""
+    shared = np.array([np.sum((D.T @ columns) ** 2, axis=0) for D in own]).reshape(len(own), columns.shape[1])
+    return np.asarray((shared / np.maximum(shared + size**2, 1e-300)).max(axis=1, initial=0.0))
+
+
+def freed(x: Array, Q: Array) -> Array:
+    """Vectors without what lies in the columns of `Q`."""
+    return np.asarray(x - Q @ (Q.T @ x))
+
+
+def new_columns(scene: Scene, base: SceneFit, point: ScenePoint, residual: Array) -> Array:
+    """Derivatives in the parameters of the last effect only, over the levels, shape (N, k)."""
+    alone = _Alone(scene, point)
+    last = ScenePoint((point.placed[-1],), np.zeros(0))
+    J, _ = derivative(alone, last, residual, first_steps(last))
+    return over_levels(scene, J, base.levels)
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """A scene in which only the last effect of a point moves."""
+
+    scene: Scene
+    point: ScenePoint
+
+    channels = property(lambda self: self.scene.channels)
+    lengths = property(lambda self: self.scene.lengths)
+    dt = property(lambda self: self.scene.dt)
+    span = property(lambda self: self.scene.span)
+    unknowns = ()
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """Of the whole point with its last effect exchanged."""
+        whole = [ScenePoint((*self.point.placed[:-1], p.placed[0]), self.point.unknowns) for p in points]
+        return self.scene.residuals(whole)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """None."""
+        return []
+
+
+def basis(J: Array) -> Array:
+    """Orthonormal columns of what is fitted anyway."""
+    if not J.shape[1]:
+        return J
+    scale = np.linalg.norm(J, axis=0)
+    U, s, _ = np.linalg.svd(J[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
+    return np.asarray(U[:, s > 1e-9 * s.max(initial=1.0)])

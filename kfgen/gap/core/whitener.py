@@ -1,0 +1,103 @@
+"""White again: a channel over the square root of its noise's spectrum.
+
+The cosine transform (type II) of evenly sampled noise has independent coefficients of variance
+``S(omega_j)``, ``omega_j = pi j / n``; it is the sine transform of the differences, see
+`kfgen.identify.evidence.whittle`, divided by ``-2 sin(omega_j / 2)``. Over ``sqrt(S)`` they are unit normal deviates, and
+everything linear (a regressor, a sensitivity) is treated alike. Transformed back they are a series in
+time, in which an event stays where it was: the whitening has no phase.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, filtered, sampled_spectrum
+from kfgen.effects.samples.filtered_spectrum import STOP
+
+Array = NDArray[np.float64]
+
+GRID = 512
+"""Frequencies at which a density is computed; between them it is interpolated."""
+
+STEPS = 12
+"""Conjugate gradients that complete a series at most."""
+CLOSE = 1e-6
+"""Of the squared slope, at which a series is complete."""
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Divides by the square root of a noise's density.
+
+    Parameters
+    ----------
+    weight : ndarray, shape (n,)
+        ``1 / sqrt(S)`` by ordinate [1/SI]; the first belongs to the constant.
+    """
+
+    weight: Array
+
+    @staticmethod
+    def of(effects: Sequence[Effect], n: int, dt: float, *, constant: bool = False) -> Whitener:
+        """For the random ones among effects of a channel of n samples.
+
+        Parameters
+        ----------
+        dt : float
+            Sampling period [s].
+        constant : bool
+            Whether the constant counts; else its weight is zero.
+        """
+        omega: Array = np.array(np.arange(1, n) * (np.pi / n), dtype=np.float64)
+        grid = omega
+        if n > 2 * GRID:
+            grid = np.array(np.geomspace(omega[0], omega[-1], GRID), dtype=np.float64)
+        S = np.maximum(sampled_spectrum(effects, grid, dt, n=n), np.finfo(float).tiny)
+        if grid.size < omega.size:
+            S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
+        passed = filtered(effects, omega, dt, n=n) >= STOP
+        return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], passed / np.sqrt(S)]))
+
+    def ordinates(self, x: Array) -> Array:
+        """Whitened cosine coefficients, shape (n, ...), of samples along the first axis."""
+        from scipy.fft import dct
+
+        X = dct(np.asarray(x, dtype=np.float64), type=2, axis=0, norm="ortho")
+        return np.asarray(X * self.weight.reshape(-1, *(1,) * (X.ndim - 1)))
+
+    def series(self, x: Array) -> Array:
+        """The whitened series in time, shape (n, ...)."""
+        return self.back(self.ordinates(x))
+
+    def completed(self, x: Array, known: NDArray[np.bool_]) -> Array:
+        """The most probable series that has the known samples of `x`, shape (n,).
+
+        Conjugate gradients on the unknown samples, from those of `x`; white noise takes one step.
+        """
+
+        def slope(z: Array) -> Array:
+            return np.where(known, 0.0, self.back(self.ordinates(z) * self.weight))
+
+        z, left = x.copy(), -slope(x)
+        way, size = left, float(left @ left)
+        enough = CLOSE * size
+        for _ in range(STEPS):
+            if size <= enough:
+                break
+            uphill = slope(way)
+            pace = size / float(way @ uphill)
+            z, left = z + pace * way, left - pace * uphill
+            size, before = float(left @ left), size
+            way = left + size / before * way
+        return z
+
+    @staticmethod
+    def back(ordinates: Array) -> Array:
+        """From coefficients to time."""
+        from scipy.fft import idct
+
+        return np.asarray(idct(ordinates, type=2, axis=0, norm="ortho"))

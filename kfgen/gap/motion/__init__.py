@@ -1,0 +1,1 @@
+"""The gap of sensors that move, against references."""

@@ -1,0 +1,260 @@
+"""What could be missing in a world that moves: the candidates that a log allows, with typical sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.units import STANDARD_GRAVITY
+from kfgen.effects import Effect, Look, catalogue, effect_named
+from kfgen.effects.driven.proportional import DriverProportional
+from kfgen.effects.inertial.errors import (
+    AXES,
+    EarthRate,
+    GravityError,
+    GSensitivity,
+    GSquared,
+    LeverArm,
+    Misalignment,
+    Nonlinearity,
+    ScaleAsymmetry,
+    ScaleDrift,
+    ScaleFactor,
+    VibrationRectification,
+    free,
+    products,
+)
+from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
+from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
+from kfgen.gap.core.scene import Placed
+from kfgen.gap.core.screen import LOST
+from kfgen.gap.motion.on_off_times import best_span
+from kfgen.gap.motion.truth import Truth
+
+Array = NDArray[np.float64]
+
+SMALL = 1e-3
+"""A typical size of a relative error, from which fits start."""
+SOME = 4000
+"""Samples from which is seen whether directions can be told apart."""
+EARTH = 7.292115e-5
+"""Rate of the earth [rad/s]."""
+IN_TIME = ("rate_ramp", "warm_up")
+"""Effects of time alone that compete, beside those proportional to a driver: they are linear in a coefficient."""
+
+DRIFT_ALONE = 3.0
+"""Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
+
+
+@dataclass(frozen=True)
+class MotionCandidates:
+    """What candidates are chosen by.
+
+    Parameters
+    ----------
+    truth : Truth
+    moved : tuple of (channel, sensor, axis)
+        The channels whose truth varies.
+    still : tuple of (channel, sensor, axis)
+        The others: what another axis of the triad moves may show in them.
+    good : ndarray of bool, shape (n,)
+    mag : ndarray, shape (n, 3)
+        Magnetometer readings less what effects explain [T].
+    spread : float
+        Deviation of a reading's noise [T].
+    field : ndarray, shape (3,), optional
+        The field in space, where an attitude alone is known.
+    drive : mapping of str to ndarray
+    """
+
+    truth: Truth
+    moved: tuple[tuple[str, str, int], ...]
+    still: tuple[tuple[str, str, int], ...]
+    good: NDArray[np.bool_]
+    mag: Array
+    spread: float
+    field: Array | None
+    drive: Mapping[str, Array]
+
+    def axes(self, sensor: str) -> list[int]:
+        """The axes of a sensor that moved."""
+        return [a for _, s, a in self.moved if s == sensor]
+
+    def every(self, sensor: str) -> list[int]:
+        """The axes of a sensor that are compared, moved or not."""
+        return sorted(a for _, s, a in (*self.moved, *self.still) if s == sensor)
+
+    def size(self, sensor: str) -> float:
+        """Root mean square of what a triad should have read [U]."""
+        y = self.truth.signals(sensor, self.field).y
+        return float(np.sqrt(np.mean(y[self.good] ** 2))) or 1.0
+
+
+def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Placed]]:
+    """Every addition beside those placed, each with the points from which its fit starts."""
+    found: list[list[Placed]] = []
+    sensors = list(dict.fromkeys(s for _, s, _ in bench.moved))
+    for name, sensor, axis in bench.moved:
+        if sensor != "mag":
+            found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
+        found += _in_time(bench, name, sensor)
+    for name, sensor, axis in bench.still:
+        if sensor in sensors:
+            found += [] if sensor == "mag" else _rows(bench, name, sensor, axis)
+            found += _in_time(bench, name, sensor)
+    for sensor in sensors:
+        found += _lags(bench, sensor)
+    if "accel" in sensors:
+        found += _forces(bench)
+    if len(bench.axes("gyro")) == 3 and bench.truth.R_bn is not None:
+        found.append([Placed(EarthRate(EARTH, EARTH, EARTH), "gyro")])
+    if "mag" in sensors:
+        found += list(_magnetic(bench))
+    return [one for one in found if not _there(one[0], placed)]
+
+
+def _there(new: Placed, placed: Sequence[Placed]) -> bool:
+    """Whether an effect is placed already: of its class, at its place or that of its triad, with its entries."""
+    names = {p.name for p in free(new.effect)}
+    for old in placed:
+        meets = old.where == new.where or old.where == new.where.rpartition("_")[0]
+        if type(old.effect) is type(new.effect) and meets:
+            searched = isinstance(new.effect, HardIron | MagneticDisturbance) and new.effect.duration > 0.0
+            if searched:
+                continue  # another span is another event
+            if names <= {p.name for p in free(old.effect)}:
+                return True
+    return False
+
+
+def _alone(bench: MotionCandidates, name: str, sensor: str) -> list[list[Placed]]:
+    """Effects of one channel by itself."""
+    u = bench.size(sensor)
+    effects: list[Effect] = [
+        ScaleFactor(SMALL),
+        ScaleAsymmetry(SMALL),
+        Nonlinearity(k2=SMALL / u),
+        Nonlinearity(k3=SMALL / u**2),
+    ]
+    T = bench.truth.warmth
+    if T is not None and np.ptp(T) > 0.0:
+        effects.append(ScaleDrift(SMALL / float(np.ptp(T)), float(np.mean(T))))
+    if bench.truth.power is not None and np.ptp(bench.truth.power) > 0.0:
+        own = float(sensor == "accel")
+        effects.append(VibrationRectification(SMALL / STANDARD_GRAVITY**2 * u, own))
+    return [[Placed(e, name)] for e in effects]
+
+
+def _rows(bench: MotionCandidates, name: str, sensor: str, axis: int) -> list[list[Placed]]:
+    """Rows of matrices and their single entries."""
+    others = [AXES[axis] + AXES[j] for j in bench.axes(sensor) if j != axis]
+    found = [Placed(Misalignment(**{e: SMALL}), name) for e in others]
+    if len(others) == 2:
+        found.append(Placed(Misalignment(**dict.fromkeys(others, SMALL)), name))
+    if sensor == "gyro" and bench.truth.f_b is not None:
+        g = SMALL * bench.size(sensor) / STANDARD_GRAVITY
+        forced = [j for j in range(3) if np.ptp(bench.truth.f_b[bench.good, j]) > 0.0]
+        entries = [AXES[axis] + AXES[j] for j in forced]
+        found += [Placed(GSensitivity(**{e: g}), name) for e in entries]
+        if len(entries) > 1:
+            found.append(Placed(GSensitivity(**dict.fromkeys(entries, g)), name))
+        squares = {k: np.ptp(v[bench.good]) for k, v in products(bench.truth.f_b).items()}
+        found += [Placed(GSquared(**{k: g / STANDARD_GRAVITY}), name) for k, v in squares.items() if v > 0.0]
+    return [[p] for p in found]
+
+
+def _lags(bench: MotionCandidates, sensor: str) -> list[list[Placed]]:
+    """Delay and bandwidth of a triad, and of each of its channels."""
+    names = [c for c, s, _ in bench.moved if s == sensor]
+    places = names if len(names) == 1 else [sensor, *names]
+    dt = bench.truth.dt
+    # The highest corners do what a delay does, of a hundredth and a tenth of a period.
+    corners = [16.0 / dt, 1.6 / dt, 0.2 / dt, 0.05 / dt, 0.01 / dt]
+    found = [[Placed(TimeDelay(0.1 * dt), where)] for where in places]
+    return found + [[Placed(Bandwidth(f), where) for f in corners] for where in places]
+
+
+def _forces(bench: MotionCandidates) -> list[list[Placed]]:
+    """Effects of an accelerometer as a whole."""
+    found = []
+    if bench.truth.omega_b is not None and np.ptp(bench.truth.omega_b[bench.good]) > 0.0:
+        found.append([Placed(LeverArm(SMALL, SMALL, SMALL), "accel")])
+    if bench.truth.R_bn is not None:
+        found.append([Placed(GravityError(SMALL * STANDARD_GRAVITY), "accel")])
+    return found
+
+
+def _magnetic(bench: MotionCandidates) -> Iterator[list[Placed]]:
+    """Iron, always or for a while, and disturbances in space."""
+    h = SMALL * bench.size("mag")
+    axes, every = bench.axes("mag"), bench.every("mag")
+    known = "mag" in bench.truth.read
+    # Beside a field that is unknown, a constant on an axis along which it stands still is part of it.
+    offset = every if known else axes
+    yield [Placed(HardIron(**{AXES[i]: h for i in offset}), "mag")]
+    for i in offset if len(offset) > 1 else ():
+        yield [Placed(HardIron(**{AXES[i]: h}), "mag")]
+    entries = [AXES[i] + AXES[j] for i in every for j in axes]
+    for e in entries:
+        yield [Placed(SoftIron(**{e: SMALL}), "mag")]
+    if len(entries) > 1:
+        yield [Placed(SoftIron(**dict.fromkeys(_told_apart(bench, entries), SMALL)), "mag")]
+    if len(every) == 3:
+        yield from _for_a_while(bench, h)
+
+
+def _for_a_while(bench: MotionCandidates, h: float) -> Iterator[list[Placed]]:
+    """A field in the body or in space for the span in which it explains most; it may show along an axis that is still."""
+    R_bn = None if "mag" in bench.truth.read else bench.truth.R_bn
+    for cls, in_body in ((HardIron, True), (MagneticDisturbance, False)):
+        if cls is MagneticDisturbance and bench.truth.R_bn is None:
+            continue
+        span = best_span(bench.truth.t, bench.mag, bench.good, R_bn, in_body)
+        if span is not None:
+            times = {"time": span.start, "duration": span.stop - span.start, "edge": span.edge}
+            yield [Placed(cls(**dict.fromkeys(AXES, h), **times), "mag")]
+
+
+def _told_apart(bench: MotionCandidates, entries: Sequence[str]) -> list[str]:
+    """The entries of a matrix that are no sum of the ones before and of another field in space.
+
+    Of an unknown field the whole size is unknown, so the scale of the last axis is its measure; where a body turns
+    about one axis alone, so is its direction about it.
+    """
+    some = np.flatnonzero(bench.good)
+    some = some[:: max(1, some.size // SOME)]
+    u, every = bench.truth.signals("mag", bench.field).y[some], bench.every("mag")
+    columns: list[Array] = []
+    if "mag" not in bench.truth.read and bench.truth.R_bn is not None:
+        columns = [bench.truth.R_bn[some][:, every, k].ravel() for k in range(3)]
+    kept = []
+    for e in entries:
+        column = np.zeros((some.size, 3))
+        column[:, AXES.index(e[0])] = u[:, AXES.index(e[1])]
+        new = column[:, every].ravel()
+        left = new
+        if columns:
+            A = np.column_stack(columns)
+            left = new - A @ np.linalg.lstsq(A, new, rcond=1e-9)[0]
+        if np.linalg.norm(left) > LOST * np.linalg.norm(new):
+            kept.append(e)
+            columns.append(new)
+    return kept
+
+
+def _in_time(bench: MotionCandidates, name: str, sensor: str) -> list[list[Placed]]:
+    """Drifts that have nothing to do with motion."""
+    empty = np.zeros(0)
+    drive = {k: np.asarray(v.mean()) for k, v in bench.drive.items()}
+    t = bench.truth.t
+    look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), {k: float(v) for k, v in drive.items()})
+    driven = [cls for cls in catalogue().values() if issubclass(cls, DriverProportional)]
+    prior_penalty_nats = (
+        DRIFT_ALONE if sensor == "mag" else 0.0
+    )  # beside any other sensor stands a constant bias
+    found: list[tuple[Sequence[Effect], float]] = [(cls.starts(look), 0.0) for cls in driven]
+    found += [(effect_named(n).starts(look), prior_penalty_nats) for n in IN_TIME]
+    return [[Placed(e, name, r) for e in starts] for starts, r in found if starts]

@@ -1,0 +1,99 @@
+"""A channel of a sensor that moves: what is compared of it, and what is wrong with its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+from kfgen.effects import Effect
+from kfgen.effects.faults.samples import Clipping, RepeatedSamples
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.effects.series import DetectedFault
+from kfgen.gap.core.scene import Placed
+from kfgen.gap.motion.reference import frozen
+from kfgen.gap.motion.truth import Truth, place
+from kfgen.gap.rest.faults import believed_deviation, spotted_moving
+from kfgen.log.log import Log
+
+Array = NDArray[np.float64]
+
+NEAR_A_LIMIT = 0.02
+"""Relative distance of a truth from the limit of a clipped channel within which it is not compared: a choice of
+samples by what was read would be one of their noise."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A channel against its truth.
+
+    Parameters
+    ----------
+    name, sensor, unit : str
+    axis : int
+    y : ndarray, shape (n,)
+        What was read [SI], zero where nothing was.
+    noise : tuple of Effect
+    keep : int
+        Ordinates that are compared, from the lowest frequency on.
+    there : ndarray of bool, shape (n,)
+        Where it was read, and not clipped.
+    """
+
+    name: str
+    sensor: str
+    unit: str
+    axis: int
+    y: Array
+    noise: tuple[Effect, ...]
+    keep: int
+    there: NDArray[np.bool_]
+
+
+def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared | None:
+    """A channel of a log against its truth; none where it is not in the log, or has no truth.
+
+    Raises
+    ------
+    InputError
+        Its unit does not meet that of its noise.
+    """
+    sensor, axis = place(name)
+    if name not in log.channels or axis not in truth.axes.get(sensor, ()):
+        return None
+    channel, believed = log.channels[name], noise.channel(name)
+    if not parse_unit(channel.unit).same_dimension(parse_unit(believed.unit)):
+        raise InputError(
+            f"{name} is in {channel.unit}, its noise in {believed.unit}",
+            where=log.source,
+            remedy="Give the unit with --columns",
+        )
+    keep = log.n
+    if sensor in truth.bandwidth:
+        keep = min(keep, int(2.0 * log.n * truth.dt * truth.bandwidth[sensor]))
+    y = np.where(np.isfinite(channel.values), channel.values, 0.0)
+    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep, np.isfinite(channel.values))
+
+
+def sound_samples(c: Compared, truth: Truth) -> tuple[Compared, list[Placed], list[Placed]]:
+    """A channel without its clipped and frozen samples, its faults that can be left out, and those that spoil it."""
+    there, known, faults = c.there.copy(), c.sensor in truth.read, []
+    should = truth.read[c.sensor][:, c.axis] if known else c.y
+    if known:
+        between = (c.y < c.y[there].max()) & (c.y > c.y[there].min())  # else it is clipped
+        stuck = there & between & frozen(c.y, should, believed_deviation(c.noise, truth.dt))
+        if stuck.any():
+            share = float(stuck.mean())
+            faults.append(DetectedFault(RepeatedSamples(share), float(stuck.sum()), spoils=share > 0.5))
+            there &= ~stuck
+    faults += spotted_moving(truth.t[there], c.y[there], c.noise, truth.dt)
+    for limit in (float(f.effect.limit) for f in faults if isinstance(f.effect, Clipping)):
+        side = np.sign(limit - float(np.median(c.y[there])))
+        there &= side * c.y < side * limit
+        if known:
+            there &= side * should < side * limit - NEAR_A_LIMIT * abs(limit)
+    said, spoilt = ([Placed(f.effect, c.name) for f in faults if f.spoils is bad] for bad in (False, True))
+    return replace(c, there=there), said, spoilt

@@ -1,0 +1,42 @@
+"""How placed effects act on what a triad feels: what they need, when they come, by how much it lags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from kfgen.effects import Effect
+from kfgen.effects.inertial.errors import InertialError, Signals
+from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
+
+
+def needs_of(effects: Sequence[Effect]) -> tuple[str, ...]:
+    """The drivers that effects need."""
+    return tuple(sorted({n for e in effects if isinstance(e, InertialError) for n in e.needs}))
+
+
+def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:
+    """Times [s] within which effects come or go, and nobody knows how."""
+    out = []
+    for e in effects:
+        edge = float(getattr(e, "edge", 0.0))
+        if edge > 0.0:
+            first, last = float(getattr(e, "time", 0.0)), float(getattr(e, "duration", 0.0))
+            out += [(first, first + edge), (first + last - edge, first + last)]
+    return out
+
+
+def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
+    """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them."""
+    lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
+    lags += [e for e in effects if isinstance(e, Bandwidth)]
+    needed = needs_of(effects)
+    for lag in lags:
+        moved: dict[str, Any] = {
+            name: lag.passed(value, felt.dt)
+            for name in ("y", *needed)
+            if (value := getattr(felt, name)) is not None
+        }
+        felt = replace(felt, **moved)
+    return felt

@@ -1,0 +1,385 @@
+"""The motion world: sensors that move, against what they should have read.
+
+Each channel of the noise model that has a truth in the log is compared with it. Delay and bandwidth act on the
+truth, every other effect adds to it; beside them stand a constant bias for each rate and force channel (no gap)
+and, under an attitude alone, the magnetic field in space. What is left is divided by the square root
+of the noise's density, to which the noise of the reference is added; where the reference has holes, and beyond
+its bandwidth, nothing is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.units import STANDARD_GRAVITY, parse_unit
+from kfgen.effects import Effect
+from kfgen.effects.faults.axes import axis_faults
+from kfgen.effects.faults.reference import OtherMotion
+from kfgen.effects.inertial.errors import InertialError, Signals
+from kfgen.effects.inertial.lag import Lag, unheard
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.gap.core.cache import RecentResults
+from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.motion.attitude_convention import misread
+from kfgen.gap.motion.candidates import MotionCandidates, offers
+from kfgen.gap.motion.compared_channel import Compared, compared_of, sound_samples
+from kfgen.gap.motion.likeness import HALF, Likeness, combination, likeness
+from kfgen.gap.motion.placed_effects import delayed, edges_of, needs_of
+from kfgen.gap.motion.reference import heard, references
+from kfgen.gap.motion.rounded_reference import rounded
+from kfgen.gap.motion.truth import Truth, held, truth_of
+from kfgen.gap.rest.even_record import recorded
+from kfgen.log.log import Log
+
+Array = NDArray[np.float64]
+
+FEW = 128
+"""Samples without a truth that may follow the mean beside them; more would be seen in the spectrum."""
+BESIDE = 32
+"""Samples on either side of a stretch that is not compared to which its noise is joined."""
+RECENT = 4
+"""Results of a channel that are kept: those of the point about which a fit or a screen moves, and of some beside."""
+NOTICED = 3.0
+"""Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
+
+
+@dataclass(frozen=True)
+class MotionScene:
+    """Moving sensors against their truth; see `kfgen.gap.core.scene.Scene`.
+
+    Parameters
+    ----------
+    truth : Truth
+    compared : tuple of Compared
+    good : ndarray of bool, shape (n,)
+        Where both the truth and every channel are there.
+    drive : mapping of str to ndarray
+        Recorded drivers.
+    own : tuple of Placed
+        What is believed of the channels beside their noise.
+    said : tuple of Placed
+        Faults of the samples and the references that were left out, or mended.
+    spoilt : tuple of Placed
+        Faults with which a fit would mean nothing.
+    """
+
+    truth: Truth
+    compared: tuple[Compared, ...]
+    good: NDArray[np.bool_]
+    drive: Mapping[str, Array]
+    own: tuple[Placed, ...] = ()
+    said: tuple[Placed, ...] = ()
+    spoilt: tuple[Placed, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that are compared."""
+        return tuple(c.name for c in self.compared)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Ordinates of each channel."""
+        return tuple(c.keep for c in self.compared)
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return self.truth.dt
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        return float(self.truth.t[0]), float(self.truth.t[-1])
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The biases and the field in space, believed as least squares has them."""
+        found = []
+        for c in self.compared:
+            if c.sensor != "mag":
+                away = (c.y - self.truth.signals(c.sensor).y[:, c.axis])[self.good & c.there]
+                found.append(Unknown(f"bias of {c.name}", parse_unit(c.unit).si, float(away.mean()), np.inf))
+        field = self.believed_field()
+        if field is not None:
+            unit = next(parse_unit(c.unit).si for c in self.compared if c.sensor == "mag")
+            found += [Unknown(f"field along {a}_n", unit, float(m), np.inf) for a, m in zip("123", field)]
+        return tuple(found)
+
+    def believed_field(self, left_out: Array | None = None) -> Array | None:
+        """The field in space [T] by least squares, shape (3,), where it is unknown.
+
+        Parameters
+        ----------
+        left_out : ndarray, shape (n, 3), optional
+            What effects add to the readings.
+        """
+        axes = [c for c in self.compared if c.sensor == "mag"]
+        if not axes or "mag" in self.truth.read or self.truth.R_bn is None:
+            return None
+        J, b = np.zeros((3, 3)), np.zeros(3)
+        for c in axes:
+            good = self.good & c.there
+            rows = self.truth.R_bn[good, c.axis]
+            y = c.y if left_out is None else c.y - left_out[:, c.axis]
+            J += rows.T @ rows
+            b += rows.T @ y[good]
+        return np.asarray(np.linalg.lstsq(J, b, rcond=1e-9)[0])
+
+    @cached_property
+    def whiteners(self) -> tuple[Whitener, ...]:
+        """What divides each channel by the square root of its density."""
+        return tuple(self._whitener(c) for c in self.compared)
+
+    def _whitener(self, c: Compared) -> Whitener:
+        n, dt = self.truth.t.size, self.dt
+        white = Whitener.of(c.noise, n, dt, constant=True)
+        if c.sensor == "gyro" and "gyro" in self.truth.bandwidth:
+            reference = self.truth.floor.density(np.arange(n) / (2.0 * n * dt))
+        elif c.sensor not in self.truth.read:
+            field = self.believed_field()
+            reference = np.full(
+                n, float(np.sum((0.0 if field is None else field) ** 2)) * self.truth.angle**2
+            )
+        else:
+            reference = np.full(n, (STANDARD_GRAVITY * self.truth.angle) ** 2 * (c.sensor == "accel"))
+        with np.errstate(divide="ignore"):
+            S = np.where(white.weight > 0.0, white.weight**-2.0, np.inf) + reference
+        return Whitener(S**-0.5)
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """Whitened residuals, shape (sum of lengths, points)."""
+        out = np.empty((sum(self.lengths), len(points)), order="F")
+        ends = np.cumsum(self.lengths)
+        for k, point in enumerate(points):
+            for i, (c, end) in enumerate(zip(self.compared, ends)):
+                out[end - c.keep : end, k] = self._ordinates(i, point)
+        return out
+
+    def _ordinates(self, i: int, point: ScenePoint) -> Array:
+        """Whitened residuals of one channel; most points differ in what acts on another."""
+        c, white = self.compared[i], self.whiteners[i]
+        acting = self._acting(c, (*self.own, *point.placed))
+        unknowns = self._unknowns_of(c, point.unknowns)
+        return self.memory[i].recalled(
+            (*acting, *unknowns), lambda: white.ordinates(self._left(c, acting, unknowns))[: c.keep]
+        )
+
+    @cached_property
+    def memory(self) -> tuple[RecentResults[Array], ...]:
+        """What was computed of each channel last."""
+        return tuple(RecentResults(RECENT) for _ in self.compared)
+
+    @cached_property
+    def lagged(self) -> RecentResults[Signals]:
+        """What triads felt late, as it was computed last: their axes mostly lag alike."""
+        return RecentResults(RECENT)
+
+    def left(self, point: ScenePoint) -> list[Array]:
+        """What is left of each channel in time [SI], each of shape (n,); zero where nothing is compared."""
+        placed = (*self.own, *point.placed)
+        return [
+            self._left(c, self._acting(c, placed), self._unknowns_of(c, point.unknowns))
+            for c in self.compared
+        ]
+
+    def _unknowns_of(self, c: Compared, unknowns: Array) -> tuple[float, ...]:
+        """The bias of a channel, or the field in space of a magnetometer."""
+        biased = [b.name for b in self.compared if b.sensor != "mag"]
+        if c.sensor == "mag":
+            return tuple(map(float, unknowns[len(biased) :]))
+        return tuple(map(float, unknowns[: len(biased)][biased.index(c.name) :][:1]))
+
+    def _left(self, c: Compared, here: Sequence[Effect], unknowns: tuple[float, ...]) -> Array:
+        """What effects and unknowns of a channel leave of it in time [SI], shape (n,)."""
+        m_n = np.array(unknowns if c.sensor == "mag" else ())
+        bias = sum(() if c.sensor == "mag" else unknowns)
+        lags = tuple(e for e in here if isinstance(e, Lag))
+        felt = (
+            self.truth.signals(c.sensor, m_n)
+            if not lags
+            else self.lagged.recalled(
+                (c.sensor, *m_n.tolist(), *lags, *needs_of(here)),
+                lambda: delayed(self.truth.signals(c.sensor, m_n), here),
+            )
+        )
+        left = c.y - self._shown(c, felt, here) - bias
+        left = self._believed_where(c, left, self.good & c.there & ~unheard(self.truth.t, here))
+        return self._believed_within(c, left, edges_of(here))
+
+    def _believed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
+        """What is left, with noise as it is believed about the mean beside, where no truth is known."""
+        if known.all():
+            return left
+        from scipy.ndimage import uniform_filter1d
+
+        k, width = self.compared.index(c), 2 * BESIDE + 1
+        noise = self.made_up[k]
+        away = np.where(known, left - noise, 0.0)
+        count, mean = (uniform_filter1d(x, width, mode="constant") for x in (known.astype(np.float64), away))
+        near = np.flatnonzero(count > min(BESIDE / width, 0.9 * float(count.max())))
+        level = np.interp(np.arange(left.size), near, mean[near] / count[near])
+        if known.size - int(known.sum()) > FEW:
+            level = self.whiteners[k].completed(np.where(known, away, level), known)
+        return np.where(known, left, noise + level)
+
+    def _believed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
+        """What is left, with noise as it is believed where nobody knows what should have been read."""
+        for start, stop in edges:
+            i, j = np.searchsorted(self.truth.t, [start, stop])
+            beside = [left[max(i - BESIDE, 0) : i], left[j : j + BESIDE]]
+            if j - i < 2 or not all(b.size for b in beside):
+                continue
+            noise = self.made_up[self.compared.index(c)][i:j]
+            loud = np.sqrt(sum(np.sum(np.diff(b) ** 2) for b in beside) / sum(b.size for b in beside))
+            noise = noise * (loud / max(float(np.sqrt(np.mean(np.diff(noise) ** 2))), 1e-300))
+            ends = [float(b.mean()) for b in beside]
+            own = [float(noise[:BESIDE].mean()), float(noise[-BESIDE:].mean())]
+            left = left.copy()
+            left[i:j] = noise + np.linspace(ends[0] - own[0], ends[1] - own[1], j - i)
+        return left
+
+    @cached_property
+    def made_up(self) -> tuple[Array, ...]:
+        """Noise of each channel as it is believed, always the same [SI]."""
+        rng = np.random.default_rng(0)
+        z = rng.standard_normal((len(self.compared), self.truth.t.size))
+        weights = [np.where(w.weight > 0.0, w.weight, np.inf) for w in self.whiteners]
+        return tuple(Whitener.back(x / w) for x, w in zip(z, weights))
+
+    @staticmethod
+    def _acting(c: Compared, placed: Sequence[Placed]) -> list[Effect]:
+        """The effects on a channel."""
+        return [p.effect for p in placed if p.where in (c.name, c.sensor)]
+
+    def _shown(self, c: Compared, felt: Signals, here: Sequence[Effect]) -> Array:
+        """What a channel should read of what its triad felt, late already [SI], shape (n,)."""
+        y = felt.y[:, c.axis].copy()
+        for effect in here:
+            if isinstance(effect, InertialError):
+                y += 0.0 if isinstance(effect, Lag) else effect.output(felt, c.axis)
+            elif effect.coefficients():
+                y += effect.mean(self.truth.t - self.truth.t[0], self.drive)
+        return y
+
+    def moving(self, c: Compared) -> bool:
+        """Whether 5 % of what a channel should have read would be noticed."""
+        field = self.believed_field()
+        u = self.truth.signals(c.sensor, field).y[:, c.axis]
+        white = self.whiteners[self.compared.index(c)]
+        z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0))[1 : c.keep]
+        return bool(0.05 * np.linalg.norm(z) > NOTICED)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every addition that the log allows beside these, with typical sizes to start from."""
+        return offers(self.bench(placed), placed)
+
+    def bench(self, placed: Sequence[Placed]) -> MotionCandidates:
+        """What the candidates are chosen by."""
+        places = {(c.name, c.sensor, c.axis): self.moving(c) for c in self.compared}
+        moved, still = (tuple(k for k, v in places.items() if v is there) for there in (True, False))
+        extra = np.zeros((self.truth.t.size, 3))
+        y = np.zeros((self.truth.t.size, 3))
+        spread = 0.0
+        for c in self.compared:
+            if c.sensor == "mag":
+                felt = self.truth.signals("mag", np.zeros(3))
+                alone = felt.y[:, c.axis]
+                here = self._acting(c, (*self.own, *placed))
+                extra[:, c.axis] = self._shown(c, delayed(felt, here), here) - alone
+                y[:, c.axis] = c.y - (alone if "mag" in self.truth.read else 0.0)
+                middle = self._whitener(c).weight[1 : c.keep]
+                spread = max(spread, float(1.0 / np.median(middle)))
+        field = self.believed_field(extra)
+        good = self.good.copy()
+        for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
+            good[(self.truth.t >= start) & (self.truth.t < stop)] = False
+        return MotionCandidates(self.truth, moved, still, good, y - extra, spread, field, self.drive)
+
+    def faults(self) -> tuple[Placed, ...]:
+        """What spoils a fit: of the samples, the reference, or channels that read another axis or unit."""
+        return self.spoilt or tuple(p for c in self.compared for p in self.turned(c))
+
+    def turned(self, c: Compared) -> list[Placed]:
+        """Whether a channel reads another axis, the opposite, or another unit than it should."""
+        if c.sensor == "mag" and "mag" not in self.truth.read:
+            return []
+        good = self.good & c.there
+        X, y = self.truth.signals(c.sensor).y[good], c.y[good]
+        row = combination(X - X.mean(axis=0), y - y.mean())
+        return [Placed(e, c.name) for e in axis_faults(row, c.axis)]
+
+    def likeness(self, sensor: str, X: Array, bandwidth: float = np.inf) -> Likeness:
+        """Of the readings of a triad and what it should have read, shape (n, 3), up to a frequency [Hz]."""
+
+        def about(x: Array, good: NDArray[np.bool_]) -> Array:
+            kept = good.reshape(-1, *(1,) * (x.ndim - 1))
+            return np.asarray(np.where(kept, x - x[good].mean(axis=0), 0.0))
+
+        top = int(min(2.0 * self.truth.t.size * self.dt * bandwidth, self.truth.t.size))
+        pairs = [
+            (c, w, self.good & c.there) for c, w in zip(self.compared, self.whiteners) if c.sensor == sensor
+        ]
+        return likeness([(w, about(c.y, good), about(X, good), c.axis, top) for c, w, good in pairs])
+
+
+def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
+    """The motion world of a log; none where there is no reference or nothing moves.
+
+    Raises
+    ------
+    InputError
+        Time is uneven, a reference has no numbers, or a channel's unit does not meet its noise's.
+    """
+    if not any(name.startswith("ref_") for name in log.channels):
+        return None
+    log = log.cut(*held(log))
+    log.uniform_dt()
+    mended = heard(log)
+    log = mended.log.cut(*held(mended.log))
+    truth = truth_of(log, mended.bandwidth)
+    if truth is None:
+        return None
+    compared = tuple(c for name in noise.channels if (c := compared_of(log, noise, truth, name)) is not None)
+    if not compared:
+        return None
+    good = truth.good & np.isfinite([log.channels[c.name].values for c in compared]).all(axis=0)
+    drive = recorded(log)
+    truth = replace(truth, warmth=drive.get("temperature"))
+    own = tuple(
+        Placed(e, c.name)
+        for c in compared
+        for e in c.noise
+        if isinstance(e, InertialError) or e.coefficients()
+    )
+    sound = [sound_samples(c, truth) for c in compared]
+    compared = tuple(c for c, _, _ in sound)
+    said = (*mended.said, *(p for _, ps, _ in sound for p in ps))
+    spoilt = (*(p for _, _, ps in sound for p in ps), *rounded(log, compared))
+    scene = MotionScene(truth, compared, good, drive, own, said, spoilt)
+    if not any(scene.moving(c) for c in compared):
+        return None
+    return replace(scene, spoilt=spoilt or _unlike(scene, log, mended.bandwidth))
+
+
+def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:
+    """References that have nothing to do with what was read; an attitude says nothing of all forces."""
+    given = references(log)
+    found: list[Placed] = []
+    for sensor in dict.fromkeys(c.sensor for c in scene.compared):
+        turned = sensor == "gyro" and sensor not in given
+        if sensor not in given and not turned:
+            continue
+        known = scene.truth.bandwidth.get(sensor, np.inf)
+        like = scene.likeness(sensor, scene.truth.read[sensor], known)
+        if turned and like.error > HALF:
+            wrong = misread(log, bandwidth, like, partial(scene.likeness, sensor))
+            found += [Placed(e, sensor) for e in wrong]
+        if not like.alike and not found:
+            found.append(Placed(OtherMotion(like.correlation), sensor))
+    return tuple(found)

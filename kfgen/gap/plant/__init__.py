@@ -1,0 +1,1 @@
+"""The gap of a plant, against its model file."""

@@ -1,0 +1,81 @@
+"""What a record does not say of the time before it: where a slow sensor stood, what an input was that acts late.
+
+Each is a unit normal deviate times a whitened column, which is integrated out of the residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.plant.sensor import SensorChange
+from kfgen.effects.plant.terms import InputChange
+from kfgen.gap.core.scene import ScenePoint
+from kfgen.gap.plant.recorded_channel import RecordedChannel
+from kfgen.model.plant.plant import Batch
+
+Array = NDArray[np.float64]
+
+FAR = 1e18
+"""Sum of squares of a column that a simulation has run away with."""
+
+
+def of_sensors(
+    recorded: Mapping[str, RecordedChannel], batch: Batch, t: Array, shown: Mapping[str, Array]
+) -> list[Array]:
+    """One column for each sensor that does not show at once what there is, shape (N, batch)."""
+    out = []
+    for where, effect in batch.effects:
+        if isinstance(effect, SensorChange):
+            parts = [
+                r.begun(effect, t, shown[n]) if n == where else np.zeros((r.at.size, batch.size))
+                for n, r in recorded.items()
+            ]
+            out.append(np.concatenate(parts))
+    return out
+
+
+def unsettled(batch: Batch, inputs: Mapping[str, Array]) -> dict[str, float]:
+    """The inputs that act late, and one deviation of what they were before: as they are later, from the first on."""
+    late = {w for w, e in batch.effects if isinstance(e, InputChange) and (np.any(e.lag) or np.any(e.late))}
+    found = {n: float(np.sqrt(np.mean((inputs[n] - inputs[n][0]) ** 2))) for n in inputs if n in late}
+    return {n: size for n, size in found.items() if size > 0.0}
+
+
+def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], size: int) -> Array:
+    """Whitened, the difference of the second `size` columns of channels from the first, shape (N, size)."""
+    parts = []
+    for name, r in recorded.items():
+        step = shown[name][r.at, size:] - shown[name][r.at, :size]
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
+            E = r.whitener.ordinates(np.where(np.isfinite(step), step, 0.0))
+        parts.append(E)
+    out = np.concatenate(parts)
+    power = np.sum(np.minimum(np.abs(out), FAR) ** 2, axis=0)
+    whole = np.all([np.isfinite(v).all(axis=0) for v in shown.values()], axis=0)
+    return np.where(whole[:size] & whole[size:] & (power < FAR), out, 0.0)
+
+
+def apart(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:
+    """Points without those that differ only in so many `first` unknowns, and which of these each one is."""
+    keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
+    place = {k: i for i, k in enumerate(dict.fromkeys(keys))}
+    return [points[keys.index(k)] for k in place], [place[k] for k in keys]
+
+
+def integrated(left: Array, E: Array) -> Array:
+    """Whitened residuals whose squares are what is left of the likelihood without a unit normal deviate times `E`."""
+    power = np.sum(E**2, axis=0)
+    kept = 1.0 / np.sqrt(1.0 + power)
+    return np.asarray(left - E * (np.sum(E * left, axis=0) / np.maximum(power, 1e-300) * (1.0 - kept)))
+
+
+def independent(columns: Sequence[Array]) -> list[Array]:
+    """The columns as they are once those before them are integrated out."""
+    out: list[Array] = []
+    for column in columns:
+        out.append(reduce(integrated, out, column))
+    return out

@@ -1,0 +1,111 @@
+"""`RecordedChannel`: a channel of a plant's log, made ready to be compared with a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+from kfgen.effects import Effect
+from kfgen.effects.plant.sensor import SensorChange
+from kfgen.effects.plant.terms import PlantEffect
+from kfgen.gap.core.whitener import Whitener
+from kfgen.log.log import Log
+from kfgen.model.plant.user import UserModel
+
+Array = NDArray[np.float64]
+
+GAP = 3.0
+"""Usual steps of time beyond which samples are missing."""
+FAR = 1e3
+"""Deviations of the data at which a simulation that diverges is held."""
+
+
+@dataclass(frozen=True)
+class RecordedChannel:
+    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
+
+    at: NDArray[np.intp]
+    values: Array
+    whitener: Whitener
+
+    @property
+    def noise(self) -> float:
+        """Deviation of the white noise of a sample [SI]."""
+        return 1.0 / float(self.whitener.weight[-1])
+
+    def left(self, simulated: Array) -> Array:
+        """Measured less simulated, shape (n, points), finite even where the simulation is not."""
+        far = FAR * max(float(np.ptp(self.values)), self.noise)
+        left = self.values[:, None] - simulated[self.at]
+        # In turn to either side: one side all along would be a constant, which something else might explain.
+        side = far * (1.0 - 2.0 * (np.arange(self.at.size) % 2))[:, None]
+        return np.where(np.abs(np.where(np.isfinite(left), left, np.inf)) < far, left, side)
+
+    def begun(self, effect: SensorChange, t: Array, shown: Array) -> Array:
+        """Whitened, one deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
+        found = effect.begun(t[self.at], shown[self.at])
+        if found is None or not np.isfinite(found).all():
+            return np.zeros((self.at.size, shown.shape[1]))
+        return self.whitener.ordinates(found)
+
+
+def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
+    """Raise `InputError` where a channel of the log has another dimension than the model's."""
+    given = log.channel(name).unit
+    if not parse_unit(given).same_dimension(parse_unit(unit)):
+        raise InputError(
+            f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
+            where=log.source,
+            remedy="Mend the unit in the header, or in the model file",
+        )
+
+
+def check_near(
+    model: UserModel, recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], words: str
+) -> None:
+    """Raise `InputError` where simulated channels, shape (n, 1), are farther from the log than that from its mean."""
+    for name, r in recorded.items():
+        if float(np.sqrt(np.mean(r.left(shown[name]) ** 2))) > float(np.std(r.values)):
+            raise InputError(
+                f"{model.name} does not follow the log: {words}, a simulation is nowhere near {name}, "
+                "however often it starts anew",
+                where=model.path,
+                remedy="Check the equations and what is believed of their numbers: a gap is sought in a model that is nearly right",
+            )
+
+
+def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
+    """The samples of a channel, less the deterministic effects that are believed of it."""
+    measurement = model.measurements[name]
+    check_unit(log, name, measurement.unit, model)
+    effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
+    if not any(e.form().V or e.form().Z for e in effects):
+        raise InputError(
+            f"the model of {name} has no white noise",
+            where=model.path,
+            remedy="Give it an effect white_noise",
+        )
+    values = np.asarray(log.channel(name).values)
+    at = np.flatnonzero(np.isfinite(values))
+    if at.size < 8:
+        raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
+    y = values[at] - _believed(effects, log, at)
+    steps = np.diff(log.t[at])
+    dt = float(np.mean(steps[steps <= GAP * np.median(steps)]))
+    return RecordedChannel(at, y, Whitener.of(effects, at.size, dt, constant=True))
+
+
+def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
+    """What the deterministic effects of a channel give [SI], shape (n,)."""
+    t = np.asarray(log.t)[at] - log.t[0]
+    total = np.zeros(at.size)
+    for e in effects:
+        if e.coefficients():
+            drive = {e.driver: log.values(e.driver)[at]} if e.driver else None
+            total = total + e.mean(t, drive)
+    return total

@@ -1,0 +1,380 @@
+"""`PlantScene`: a model file against a log of the plant.
+
+The plant is simulated over the record from unknown initial states; what is left of each channel is whitened by
+the channel's noise. A record that one simulation cannot follow, since the plant is unstable or chaotic or the
+model too far off, is cut into segments with initial states of their own (multiple shooting [1]_).
+
+References
+----------
+.. [1] H. G. Bock, Numerical treatment of inverse problems in chemical reaction kinetics, 1981.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+from kfgen.effects.plant.terms import ParameterError, PlantEffect
+from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.plant.candidates import additions
+from kfgen.gap.plant.initial_history import apart, changed, independent, integrated, of_sensors, unsettled
+from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
+from kfgen.gap.plant.shooting import FIRST, Shooting, lateness, segments, shortest
+from kfgen.gap.rest.trust import FAR_FROM
+from kfgen.log.log import Channel, Log
+from kfgen.model.plant.equations import unknown_deviation
+from kfgen.model.plant.plant import Batch, Plant, Run, stacked
+from kfgen.model.plant.user import UserModel
+
+Array = NDArray[np.float64]
+
+ASTRAY = 0.8
+"""Share of the shortest segments that make up a record in which a model follows it nowhere."""
+LATE, LATEST = 3, 0.5
+"""Samples by which channels are late without doubt; share of a record of which nothing would be left."""
+FAR_FROM_START = 4.0
+"""Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
+
+Kinds = tuple[tuple[str, type[PlantEffect]], ...]
+
+
+@dataclass(frozen=True)
+class PlantScene:
+    """See `kfgen.gap.core.scene.Scene`.
+
+    Parameters
+    ----------
+    model : UserModel
+    log : Log
+        With the model's inputs and at least one of its measurements.
+    recorded : mapping of str to Recorded
+        By channel.
+    starts : tuple of int
+        Samples at which segments start.
+    initial : ndarray, shape (segments, states)
+        Where they start, by a fit of the model as it is believed [SI].
+    hidden : tuple of bool, (states,)
+        Those that no channel shows: their prior is wide, but finite.
+    begun : mapping of str to float
+        Parameters that are not trusted, as that fit has them [SI].
+    doubted : tuple of str
+        States that do not start where the model file says.
+    said, spoilt, either : tuple of Placed
+        Faults that were left out, those with which a fit means nothing, what may be instead of the first of these.
+    seen_late : float, optional
+        How much the channels of the whole log seem to be late [s], where that is known.
+    """
+
+    model: UserModel
+    log: Log
+    recorded: Mapping[str, RecordedChannel]
+    starts: tuple[int, ...] = (0,)
+    initial: Array = field(default_factory=lambda: np.zeros((1, 0)))
+    hidden: tuple[bool, ...] = ()
+    begun: Mapping[str, float] = field(default_factory=dict)
+    doubted: tuple[str, ...] = ()
+    said: tuple[Placed, ...] = ()
+    spoilt: tuple[Placed, ...] = ()
+    either: tuple[Placed, ...] = ()
+    seen_late: float | None = None
+    _plants: dict[Kinds, Plant] = field(default_factory=dict, repr=False, compare=False)
+    _parts: dict[Kinds, int] = field(default_factory=dict, repr=False, compare=False)
+
+    @staticmethod
+    def of(model: UserModel, log: Log) -> PlantScene:
+        """The scene of a model and a log, segments and initial states found.
+
+        Raises
+        ------
+        InputError
+            An input is missing or not a number, no measurement is in the log, a unit does not fit, a
+            measurement has no white noise, or the model cannot be simulated over the log.
+        """
+        return PlantScene.bare(model, log).cut()
+
+    def cut(self) -> PlantScene:
+        """The scene in as many segments as its model needs to follow the log; raises as `of`."""
+        shooting = self.shooting
+        starts, initial, parameters = segments(shooting)
+        begun = dict(zip(shooting.free, parameters.tolist()))
+        hidden = shooting.hidden(initial[0])
+        return replace(self, starts=starts, initial=initial, hidden=hidden, begun=begun)
+
+    @staticmethod
+    def bare(model: UserModel, log: Log) -> PlantScene:
+        """The scene before anything is fitted, in one segment that starts where the channels show; raises as `of`."""
+        for name, unit in model.inputs.items():
+            check_unit(log, name, unit, model)
+            log.values(name)
+        recorded = {n: recorded_of(model, log, n) for n in model.measurements if n in log.channels}
+        if not recorded:
+            raise InputError(
+                f"no measurement of {model.name} is in the log",
+                where=log.source,
+                remedy=f"It knows {', '.join(model.measurements)}; map others with --columns",
+            )
+        scene = PlantScene(model, log, recorded)
+        initial = scene.shooting.guess(0, FIRST)[None]
+        return replace(scene, initial=initial, hidden=(False,) * len(model.states))
+
+    def faults(self) -> tuple[Placed, ...]:
+        """See `kfgen.gap.core.scene.Inspected`."""
+        return self.spoilt
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The measurements that the log has."""
+        return tuple(self.recorded)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples of each."""
+        return tuple(r.values.size for r in self.recorded.values())
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]; the mean one of uneven times."""
+        return float((self.log.t[-1] - self.log.t[0]) / (self.log.n - 1))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        return float(self.log.t[0]), float(self.log.t[-1])
+
+    @cached_property
+    def late(self) -> float:
+        """How much the channels seem to be late [s], against the model as it is believed in one piece."""
+        shooting = self.shooting
+        if self.seen_late is not None or not self.inputs or not self.model.states:
+            return self.seen_late or 0.0
+        simulated = shooting.simulated(np.concatenate([self.initial[0], shooting.trusted]))
+        return lateness(shooting.data, simulated) * self.dt
+
+    def answering(self, log: Log) -> Log:
+        """A log without what answers to inputs from before it, where the channels are late: nobody knows those."""
+        late = round(self.late / self.dt)
+        if not LATE <= late <= LATEST * log.n:
+            return log
+        channels = dict(log.channels)
+        for name in self.recorded:
+            values = np.array(channels[name].values)
+            values[: late + 1] = np.nan
+            channels[name] = Channel(values, channels[name].unit)
+        return replace(log, channels=channels)
+
+    @cached_property
+    def inputs(self) -> dict[str, Array]:
+        """The model's inputs [SI], each of shape (n,)."""
+        return {n: self.log.values(n) for n in self.model.inputs}
+
+    @property
+    def constant_inputs(self) -> tuple[str, ...]:
+        """See `kfgen.gap.core.scene.Driven`."""
+        return tuple(n for n, u in self.inputs.items() if not np.ptp(u) > 0.0)
+
+    @property
+    def follows_nowhere(self) -> bool:
+        """See `kfgen.gap.core.scene.Driven`."""
+        return len(self.starts) > 1 and len(self.starts) > ASTRAY * self.log.n / shortest(self.log.n)
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Initial states of every segment, then the parameters that are not trusted."""
+        out = []
+        for s, first in enumerate(self.starts):
+            for i, (name, state) in enumerate(self.model.states.items()):
+                known = s == 0 and np.isfinite(state.sd)
+                value = state.initial if known else float(self.initial[s, i])
+                unit = parse_unit(state.unit).si
+                unseen = unknown_deviation(unit, value) if self.hidden[i] else np.inf
+                label = f"{name} at {self.log.t[first]:.6g} s"
+                own, far = (name if known else ""), np.inf if name in self.doubted else FAR_FROM_START
+                sd = state.sd if known else unseen
+                out.append(Unknown(label, unit, value, sd, own=own, far=far, once=True))
+        for name, p in self.model.parameters.items():
+            if p.sd > 0.0:
+                begun = self.begun.get(name)
+                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, begun, name, FAR_FROM))
+        return tuple(out)
+
+    def unit(self, placed: Placed) -> str:
+        """The unit `U` of a placed effect's parameters."""
+        if not isinstance(placed.effect, PlantEffect):
+            return self.log.channels[placed.where].unit
+        if isinstance(placed.effect, ParameterError) and placed.where in self.model.states:
+            return self.model.states[placed.where].unit
+        return self.model.unit_at(placed.where, placed.effect)
+
+    def held(self, names: Collection[str]) -> PlantScene:
+        """See `kfgen.gap.core.scene.Trusting`."""
+        parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
+        doubted = tuple(n for n in self.model.states if n in names)
+        model = replace(self.model, parameters=parameters)
+        scene = replace(self, model=model, doubted=doubted, _plants={}, _parts={})
+        if len(self.starts) == 1 or not names:
+            return scene
+        scene = scene.cut()
+        if scene.follows_nowhere:
+            run = scene.simulated(ScenePoint((), np.array([u.start for u in scene.unknowns])))
+            check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as believed")
+        return scene
+
+    def stated(self, where: str) -> float:
+        """See `kfgen.gap.core.scene.Trusting`."""
+        found = self.model.parameters.get(where)
+        return self.model.states[where].initial if found is None else found.value
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """Whitened measured less simulated values, shape (sum of lengths, points)."""
+        out = np.empty((sum(self.lengths), len(points)))
+        groups: dict[Kinds, list[int]] = {}
+        for j, point in enumerate(points):
+            groups.setdefault(_kinds(point.placed), []).append(j)
+        for members in groups.values():
+            alike = [points[j] for j in members]
+            out[:, members] = self._whitened(self._shown(alike), alike)
+        return out
+
+    def _shown(self, points: Sequence[ScenePoint]) -> Mapping[str, Array]:
+        """The simulated channels at points, each of shape (n, points).
+
+        Segments do not know of one another: points that differ only in where segments start share
+        simulations, each segment of which starts at another of the wanted places.
+        """
+        segs, states = len(self.starts), len(self.model.states)
+        alike: dict[tuple[object, bytes], list[int]] = {}
+        for j, p in enumerate(points):
+            alike.setdefault((p.placed, p.unknowns[segs * states :].tobytes()), []).append(j)
+        if segs == 1 or len(alike) == len(points):
+            return self._run(points).channels
+        columns: list[ScenePoint] = []
+        source = np.zeros((len(points), segs), dtype=np.intp)
+        for members in alike.values():
+            first = points[members[0]]
+            starts = np.array([points[j].unknowns[: segs * states] for j in members])
+            starts = starts.reshape(len(members), segs, states)
+            wanted = [np.unique(starts[:, s], axis=0, return_inverse=True) for s in range(segs)]
+            source[members] = len(columns) + np.column_stack([np.ravel(w[1]) for w in wanted])
+            for c in range(max(len(w[0]) for w in wanted)):
+                initial = np.concatenate([w[0][min(c, len(w[0]) - 1)] for w in wanted])
+                columns.append(
+                    ScenePoint(first.placed, np.concatenate([initial, first.unknowns[segs * states :]]))
+                )
+        run = self._run(columns)
+        segment = np.searchsorted(np.asarray(self.starts), np.arange(self.log.n), side="right") - 1
+        rows = np.arange(self.log.n)[:, None]
+        return {n: v[rows, source.T[segment]] for n, v in run.channels.items()}
+
+    def simulated(self, point: ScenePoint) -> Run:
+        """The simulation at a point."""
+        return self._run([point])
+
+    def believed(self, placed: Sequence[Placed] = ()) -> ScenePoint:
+        """The point of these effects with the unknowns as they are believed."""
+        return ScenePoint(tuple(placed), np.array([u.value for u in self.unknowns]))
+
+    def _run(self, points: Sequence[ScenePoint], before: Mapping[str, Array] | None = None) -> Run:
+        own = self._own()
+        kinds = (*((w, type(e)) for w, e in own), *_kinds(points[0].placed))
+        plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
+        run = plant.simulate(
+            np.asarray(self.log.t),
+            self.inputs,
+            replace(self._batch(own, points), before=before or {}),
+            self.starts,
+            self._parts.get(kinds, 1),
+        )
+        self._parts[kinds] = run.substeps
+        return run
+
+    def _own(self) -> list[tuple[str, PlantEffect]]:
+        """The effects inside the plant that the model file has."""
+        found = [(a.where, a.effect) for a in self.model.dynamics_effects]
+        found += [(n, e) for n, m in self.model.measurements.items() for e in m.noise.effects]
+        return [(w, e) for w, e in found if isinstance(e, PlantEffect)]
+
+    def _batch(self, own: Sequence[tuple[str, PlantEffect]], points: Sequence[ScenePoint]) -> Batch:
+        """The points as columns."""
+        states, segs = len(self.model.states), len(self.starts)
+        values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
+        initial = values[: states * segs].reshape(segs, states, len(points)).copy()
+        for i, (name, state) in enumerate(self.model.states.items()):
+            if name in self.doubted:
+                initial[0, i] = state.initial
+        fitted = dict(zip([u.name for u in self.unknowns[states * segs :]], values[states * segs :]))
+        parameters = {
+            n: np.array(fitted.get(n, np.full(len(points), p.value)))
+            for n, p in self.model.parameters.items()
+        }
+        effects = [(w, stacked([e] * len(points))) for w, e in own]
+        for column in zip(*(p.placed for p in points)):
+            kind = [p.effect for p in column]
+            where = column[0].where
+            if isinstance(kind[0], ParameterError):
+                error = np.array([float(e.value) for e in kind])
+                if where in parameters:
+                    parameters[where] = parameters[where] + error
+                else:
+                    initial[0, list(self.model.states).index(where)] += error
+            else:
+                effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
+        return Batch(parameters, tuple(effects), initial)
+
+    def _whitened(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
+        left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])
+        for E in self._begun(channels, points):
+            left = integrated(left, E)
+        return left
+
+    def _begun(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> list[Array]:
+        """Whitened, what sensors and late inputs may have begun with, each of shape (sum of lengths, points)."""
+        batch = self._batch(self._own(), points)
+        found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
+        for name, size in unsettled(batch, self.inputs).items():
+            columns, source = apart(
+                points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
+            )
+            before = np.repeat([0.0, size], len(columns))
+            run = self._run([*columns, *columns], {name: before})
+            found.append(changed(self.recorded, run.channels, len(columns))[:, source])
+        return independent(found)
+
+    def spread(self, point: ScenePoint) -> float:
+        """See `kfgen.gap.core.scene.Integrating`."""
+        columns = self._begun(self._shown([point]), [point])
+        return 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
+
+    @property
+    def shooting(self) -> Shooting:
+        """What the search for segments needs."""
+        own = tuple(self._own())
+        plant = Plant(self.model, [(w, type(e)) for w, e in own])
+        weights = {n: 1.0 / r.noise for n, r in self.recorded.items()}
+        data = {n: (r.at, r.values) for n, r in self.recorded.items()}
+        return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every effect at every place where it makes sense, with start values from the believed motion."""
+        run = self.simulated(self.believed())
+        speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
+        seen = {n: (_rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
+        times = self.dt, self.span[1] - self.span[0], self.late
+        found = additions(self.model, self.inputs, speeds, seen, times, placed)
+        known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
+        return found + [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
+
+
+def _kinds(placed: Sequence[Placed]) -> Kinds:
+    """Where effects act and what they are; the order is theirs."""
+    return tuple((p.where, type(p.effect)) for p in placed if isinstance(p.effect, PlantEffect))
+
+
+def _rms(x: Array) -> float:
+    good = x[np.isfinite(x)]
+    return float(np.sqrt(np.mean(good**2))) if good.size else 0.0

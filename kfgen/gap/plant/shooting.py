@@ -1,0 +1,338 @@
+"""How long one simulation can follow a record, and where the plant was: initial states by least squares.
+
+A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is believed
+as that allows, no longer follows the data, or where the initial state would have to be known too well; there the next
+segment begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.expression import symbol
+from kfgen.effects.plant.terms import PlantEffect
+from kfgen.model.plant.plant import Batch, Plant, Run, stacked
+from kfgen.model.plant.runaway import refuse
+
+Array = NDArray[np.float64]
+
+FIRST = 24
+"""Samples of the first window at least."""
+SEGMENTS = 40
+"""Segments at most."""
+FOLLOWED = 0.5
+"""Share of a channel's deviation that may be left where the model follows."""
+NOISE = 2.0
+"""Or this many deviations of its noise."""
+GROWTH = 1e3
+"""How much an error of the initial state may grow."""
+UNSTABLE = 30.0
+"""How much an error of every initial state may grow."""
+FAR = 1e6
+"""Deviations at which a simulation that diverges is held."""
+RANGES = 1e3
+"""Ranges of a channel beyond which, and so many deviations, a simulation runs away."""
+HIDDEN = 1e-6
+"""Deviations of the noise below which a change of a state by its size is not seen."""
+ALIKE = 0.8
+"""Correlation of channels with their simulation moved in time from which on they look like it."""
+ITERATIONS = 12
+CONVERGED = 1e-3
+"""Relative gain at which an iteration ends."""
+DAMPING = np.geomspace(1e-6, 1e3, 7)
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """What is fitted.
+
+    Parameters
+    ----------
+    plant : Plant
+    effects : tuple of (where, PlantEffect)
+    t : ndarray, shape (n,)
+    inputs : mapping of str to ndarray, shape (n,)
+    data : mapping of str to (samples, values)
+        By channel [SI].
+    weights : mapping of str to float
+        Inverse deviation of the noise of a sample [1/SI].
+
+    A column of what is fitted has the initial states first, then the parameters that are not trusted.
+    """
+
+    plant: Plant
+    effects: tuple[tuple[str, PlantEffect], ...]
+    t: Array
+    inputs: Mapping[str, Array]
+    data: Mapping[str, tuple[NDArray[np.intp], Array]]
+    weights: Mapping[str, float]
+
+    @cached_property
+    def _full(self) -> dict[str, Array]:
+        """Channels over all times, not a number where they have no sample, each of shape (n,)."""
+        out = {}
+        for name, (at, values) in self.data.items():
+            out[name] = np.full(self.t.size, np.nan)
+            out[name][at] = values
+        return out
+
+    @cached_property
+    def _swing(self) -> dict[str, float]:
+        """Deviation of each channel within short windows [SI]: one that runs away over the record swings no wider."""
+        size, out = max(FIRST, self.t.size // SEGMENTS), {}
+        for name, full in self._full.items():
+            windows = [full[i : i + size] for i in range(0, max(full.size - size, 0) + 1, size)]
+            inside = [float(np.var(w[np.isfinite(w)])) for w in windows if np.isfinite(w).sum() > 1]
+            out[name] = float(np.sqrt(np.mean(inside))) if inside else np.inf
+        return out
+
+    @cached_property
+    def free(self) -> dict[str, tuple[float, float]]:
+        """The parameters that are not trusted: value and deviation [SI]."""
+        return {n: (p.value, p.sd) for n, p in self.plant.model.parameters.items() if p.sd > 0.0}
+
+    @property
+    def states(self) -> int:
+        """How many."""
+        return len(self.plant.states)
+
+    @cached_property
+    def trusted(self) -> Array:
+        """The values of those parameters [SI]."""
+        return np.array([v for v, _ in self.free.values()])
+
+    def _pulls(self, X0: Array) -> Array:
+        """How far parameters are from what is believed, in deviations, shape (parameters, batch)."""
+        deviations = np.array([sd for _, sd in self.free.values()])
+        return np.asarray((X0[self.states :] - self.trusted[:, None]) / deviations[:, None])
+
+    def cost(self, X0: Array, a: int, b: int) -> Array:
+        """Sums of squares over samples a to b, and of what is believed, shape (batch,)."""
+        return np.asarray((self.left(X0, a, b) ** 2).sum(axis=(0, 1)) + (self._pulls(X0) ** 2).sum(axis=0))
+
+    def _simulated(self, X0: Array, a: int, b: int) -> tuple[Array, Array]:
+        """Weighted residuals (channels, b - a, batch) and last states (states, batch) of what is fitted."""
+        run = self._run(X0, a, b)[1]
+        out = []
+        for name, full in self._full.items():
+            seen, shown = full[a:b, None], run.channels[name]
+            with np.errstate(over="ignore"):  # of a simulation that runs away
+                r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], FAR)
+            out.append(np.where(np.isfinite(seen), np.clip(r, -FAR, FAR), 0.0))
+        return np.array(out), run.states[-1]
+
+    def simulated(self, x0: Array) -> dict[str, Array]:
+        """The channels over the whole record of what is fitted, each of shape (n,)."""
+        run = self._run(x0[:, None], 0, self.t.size)[1]
+        return {n: run.channels[n][:, 0] for n in self.data}
+
+    def _run(self, X0: Array, a: int, b: int) -> tuple[Batch, Run]:
+        """Columns of what is fitted, and their simulation over samples a to b."""
+        size, k = X0.shape[1], self.states
+        parameters = {n: np.full(size, p.value) for n, p in self.plant.model.parameters.items()}
+        parameters |= dict(zip(self.free, X0[k:]))
+        effects = tuple((w, stacked([e] * size)) for w, e in self.effects)
+        inputs = {n: u[a:b] for n, u in self.inputs.items()}
+        batch = Batch(parameters, effects, X0[:k][None])
+        return batch, self.plant.simulate(self.t[a:b], inputs, batch)
+
+    def check(self, x0: Array, a: int, b: int) -> None:
+        """Raise `InputError` where what is fitted cannot be simulated from sample a to b, or runs away."""
+        batch, run = self._run(x0[:, None], a, b)
+        beyond = np.zeros(b - a, dtype=bool)
+        for name, full in self._full.items():
+            seen = full[np.isfinite(full)]
+            far = max(FAR / self.weights[name], RANGES * float(np.ptp(seen)))
+            beyond |= np.abs(run.channels[name][:, 0] - float(seen.mean())) > far
+        refuse(self.plant, self.t[a:b], {n: u[a:b] for n, u in self.inputs.items()}, batch, run, beyond)
+
+    def left(self, X0: Array, a: int, b: int) -> Array:
+        """Weighted residuals in samples a to b, shape (channels, b - a, batch), of columns of what is fitted."""
+        return self._simulated(X0, a, b)[0]
+
+    def last(self, x0: Array, a: int, b: int) -> Array:
+        """What is fitted, its states at sample b - 1, from those at sample a."""
+        return np.concatenate([self._simulated(x0[:, None], a, b)[1][:, 0], x0[self.states :]])
+
+    def guess(self, start: int, length: int) -> Array:
+        """Initial states from the channels that show a state or its integral, shape (states,)."""
+        model = self.plant.model
+        shown = {m.expression.value: n for n, m in model.measurements.items() if n in self.data}
+        out = np.array([s.initial for s in model.states.values()])
+        for i, name in enumerate(model.states):
+            for order, source in enumerate((name, model.position_of(name))):
+                if source is not None and symbol(source) in shown:
+                    out[i] = self._local(shown[symbol(source)], start, length, order)
+                    break
+        return out
+
+    def _local(self, channel: str, start: int, length: int, order: int) -> float:
+        """A channel's value or slope at a sample, by a cubic through the next ones."""
+        at, values = self.data[channel]
+        a, b = np.searchsorted(at, [start, start + length])
+        t, y = self.t[at[a:b]] - self.t[start], values[a:b]
+        if t.size < 4:
+            return float(y[0]) if t.size and order == 0 else 0.0
+        scale = float(t[-1])
+        c = np.polynomial.polynomial.polyfit(t / scale, y, 3)
+        return float(c[order] / scale**order)
+
+    @cached_property
+    def scale(self) -> Array:
+        """A size of each state [SI], shape (states,)."""
+        last = max(self.t.size - FIRST, 0)
+        found = np.abs([self.guess(int(s), FIRST) for s in np.linspace(0, last, 8)]).max(axis=0)
+        return np.where(found > 0.0, found, 1.0)
+
+    def slope(self, x0: Array, a: int, b: int) -> tuple[Array, Array]:
+        """Residuals, shape (channels, m), and their derivatives by what is fitted, shape (channels, m, fitted)."""
+        sizes = np.concatenate([self.scale, [sd for _, sd in self.free.values()]])
+        step = 1e-5 * np.maximum(np.abs(x0), sizes)
+        R = self.left(np.column_stack([x0, x0[:, None] + np.diag(step)]), a, b)
+        return R[:, :, 0], (R[:, :, 1:] - R[:, :, :1]) / step
+
+    def fit(self, x0: Array, a: int, b: int) -> Array:
+        """What is fitted by damped least squares over samples a to b."""
+        deviations = np.array([sd for _, sd in self.free.values()])
+        prior = np.eye(x0.size)[self.states :] / deviations[:, None]
+        for _ in range(ITERATIONS):
+            r, J = self.slope(x0, a, b)
+            pulls = self._pulls(x0[:, None])[:, 0]
+            cost = float(np.sum(r**2) + pulls @ pulls)
+            J = np.concatenate([J.reshape(-1, x0.size), prior])
+            tried = x0[:, None] + _damped(J, np.concatenate([r.ravel(), pulls]))
+            costs = self.cost(tried, a, b)
+            best = int(np.argmin(costs))
+            if costs[best] >= cost:
+                break
+            x0 = tried[:, best]
+            if cost - costs[best] < CONVERGED * cost:
+                break
+        return x0
+
+    def follows(self, x0: Array, a: int, b: int) -> bool:
+        """Whether a simulation stays with the data, and answers not too much to where it starts."""
+        r, J = self.slope(x0, a, b)
+        for (name, full), part in zip(self._full.items(), r):
+            good = np.isfinite(full[a:b])
+            if good.sum() < 2:
+                continue
+            spread = min(float(np.std(full[a:b][good])), self._swing[name]) * self.weights[name]
+            if float(np.sqrt(np.mean(part[good] ** 2))) > max(FOLLOWED * spread, NOISE):
+                return False
+        tenth, J = max(1, (b - a) // 10), J[:, :, : self.states]
+        first, early, most = (np.abs(J[:, :k]).max(axis=(0, 1)) for k in (FIRST, tenth, b - a))
+        if (most > GROWTH * np.maximum(early, 1e-300)).any():
+            return False
+        # A position answers ever more to where a speed began; where every state does so, the motion is unstable.
+        return not bool((most > UNSTABLE * np.maximum(first, 1e-300)).all() and most.size)
+
+    def hidden(self, x0: Array) -> tuple[bool, ...]:
+        """Which initial states, shape (states,), change no channel as the model is believed."""
+        if not x0.size:
+            return ()
+        J = self.slope(np.concatenate([x0, self.trusted]), 0, self.t.size)[1][:, :, : self.states]
+        shown = np.abs(J).max(axis=(0, 1)) * self.scale
+        return tuple(bool(v < HIDDEN) for v in shown)
+
+
+def _damped(J: Array, r: Array) -> Array:
+    """Steps for every damping, shape (states, dampings)."""
+    JJ, Jr = J.T @ J, J.T @ r
+    diagonal = np.diag(JJ)
+    scale = np.sqrt(np.maximum(diagonal, 1e-12 * max(float(diagonal.max()), 1e-300)))
+    A = JJ / np.outer(scale, scale)
+    steps = [-np.linalg.solve(A + d * np.eye(scale.size), Jr / scale) / scale for d in DAMPING]
+    return np.array(steps).T
+
+
+def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapping[str, Array]) -> int:
+    """Samples by which channels follow their simulation, each of shape (n,); zero where they do not look like it.
+
+    It is where their correlation is largest; negative where the simulation comes after them.
+    """
+    n = next(iter(simulated.values())).size
+    total = np.zeros(2 * n)
+    for name, (at, values) in data.items():
+        y, h = np.zeros(n), np.zeros(n)
+        y[at], h[at] = values - values.mean(), simulated[name][at] - simulated[name][at].mean()
+        size = float(np.linalg.norm(y) * np.linalg.norm(h))
+        if not 0.0 < size < np.inf:
+            return 0
+        total += np.fft.irfft(np.fft.rfft(y, 2 * n) * np.conj(np.fft.rfft(h, 2 * n)), 2 * n) / size
+    best = int(np.argmax(total))
+    if total[best] < ALIKE * len(data):
+        return 0
+    return best if best < n else best - 2 * n
+
+
+def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
+    """Where segments start, their initial states, shape (segments, states), and the untrusted parameters.
+
+    Raises
+    ------
+    InputError
+        The model cannot be simulated even over a segment.
+    """
+    n, k = shooting.t.size, shooting.states
+    if k == 0:
+        shooting.check(shooting.trusted, 0, n)
+        return (0,), np.zeros((1, 0)), shooting.trusted
+    least = min(n, shortest(n))
+    starts, initial, a = [0], [], 0
+    before: Array | None = None
+    while True:
+        x0, b = _segment(shooting, a, least, before)
+        shooting.check(x0, a, b)
+        initial.append(x0)
+        if b == n:
+            edges = (*starts, n)
+            agreed, parameters = _agreed(shooting, edges, np.array(initial))
+            for x0, a, b in zip(agreed, edges[:-1], edges[1:]):
+                shooting.check(np.concatenate([x0, parameters]), a, b)
+            return tuple(starts), agreed, parameters
+        before = shooting.last(x0, a, b + 1)
+        starts.append(b)
+        a = b
+
+
+def shortest(n: int) -> int:
+    """Samples of the shortest segment of a record of n."""
+    return max(FIRST, -(-n // SEGMENTS))
+
+
+def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[Array, Array]:
+    """Initial states of all segments under the parameters of the longest one, and those."""
+    k = shooting.states
+    parameters = found[int(np.argmax(np.diff(edges))), k:]
+    initial = []
+    for x0, a, b in zip(found, edges[:-1], edges[1:]):
+        guesses = np.array([x0[:k], shooting.guess(a, min(b - a, FIRST))])
+        tried = np.column_stack([guesses, np.tile(parameters, (2, 1))]).T
+        initial.append(guesses[int(np.argmin(shooting.cost(tried, a, b)))])
+    return np.array(initial), parameters
+
+
+def _segment(shooting: Shooting, a: int, least: int, before: Array | None) -> tuple[Array, int]:
+    """What is fitted at sample a, and the sample up to which it is followed; at least so many."""
+    n = shooting.t.size
+    window = min(n - a, max(FIRST, least // 4))
+    guesses = [np.concatenate([shooting.guess(a, window), shooting.trusted])]
+    if before is not None and np.isfinite(before).all():
+        guesses += [np.concatenate([guesses[0][: shooting.states], before[shooting.states :]]), before]
+    costs = shooting.cost(np.array(guesses).T, a, a + window)
+    x0 = shooting.fit(guesses[int(np.argmin(costs))], a, a + window)
+    while a + window < n:
+        longer = min(n - a, 2 * window)
+        tried = shooting.fit(x0, a, a + longer)
+        if longer > least and not shooting.follows(tried, a, a + longer):
+            break
+        x0, window = tried, longer
+    if a + window == n or n - a < 2 * least:
+        return x0, n
+    return x0, min(a + max(window, least), n - least)

@@ -1,0 +1,62 @@
+"""A model file with what was found in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from kfgen.effects import Effect
+from kfgen.effects.noise_model import Term
+from kfgen.effects.plant.terms import ParameterError, PlantEffect
+from kfgen.gap.core.scene import Placed
+from kfgen.model.plant.user import Acting, UserModel
+
+
+def mended(
+    model: UserModel, placed: Sequence[Placed], values: Mapping[str, float] | None = None
+) -> UserModel:
+    """The model with effects added and parameters as they were found.
+
+    Parameters
+    ----------
+    placed : sequence of Placed
+        A wrong parameter or start of a state is corrected in its place; of an effect that the model has, coefficients add.
+    values : mapping of str to float, optional
+        Parameters that were fitted [SI].
+    """
+    parameters = {
+        n: replace(p, value=float((values or {}).get(n, p.value))) for n, p in model.parameters.items()
+    }
+    acting, measurements = list(model.dynamics_effects), dict(model.measurements)
+    states = dict(model.states)
+    for p in placed:
+        effect = p.effect
+        assert isinstance(effect, PlantEffect)
+        if isinstance(effect, ParameterError) and p.where in states:
+            start = states[p.where]
+            states[p.where] = replace(start, initial=start.initial + float(effect.value))
+        elif isinstance(effect, ParameterError):
+            old = parameters[p.where]
+            parameters[p.where] = replace(old, value=old.value + float(effect.value))
+        elif effect.acts == "channel":
+            m = measurements[p.where]
+            measurements[p.where] = replace(m, noise=replace(m.noise, terms=(*m.noise.terms, Term(effect))))
+        else:
+            same = [k for k, a in enumerate(acting) if a.where == p.where and type(a.effect) is type(effect)]
+            if same:
+                acting[same[0]] = Acting(p.where, Term(_sum(acting[same[0]].effect, effect)))
+            else:
+                acting.append(Acting(p.where, Term(effect)))
+    return replace(
+        model,
+        parameters=parameters,
+        states=states,
+        measurements=measurements,
+        dynamics_effects=tuple(acting),
+    )
+
+
+def _sum(a: Effect, b: Effect) -> Effect:
+    """Two effects of one kind: coefficients and delays add."""
+    names = [p.name for p in a.estimated()]
+    return replace(a, **{n: float(getattr(a, n)) + float(getattr(b, n)) for n in names})

@@ -1,0 +1,1 @@
+"""The gap of a sensor at rest."""

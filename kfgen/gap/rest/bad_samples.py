@@ -1,0 +1,76 @@
+"""Samples that are no measurements: a stretch that stands still, a value far beyond all others.
+
+They are left out like missing ones, and named: a model of the noise would be bent by them, and another effect
+would be found in their place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.faults.samples import Stuck, runs
+from kfgen.effects.samples.event import Outliers
+from kfgen.effects.series import DetectedFault, RawSamples
+from kfgen.gap.rest.faults import standing
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RARE = 1e-4
+"""Chance that a sample equals the one before it, at least."""
+OFTEN = 3
+"""Runs at one end of the range that are a limit and no stretch that stands still."""
+SPANS = 8
+"""Stretches beyond which samples rather repeat."""
+MOST = 0.2
+"""Share of the samples beyond which they are not left out: the channel is spoilt."""
+WILD, TAME = 30.0, 8.0
+"""Deviations beyond which a value is no noise, if none lies between both."""
+FEW_WILD = 1e-3
+"""Share of wild samples beyond which they are a law of the noise."""
+
+
+def odd_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
+    """Which samples are no measurements, shape (n,), and what they show."""
+    still, odd, found = _still(raw), _wild(raw), []
+    if odd.any():
+        off = float(np.sqrt(np.mean((raw.y[odd] - np.median(raw.y)) ** 2)))
+        found.append(DetectedFault(Outliers(float(np.mean(odd)), off), float(odd.sum())))
+    for a, b in still:
+        odd[a:b] = True
+        began, ended = float(raw.t[a] - raw.t[0]), float(raw.t[b - 1] - raw.t[0])
+        found.append(DetectedFault(Stuck(began, ended - began), float(b - a)))
+    return odd, tuple(found)
+
+
+def _still(raw: RawSamples) -> list[tuple[int, int]]:
+    """Runs of equal values that the noise and the lattice do not explain."""
+    twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
+    equal = raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
+    spans = standing(raw.y, min(max(equal, twice, RARE), 0.95), 2, OFTEN)
+    few = len(spans) <= SPANS and sum(b - a for a, b in spans) < MOST * raw.n
+    return spans if few else []
+
+
+def _wild(raw: RawSamples) -> Mask:
+    from scipy.signal import medfilt
+
+    away = np.abs(raw.y - medfilt(raw.y, 5))
+    scale = max(1.4826 * float(np.median(away)), raw.lattice)
+    wild = away > WILD * scale
+    between = np.any((away > TAME * scale) & ~wild)
+    few = np.mean(wild) <= max(FEW_WILD, 1.0 / raw.n)
+    return np.asarray(wild) if few and not between and scale > 0.0 else np.zeros(raw.n, dtype=np.bool_)
+
+
+def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> list[str]:
+    """What is said of them: how many, and when."""
+    if not found:
+        return []
+    first, last = t[odd][[0, -1]]
+    when = f"at {first:.6g} s" if first == last else f"between {first:.6g} and {last:.6g} s"
+    kinds = " and ".join(f.effect.title for f in found)
+    return [f"{int(odd.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]

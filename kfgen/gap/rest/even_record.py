@@ -1,0 +1,169 @@
+"""A channel of a log as an even record: holes drawn over, drivers that say nothing left out, both said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.effects import Effect, catalogue
+from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.effects.faults.samples import FEW
+from kfgen.effects.series import DetectedFault, RawSamples, periods
+from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.bad_samples import odd_samples, words_of
+from kfgen.gap.rest.faults import believed_deviation
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.whittle import block_means
+from kfgen.log.log import Log
+
+Array = NDArray[np.float64]
+
+MOST_MISSING = 0.5
+"""Share of the samples that may be missing."""
+BESIDE = 512
+"""Samples at least of the mean about which missing ones are drawn."""
+SHORT = 51
+"""Samples of a window that is smoothed as it is."""
+UNEVEN = 0.35
+"""Of a period: root mean square of the steps' error beyond which there is no period."""
+
+
+def drivers_of(log: Log) -> tuple[dict[str, Array], list[str]]:
+    """All channels but references as what may drive others, and what is to be said of drivers that show nothing."""
+    known = {cls.driver for cls in catalogue().values()}
+    drive, said = {}, []
+    for name in (n for n in log.channels if not n.startswith("ref_")):
+        values = log.channel(name).values
+        good = np.isfinite(values)
+        if good.any() and np.ptp(values[good]) > 0.0:
+            drive[name] = smoothed(np.interp(log.t, log.t[good], values[good]))
+        elif name in known:
+            says = "never changes: no effect of it can be seen"
+            said.append(
+                f"channel {name} {says if good.any() else 'holds no number: no effect of it is looked for'}"
+            )
+    return drive, said
+
+
+def recorded(log: Log) -> dict[str, Array]:
+    """The known drivers that a log holds without a hole, smoothed."""
+    whole = {n: c.values for n, c in log.channels.items() if n in DRIVERS}
+    return {n: smoothed(v) for n, v in whole.items() if np.isfinite(v).all()}
+
+
+def smoothed(values: Array) -> Array:
+    """A driver without its own noise, as far as that leaves nothing of it behind: parabolas over windows.
+
+    A noisy regressor explains less than the quantity that it stands for.
+    """
+    # The mean square of third differences of white noise is 20 times its variance.
+    noise2 = float(np.mean(np.diff(values, 3) ** 2)) / 20.0 if values.size > 8 else 0.0
+    best, window = values, 5
+    while 8 * window < values.size:
+        trial = _parabolas(values, window)
+        # A parabola takes up about 2.25 / window of the noise.
+        left = float(np.mean((values - trial) ** 2)) / max(1.0 - 2.25 / window, 0.1)
+        if left > noise2 * (1.02 + 4.0 * float(np.sqrt(2.0 / values.size))):
+            break
+        best, window = trial, 2 * window + 1
+    return np.asarray(best)
+
+
+def _parabolas(values: Array, window: int) -> Array:
+    """Local parabolas over windows, shape (n,); long ones on means of short blocks."""
+    from scipy.signal import savgol_filter
+
+    block = max(1, window // SHORT)
+    if block == 1:
+        return np.asarray(savgol_filter(values, window, 2, mode="interp"))
+    smooth = savgol_filter(block_means(values, block), 2 * (window // block // 2) + 1, 2, mode="interp")
+    middle = (np.arange(smooth.size) + 0.5) * block
+    return np.asarray(np.interp(np.arange(values.size) + 0.5, middle, smooth))
+
+
+def regular(
+    log: Log, name: str, believed: Sequence[Effect] = (), drive: Mapping[str, Array] | None = None
+) -> tuple[Record, Array, list[str]]:
+    """A channel as an even record, its time stamps as they are, and what is to be said.
+
+    Missing samples are drawn from the noise that is believed, about the mean beside them.
+
+    Parameters
+    ----------
+    believed : sequence of Effect
+        Of the channel.
+    drive : mapping, optional
+        As of `drivers_of`; the channel itself is none.
+
+    Raises
+    ------
+    InputError
+        Most samples are missing, or time is uneven.
+    """
+    y = log.channel(name).values
+    said: list[str] = []
+    drive = {k: v for k, v in (drive or {}).items() if k != name}
+    good = np.isfinite(y)
+    logged = log.t[good]
+    faults: tuple[DetectedFault, ...] = ()
+    if logged.size > FEW:
+        odd, faults = odd_samples(
+            RawSamples(logged, y[good], believed_deviation(believed, float(np.median(np.diff(logged)))))
+        )
+        said += words_of(name, logged, odd, faults)
+        good[good] = ~odd
+    stamps = log.t[good]
+    if y.size < 3:
+        raise InputError(
+            f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
+        )
+    if stamps.size < 3 or stamps.size < MOST_MISSING * y.size:
+        raise InputError(
+            f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
+            where=log.source,
+            remedy="Check the sensor and the column",
+        )
+    dt = float(np.median(np.diff(stamps)))
+    steps = periods(stamps, dt)
+    error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
+    count = int(steps.sum()) + 1
+    if error > UNEVEN or count > stamps.size / MOST_MISSING:
+        raise InputError(
+            f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
+            f"t = {stamps[int(np.argmax(np.diff(stamps)))]:.6g} s",
+            where=log.source,
+            remedy="Cut the log at its gaps, or resample it evenly",
+        )
+    place = np.concatenate([[0.0], np.cumsum(steps)])
+    if count == y.size and good.all():
+        return Record(log.t, y, drive), logged, said
+    dt = float(np.polyfit(place, stamps, 1)[0])
+    even = np.arange(count)
+    t = stamps[0] + dt * even
+    filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), believed, dt)
+    drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
+    said.append(
+        f"{count - stamps.size} samples of {name} are missing; noise as it is believed is drawn over them"
+    )
+    return Record(t, filled, drive, faults=faults), logged, said
+
+
+def _drawn_over(y: Array, known: NDArray[np.bool_], believed: Sequence[Effect], dt: float) -> Array:
+    """The series with the unknown samples as the noise makes them likely, shape (n,); always the same."""
+    from scipy.ndimage import uniform_filter1d
+
+    random = [e for e in believed if not e.coefficients()]
+    if not random:
+        return y
+    hole = int(np.diff(np.flatnonzero(np.concatenate([[True], known, [True]]))).max())
+    window = min(max(BESIDE, 2 * hole), y.size)
+    count = uniform_filter1d(known.astype(np.float64), window)
+    mean = uniform_filter1d(np.where(known, y, 0.0), window) / np.maximum(count, 1.0 / window)
+    white = Whitener.of(random, y.size, dt, constant=True)
+    amplitude = np.divide(1.0, white.weight, out=np.zeros(y.size), where=white.weight > 0.0)
+    noise = Whitener.back(np.random.default_rng(0).standard_normal(y.size) * amplitude)
+    away = np.where(known, y - mean - noise, 0.0)
+    return np.where(known, y, mean + noise + white.completed(away, known))

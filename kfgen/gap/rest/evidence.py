@@ -1,0 +1,326 @@
+"""What is missing: candidates compared by their marginal likelihood.
+
+A candidate is the believed model with one more effect, all parameters fitted. Its evidence is the
+likelihood integrated over them by Laplace's method in logarithms [1]_, over times that the record
+hardly bounds numerically, over places (an onset, a frequency) by the scan that found them. Sizes and
+times have log-uniform priors, the believed model's numbers keep the priors that trust in them gives,
+and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
+competes openly: the same structure with the trust taken away. Each addition costs the
+logarithm of the number of candidates (and what its class says that it is rarer than others, ``prior_penalty_nats``), and
+`ABOVE` nats are asked for before one more is named.
+
+References
+----------
+.. [1] D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch. 27-28.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, catalogue
+from kfgen.effects.series import DECADES, Detection, WhiteSeries, log_mean
+from kfgen.gap.core.whitener import Whitener
+from kfgen.identify.evidence.joint import records_of
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, curvature, maximise
+
+Array = NDArray[np.float64]
+
+ABOVE = 3.0
+"""Nats of evidence above which one more effect is named."""
+BETWEEN = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
+"""Longest time in the record, shortest in periods: beyond, one is a random walk or white, the other a ramp."""
+TIMES = 9
+"""Grid on which a time is integrated that the record hardly bounds."""
+CLOSED = 0.45
+"""Deviation of a logarithm below which Laplace's method is good for a time."""
+SIZES = (1.0, 0.3, 0.1, 0.03)
+"""Of the start value's: sizes at which a candidate is tried before it is fitted."""
+RETUNED = 0.7
+"""Deviation of the logarithm of a number that is no longer trusted: a factor of two either way."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fitted candidate: the effect added ("" for none, "retune" for none but free), its evidence.
+
+    Parameters
+    ----------
+    gain : float
+        Evidence in nats over the believed model, the cost of adding taken off.
+    sought : Sought, optional
+        Where the effect was found, if it was looked for.
+    """
+
+    name: str
+    fit: Fit
+    problem: Problem
+    gain: float
+    detect: Detection | None = None
+
+    @property
+    def effect(self) -> Effect:
+        """What it adds."""
+        return self.detect.effect if self.changes_samples and self.detect else self.fit.effects[-1]
+
+    @property
+    def changes_samples(self) -> bool:
+        """Whether it changes the samples instead of adding a spectrum or a shape."""
+        return self.detect is not None and self.detect.evidence is not None
+
+
+def log_evidence(problem: Problem, fit: Fit, H: Array | None = None) -> float:
+    """The logarithm of the marginal likelihood, up to a constant of the record [nats].
+
+    Parameters
+    ----------
+    problem, fit
+        And its maximum.
+    H : ndarray, shape (k, k), optional
+        The `curvature` there, where it is known.
+    """
+    value = fit.likelihood.value
+    k = fit.point.size
+    for key, x in zip(fit.free, fit.point.tolist()):
+        prior = problem.priors.get(key)
+        if prior is not None:
+            value += prior.log_density(x) - float(np.log(prior.deviation * np.sqrt(2 * np.pi)))
+        else:
+            value -= float(np.log(_width(problem, key)))
+    if k:
+        floor = 2.0 * np.pi / np.array([_volume(problem, key) for key in fit.free]) ** 2
+        H = curvature(problem, fit.point) if H is None else H
+        scaled = H / np.sqrt(np.outer(floor, floor))
+        eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
+        value += 0.5 * k * float(np.log(2 * np.pi)) - 0.5 * float(np.log(eigenvalues).sum())
+        value -= 0.5 * float(np.log(floor).sum())
+    return value + _linear_evidence(fit)
+
+
+def _width(problem: Problem, key: Key) -> float:
+    """Width of the log-uniform prior of a free parameter."""
+    lo, hi = problem.bounds[problem.free.index(key)]
+    kinds = {p.name: p.kind for p in problem.effects[key[0]].parameters()}
+    return DECADES if kinds[key[1]] == "size" else hi - lo
+
+
+def _volume(problem: Problem, key: Key) -> float:
+    """The most that a parameter's likelihood can spread: its prior's width."""
+    prior = problem.priors.get(key)
+    return prior.deviation * float(np.sqrt(2 * np.pi)) if prior is not None else _width(problem, key)
+
+
+def _linear_evidence(fit: Fit) -> float:
+    theta, covariance = fit.likelihood.coefficients, fit.likelihood.covariance
+    if not theta.size:
+        return 0.0
+    _, logdet = np.linalg.slogdet(covariance)
+    value, at = 0.5 * theta.size * float(np.log(2 * np.pi)) + 0.5 * float(logdet), 0
+    for effect in fit.effects:
+        k = len(effect.coefficients())
+        if k:
+            value += effect.log_prior(covariance[at : at + k, at : at + k])
+            at += k
+    return value
+
+
+def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
+    """The believed model, its numbers moved only as far as trust lets them."""
+    problem = Problem(record, tuple(effects), priors)
+    return Candidate("", maximise(problem), problem, 0.0)
+
+
+def series_of(base: Candidate) -> WhiteSeries:
+    """The record as a white series, if the base is right; of several the first."""
+    record, effects = records_of(base.problem.record)[0], base.fit.effects
+    n, dt = record.n, record.dt
+    whitener = Whitener.of(effects, n, dt)
+    fast = Whitener.of([e for e in effects if not e.form().order or e.is_filter], n, dt)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # The constant, which no density counts, is no noise.
+        white = np.where(whitener.weight > 0.0, (whitener.weight / fast.weight) ** 2, 0.0)
+    columns = [
+        whitener.ordinates(x)
+        for e in effects
+        if e.coefficients()
+        for x in e.regressors(record.elapsed, record.drive)
+    ]
+    nuisance = np.linalg.qr(np.array(columns).T)[0] if columns else np.zeros((n, 0))
+    y = record.y - record.drift(effects)
+    slow = [e for e in effects if e.form().order and not e.coefficients()]
+    return WhiteSeries(
+        record.elapsed,
+        y,
+        dt,
+        whitener.weight,
+        1.0 - white,
+        nuisance,
+        _level(base, [e for e in effects if e.form().V]),
+        record.drive,
+        tuple(e.form() for e in slow),
+        _level(base, slow),
+    )
+
+
+def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
+    """Mean and deviation of what is believed of the size of the first of some effects, over that of the fit."""
+    for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
+        prior = base.problem.priors.get((i, name))
+        if base.fit.effects[i] in effects and name in base.fit.effects[i].sizes() and prior is not None:
+            return prior.mean - x, prior.deviation
+    return 0.0, RETUNED
+
+
+def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[Candidate]:
+    """Every addition that the record allows, by evidence, the best first; those in `without` are left out."""
+    allowed = additions(base, series_of(base), without)
+    cost = float(np.log(len(allowed) + 1))
+    reference = log_evidence(base.problem, base.fit) + cost
+    found = [
+        _added(f, base, reference + f[0].effect.prior_penalty_nats, cost + f[0].effect.prior_penalty_nats)
+        for f in allowed
+    ]
+    found = [c for c in found if np.isfinite(c.gain)]
+    if "retune" not in without:
+        found.append(_retuned(base, reference))
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def additions(
+    base: Candidate, series: WhiteSeries, without: frozenset[str] = frozenset()
+) -> list[list[Detection]]:
+    """The starts of every effect of the catalogue that could be added."""
+    present = {e.name for e in base.fit.effects} | without
+    look = base.problem.record.look
+    shown = [
+        [*(Detection(e) for e in cls.starts(look)), *cls.detect(series)]
+        for name, cls in catalogue().items()
+        if (cls.repeatable and name not in without) or name not in present
+    ]
+    return [starts for starts in shown if starts and (starts[0].effect.repeatable or _new(starts, present))]
+
+
+def _new(starts: Sequence[Detection], present: frozenset[str] | set[str]) -> bool:
+    return starts[0].effect.name not in present
+
+
+def _retuned(base: Candidate, reference: float) -> Candidate:
+    problem = replace(base.problem, priors=loosened(base.problem.priors))
+    fit = maximise(problem.starting(base.fit.effects))
+    return Candidate("retune", fit, problem, log_evidence(problem, fit) - reference)
+
+
+def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
+    """Trust taken away."""
+    return {key: replace(p, deviation=max(RETUNED, p.deviation)) for key, p in priors.items()}
+
+
+def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost: float) -> Candidate:
+    """The believed model with one more effect, from the most promising of its starts."""
+    name, known = starts[0].effect.name, base.fit.effects
+    if starts[0].evidence is not None:
+        return Candidate(name, base.fit, base.problem, starts[0].evidence - cost, starts[0])
+    at = len(known)
+    first = Problem(
+        base.problem.record,
+        (*known, starts[0].effect),
+        base.problem.priors,
+        base.problem.fixed,
+        {**base.problem.times, **({at: BETWEEN[name]} if name in BETWEEN else {})},
+    )
+    places = any(p.kind == "place" for p in starts[0].effect.parameters())
+    if places and len(starts) > 1:
+        return _over_places(first, starts, known, reference)
+    tried = [
+        (first.starting((*known, scaled)), s)
+        for s in starts
+        for scaled in (_scaled(s.effect, size) for size in (SIZES if s.effect.sizes() else (1.0,)))
+    ]
+    values = [p.objective(p.start()) for p, _ in tried]
+    problem, detection = tried[int(np.argmin(values))]
+    fit = maximise(problem)
+    H = curvature(problem, fit.point)
+    value = log_evidence(problem, fit, H)
+    times = [key for key in fit.free if key[0] == at and _kind(problem, key) == "time"]
+    if times and not _is_closed(problem, fit, times[0], H):
+        value, best = _integrated(problem, fit, times[0])
+        if best.value > fit.value:
+            problem = problem.starting(best.effects)
+            fit = maximise(problem)
+    if not fit.effects[-1].is_itself(base.problem.record.duration):
+        value = -np.inf
+    return Candidate(name, fit, problem, value + detection.located - reference, detection)
+
+
+def _over_places(
+    first: Problem, starts: Sequence[Detection], known: Sequence[Effect], reference: float
+) -> Candidate:
+    """A shape held at each of several places: the best fit, and the evidence over all of them."""
+    problems = [first.starting((*known, s.effect)) for s in starts]
+    fits = [maximise(p) for p in problems]
+    values = np.array([log_evidence(p, f) for p, f in zip(problems, fits)])
+    best = int(np.argmax(values))
+    gain = log_mean(values) + starts[best].located - reference
+    problem, fit, detection = problems[best], fits[best], starts[best]
+    name = next(p.name for p in detection.effect.parameters() if p.kind == "place")
+    found = _between(np.log([float(getattr(s.effect, name)) for s in starts]), values)
+    if found:
+        middle, deviation = found
+        finer = first.starting((*known, replace(detection.effect, **{name: float(np.exp(middle))})))
+        better, half = maximise(finer), 1.96 * deviation
+        if better.value > fit.value:
+            problem, fit = finer, better
+        ci95 = {name: (float(np.exp(middle - half)), float(np.exp(middle + half)))}
+        detection = replace(detection, effect=fit.effects[-1], ci95=ci95)
+    return Candidate(detection.effect.name, fit, problem, gain, detection)
+
+
+def _between(x: Array, values: Array) -> tuple[float, float] | None:
+    """Where a parabola through the best of some places and its neighbours is highest, and its deviation."""
+    k = int(np.argmax(values))
+    if not 0 < k < x.size - 1:
+        return None
+    c2, c1, _ = np.polyfit(x[k - 1 : k + 2] - x[k], values[k - 1 : k + 2], 2)
+    return float(x[k] - 0.5 * c1 / c2), float(np.sqrt(-0.5 / c2))
+
+
+def _kind(problem: Problem, key: Key) -> str:
+    return {p.name: p.kind for p in problem.effects[key[0]].parameters()}[key[1]]
+
+
+def _is_closed(problem: Problem, fit: Fit, key: Key, H: Array) -> bool:
+    """Whether the likelihood bounds a time well inside its box."""
+    index = fit.free.index(key)
+    lo, hi = problem.bounds[index]
+    variance = float(np.linalg.pinv(H, hermitian=True)[index, index])
+    x = float(fit.point[index])
+    sd = float(np.sqrt(max(variance, 0.0)))
+    return 0.0 < sd < CLOSED and lo + 2.0 * sd < x < hi - 2.0 * sd
+
+
+def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
+    """The evidence integrated numerically over one time, the rest by Laplace's method; the best fit on the way."""
+    lo, hi = problem.bounds[fit.free.index(key)]
+    values, fits = [], []
+    for x in lo + (hi - lo) * (np.arange(TIMES) + 0.5) / TIMES:
+        held = problem.starting(fit.effects).pin(key, float(np.exp(x)))
+        fits.append(maximise(held))
+        values.append(log_evidence(held, fits[-1]))
+    return log_mean(np.array(values)), max(fits, key=lambda f: f.value)
+
+
+def _scaled(effect: Effect, scale: float) -> Effect:
+    return replace(effect, **{name: scale * float(getattr(effect, name)) for name in effect.sizes()})
+
+
+def probabilities(ranked: Sequence[Candidate]) -> dict[str, float]:
+    """Posterior probability of each candidate, "none" among them."""
+    gains = np.array([0.0, *(c.gain for c in ranked)])
+    weights = np.exp(gains - gains.max())
+    shares = weights / weights.sum()
+    return dict(zip(["none", *(c.name for c in ranked)], shares.tolist()))

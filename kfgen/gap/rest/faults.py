@@ -1,0 +1,130 @@
+"""Integrity first: faults of the samples and their times, before any fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, catalogue
+from kfgen.effects.faults.samples import FEW, Clipping, Fault, runs
+from kfgen.effects.noise_model import ChannelNoise
+from kfgen.effects.series import SAME, DetectedFault, RawSamples
+from kfgen.gap.core.battery import Test
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.rest.finding import ChannelGap, Finding
+from kfgen.identify.evidence.record import Record
+
+Array = NDArray[np.float64]
+
+WIDE = 0.25
+"""Chance of two equal neighbours above which nothing is said of samples that repeat."""
+NEVER = 1e-6
+"""Chance in a whole record of a run of equal samples that is none."""
+LEAST_RUN = 16
+"""Samples of such a run at least."""
+
+
+def spotted_in(
+    record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
+) -> list[DetectedFault]:
+    """The faults that a channel shows, those that spoil it first."""
+    known = {e.name for e in noise.effects}
+    believed = believed_deviation(noise.effects, record.dt)
+    if stamps is None or stamps.size == record.n:
+        raw = RawSamples(record.t if stamps is None else stamps, record.y, believed, stated)
+    else:
+        raw = RawSamples(stamps, np.interp(stamps, record.t, record.y), believed, stated)
+    return _of(raw, [cls for name, cls in catalogue().items() if name not in known])
+
+
+def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]:
+    """The faults among effects that samples show, those that spoil them first."""
+    faults = [f for cls in effects if (f := cls.detect_fault(raw)) is not None]
+    if len(faults) > 1:  # values on a faulty lattice repeat by themselves
+        faults = [f for f in faults if f.effect.name != "repeated_samples" or f.samples > 0.2 * raw.n]
+    return sorted(faults, key=lambda f: not f.spoils)
+
+
+def believed_deviation(effects: Sequence[Effect], dt: float) -> float:
+    """Deviation of the white part of a sample [SI]."""
+    white = sum(float(e.form().V) / dt + 2.0 * float(e.form().Z) / dt**2 for e in effects)
+    return float(np.sqrt(white))
+
+
+def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> list[DetectedFault]:
+    """The faults that the samples of a sensor show that moves, those that spoil them first; both ends of a clipping.
+
+    Clipped samples can be left out, and spoil nothing if they are no more than half of all.
+    """
+    known = {e.name for e in effects}
+    looked = [c for n, c in catalogue().items() if n not in known and issubclass(c, Fault) and c.moving]
+    raw = RawSamples(t, y, believed_deviation(effects, dt), moves=True)
+    clipped: list[DetectedFault] = []
+    while (one := Clipping.detect_fault(raw)) is not None and len(clipped) < 2 and "clipping" not in known:
+        clipped.append(one)
+        assert isinstance(one.effect, Clipping)
+        inside = raw.y != float(one.effect.limit)
+        raw = replace(raw, t=raw.t[inside], y=raw.y[inside])
+        if raw.n < FEW:
+            break
+    spoilt = sum(c.samples for c in clipped) > 0.5 * y.size
+    others = [c for c in looked if c is not Clipping]
+    return [*(replace(c, spoils=spoilt) for c in clipped), *(_of(raw, others) if raw.n >= FEW else ())]
+
+
+def by_chance(y: Array, believed: float) -> float:
+    """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``."""
+    raw = RawSamples(np.arange(y.size, dtype=np.float64), y, believed, moves=True)
+    steps = np.abs(np.diff(y))
+    steps = steps[steps > SAME * float(np.ptp(y))]
+    # An encoder that runs through many of its steps has hardly any value twice: its smallest step says what they are.
+    lattice = max(raw.lattice, float(steps.min(initial=np.inf)) if steps.size else 0.0)
+    return float(lattice / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, believed), 1e-300)))
+
+
+def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:
+    """Spans of samples, shape (n,), that repeat the one before them longer than chance lets noisy ones, first and end.
+
+    Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
+    """
+    chance = by_chance(y, believed)
+    return standing(y, chance, LEAST_RUN, 2) if chance <= WIDE else []
+
+
+def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int, int]]:
+    """Runs of equal samples, shape (n,), that chance does not give, first and end: of `least` samples at least.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+    chance : float
+        That a sample equals the one before it.
+    least : int
+    often : int
+        Runs at one end of the range that are a limit.
+    """
+    first, length = runs(y)
+    longest = 1.0 + np.log(NEVER / y.size) / np.log(max(chance, 1e-12))
+    ends = (float(y.min()), float(y.max()))
+    limits = [v for v in ends if np.sum(y[first] == v) >= often and np.ptp(y) > 0.0]
+    spans = zip(first.tolist(), length.tolist())
+    return [(a, a + k) for a, k in spans if k >= max(longest, least, 2) and y[a] not in limits]
+
+
+def said_of(fault: DetectedFault, record: Record) -> Finding:
+    """A fault as a finding."""
+    test = Test(fault.effect.title, 0.0, (0.0, 0.5 / record.dt), 1.0)
+    return Finding(fault.effect, {}, 1.0, fault.samples, (), test)
+
+
+def spoilt(channel: str, record: Record, noise: ChannelNoise, faults: Sequence[DetectedFault]) -> ChannelGap:
+    """The answer where a fit would mean nothing: the faults alone."""
+    findings = tuple(said_of(f, record) for f in faults)
+    tests = tuple(f.worst for f in findings)
+    nothing = Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no fit was made")
+    return ChannelGap(
+        channel, noise.unit, "bad_data", findings, tests, tests, nothing, noise.effects, noise, (), record
+    )

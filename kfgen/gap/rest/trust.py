@@ -1,0 +1,116 @@
+"""What is believed of a channel, made ready to be compared: trust in its numbers, its known terms taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kfgen.core.errors import InputError
+from kfgen.effects import Effect
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
+from kfgen.identify.identify import MINIMUM
+
+TRUST = 0.1
+"""Relative deviation of a believed number that states no interval."""
+LEAST_TRUST = 0.02
+FAR_FROM = 1.0
+"""Deviations from a believed number beyond which it does not hold."""
+SURELY = 7.0
+"""Nats that believed numbers must lose against those of a fit: by chance once in a thousand records with three."""
+
+
+def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
+    """Trust in the believed numbers: from their intervals, else `TRUST`."""
+    priors: dict[Key, Prior] = {}
+    for i, term in enumerate(noise.terms):
+        if term.effect.coefficients():
+            continue
+        for p in term.effect.estimated():
+            value = float(getattr(term.effect, p.name))
+            lo, hi = term.ci95.get(p.name, (0.0, 0.0))
+            known = 0.0 < lo < hi < np.inf
+            deviation = max(float(np.log(hi / lo)) / 3.92, LEAST_TRUST) if known else TRUST
+            if value > 0.0:
+                priors[i, p.name] = Prior(float(np.log(value)), deviation)
+    return priors
+
+
+def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
+    """The record less what the believed deterministic terms say, those terms, and the random ones.
+
+    So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
+
+    Raises
+    ------
+    InputError
+        A believed effect has a driver that the log lacks.
+    """
+    trusted = tuple(t for t in noise.terms if t.effect.coefficients())
+    for term in noise.terms:
+        driver = term.effect.driver
+        if driver and driver not in record.drive:
+            raise InputError(
+                f"the model has the effect {term.effect.name}, but the log has no channel '{driver}'",
+                remedy="Give a log with it, or take the effect out of the model",
+            )
+    y = record.y - record.drift([t.effect for t in trusted])
+    random = tuple(t for t in noise.terms if not t.effect.coefficients())
+    return replace(record, y=y), trusted, replace(noise, terms=random)
+
+
+def merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ...]:
+    """Believed deterministic terms with what was found to be missing of them added."""
+    out = list(terms)
+    for old in trusted:
+        same = [t for t in out if t.effect.name == old.effect.name and not old.effect.repeatable]
+        if not same:
+            out.append(old)
+            continue
+        rest, name = same[0], old.effect.coefficients()[0]
+        base = float(getattr(old.effect, name))
+        total = replace(rest.effect, **{name: base + float(getattr(rest.effect, name))})
+        out[out.index(rest)] = Term(total, {k: (lo + base, hi + base) for k, (lo, hi) in rest.ci95.items()})
+    return tuple(out)
+
+
+def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
+    """Whether a believed number does not hold: far from what a fit makes of it, and surely so.
+
+    Parameters
+    ----------
+    problem, fit
+        Of the believed effects and those that were added.
+    believed : sequence of Effect
+        The first of them, as they are written.
+    """
+    far = [
+        abs(x - problem.priors[key].mean) > FAR_FROM * problem.priors[key].deviation
+        for key, x in zip(fit.free, fit.point.tolist())
+        if key in problem.priors
+    ]
+    if not any(far):
+        return False
+    held = frozenset((i, p.name) for i, e in enumerate(believed) for p in e.searched())
+    effects = (*believed, *fit.effects[len(believed) :])
+    as_written = maximise(replace(problem, effects=effects, fixed=problem.fixed | held))
+    return fit.likelihood.value - as_written.likelihood.value > SURELY
+
+
+def check(channel: str, record: Record, noise: ChannelNoise) -> None:
+    """Raise `InputError` where a comparison would mean nothing."""
+    if record.y.size < 4 * MINIMUM:
+        raise InputError(
+            f"{channel} has {record.y.size} samples, too few to fit and to prove",
+            remedy=f"Log at least {4 * MINIMUM}",
+        )
+    if not np.ptp(record.y) > 0.0:
+        raise InputError(f"{channel} never changes", remedy="Check the sensor and the column")
+    if not any(e.form().V or e.form().Z for e in noise.effects):
+        raise InputError(
+            f"the model of {channel} has no white noise",
+            remedy="Give it an effect white_noise, or identify it first",
+        )

@@ -1,0 +1,1 @@
+"""What is identified: records, curves and streams, and the likelihood of each."""

@@ -1,0 +1,146 @@
+"""What is wrong with a record before any fit: outliers, and an internal low-pass.
+
+Both are found with medians, which what they look for cannot move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.whittle import frequencies
+
+Array = NDArray[np.float64]
+
+FAR = 9.0
+"""Robust deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
+JUMP = 6.0
+"""The same deviations between neighbours, beyond which a sample is looked at."""
+WINDOW = 7
+"""Samples of which the median is taken."""
+STRETCHES = 20
+LOOK = 10_000
+"""Samples of each stretch of a record from which the deviation is taken."""
+COARSE = 1.5
+"""Steps of the lattice in deviations beyond which a quantised sample is no sample of the noise."""
+CLIPPED = 0.02
+"""Share of samples at the ends of the range that is no chance."""
+CHANGE = 6.0
+"""Deviations of a stretch's noise from that of the others that are no chance."""
+MOST = 0.05
+"""Share of outliers beyond which they are the noise."""
+ROLLED_OFF = 0.7
+"""Share of the plateau's power below which a band belongs to the low-pass."""
+STAY_BELOW = 0.35
+"""Of the frequency where that begins: there a second-order low-pass has taken 1 %."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far samples are from the median of themselves and their neighbours, robustly [SI]."""
+
+    scale: float
+
+    @staticmethod
+    def of(y: Array) -> Spread:
+        """From stretches spread over a record, shape (n,)."""
+        from scipy.ndimage import median_filter
+
+        size = max(y.size // STRETCHES, WINDOW)
+        parts = [y[a : a + min(size, LOOK)] for a in range(0, max(y.size - WINDOW, 1), size)]
+        distance = np.concatenate([p - median_filter(p, size=WINDOW, mode="mirror") for p in parts])
+        scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
+        return Spread(max(scale, _smallest_step(y), float(np.finfo(float).tiny)))
+
+    def is_outlier(self, y: Array) -> NDArray[np.bool_]:
+        """Which samples are outliers or no numbers, shape (n,).
+
+        A sample is an outlier when it is far from the median of itself and its neighbours; a step or a drift
+        is none. More than `MOST` of them are the noise. An outlier makes a jump, so that only the
+        neighbourhood of jumps is looked at.
+        """
+        bad = ~np.isfinite(y)
+        jump = np.flatnonzero(np.abs(np.diff(y)) > JUMP * self.scale)
+        if jump.size:
+            near = np.unique((jump[:, None] + np.arange(-2, 4)).clip(0, y.size - 1))
+            around = np.abs(near[:, None] + np.arange(-(WINDOW // 2), WINDOW // 2 + 1))
+            around = np.minimum(around, 2 * (y.size - 1) - around)  # mirrored at both ends
+            far = np.abs(y[near] - np.median(y[around], axis=1)) > FAR * self.scale
+            if far.sum() <= MOST * y.size:
+                bad[near[far]] = True
+        return bad
+
+
+def is_outlier(y: Array) -> NDArray[np.bool_]:
+    """Which samples of a record are outliers, shape (n,)."""
+    return Spread.of(y).is_outlier(y)
+
+
+def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
+    """The samples with the bad ones interpolated."""
+    if not bad.any():
+        return y
+    at = np.arange(y.size, dtype=float)
+    return np.asarray(np.interp(at, at[~bad], y[~bad]))
+
+
+def amplitude_faults(y: Array) -> list[str]:
+    """Sentences on samples that stand at the ends of the range, or on a lattice wider than the noise."""
+    white = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
+    ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
+    step, said = _smallest_step(y), []
+    if step > COARSE * white:
+        said.append(
+            f"neighbouring values are {step / white:.2g} deviations apart: too coarse for sizes to be trusted"
+        )
+    elif ends > CLIPPED and step < 0.1 * white:
+        said.append(
+            f"{100 * ends:.2g} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
+        )
+    return said
+
+
+def noise_change(y: Array) -> tuple[float, float] | None:
+    """The smallest and the largest deviation of a sample [SI] over stretches, where they differ beyond chance.
+
+    The mean square of the differences of a stretch has about a third of the degrees of freedom of its
+    samples; `CHANGE` deviations of its logarithm are asked for, and a tenth of its size.
+    """
+    parts = np.array_split(np.diff(y), STRETCHES)
+    level = np.array([float(np.mean(part**2)) for part in parts])
+    if y.size < 100 * STRETCHES or not (level > 0.0).all():
+        return None
+    spread = float(np.sqrt(6.0 * STRETCHES / y.size))
+    off = float(np.abs(np.log(level / np.median(level))).max())
+    if off < max(CHANGE * spread, 2.0 * np.log(1.1)):
+        return None
+    return float(np.sqrt(0.5 * level.min())), float(np.sqrt(0.5 * level.max()))
+
+
+def _smallest_step(y: Array) -> float:
+    """The step of the lattice of values, zero where there is none to see."""
+    values = np.unique(y[:20_000])
+    return float(np.diff(values).min()) if 1 < values.size < y[:20_000].size // 2 else 0.0
+
+
+def roll_off(record: Record) -> float | None:
+    """The frequency [Hz] from which on an internal low-pass takes power away, None without one."""
+    X = record.sines
+    n = X.size
+    omega = frequencies(n)
+    power = X**2 / (4.0 * np.sin(0.5 * omega) ** 2)
+    edges = np.unique(np.linspace(n // 50, n, 50).astype(int))
+    if edges.size < 20 or np.diff(edges).min() < 20:
+        return None
+    # The median of a chi-square of one degree of freedom is 0.4549.
+    level = np.array([np.median(power[a:b]) for a, b in pairwise(edges)]) / 0.4549
+    plateau = float(np.median(level[: level.size // 3]))
+    low = level < ROLLED_OFF * plateau
+    if not low[-5:].all():
+        return None
+    first = int(np.flatnonzero(~low)[-1]) + 1 if not low.all() else 1
+    return float(STAY_BELOW * omega[edges[first]] / (2.0 * np.pi * record.dt * record.block))

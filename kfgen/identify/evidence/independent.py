@@ -1,0 +1,84 @@
+"""Likelihoods put together from independent parts, and the part that stands for what blocks average away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect
+from kfgen.identify.evidence.record import Likelihood
+from kfgen.identify.evidence.whittle import Key, Shapes, SpectralFit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Haar:
+    """Differences of adjoining means of ``2^i`` samples inside blocks, as if independent.
+
+    Half their mean square is the Allan variance there. So they are for white noise, which rules at such
+    short times; there they hold exactly the information that block means lack.
+
+    Parameters
+    ----------
+    tau : ndarray, shape (k,)
+        Averaging times [s].
+    count : ndarray, shape (k,)
+        Differences.
+    variance : ndarray, shape (k,)
+        Half their mean square [U^2].
+    """
+
+    tau: Array
+    count: Array
+    variance: Array
+
+    @cached_property
+    def _shapes(self) -> Shapes:
+        return Shapes(lambda e: e.allan_variance(self.tau))
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
+        """``ln L``; deterministic effects are too slow to be seen inside a block."""
+        a = self._shapes.total(effects)
+        value = float(-0.5 * self.count @ (np.log(a) + self.variance / a))
+        return SpectralFit(value, np.zeros(0), np.zeros((0, 0)))
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative in the logarithms of the keys' parameters."""
+        a = self._shapes.total(effects)
+        return self._shapes.slopes(effects, keys) @ (0.5 * self.count * (self.variance / a - 1.0) / a)
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of the same, shape (k, k)."""
+        relative = self._shapes.slopes(effects, keys) / self._shapes.total(effects)
+        return np.asarray(0.5 * (relative * self.count) @ relative.T)
+
+
+@dataclass(frozen=True)
+class IndependentParts:
+    """Independent parts; the first has the regressors.
+
+    Parameters
+    ----------
+    parts : tuple of Likelihood
+    """
+
+    parts: tuple[Likelihood, ...]
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
+        """The sum."""
+        first = self.parts[0].log_likelihood(effects, coefficients)
+        rest = sum(p.log_likelihood(effects).value for p in self.parts[1:])
+        return replace(first, value=first.value + rest)
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """The sum of derivatives."""
+        return np.asarray(np.sum([p.slope(effects, keys) for p in self.parts], axis=0))
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """The sum of information."""
+        return np.asarray(np.sum([p.information(effects, keys) for p in self.parts], axis=0))

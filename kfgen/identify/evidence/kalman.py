@@ -1,0 +1,370 @@
+"""The exact Gaussian likelihood of a record with gaps or uneven time, in the information form.
+
+Successive samples are averaged to blocks that never reach over a gap. Over a block and the gap after
+it the effects' states step exactly, ``x' = A x + w``, and the block's mean is ``y = c x + v`` with ``w`` and
+``v`` correlated (`kfgen.core.linear.accumulate` of the sampled system): a chain of Gaussian factors in
+``(x, x')``. Their sum is a banded precision matrix, whose Cholesky factor gives the same likelihood as
+a Kalman filter [1]_, with a library's banded routines instead of a loop over samples.
+
+What blocks average away enters by the variances of differences inside them (`kfgen.identify.evidence.independent.Haar`).
+
+The constant of the record has a flat prior; coefficients of deterministic effects are solved for by
+generalised least squares.
+
+References
+----------
+.. [1] H. Rue and L. Held, Gaussian Markov Random Fields, 2005, sec. 2.4 (banded Cholesky; state space).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core import linear
+from kfgen.effects import Effect, LinearSystem
+from kfgen.identify.evidence.allan import AllanCurve
+from kfgen.identify.evidence.independent import Haar
+from kfgen.identify.evidence.record import Evidence, Likelihood, means_of
+from kfgen.identify.evidence.whittle import Key, Ordinates, SpectralFit, least_squares
+from kfgen.identify.fit.bounds import fisher
+
+Array = NDArray[np.float64]
+
+CHAIN = 4096
+"""Blocks to which a longer record is averaged."""
+ROUNDED = 64
+"""Times are rounded to this part of a period, so that a jittered record has few different steps."""
+LEAST = 1e-10
+"""Of the variance of a sample: white noise that every model is given, so that factors exist."""
+STEP = 1e-4
+"""In a logarithm over which the likelihood is differentiated."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Block means of one record in one piece or several.
+
+    Parameters
+    ----------
+    y : ndarray, shape (m, 2 + r)
+        Means of the samples, of one, and of the regressors.
+    count : ndarray of int, shape (m,)
+        Samples in each block.
+    step : ndarray, shape (m,)
+        Time [s] from the first sample of a block to that of the next.
+    dt : float
+        Sampling period [s].
+    n : int
+        Samples.
+    haar : Haar
+        What the blocks average away.
+    """
+
+    y: Array
+    count: NDArray[np.int64]
+    step: Array
+    dt: float
+    n: int
+    haar: Haar
+
+    @cached_property
+    def kinds(self) -> tuple[Array, NDArray[np.int64]]:
+        """The different pairs of count and step, shape (u, 2), and which block has which."""
+        pairs, index = np.unique(np.column_stack([self.count, self.step]), axis=0, return_inverse=True)
+        return pairs, index.ravel()
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
+        """``ln L`` with the coefficients of the regressors, solved for when left out."""
+        logdet, G = self._products([e.form() for e in effects if not e.coefficients()])
+        # The constant, of flat prior, is integrated out: it takes its share of every product.
+        flat = 0.5 * float(np.log(G[1, 1]))
+        G = G - np.outer(G[:, 1], G[1]) / G[1, 1]
+        keep = np.array([0, *range(2, G.shape[0])])
+        theta, covariance, quadratic = least_squares(G[np.ix_(keep, keep)], coefficients)
+        return SpectralFit(
+            -0.5 * (logdet + quadratic) - flat + self.haar.log_likelihood(effects).value, theta, covariance
+        )
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of ``ln L`` in the logarithms of parameters, by central differences."""
+        return np.array([self._slope(effects, key) for key in keys])
+
+    def _slope(self, effects: Sequence[Effect], key: Key) -> float:
+        def value(step: float) -> float:
+            moved = [e.shifted(key[1], step) if i == key[0] else e for i, e in enumerate(effects)]
+            return self.log_likelihood(moved).value
+
+        return (value(STEP) - value(-STEP)) / (2.0 * STEP)
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of a whole record of as many samples."""
+        known, J = fisher(effects, self.dt, self.n)
+        at = [known.index(key) if key in known else -1 for key in keys]
+        out = np.zeros((len(keys), len(keys)))
+        for a, i in enumerate(at):
+            for b, j in enumerate(at):
+                out[a, b] = J[i, j] if i >= 0 and j >= 0 else 0.0
+        return out
+
+    def _products(self, forms: Sequence[LinearSystem]) -> tuple[float, Array]:
+        """Log determinant of the covariance of the means, and ``Y' C^-1 Y``, shape (2 + r, 2 + r)."""
+        from scipy.linalg import cho_solve_banded, cholesky_banded
+
+        pairs, kind = self.kinds
+        system = _joined(forms, self.dt)
+        white = sum(float(f.V) for f in forms) / self.dt + LEAST * float(np.var(self.y[:, 0]))
+        L, Q = system.steps(pairs, white, self.dt)
+        k, m = system.order, self.count.size
+        M, L = np.linalg.inv(Q)[kind], L[kind]
+        logdet = float(np.linalg.slogdet(Q)[1][kind].sum())
+        ML = M @ L
+        H = np.swapaxes(L, 1, 2) @ ML
+        b = -ML[:, k, :, None] * self.y[:, None, :]
+        c = np.einsum("m,mi,mj->ij", M[:, k, k], self.y, self.y)
+        if not k:
+            return logdet, c
+        P0 = np.linalg.inv(system.start)
+        band = np.zeros((2 * k, (m + 1) * k))
+        for i in range(2 * k):
+            for j in range(i + 1):
+                band[i - j, j : j + m * k : k] += H[:, i, j]
+        for i in range(k):
+            for j in range(i + 1):
+                band[i - j, j] += P0[i, j]
+        rhs = np.zeros(((m + 1) * k, self.y.shape[1]))
+        rhs[: m * k] += b[:, :k].reshape(m * k, -1)
+        rhs[k:] += b[:, k:].reshape(m * k, -1)
+        factor = cholesky_banded(band, lower=True, check_finite=False)
+        solved = cho_solve_banded((factor, True), rhs, check_finite=False)
+        logdet += 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(system.start)[1])
+        return logdet, c - rhs.T @ solved
+
+
+@dataclass(frozen=True)
+class _System:
+    """The random effects of a channel as one sampled system, with the quantisation's last error as a state."""
+
+    A: Array
+    Q: Array
+    C: Array
+    continuous: tuple[Array, Array]
+    start: Array
+    quantised: float
+
+    @property
+    def order(self) -> int:
+        """States."""
+        return int(self.C.size)
+
+    def steps(self, pairs: Array, white: float, dt: float) -> tuple[Array, Array]:
+        """Over blocks of (count, time to the next): residuals ``L [x, x'] + (0, y)`` and their covariances.
+
+        Returns
+        -------
+        L : ndarray, shape (u, k + 1, 2 k)
+        Q : ndarray, shape (u, k + 1, k + 1)
+        """
+        k, n = self.order, self.continuous[0].shape[0]
+        A, Q = np.zeros((2, len(pairs), k + 1, k + 1))
+        single = pairs[:, 0] == 1
+        A[single, :n, :n], Q[single, :n, :n] = linear.van_loan(*self.continuous, pairs[single, 1])
+        A[:, k, :k] = self.C
+        for i in np.flatnonzero(~single):
+            count, step = int(pairs[i, 0]), float(pairs[i, 1])
+            A[i], Q[i] = self._block(count, max(step - count * dt, 0.0))
+        Q[:, k, k] += white / pairs[:, 0]
+        if self.quantised:  # the mean of a block has the error at its end less that at its beginning
+            scale = 1.0 / (pairs[:, 0] * dt)
+            A[:, :, k - 1] = 0.0
+            A[:, k, k - 1] = -scale
+            Q[:, k - 1], Q[:, :, k - 1] = 0.0, 0.0
+            Q[:, k - 1, k - 1] = self.quantised
+            Q[:, k, k - 1] = Q[:, k - 1, k] = scale * self.quantised
+            Q[:, k, k] += scale**2 * self.quantised
+        L = np.zeros((len(pairs), k + 1, 2 * k))
+        L[:, :, :k] = -A[:, :, :k]
+        L[:, :k, k:] = np.eye(k)
+        return L, Q
+
+    def _block(self, count: int, gap: float) -> tuple[Array, Array]:
+        """Transition and covariance of the states and the block's mean, over a block and the gap after it."""
+        k, n = self.order, self.continuous[0].shape[0]
+        A, Q = linear.accumulate(self.A, self.Q, self.C / count, count)
+        if gap > 0.0:
+            Phi, Qd = linear.van_loan(*self.continuous, gap)
+            T = np.eye(k + 1)
+            T[:n, :n] = Phi
+            A, Q = T @ A, T @ Q @ T.T
+            Q[:n, :n] += Qd
+        return A, Q
+
+
+def _joined(forms: Sequence[LinearSystem], dt: float) -> _System:
+    """All random effects side by side."""
+    from scipy.linalg import block_diag
+
+    random = [f for f in forms if f.order]
+    A = block_diag(*(np.array(f.A, float) for f in random)) if random else np.zeros((0, 0))
+    W = block_diag(*(np.array(f.W, float) for f in random)) if random else np.zeros((0, 0))
+    C = np.concatenate([np.array(f.C, float) for f in random]) if random else np.zeros(0)
+    Phi, Qd = linear.van_loan(A, W, dt)
+    # A state that keeps no variance starts from what one period gives it: its level is the constant's.
+    starts = [linear.stationary_covariance(np.array(f.A, float), np.array(f.W, float)) for f in random]
+    start = block_diag(*starts) if random else np.zeros((0, 0))
+    lost = ~start.any(axis=1) if random else np.zeros(0, bool)
+    start[np.ix_(lost, lost)] = Qd[np.ix_(lost, lost)]
+    Z = sum(float(f.Z) for f in forms)
+    if Z:
+        Phi, Qd, start = block_diag(Phi, 0.0), block_diag(Qd, Z), block_diag(start, Z)
+        C = np.append(C, 0.0)
+    return _System(Phi, Qd, C, (A, W), start, Z)
+
+
+@dataclass(frozen=True)
+class Exact(Evidence):
+    """A record whose likelihood is exact: with the samples and the times as they are.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Times [s] and samples [SI] that were recorded.
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers.
+    period : float
+        Sampling period [s]: the time that one sample stands for.
+    view : Evidence
+        Even pieces of the record: for its Allan curve and for start values.
+    shortest : float
+        Time [s] below which nothing is looked at: what an internal low-pass changes.
+    drawn : bool
+        The view is drawn between uneven samples: what is fast in it is not real.
+    """
+
+    t: Array
+    y: Array
+    drive: Mapping[str, Array]
+    period: float
+    view: Evidence
+    shortest: float = 0.0
+    drawn: bool = False
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return self.period
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Samples, as if in one piece: what is slow is seen across a gap."""
+        return (int(self.y.size),)
+
+    @property
+    def curve(self) -> AllanCurve:
+        """Of the even pieces."""
+        return self.view.curve
+
+    @property
+    def octaves(self) -> AllanCurve:
+        """Of the even pieces."""
+        return self.view.octaves
+
+    @property
+    def step(self) -> float:
+        """A period, or what a low-pass leaves [s]."""
+        return max(self.period, self.shortest)
+
+    @property
+    def scale(self) -> float:
+        """Standard deviation of its samples [SI]."""
+        return float(np.std(self.y))
+
+    @property
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+        return means_of(self.drive)
+
+    @property
+    def skip(self) -> tuple[tuple[float, float], ...]:
+        """What an internal low-pass changes [Hz]."""
+        return ((1.0 / self.shortest, float("inf")),) if self.shortest else ()
+
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """Of the even pieces."""
+        return self.view.drift_variance(effects)
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """Of the even pieces."""
+        return self.view.ordinates(effects)
+
+    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+        """The chain with the regressors of these effects, from an even grid."""
+        t = self.t - self.t[0]
+        grid = np.arange(0.0, t[-1] + self.period, self.period)
+        drive = {k: np.interp(grid, t, v) for k, v in self.drive.items()}
+        columns = [np.interp(t, grid, x) for e in shapes for x in e.regressors(grid, drive)]
+        return chain(self.t, self.y - self.y.mean(), self.dt, columns, self.shortest, blocks=not self.drawn)
+
+
+def chain(
+    t: Array,
+    y: Array,
+    dt: float,
+    regressors: Sequence[Array] = (),
+    shortest: float = 0.0,
+    *,
+    blocks: bool = True,
+) -> Chain:
+    """Block means of a record.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Increasing times [s], samples.
+    dt : float
+        Sampling period [s]: the time that one sample stands for.
+    regressors : sequence of ndarray, shape (n,)
+    shortest : float
+        Time [s] below which differences are not looked at.
+    blocks : bool
+        Whether samples may be averaged: only where they are evenly spaced between gaps.
+    """
+    columns = np.column_stack([y, np.ones(y.size), *regressors])
+    t = np.round((t - t[0]) / dt * ROUNDED) / ROUNDED * dt
+    missing = np.diff(t) - dt
+    blind = max(0, int(np.ceil(np.log2(max(shortest / dt, 1.0)))))
+    levels = max(blind, int(np.ceil(np.log2(y.size / CHAIN)))) if blocks else 0
+    edges = _edges(missing, y.size, 2**levels, dt)
+    count = np.diff(edges)
+    means = np.add.reduceat(columns, edges[:-1], axis=0) / count[:, None]
+    step = np.round(np.append(np.diff(t[edges[:-1]]), dt) / dt * ROUNDED)
+    step = np.maximum(step, 1.0) / ROUNDED * dt
+    full = edges[:-1][count == 2**levels]
+    return Chain(means, count, step, dt, y.size, _haar(y, full, levels, blind, dt))
+
+
+def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
+    """Beginnings of blocks, none of which reaches over a gap, and the end."""
+    if block == 1:
+        return np.arange(n + 1)
+    pieces = np.concatenate([[0], np.flatnonzero(missing > 0.5 * dt) + 1, [n]])
+    starts = [np.arange(a, b, block) for a, b in pairwise(pieces.tolist())]
+    return np.append(np.concatenate(starts), n).astype(np.int64)
+
+
+def _haar(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float) -> Haar:
+    """The differences inside full blocks; the shortest ones are left out."""
+    means = y[full[:, None] + np.arange(2**levels)]
+    count, variance = np.zeros(levels), np.ones(levels)
+    for i in range(levels if full.size else 0):
+        halves = means.reshape(full.size, -1, 2)
+        d = halves[:, :, 1] - halves[:, :, 0]
+        if i >= blind and d.size:
+            count[i], variance[i] = d.size, 0.5 * float(np.mean(d**2))
+        means = halves.mean(axis=2)
+    return Haar(np.asarray(dt * 2.0 ** np.arange(levels), dtype=np.float64), count, variance)

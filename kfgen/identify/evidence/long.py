@@ -1,0 +1,221 @@
+"""A record too long to be kept: one pass leaves what identification needs.
+
+Block means of all of it hold what is slow; the Allan variances at the octaves inside a block what is fast;
+its beginning at the full rate shows lines and an internal low-pass. Memory stays bounded, time is linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.effects import Effect
+from kfgen.identify.evidence.allan import AllanCurve, curve_from_variance, log_factors, octave_factors
+from kfgen.identify.evidence.clean import Spread, mended
+from kfgen.identify.evidence.independent import Haar, IndependentParts
+from kfgen.identify.evidence.phase import Phase
+from kfgen.identify.evidence.record import CELLS, Evidence, Likelihood, Record, means_of
+from kfgen.identify.evidence.whittle import Ordinates, coarse_transform, ordinates, transform
+
+Array = NDArray[np.float64]
+
+BLOCKS = 1 << 18
+"""Block means to which a record is brought."""
+HEAD = 1 << 19
+"""Samples at the beginning that are kept as they are."""
+CHUNK = 1 << 20
+"""Samples that are looked at together."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Samples that can be read from the beginning, as often as needed.
+
+    Parameters
+    ----------
+    chunks : callable
+        An iterable of pieces of the samples [SI], of about `CHUNK`.
+    n : int
+        Samples in all.
+    dt : float
+        Sampling period [s].
+    """
+
+    chunks: Callable[[], Iterable[Array]]
+    n: int
+    dt: float
+
+    @staticmethod
+    def of(y: Array, dt: float) -> Stream:
+        """The samples of an array, shape (n,)."""
+        return Stream(lambda: (y[a : a + CHUNK] for a in range(0, y.size, CHUNK)), y.size, dt)
+
+
+@dataclass(frozen=True)
+class Long(Evidence):
+    """What one pass over a long record has left.
+
+    Parameters
+    ----------
+    means : ndarray, shape (m,)
+        Block means [SI].
+    block : int
+        Samples in a block, a power of two.
+    period : float
+        Sampling period [s].
+    samples : int
+        Of the whole record.
+    allan, at_octaves : AllanCurve
+        Of the whole record.
+    head : Record
+        Its beginning.
+    drive : mapping of str to ndarray, shape (m,)
+        Block means of recorded drivers.
+    lost : int
+        Outliers and samples that are not numbers, interpolated.
+    skip : tuple of (lo, hi)
+        Bands [Hz] that are left out.
+    """
+
+    means: Array
+    block: int
+    period: float
+    samples: int
+    allan: AllanCurve
+    at_octaves: AllanCurve
+    head: Record
+    drive: Mapping[str, Array] = field(default_factory=dict)
+    lost: int = 0
+    skip: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return self.period
+
+    @property
+    def curve(self) -> AllanCurve:
+        """Of the whole record."""
+        return self.allan
+
+    @property
+    def octaves(self) -> AllanCurve:
+        """Of the whole record, at octaves."""
+        return self.at_octaves
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """All samples."""
+        return (self.samples,)
+
+    @property
+    def step(self) -> float:
+        """A sampling period: what is inside a block is looked at too."""
+        return self.period
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard deviation of the samples [SI]: of the block means, and of what they average away."""
+        return float(np.hypot(np.std(self.means), self.octaves.deviation[0]))
+
+    @property
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+        return means_of(self.drive)
+
+    @cached_property
+    def slow(self) -> Record:
+        """The block means as a record of their own."""
+        t = np.asarray((np.arange(self.means.size) + 0.5) * (self.block * self.period), dtype=np.float64)
+        return Record(t, self.means, self.drive, skip=self.skip)
+
+    def leaving_out(self, *bands: tuple[float, float]) -> Long:
+        """The same with more bands [Hz] left out of the likelihood."""
+        return replace(self, skip=self.skip + bands, head=self.head.leaving_out(*bands))
+
+    @cached_property
+    def _sines(self) -> Array:
+        return transform(self.means)
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """The binned transform of the block means, with a regressor for each coefficient of the effects."""
+        cells = min(CELLS, self.means.size)
+        edges = np.asarray(np.arange(cells + 1) * (self.duration / cells), dtype=np.float64)
+        drive = {k: np.interp(edges, self.slow.t, v) for k, v in self.drive.items()}
+        columns = [
+            coarse_transform(x, self.means.size - 1) for e in effects for x in e.regressors(edges, drive)
+        ]
+        return ordinates([self._sines, *columns], self.period, self.block, skip=self.skip)
+
+    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+        """Block means, and what is inside the blocks: of all of it, or, with bands left out, of the beginning."""
+        main = self.ordinates(shapes)
+        if self.skip:
+            top = 0.5 / (self.period * self.block)
+            return IndependentParts((main, self.head.leaving_out((0.0, top)).ordinates(())))
+        m = 2 ** np.arange(int(np.log2(self.block)))
+        inside = self.octaves
+        count = np.asarray(self.samples / (2.0 * m), dtype=np.float64)
+        haar = Haar(inside.tau[: m.size], count, inside.deviation[: m.size] ** 2)
+        return IndependentParts((main, haar))
+
+
+def condense(stream: Stream) -> Long:
+    """One pass over a long record.
+
+    Raises
+    ------
+    InputError
+        Another number of samples comes than was said, or most of a piece is missing.
+    """
+    block = 1 << max(1, int(np.ceil(np.log2(stream.n / BLOCKS))))
+    m, octaves = log_factors(stream.n), octave_factors(stream.n)
+    factors = np.union1d(m, octaves)
+    phase, means = Phase(factors, stream.n), _Means(block)
+    head: list[Array] = []
+    spread, lost, kept = None, 0, 0
+    for raw in stream.chunks():
+        y = np.asarray(raw, dtype=np.float64)
+        spread = spread or Spread.of(y[np.isfinite(y)])
+        bad = spread.is_outlier(y)
+        if bad.mean() > 0.5:
+            raise InputError("most of a stretch is missing", remedy="Cut the log there")
+        lost += int(bad.sum())
+        y = mended(y, bad)
+        phase.add(y)
+        means.add(y)
+        if kept < HEAD:
+            head.append(y[: HEAD - kept])
+            kept += head[-1].size
+    avar = phase.variance()
+    curve, eights = (
+        curve_from_variance(avar[np.searchsorted(factors, f)], stream.n, f, stream.dt) for f in (m, octaves)
+    )
+    beginning = np.concatenate(head)
+    t = np.asarray(np.arange(beginning.size) * stream.dt, dtype=np.float64)
+    record = Record(t, beginning)
+    return Long(means.done(), block, stream.dt, stream.n, curve, eights, record, lost=lost)
+
+
+class _Means:
+    """Means of successive blocks of a stream; an incomplete last block is left out."""
+
+    def __init__(self, block: int) -> None:
+        self._block, self._out = block, [np.zeros(0)]
+        self._rest = np.zeros(0)
+
+    def add(self, y: Array) -> None:
+        """Take the samples that follow."""
+        y = np.concatenate([self._rest, y]) if self._rest.size else y
+        full = y.size // self._block * self._block
+        self._out.append(y[:full].reshape(-1, self._block).mean(axis=1))
+        self._rest = y[full:].copy()
+
+    def done(self) -> Array:
+        """All means."""
+        return np.concatenate(self._out)

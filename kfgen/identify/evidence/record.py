@@ -1,0 +1,301 @@
+"""What is identified: an evenly sampled record of one channel.
+
+`Evidence` is what a fit needs to know; a `Record` has it from its samples, a `Joint` from several
+records, of which each was switched on anew. (`kfgen.identify.evidence.published` has a curve without samples.)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, Look
+from kfgen.effects.series import DetectedFault
+from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
+from kfgen.identify.evidence.whittle import (
+    PER_DECADE,
+    Key,
+    Ordinates,
+    SpectralFit,
+    block_means,
+    coarse_transform,
+    ordinates,
+    transform,
+)
+
+Array = NDArray[np.float64]
+
+CELLS = 1 << 14
+"""Stretches of a record between which a smooth regressor of searched shape is differenced."""
+FASTEST = 10.0
+"""Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
+LOWEST_CORNER = 0.005
+"""Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
+KEPT = 8
+"""Likelihoods that are kept, one for each set of regressors."""
+
+
+class Likelihood(Protocol):
+    """A likelihood of effects, whose regressors stand."""
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
+        """``ln L``, and the coefficients of the regressors."""
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Its derivative in the logarithms of parameters."""
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of these logarithms."""
+
+
+class Evidence(ABC):
+    """What a fit needs to know of what was measured."""
+
+    @property
+    @abstractmethod
+    def dt(self) -> float:
+        """Sampling period [s]."""
+
+    @property
+    @abstractmethod
+    def lengths(self) -> tuple[int, ...]:
+        """Samples of each stretch in one piece."""
+
+    @property
+    def skip(self) -> tuple[tuple[float, float], ...]:
+        """Bands [Hz] that are not looked at."""
+        return ()
+
+    @property
+    def n(self) -> int:
+        """Samples of all."""
+        return sum(self.lengths)
+
+    @property
+    def longest(self) -> float:
+        """The longest stretch in one piece [s]: slower than that, nothing can be seen."""
+        return max(self.lengths) * self.dt
+
+    @property
+    @abstractmethod
+    def curve(self) -> AllanCurve:
+        """Its overlapping Allan deviation."""
+
+    @property
+    @abstractmethod
+    def octaves(self) -> AllanCurve:
+        """Its overlapping Allan deviation at octaves: nearly independent points."""
+
+    @property
+    @abstractmethod
+    def step(self) -> float:
+        """The shortest time [s] of which it can tell: a period, or a block."""
+
+    @property
+    @abstractmethod
+    def scale(self) -> float:
+        """Standard deviation of its samples [SI]."""
+
+    @property
+    @abstractmethod
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+
+    @abstractmethod
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """The binned transform, with a regressor for each coefficient of the effects in order."""
+
+    @cached_property
+    def _known(self) -> dict[tuple[Effect, ...], Likelihood]:
+        return {}
+
+    def likelihood(self, effects: Sequence[Effect]) -> Likelihood:
+        """The likelihood with the regressors of these effects; kept while their shapes do not change."""
+        shapes = tuple(e.shape for e in effects if e.coefficients())
+        known = self._known
+        if shapes not in known:
+            if len(known) > KEPT:
+                known.clear()
+            known[shapes] = self.measure(shapes)
+        return known[shapes]
+
+    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+        """A new likelihood with the regressors of these effects."""
+        return self.ordinates(shapes)
+
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """The Allan variance [U^2] that deterministic effects give the curve, shape of its ``tau``."""
+        return np.zeros(self.curve.tau.size)
+
+    @property
+    def duration(self) -> float:
+        """Length of all of it [s]."""
+        return self.dt * self.n
+
+    @property
+    def words(self) -> str:
+        """How much of what, for a report."""
+        return f"{self.duration:.6g} s at {1.0 / self.dt:.6g} Hz"
+
+    @cached_property
+    def look(self) -> Look:
+        """What effects guess their start values from."""
+        return Look(self.curve.tau, self.curve.deviation, self.dt, self.longest, self.driven)
+
+    def box(self, kind: str, slowest: float = 0.5, fastest: float = FASTEST) -> tuple[float, float]:
+        """Bounds of the logarithm of a parameter of that kind."""
+        if kind == "time":
+            least = fastest * self.step
+            return float(np.log(least)), float(np.log(max(slowest * self.longest, 2.0 * least)))
+        if kind == "frequency":
+            return float(np.log(1.0 / self.longest)), float(np.log(0.5 / self.step))
+        if kind == "corner":
+            return float(np.log(LOWEST_CORNER / self.step)), float(np.log(1.0 / self.step))
+        if kind == "ratio":
+            return float(np.log(1e-3)), float(np.log(0.4))
+        if kind == "width":
+            return float(np.log(1e-6)), float(np.log(1e6))
+        scale = self.scale or 1.0
+        return float(np.log(1e-9 * scale)), float(np.log(1e4 * scale * max(1.0, self.longest)))
+
+
+def means_of(drive: Mapping[str, Array]) -> dict[str, float]:
+    """Mean of each driver that changes."""
+    return {k: float(np.mean(v)) for k, v in drive.items() if np.ptp(v) > 0.0}
+
+
+@dataclass(frozen=True)
+class Record(Evidence):
+    """One channel, evenly sampled, with its drivers.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Time [s] and samples [SI].
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers, ``temperature`` [K] for example.
+    block : int
+        Samples averaged to one before the transform.
+    skip : tuple of (lo, hi)
+        Bands [Hz] that the likelihood leaves out: lines, what lies beyond a low-pass.
+    origin : float, optional
+        Time [s] of switch-on; the first sample's when left out.
+    per_decade : int
+        Bins of the transform in a decade of frequency.
+    faults : tuple of Spotted
+        What was wrong with samples that were left out and drawn over.
+    """
+
+    t: Array
+    y: Array
+    drive: Mapping[str, Array] = field(default_factory=dict)
+    block: int = 1
+    skip: tuple[tuple[float, float], ...] = ()
+    origin: float | None = None
+    per_decade: int = PER_DECADE
+    faults: tuple[DetectedFault, ...] = ()
+
+    @property
+    def since(self) -> float:
+        """Time [s] of switch-on."""
+        return float(self.t[0]) if self.origin is None else self.origin
+
+    @property
+    def elapsed(self) -> Array:
+        """Time since switch-on [s], shape (n,)."""
+        return self.t - self.since
+
+    def cut(self, start: int, stop: int) -> Record:
+        """A stretch of it, which remembers when it was switched on."""
+        drive = {k: v[start:stop] for k, v in self.drive.items()}
+        return replace(self, t=self.t[start:stop], y=self.y[start:stop], drive=drive, origin=self.since)
+
+    @cached_property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return float(self.t[-1] - self.t[0]) / (self.t.size - 1)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Its samples."""
+        return (int(self.y.size),)
+
+    @property
+    def step(self) -> float:
+        """A block [s]."""
+        return self.dt * self.block
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard deviation of its samples [SI]."""
+        return float(np.std(self.y))
+
+    @cached_property
+    def driven(self) -> Mapping[str, float]:
+        """Mean of each recorded driver that changes [SI]."""
+        return means_of(self.drive)
+
+    @cached_property
+    def curve(self) -> AllanCurve:
+        """Its overlapping Allan deviation."""
+        return allan_curve(self.y, self.dt)
+
+    @cached_property
+    def octaves(self) -> AllanCurve:
+        """Its overlapping Allan deviation at octaves."""
+        return allan_curve(self.y, self.dt, octave_factors(self.y.size))
+
+    @cached_property
+    def sines(self) -> Array:
+        """The sine transform of the differences of its block means, shape (n // block - 1,)."""
+        return transform(block_means(self.y, self.block))
+
+    def drift_variance(self, effects: Sequence[Effect]) -> Array:
+        """The Allan variance [U^2] of what deterministic effects give this record."""
+        m = np.round(self.curve.tau / self.dt).astype(np.int64)
+        return np.asarray(overlapping_variance(self.drift(effects), m))
+
+    def drift(self, effects: Sequence[Effect]) -> Array:
+        """What deterministic effects give this record [U], shape (n,)."""
+        return np.asarray(
+            sum((e.mean(self.elapsed, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
+        )
+
+    def leaving_out(self, *bands: tuple[float, float]) -> Record:
+        """The same with more bands [Hz] left out of the likelihood."""
+        other = replace(self, skip=self.skip + bands)
+        for name in ("sines", "curve", "octaves", "scale"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        return other
+
+    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+        """The binned transform, with a regressor for each coefficient of the effects in order."""
+        columns = [x for e in effects for x in self._regressors(e)]
+        return ordinates(
+            [self.sines, *columns], self.dt, self.block, skip=self.skip, per_decade=self.per_decade
+        )
+
+    @cached_property
+    def _transforms(self) -> dict[Effect, list[Array]]:
+        return {}
+
+    def _regressors(self, effect: Effect) -> list[Array]:
+        """The sine transforms of an effect's regressors; of a searched shape only the low ones."""
+        if not effect.searched():
+            known = self._transforms
+            if effect not in known:
+                known[effect] = [
+                    transform(block_means(x, self.block)) for x in effect.regressors(self.elapsed, self.drive)
+                ]
+            return known[effect]
+        cells = min(CELLS, self.sines.size + 1)
+        edges = self.elapsed[0] + np.arange(cells + 1) * (self.duration / cells)
+        drive = {k: np.interp(edges, self.elapsed, v) for k, v in self.drive.items()}
+        return [coarse_transform(x, self.sines.size) for x in effect.regressors(edges, drive)]

@@ -1,0 +1,191 @@
+"""From times and samples as they were logged to evidence: even, with gaps, or of uneven time.
+
+Nothing is mended in silence. Missing samples, gaps and jitter are said; a sampling rate that changes is
+refused, for the noise of a sample changes with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.identify.evidence.joint import JointRecord
+from kfgen.identify.evidence.kalman import Exact
+from kfgen.identify.evidence.record import Evidence, Record
+
+Array = NDArray[np.float64]
+
+GAP = 1.5
+"""Periods beyond which a step of time is a gap."""
+JITTER = 0.05
+"""Of a period: root mean square of the steps' error that is said."""
+UNEVEN = 0.2
+"""Of a period: beyond, times are taken as they are."""
+MANY = 0.1
+"""Share of the steps beyond which long ones are no gaps."""
+STRETCHES = 20
+CHANGED = 1.1
+"""Ratio of the sampling periods of two stretches that is no chance."""
+MOST_LOST = 0.9
+"""Share of samples that may be missing."""
+MOST_UNEVEN = 10_000
+"""Samples at uneven times that are fitted."""
+PIECE = 512
+"""Samples of a piece that has a spectrum of its own."""
+
+
+def evidence(
+    t: Array, y: Array, drive: Mapping[str, Array] | None = None
+) -> tuple[Evidence, tuple[str, ...]]:
+    """A channel as evidence, with what was found out about its sampling.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Increasing times [s] and samples [SI], not a number where one is missing.
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers.
+
+    Raises
+    ------
+    InputError
+        Too few samples, most of them missing, or a rate that changes.
+    """
+    there = np.isfinite(y)
+    limit = _gap_limit(t)
+    said = _missing(t, there) + _gaps(t, limit)
+    t, y = t[there], y[there]
+    drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
+    if t.size < 3:
+        raise InputError(
+            f"{counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
+            remedy="Log more",
+        )
+    steps = np.diff(t)
+    dt = float(np.median(steps))
+    near = steps[steps < GAP * dt]
+    _check_rate(t, steps, dt)
+    error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
+    if error > JITTER:
+        said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
+    gaps = np.flatnonzero(steps >= limit * dt)
+    if not gaps.size and error <= UNEVEN:
+        return Record(t, y, drive), tuple(said)
+    pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN else []
+    view: Evidence = JointRecord(tuple(pieces)) if pieces else _regular(t, y, drive, dt)
+    period = float((near if error <= UNEVEN else steps).mean())
+    if error > UNEVEN:
+        if t.size > MOST_UNEVEN:
+            raise InputError(
+                f"{t.size} samples at uneven times are too many for the exact likelihood",
+                remedy=f"Cut the log to {MOST_UNEVEN} samples, or resample it evenly",
+            )
+        said = [w for w in said if "missing in all" not in w]  # random times have no gaps
+        said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
+    return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
+
+
+def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
+    """A sentence on samples that are not numbers."""
+    lost = np.flatnonzero(~there)
+    if not lost.size:
+        return []
+    if lost.size > MOST_LOST * there.size:
+        raise InputError(
+            f"{lost.size} of {there.size} samples are not a number", remedy="Check the sensor and the column"
+        )
+    runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
+    longest = max(runs, key=len)
+    return [
+        f"{counted(lost.size, 'sample')} {'is' if lost.size == 1 else 'are'} not a number, in {counted(len(runs), 'run')}, the longest of {longest.size} at "
+        f"t = {t[longest[0]]:.6g} s; the fit takes them as missing"
+    ]
+
+
+def counted(n: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def _filled(v: Array) -> Array:
+    good = np.isfinite(v)
+    at = np.arange(v.size, dtype=float)
+    return v if good.all() else np.interp(at, at[good], v[good]) if good.any() else np.zeros(v.size)
+
+
+def _gap_limit(t: Array) -> float:
+    """Periods beyond which a step of time is a gap and no jitter."""
+    steps = np.diff(t)
+    if not steps.size:
+        return GAP
+    dt = float(np.median(steps))
+    jitter = float(np.median(np.abs(steps - dt))) / 0.6745 / dt
+    return max(GAP, 1.0 + 6.0 * jitter)
+
+
+def _gaps(t: Array, limit: float) -> list[str]:
+    """A sentence on times at which nothing was logged."""
+    steps = np.diff(t)
+    dt = float(np.median(steps)) if steps.size else 0.0
+    gaps = np.flatnonzero(steps >= limit * dt)
+    # Random times have long steps everywhere: that is no gap.
+    if not gaps.size or gaps.size > MANY * steps.size:
+        return []
+    longest = int(gaps[np.argmax(steps[gaps])])
+    lost = float(np.sum(steps[gaps] / dt - 1.0))
+    return [
+        f"{counted(gaps.size, 'gap')}, {counted(round(lost), 'sample')} missing in all, the longest gap "
+        f"{steps[longest]:.4g} s at t = {t[longest]:.6g} s; the fit takes them as missing"
+    ]
+
+
+def _check_rate(t: Array, steps: Array, dt: float) -> None:
+    """A rate that changes for good is refused."""
+    if steps.size < 10 * STRETCHES:
+        return
+    parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES)]
+    if max(parts) < CHANGED * min(parts):
+        return
+    # Random steps differ as well; a change of rate has stretches that agree with their neighbours.
+    calm = [
+        float(np.std(part[part < GAP * m]) / m) for part, m in zip(np.array_split(steps, STRETCHES), parts)
+    ]
+    if np.median(calm) > UNEVEN:
+        return
+    first = next(i for i, m in enumerate(parts) if abs(m / parts[0] - 1.0) > 0.5 * (CHANGED - 1.0))
+    near = int(first * steps.size / STRETCHES)
+    at = next(
+        (
+            k
+            for k in range(max(near - steps.size // STRETCHES, 0), steps.size)
+            if abs(steps[k] / parts[first] - 1.0) < 0.02
+        ),
+        near,
+    )
+    raise InputError(
+        f"the sampling rate changes from {1 / parts[0]:.4g} Hz to {1 / parts[first]:.4g} Hz at about t = {t[at]:.6g} s",
+        remedy="Cut the log there and identify the parts one by one",
+    )
+
+
+def _pieces(
+    t: Array, y: Array, drive: Mapping[str, Array], gaps: NDArray[np.int64], dt: float
+) -> list[Record]:
+    """The stretches between gaps that are long enough, if they are most of the record."""
+    edges = [0, *(gaps + 1).tolist(), t.size]
+    long = [(a, b) for a, b in pairwise(edges) if b - a >= PIECE]
+    if sum(b - a for a, b in long) < 0.7 * t.size:
+        return []
+    whole = Record(t, y, drive)
+    pieces = [whole.cut(a, b) for a, b in long]
+    return [p for p in pieces if abs(p.dt / dt - 1.0) < 0.005] if len(long) > 1 else pieces
+
+
+def _regular(t: Array, y: Array, drive: Mapping[str, Array], dt: float) -> Record:
+    """The record drawn onto an even grid by straight lines."""
+    grid = t[0] + dt * np.arange(max(int((t[-1] - t[0]) / dt) + 1, 3))
+    return Record(grid, np.interp(grid, t, y), {k: np.interp(grid, t, v) for k, v in drive.items()})

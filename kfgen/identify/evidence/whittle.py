@@ -1,0 +1,329 @@
+"""The likelihood of a record: Whittle's, on the sine transform of its first differences.
+
+Differences turn a random walk into white noise and take the constant out. Their type-I
+discrete sine transform has, at ``omega_j = pi j / (n + 1)``, independent Gaussian coefficients
+of variance ``S(omega_j)``, the spectral density of the differences: exactly so for white
+noise with a random walk (their covariance is a tridiagonal Toeplitz matrix, which the sine
+transform diagonalises), and with little leakage for a Gauss-Markov term. Then, up to a
+constant, ``ln L = -1/2 sum_j (ln S_j + X_j^2 / S_j)``.
+
+Ordinates are gathered in narrow bins (the lowest stand alone), each with the sums of the
+products of the record's and of the regressors' coefficients: sufficient statistics, so
+that a likelihood costs the same for a minute and for a day. Deterministic effects enter
+as regressors, whose coefficients are solved for by generalised least squares.
+
+References
+----------
+.. [1] P. Whittle, The analysis of multiple stationary time series, J. R. Stat. Soc. B 15, 1953.
+.. [2] G. Strang, The discrete cosine transform, SIAM Review 41(1), 1999 (sine transform, sec. 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, filtered, sampled_spectrum
+from kfgen.effects.samples.filtered_spectrum import STOP
+
+Array = NDArray[np.float64]
+
+SINGLE = 96
+"""Ordinates at the bottom that stand alone."""
+PER_DECADE = 48
+"""Bins above them."""
+NUDGE = 1e-5
+"""Step in a logarithm over which a density is differentiated."""
+
+SHAPES = 512
+"""Of them that are kept."""
+
+Key = tuple[int, str]
+"""A parameter: index of its effect, name."""
+
+
+class Shapes:
+    """Quadratic functions of an effect (a density, an Allan variance), each computed once.
+
+    They grow with the square of the one size of the effect, so that only the shape is computed.
+
+    Parameters
+    ----------
+    compute : callable
+        The function of an effect, shape (m,).
+    factor : callable, optional
+        What effects that filter make of the sum, shape (m,).
+    """
+
+    def __init__(
+        self,
+        compute: Callable[[Effect], Array],
+        factor: Callable[[Sequence[Effect]], Array] | None = None,
+    ) -> None:
+        self._compute = compute
+        self._factor = factor
+        self._known: dict[Effect, Array] = {}
+
+    def of(self, effect: Effect) -> Array:
+        """The function, shape (m,)."""
+        sizes = effect.sizes()
+        if len(sizes) != 1:
+            return self._compute(effect)
+        shape = replace(effect, **{sizes[0]: 1.0})
+        if shape not in self._known:
+            if len(self._known) > SHAPES:
+                self._known.clear()
+            self._known[shape] = self._compute(shape)
+        return np.asarray(float(getattr(effect, sizes[0])) ** 2 * self._known[shape])
+
+    def total(self, effects: Sequence[Effect]) -> Array:
+        """The sum over the random effects, positive."""
+        return np.maximum(self.factor(effects) * self._sum(effects), np.finfo(float).tiny)
+
+    def _sum(self, effects: Sequence[Effect]) -> Array | float:
+        return sum(self.of(e) for e in effects if not e.coefficients())
+
+    def factor(self, effects: Sequence[Effect]) -> Array | float:
+        """What is passed of the sum, by the effects that filter."""
+        if self._factor is None or not any(e.is_filter for e in effects):
+            return 1.0
+        return self._factor([e for e in effects if e.is_filter])
+
+    def slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m)."""
+        factor, total = self.factor(effects), self._sum(effects)
+        rows = [
+            total * self._difference(effects[i], name, effects)
+            if effects[i].is_filter
+            else factor * self._slope(effects[i], name)
+            for i, name in keys
+        ]
+        return np.array(rows).reshape(len(keys), -1)
+
+    def _difference(self, effect: Effect, name: str, effects: Sequence[Effect]) -> Array | float:
+        """Derivative of what is passed in a number of one that filters."""
+        others = [e for e in effects if e.is_filter and e is not effect]
+        up, down = (self.factor([*others, effect.shifted(name, h)]) for h in (NUDGE, -NUDGE))
+        return (up - down) / (2.0 * NUDGE)
+
+    def _slope(self, effect: Effect, name: str) -> Array:
+        if effect.coefficients():  # the shape of a regressor
+            return np.zeros_like(self.of(effect.shape))
+        sizes = effect.sizes()
+        if sizes == (name,):
+            return 2.0 * self.of(effect)
+        up, down = (self.of(effect.shifted(name, h)) for h in (NUDGE, -NUDGE))
+        return np.asarray((up - down) / (2.0 * NUDGE))
+
+
+@dataclass(frozen=True)
+class SpectralFit:
+    """A log-likelihood with the regressors' coefficients and their covariance."""
+
+    value: float
+    coefficients: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Ordinates:
+    """The binned statistics of one or more evenly sampled stretches.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (m,)
+        Mean angular frequency of each bin [rad per block].
+    count : ndarray, shape (m,)
+        Ordinates in it.
+    gram : ndarray, shape (m, 1 + r, 1 + r)
+        Sums of products of the coefficients of the record (first) and of r regressors.
+    dt : float
+        Sampling period before averaging [s].
+    block : int
+        Samples averaged to one.
+    """
+
+    omega: Array
+    count: Array
+    gram: Array
+    dt: float
+    block: int
+
+    @property
+    def n(self) -> int:
+        """Number of ordinates."""
+        return int(self.count.sum())
+
+    @property
+    def frequency(self) -> Array:
+        """Frequency of the bins [Hz]."""
+        return self.omega / (2.0 * np.pi * self.dt * self.block)
+
+    @cached_property
+    def _shapes(self) -> Shapes:
+        def plain(effect: Effect) -> Array:
+            S = effect.sampled_density(self.omega, self.dt, self.block)
+            return np.asarray(4.0 * np.sin(0.5 * self.omega) ** 2 * S)
+
+        return Shapes(plain, lambda es: filtered(es, self.omega, self.dt, self.block, self.n))
+
+    def part(self, effect: Effect) -> Array:
+        """Density [U^2] of the differences of one effect, shape (m,)."""
+        return self._shapes.of(effect)
+
+    def density(self, effects: Sequence[Effect]) -> Array:
+        """``S`` [U^2] of the differences under the random effects, shape (m,): where a filter stops, as it is."""
+        S = self._shapes.total(effects)
+        stopped = self._shapes.factor(effects) < STOP
+        return np.where(stopped, self.gram[:, 0, 0] / self.count, S) if np.any(stopped) else S
+
+    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
+        """``ln L`` of the record under the random `effects`.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Deterministic ones contribute nothing here: they are the regressors.
+        coefficients : ndarray, shape (r,), optional
+            Of the regressors; solved for when left out.
+        """
+        S = self.density(effects)
+        weighted = np.tensordot(1.0 / S, self.gram, 1)
+        theta, covariance, quadratic = least_squares(weighted, coefficients)
+        return SpectralFit(-0.5 * float(self.count @ np.log(S) + quadratic), theta, covariance)
+
+    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of ``ln L`` in the logarithms of the keys' parameters, the coefficients at their best."""
+        S = self.density(effects)
+        theta = least_squares(np.tensordot(1.0 / S, self.gram, 1))[0]
+        sensitivity = 0.5 * (residual_power(self, theta) / S - self.count) / S
+        return self._shapes.slopes(effects, keys) @ sensitivity
+
+    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Fisher information of the same logarithms, shape (k, k)."""
+        relative = self._shapes.slopes(effects, keys) / self.density(effects)
+        return np.asarray(0.5 * (relative * self.count) @ relative.T)
+
+
+def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:
+    """Generalised least squares from weighted products ``[x b]' [x b]``: coefficients, covariance, misfit."""
+    xx, xb, bb = weighted[0, 0], weighted[0, 1:], weighted[1:, 1:]
+    if not bb.size:
+        return xb, bb, float(xx)
+    covariance = _pseudo_inverse(bb)
+    theta = covariance @ xb if coefficients is None else coefficients
+    return theta, covariance, float(xx - 2.0 * theta @ xb + theta @ bb @ theta)
+
+
+def _pseudo_inverse(bb: Array) -> Array:
+    """Of a symmetric matrix that is not negative: a third of the time that ``numpy.linalg.pinv`` takes for small ones."""
+    values, V = np.linalg.eigh(bb)
+    some = values > values[-1] * values.size * np.finfo(float).eps
+    V = V[:, some]
+    return np.asarray((V / values[some]) @ V.T)
+
+
+def block_means(y: Array, block: int) -> Array:
+    """Means of successive blocks along the first axis; an incomplete last block is left out."""
+    n = y.shape[0] // block
+    return np.asarray(y[: n * block].reshape(n, block, *y.shape[1:]).mean(axis=1)) if block > 1 else y
+
+
+def transform(means: Array) -> Array:
+    """Sine coefficients of the differences, shape (n - 1, ...), of values (n, ...)."""
+    from scipy.fft import dst
+
+    return np.asarray(dst(np.diff(means, axis=0), type=1, axis=0, norm="ortho", overwrite_x=True))
+
+
+def coarse_transform(edges: Array, size: int) -> Array:
+    """The low sine coefficients of a smooth function from its values at the edges of equal cells.
+
+    A sum of differences over a cell is the difference at its edges, and a slow sine is what it is in
+    the cell's middle: a sine transform of the second type, exact to second order in cells a period.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (c + 1,)
+    size : int
+        Coefficients of the whole record; at most the lower quarter of the cells is given.
+    """
+    from scipy.fft import dst
+
+    low = min(size, max((edges.size - 1) // 4, 1))
+    return np.asarray(dst(np.diff(edges), type=2)[:low] * np.sqrt(0.5 / (size + 1)))
+
+
+def frequencies(n: int) -> Array:
+    """Angular frequencies of n sine coefficients [rad per block], shape (n,)."""
+    return np.arange(1, n + 1, dtype=float) * (np.pi / (n + 1))
+
+
+def ordinates(
+    columns: Sequence[Array],
+    dt: float,
+    block: int = 1,
+    *,
+    skip: Sequence[tuple[float, float]] = (),
+    per_decade: int = PER_DECADE,
+) -> Ordinates:
+    """Bin the sine coefficients of a record and its regressors.
+
+    Parameters
+    ----------
+    columns : sequence of ndarray
+        Coefficients, see `transform`, of the record first, shape (n,); then of regressors, of which only the
+        low ones need to be there.
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples that were averaged to one.
+    skip : sequence of (lo, hi)
+        Bands [Hz] to leave out.
+    per_decade : int
+        Bins above the lowest ordinates, which stand alone.
+    """
+    n = columns[0].size
+    edges = _edges(n, per_decade)
+    to_omega = 2.0 * np.pi * dt * block
+    keep = np.ones(n)
+    for lo, hi in skip:
+        first, last = (hz * to_omega * (n + 1) / np.pi - 1.0 for hz in (lo, hi))
+        keep[max(int(np.ceil(first)), 0) : int(min(np.floor(last) + 1.0, n))] = 0.0
+    gram = np.zeros((edges.size - 1, len(columns), len(columns)))
+    for a, x in enumerate([x * keep[: x.size] for x in columns] if skip else columns):
+        for b, z in enumerate(columns[: a + 1]):
+            low = min(x.size, z.size)
+            at = edges[:-1][edges[:-1] < low]
+            gram[: at.size, a, b] = gram[: at.size, b, a] = np.add.reduceat(x[:low] * z[:low], at)
+    count = np.add.reduceat(keep, edges[:-1])
+    centre = np.asarray(0.5 * (edges[:-1] + edges[1:] + 1.0) * (np.pi / (n + 1)), dtype=np.float64)
+    some = count > 0.0
+    return Ordinates(centre[some], count[some], gram[some], dt, block)
+
+
+def _edges(n: int, per_decade: int) -> NDArray[np.int64]:
+    if n <= SINGLE:
+        return np.arange(n + 1)
+    top = np.geomspace(SINGLE, n, max(2, int(np.log10(n / SINGLE) * per_decade) + 1))
+    return np.unique(np.concatenate([np.arange(SINGLE), np.round(top)]).astype(np.int64))
+
+
+def density_of_differences(effects: Sequence[Effect], omega: Array, dt: float, block: int) -> Array:
+    """``S``: spectral density [U^2] of the first differences of block averages, shape (m,)."""
+    return np.asarray(4.0 * np.sin(0.5 * omega) ** 2 * sampled_spectrum(effects, omega, dt, block))
+
+
+def residual_power(data: Ordinates, coefficients: Array) -> Array:
+    """Power of the record less its regressors, summed in each bin [U^2], shape (m,)."""
+    c = np.concatenate([[1.0], -coefficients])
+    return np.asarray(np.einsum("i,mij,j->m", c, data.gram, c))
+
+
+def residual_ratio(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:
+    """Power of the residual over its expectation, per bin, shape (m,): one where the model holds."""
+    return residual_power(data, coefficients) / (data.count * data.density(effects))

@@ -1,0 +1,1 @@
+"""Maximum likelihood, the choice among effects, intervals and limits."""

@@ -1,0 +1,293 @@
+"""Identification of one channel: checked, cleaned, its lines taken out, then a method's estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import singledispatch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.effects import Effect
+from kfgen.identify.evidence.clean import amplitude_faults, is_outlier, mended, noise_change, roll_off
+from kfgen.identify.evidence.joint import JointRecord
+from kfgen.identify.evidence.kalman import Exact
+from kfgen.identify.evidence.long import Long, Stream, condense
+from kfgen.identify.evidence.published import Published
+from kfgen.identify.evidence.record import Evidence, Record
+from kfgen.identify.fit.bounds import relative_bound
+from kfgen.identify.fit.estimate import Estimate
+from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
+from kfgen.identify.fit.interval import intervals95
+from kfgen.identify.fit.limits import Limit
+from kfgen.identify.fit.lines import PeriodicLine, find_lines, without_line
+from kfgen.identify.methods.likelihood import METHODS, covariance
+
+Array = NDArray[np.float64]
+
+MINIMUM = 64
+"""Samples that a fit needs."""
+DIFFER = 1.1
+"""Ratio of the noise of two logs beyond which they are not of one sensor in one state."""
+SMOOTH = 0.1
+"""Of the sampling rate: beyond that frequency a record drawn between uneven samples is smooth."""
+LONG = 2_000_000
+"""A longer record is condensed first."""
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The answer for one channel.
+
+    Parameters
+    ----------
+    fit, unresolved, intervals, limits, covariance
+        The method's estimate, see `kfgen.identify.methods.likelihood.Estimate`.
+    bounds : dict
+        Cramér-Rao bound of each parameter, as a relative deviation.
+    record : Evidence
+        What was fitted: without outliers, with the bands that were left out.
+    warnings : tuple of str
+    lines : tuple of PeriodicLine
+    """
+
+    fit: Fit
+    unresolved: frozenset[int]
+    intervals: dict[Key, tuple[float, float]]
+    limits: tuple[Limit, ...]
+    bounds: dict[Key, float]
+    record: Evidence
+    covariance: Array
+    warnings: tuple[str, ...] = ()
+    lines: tuple[PeriodicLine, ...] = ()
+
+
+def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str = "ml") -> Identified:
+    """Identify one channel.
+
+    Parameters
+    ----------
+    record : Evidence
+        The samples (``block`` and ``skip`` are chosen here), several records of one sensor, samples with
+        gaps (`kfgen.identify.evidence.sampling.evidence`), or a published curve.
+    wanted : sequence of str, optional
+        Exactly these effects instead of a choice along the ladder.
+    method : str
+        A key of `METHODS`.
+
+    Raises
+    ------
+    InputError
+        An unknown method, too few samples, or a channel that never changes.
+    """
+    if method not in METHODS:
+        raise InputError(
+            f"there is no method '{method}'", where="--method", remedy=f"Known are {', '.join(METHODS)}"
+        )
+    clean, warnings = prepared(exactly(record) if method == "kalman" else record)
+    found = _estimated(clean, wanted, method)
+    lines = lines_in(clean, found.fit.effects)
+    if lines:
+        clean = without_lines(clean, lines)
+        found = _estimated(clean, wanted, method)
+    bounds = {}
+    if not isinstance(clean, Published):  # who knows how a curve was made
+        bounds = relative_bound(found.fit.effects, clean.dt, *clean.lengths, skip=clean.skip)
+    drift = [_drift_warning(found.fit, found.unresolved, clean)] if found.unresolved else []
+    return Identified(
+        found.fit,
+        found.unresolved,
+        found.intervals,
+        found.limits,
+        bounds,
+        clean,
+        found.covariance,
+        (*drift, *warnings, *found.warnings),
+        tuple(lines),
+    )
+
+
+def _estimated(clean: Evidence, wanted: Sequence[str] | None, method: str) -> Estimate:
+    """The method's estimate; with gaps the terms are chosen on the pieces, and fitted to all of it."""
+    if not isinstance(clean, Exact) or method not in ("ml", "kalman"):
+        return METHODS[method](clean, wanted)
+    found = METHODS[method](clean.view, wanted)
+    problem = Problem(clean, found.fit.effects)
+    fit = maximise(problem)
+    open_ended = {k: v for k, v in found.intervals.items() if wanted and not np.isfinite(v[1])}
+    return replace(
+        found, fit=fit, intervals=intervals95(problem, fit) | open_ended, covariance=covariance(problem, fit)
+    )
+
+
+def exactly(record: Evidence) -> Evidence:
+    """A record with the exact likelihood in place of Whittle's.
+
+    Raises
+    ------
+    InputError
+        Several records, a condensed one, or a curve.
+    """
+    if isinstance(record, Exact):
+        return record
+    if not isinstance(record, Record):
+        raise InputError(
+            "the exact likelihood takes one log in memory",
+            where="--method kalman",
+            remedy="Use --method ml for several logs, --method allan for a curve",
+        )
+    return Exact(record.t, record.y, record.drive, record.dt, record)
+
+
+@singledispatch
+def prepared(record: Evidence) -> tuple[Evidence, list[str]]:
+    """The evidence checked and cleaned, and what was found."""
+    raise InputError(f"a {type(record).__name__} cannot be identified")
+
+
+@prepared.register
+def _(record: Record) -> tuple[Evidence, list[str]]:
+    _check(record.y)
+    if record.n > LONG:
+        return prepared(condense(Stream.of(record.y, record.dt)))
+    bad = is_outlier(record.y)
+    record = replace(record, y=mended(record.y, bad))
+    warnings = _outliers(int(bad.sum()), bad.size)
+    warnings += amplitude_faults(record.y)
+    change = noise_change(record.y)
+    if change is not None:
+        warnings.append(
+            f"the noise is not the same all along: its deviation between stretches goes by a factor of "
+            f"{change[1] / change[0]:.3g}; N is an average"
+        )
+    cut = roll_off(record)
+    if cut is None:
+        return record, warnings
+    return record.leaving_out((cut, float("inf"))), [*warnings, _low_pass(cut)]
+
+
+@prepared.register
+def _(record: JointRecord) -> tuple[Evidence, list[str]]:
+    block = max(1, *(r.n // LONG for r in record.records))
+    blocks = [replace(r, block=block) for r in record.records]
+    parts = [prepared(r) for r in blocks]
+    records = tuple(r for r, _ in parts if isinstance(r, Record))
+    said = list(dict.fromkeys(w for _, words in parts for w in words))
+    ratio = _unlike(records)
+    if ratio > DIFFER:
+        said.append(f"the logs differ in their noise by a factor of {ratio:.3g}; one is fitted to all")
+    return JointRecord(records), said
+
+
+def _unlike(records: Sequence[Record]) -> float:
+    """By how much the fastest noise of records differs."""
+    levels = [float(r.octaves.deviation[0]) for r in records]
+    return max(levels) / min(levels)
+
+
+@prepared.register
+def _(record: Long) -> tuple[Evidence, list[str]]:
+    _check(record.head.y)
+    warnings = _outliers(record.lost, record.samples)
+    cut = roll_off(record.head)
+    if cut is None:
+        return record, warnings
+    return record.leaving_out((cut, float("inf"))), [*warnings, _low_pass(cut)]
+
+
+@prepared.register
+def _(record: Exact) -> tuple[Evidence, list[str]]:
+    _check(record.y)
+    good = ~is_outlier(record.y)
+    drive = {k: v[good] for k, v in record.drive.items()}
+    clean = replace(record, t=record.t[good], y=record.y[good], drive=drive)
+    said = _outliers(int((~good).sum()), good.size)
+    if record.drawn and isinstance(record.view, Record):
+        return replace(clean, view=record.view.leaving_out((SMOOTH / record.period, float("inf")))), said
+    view, _ = prepared(record.view)
+    cuts = [lo for r in _records(view) for lo, hi in r.skip if hi == float("inf")]
+    if not cuts:
+        return replace(clean, view=view), said
+    return replace(clean, view=view, shortest=1.0 / min(cuts)), [*said, _low_pass(min(cuts))]
+
+
+@prepared.register
+def _(record: Published) -> tuple[Evidence, list[str]]:
+    clean, cut = record.falling()
+    return clean, [
+        f"the curve does not fall as noise does below {cut:.3g} s, left out of the fit"
+    ] if cut else []
+
+
+def _records(view: Evidence) -> tuple[Record, ...]:
+    if isinstance(view, Record):
+        return (view,)
+    if isinstance(view, Long):
+        return (view.head, view.slow)
+    return view.records if isinstance(view, JointRecord) else ()
+
+
+def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
+    """The periodic lines of evidence, each once."""
+    parts = _records(record.view if isinstance(record, Exact) else record)
+    if isinstance(record, JointRecord) and _unlike(parts) > DIFFER:
+        return []  # beside another's noise a louder log is full of lines
+    found: list[PeriodicLine] = []
+    for part in parts:
+        if not any(hi == float("inf") for _, hi in part.skip):
+            new = find_lines(part, effects)
+            found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
+    return found
+
+
+@singledispatch
+def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
+    """The evidence with the lines taken out."""
+    return record
+
+
+@without_lines.register(Record)
+@without_lines.register(Long)
+def _(record: Record | Long, lines: Sequence[PeriodicLine]) -> Evidence:
+    return record.leaving_out(*(line.band for line in lines))
+
+
+@without_lines.register
+def _(record: JointRecord, lines: Sequence[PeriodicLine]) -> Evidence:
+    return JointRecord(tuple(r.leaving_out(*(line.band for line in lines)) for r in record.records))
+
+
+@without_lines.register
+def _(record: Exact, lines: Sequence[PeriodicLine]) -> Evidence:
+    y = record.y
+    for line in lines:
+        y = without_line(record.t, y, line)
+    return replace(record, y=y, view=without_lines(record.view, lines))
+
+
+def _check(y: Array) -> None:
+    n, largest = y.size, float(np.abs(y).max(initial=0.0))
+    if n < MINIMUM:
+        raise InputError(f"{n} samples are too few for a fit", remedy=f"Log at least {MINIMUM}")
+    if not np.ptp(y) > 0.0:
+        raise InputError("the channel never changes", remedy="Check the sensor and the column")
+    if not np.isfinite(n * largest * largest):
+        raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
+
+
+def _outliers(bad: int, n: int) -> list[str]:
+    return [f"{100 * bad / n:.2g} % of the samples are outliers, left out"] if bad else []
+
+
+def _low_pass(cut: float) -> str:
+    return f"an internal low-pass takes power away above {cut:.3g} Hz, left out of the fit"
+
+
+def _drift_warning(best: Fit, unresolved: frozenset[int], record: Evidence) -> str:
+    names = " and ".join(best.effects[i].title for i in sorted(unresolved))
+    return (
+        f"there is a slow drift, fitted as {names}; {record.longest:.0f} s are too short to tell "
+        "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature"
+    )

@@ -1,0 +1,186 @@
+"""The methods of identification behind one interface: evidence in, an `Estimate` out.
+
+A slow term that dominates only a few of the lowest ordinates is a drift, but its kind cannot be
+told: over so few half-periods a random walk, a Gauss-Markov process and a ramp look alike. Such
+a term stays in the fit, so that the others are not biased, and is reported as unresolved. What is
+not found or not resolved is reported with its upper limit and with the record that would show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.effects import Effect, effect_named
+from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.evidence.whittle import SpectralFit
+from kfgen.identify.fit.bounds import nominal
+from kfgen.identify.fit.choice import SHAPED, EffectSet, choose, combined, fast_effects, slow_effects
+from kfgen.identify.fit.estimate import Estimate
+from kfgen.identify.fit.fit import Fit, Key, Problem, inverse, maximise
+from kfgen.identify.fit.interval import NORMAL, interval95, intervals95, linear_intervals
+from kfgen.identify.fit.limits import limit
+from kfgen.identify.methods.allan_curve import (
+    Weighting,
+    by_degrees_of_freedom,
+    by_wavelet_covariance,
+    fit_curve,
+)
+from kfgen.identify.methods.arma import by_arma
+from kfgen.identify.methods.asymptotes import by_asymptotes
+from kfgen.identify.methods.ekf import by_ekf
+from kfgen.identify.methods.em import by_em
+
+Array = NDArray[np.float64]
+
+RESOLVED = 12
+"""Ordinates that a slow term must dominate for its kind to be told."""
+
+
+def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
+    """Maximum likelihood with profile intervals, for the best set of effects or exactly the wanted ones."""
+    if wanted:
+        best, problem = _exactly(record, wanted)
+        intervals = _open_intervals(problem, best)
+        intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
+        return Estimate(best, frozenset(), intervals | linear_intervals(best), (), covariance(problem, best))
+    found = choose(record, best_of)
+    best, problem = found.fit, found.problem
+    return _estimate(problem, best, intervals95(problem, best), covariance(problem, best))
+
+
+def by_curve(
+    record: Evidence, wanted: Sequence[str] | None, weighting: Weighting = by_degrees_of_freedom
+) -> Estimate:
+    """The Allan curve fitted by weighted least squares, with intervals from its curvature."""
+
+    def fitted(evidence: Evidence, choices: Sequence[tuple[Effect, ...]]) -> EffectSet:
+        problem = Problem(evidence, choices[0])
+        curves = [fit_curve(problem.starting(c), weighting) for c in choices]
+        best = min(curves, key=lambda c: c.misfit)
+        none = SpectralFit(-0.5 * best.misfit, np.zeros(0), np.zeros((0, 0)))
+        fit = Fit(best.effects, none.value, none, problem.free, best.point)
+        covariances[fit.effects] = best.covariance
+        worst[fit.effects] = best.chance
+        return EffectSet(fit, problem.starting(best.effects), -best.misfit)
+
+    covariances: dict[tuple[Effect, ...], Array] = {}
+    worst: dict[tuple[Effect, ...], float] = {}
+    if wanted:
+        _check_wanted(record, wanted)
+        found = fitted(record, combined(record, wanted))
+    else:
+        found = choose(record, fitted, drifting=False)
+    fit, C = found.fit, covariances[found.fit.effects]
+    spread = NORMAL * np.sqrt(np.maximum(np.diag(C), 0.0))
+    ends = zip(np.exp(fit.point - spread).tolist(), np.exp(np.minimum(fit.point + spread, 700.0)).tolist())
+    intervals = dict(zip(fit.free, ends))
+    warnings = _misfit(worst[fit.effects])
+    unresolved = frozenset[int]() if wanted else _unresolved(record, fit)
+    return Estimate(fit, unresolved, intervals, (), C, warnings)
+
+
+def by_wavelets(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
+    """Generalised method of wavelet moments: Haar variances with their covariance under the model."""
+    return by_curve(record, wanted, by_wavelet_covariance)
+
+
+METHODS: dict[str, Callable[[Evidence, Sequence[str] | None], Estimate]] = {
+    "ml": by_likelihood,
+    "kalman": by_likelihood,
+    "allan": by_curve,
+    "gmwm": by_wavelets,
+    "asymptotes": by_asymptotes,
+    "arma": by_arma,
+    "ekf": by_ekf,
+    "em": by_em,
+}
+"""The methods by name."""
+
+
+def _misfit(chance: float) -> tuple[str, ...]:
+    if chance > 1e-3:
+        return ()
+    return (
+        "the terms do not explain the curve (chance below 0.001): something else acts, or it was smoothed",
+    )
+
+
+def covariance(problem: Problem, best: Fit) -> Array:
+    """Asymptotic covariance of the logarithms of the fitted parameters, shape (k, k)."""
+    return inverse(problem.information(best.point))
+
+
+def _estimate(problem: Problem, best: Fit, intervals: dict[Key, tuple[float, float]], C: Array) -> Estimate:
+    """A fit with what the record cannot resolve, and the limits of what it does not show."""
+    record = problem.record
+    unresolved = _unresolved(record, best)
+    shown = {e.name for i, e in enumerate(best.effects) if i not in unresolved}
+    asked = [n for n in (*slow_effects(record), *fast_effects(record)) if n not in shown and _limited(n)]
+    limits = [limit(record, tuple(e for e in best.effects if e.name != n), n) for n in asked]
+    return Estimate(best, unresolved, intervals, tuple(limits), C)
+
+
+def _limited(name: str) -> bool:
+    """Effects with a band of their own are left out: a Gauss-Markov term's limit says as much."""
+    return not any(p.kind == "setting" for p in effect_named(name).parameters())
+
+
+def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
+    """One-sided intervals of a wanted term with a searched time that the record does not support.
+
+    The search over its time lets the likelihood close on chance (its null gain passes 3.84 far more
+    often than once in twenty), so that below its threshold only a limit holds.
+    """
+    found: dict[Key, tuple[float, float]] = {}
+    for i, effect in enumerate(best.effects):
+        times = [p.name for p in effect.searched() if p.kind == "time"]
+        others = tuple(e for k, e in enumerate(best.effects) if k != i)
+        if not times or effect.coefficients() or not others:
+            continue
+        without = maximise(Problem(problem.record, others))
+        if 2.0 * (best.value - without.value) < SHAPED:
+            most = limit(problem.record, others, effect.name)
+            found[i, most.parameter] = (0.0, most.upper95)
+            found |= {(i, name): (0.0, float("inf")) for name in times}
+    return found
+
+
+def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
+    """The slow terms that dominate too few ordinates to be told from one another."""
+    omega, count = nominal(record.lengths, record.dt, record.skip)
+    parts = [e.sampled_density(omega, record.dt, 1) for e in best.effects]
+    total = np.sum(parts, axis=0)
+    return frozenset(
+        i
+        for i, e in enumerate(best.effects)
+        if not e.coefficients() and e.form().order and float(count[parts[i] > 0.5 * total].sum()) < RESOLVED
+    )
+
+
+def best_of(record: Evidence, choices: Sequence[tuple[Effect, ...]]) -> EffectSet:
+    """The best fit among several starts of the same set of effects."""
+    first = Problem(record, choices[0])
+    problems = [first.starting(c) for c in choices]
+    fits = [maximise(p) for p in problems]
+    best = int(np.argmax([f.value for f in fits]))
+    return EffectSet(fits[best], problems[best], 2.0 * fits[best].value)
+
+
+def _exactly(record: Evidence, wanted: Sequence[str]) -> tuple[Fit, Problem]:
+    _check_wanted(record, wanted)
+    found = best_of(record, combined(record, wanted))
+    return found.fit, found.problem
+
+
+def _check_wanted(record: Evidence, wanted: Sequence[str]) -> None:
+    twice = [name for name in wanted if wanted.count(name) > 1 and not effect_named(name).repeatable]
+    if twice:
+        raise InputError(f"{twice[0]} is wanted twice", where="--effects", remedy="Name it once")
+    if all(e.coefficients() for e in combined(record, wanted)[0]):
+        raise InputError(
+            f"{', '.join(wanted)} alone is no noise", where="--effects", remedy="Add white_noise"
+        )

@@ -1,0 +1,256 @@
+"""`Log`: what a sensor recorded. Time and named channels with units, nothing of a file.
+
+A simulated and a measured log are the same type.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+
+Array = NDArray[np.float64]
+
+CONTRADICTION = 0.02
+"""Relative difference of two statements of a rate that is no rounding."""
+
+
+def _frozen(values: ArrayLike) -> Array:
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One recorded quantity.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        In the coherent SI unit; NaN where nothing was recorded.
+    unit : str
+        The unit in which the user gave it, in which he is answered.
+    """
+
+    values: Array
+    unit: str
+
+    @staticmethod
+    def of(values: ArrayLike, unit: str) -> Channel:
+        """A channel from values in `unit` (converted to SI)."""
+        parsed = parse_unit(unit)
+        return Channel(_frozen(np.asarray(values, float) * parsed.factor + parsed.offset), unit)
+
+    @property
+    def si(self) -> str:
+        """The SI unit of `values`."""
+        return parse_unit(self.unit).si
+
+
+@dataclass(frozen=True)
+class Log:
+    """Time and named channels.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time [s], strictly increasing.
+    channels : mapping of str to Channel
+        By the names of the interface: ``gyro_x``, ``accel_z``, ``temperature``, ``ref_q_w``, ...
+    source : str
+        Where it came from, said in messages.
+    sha256 : str
+        Hash of the file, empty for simulated logs.
+    stated : float
+        How long its header says that it lasted [s], beside a rate; zero where it does not.
+    axis : str
+        ``t``, or ``tau`` for a published Allan deviation over averaging times.
+
+    Raises
+    ------
+    InputError
+        Lengths differ, time is not finite or does not increase, or nothing is in it.
+    """
+
+    t: Array
+    channels: Mapping[str, Channel]
+    source: str = "log"
+    sha256: str = ""
+    warnings: tuple[str, ...] = field(default=())
+    axis: str = "t"
+    stated: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", _frozen(self.t))
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        if self.t.ndim != 1 or self.t.size == 0:
+            raise InputError("there is no sample in it", where=self.source)
+        if not self.channels:
+            raise InputError("there is no channel in it", where=self.source)
+        self._check_time()
+        for name, channel in self.channels.items():
+            if channel.values.shape != self.t.shape:
+                raise InputError(
+                    f"channel {name} has {channel.values.size} samples, time has {self.t.size}",
+                    where=self.source,
+                    remedy="Give every channel one sample for each time",
+                )
+
+    def _check_time(self) -> None:
+        bad = np.flatnonzero(~np.isfinite(self.t))
+        if bad.size:
+            raise InputError(
+                f"time is not a number at sample {bad[0] + 1}",
+                where=self.source,
+                remedy="Mend the file, or leave the time out and give --rate",
+            )
+        back = np.flatnonzero(np.diff(self.t) <= 0.0)
+        if back.size:
+            k = int(back[0])
+            raise InputError(
+                f"time does not increase at sample {k + 2}: {self.t[k]:.9g} s is followed by "
+                f"{self.t[k + 1]:.9g} s",
+                where=self.source,
+                remedy="Sort the log, or leave the time out and give --rate",
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return int(self.t.size)
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]: the median step of time."""
+        if self.n < 2:
+            raise InputError("one sample has no sampling period", where=self.source)
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def duration(self) -> float:
+        """Length of the record [s], the last sample's period included."""
+        return float(self.t[-1] - self.t[0]) + self.dt
+
+    def channel(self, name: str) -> Channel:
+        """The channel of that name.
+
+        Raises
+        ------
+        InputError
+            The log has no such channel.
+        """
+        if name not in self.channels:
+            raise InputError(
+                f"channel '{name}' is missing",
+                where=self.source,
+                remedy=f"It has {', '.join(self.channels)}; map others with --columns",
+            )
+        return self.channels[name]
+
+    def values(self, name: str) -> Array:
+        """The SI values of a channel, shape (n,); raises `InputError` where one is not finite."""
+        values = self.channel(name).values
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(
+                f"channel {name} is not a number at sample {bad[0] + 1} (t = {self.t[bad[0]]:.6g} s)"
+                f", {bad.size} in all",
+                where=self.source,
+                remedy="Cut or mend these samples",
+            )
+        return values
+
+    def uniform_dt(self) -> float:
+        """The sampling period [s] of an evenly sampled log.
+
+        Raises
+        ------
+        InputError
+            Steps of time differ by more than half a period.
+        """
+        steps, dt = np.diff(self.t), self.dt
+        bad = np.flatnonzero(np.abs(steps - dt) > 0.5 * dt)
+        if bad.size:
+            raise InputError(
+                f"time is uneven: {bad.size} of {steps.size} steps are off by more than half a "
+                f"period, the first at t = {self.t[bad[0]]:.6g} s ({steps[bad[0]]:.4g} s instead of "
+                f"{dt:.4g} s)",
+                where=self.source,
+                remedy="Cut the log at the gaps",
+            )
+        return float((self.t[-1] - self.t[0]) / steps.size)
+
+    def cut(self, start: int, stop: int) -> Log:
+        """Samples `start` to `stop` (as a slice) as a log of its own."""
+        part = {k: replace(c, values=_frozen(c.values[start:stop])) for k, c in self.channels.items()}
+        return replace(self, t=self.t[start:stop], channels=part, stated=0.0)
+
+    def select(self, names: Iterable[str]) -> Log:
+        """Only the named channels."""
+        return replace(self, channels={name: self.channel(name) for name in names})
+
+
+@dataclass(frozen=True)
+class StoredChannel:
+    """A channel that stays in its file.
+
+    Parameters
+    ----------
+    pieces : callable
+        An iterable of pieces of the values as they are stored.
+    n : int
+        Values.
+    unit : str
+        The unit in which they are stored.
+    """
+
+    pieces: Callable[[], Iterable[Array]]
+    n: int
+    unit: str
+
+    @property
+    def si(self) -> str:
+        """The SI unit of what `chunks` gives."""
+        return parse_unit(self.unit).si
+
+    def chunks(self) -> Iterator[Array]:
+        """The values [SI], piece by piece."""
+        parsed = parse_unit(self.unit)
+        for piece in self.pieces():
+            yield np.asarray(piece, dtype=np.float64) * parsed.factor + parsed.offset
+
+
+@dataclass(frozen=True)
+class StoredLog:
+    """A log too long for memory: evenly sampled channels that stay in their file.
+
+    Parameters
+    ----------
+    dt : float
+        Sampling period [s].
+    channels : mapping of str to StoredChannel
+    source, sha256, warnings, axis
+        As in `Log`.
+    """
+
+    dt: float
+    channels: Mapping[str, StoredChannel]
+    source: str
+    sha256: str
+    warnings: tuple[str, ...] = ()
+    axis: str = "t"
+
+    def channel(self, name: str) -> StoredChannel:
+        """The channel of that name; raises `InputError` where there is none."""
+        if name not in self.channels:
+            raise InputError(
+                f"channel '{name}' is missing", where=self.source, remedy=f"It has {', '.join(self.channels)}"
+            )
+        return self.channels[name]

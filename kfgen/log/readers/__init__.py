@@ -1,0 +1,111 @@
+"""Readers: one file a format, each found by its suffixes.
+
+A reader turns a file into a `LogTable`; `kfgen.log.readers.table` turns the table into a
+`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from kfgen.core.errors import InputError
+from kfgen.log.log import Log, StoredLog
+from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
+
+__all__ = ["ColumnMap", "read_log", "read_long", "readers", "write_log"]
+
+STORED = 20_000_000
+"""Samples of a channel beyond which a mapped file is not read into memory."""
+BLOCK = 1 << 20
+"""Bytes of a file that are looked at in one piece."""
+
+
+@cache
+def readers() -> dict[str, ModuleType]:
+    """The reader of each file suffix, from every module of this package that declares one."""
+    found: dict[str, ModuleType] = {}
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        for suffix in getattr(module, "SUFFIXES", ()):
+            found[suffix] = module
+    return found
+
+
+def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap | None = None) -> Log:
+    """Read a log of any known format.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    rate : float, optional
+        Sampling rate [Hz]; replaces the file's own time.
+    columns : ColumnMap, optional
+        Which column is which channel, and its unit.
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty, of an unknown format or broken; the message names the place.
+    """
+    table, sha256 = _table(Path(path), rate)
+    return assemble(table, columns, rate, sha256)
+
+
+def read_long(
+    path: str | Path, *, rate: float | None = None, columns: ColumnMap | None = None
+) -> Log | StoredLog:
+    """Read a log of any known format; one that is mapped and too long for memory stays in its file.
+
+    Parameters and errors are those of `read_log`.
+    """
+    table, sha256 = _table(Path(path), rate)
+    long = any(isinstance(c.values, np.memmap) and c.values.size > STORED for c in table.columns.values())
+    return (stored if long else assemble)(table, columns, rate, sha256)
+
+
+def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
+    """What the reader of a file found in it, and its SHA-256."""
+    if not path.is_file():
+        raise InputError("no such file", where=str(path), remedy="Check the path")
+    reader = readers().get(path.suffix.lower())
+    if reader is None:
+        raise InputError(
+            f"'{path.suffix}' is no format that is read",
+            where=str(path),
+            remedy=f"Known are {', '.join(sorted(readers()))}",
+        )
+    with path.open("rb") as file:
+        if not any(block.strip() for block in iter(lambda: file.read(BLOCK), b"")):
+            raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
+        file.seek(0)
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    if rate is not None and not 0.0 < rate < float("inf"):
+        raise InputError(
+            f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
+        )
+    return reader.read(path), sha256
+
+
+def write_log(log: Log, path: str | Path) -> None:
+    """Write a log in the format of the path's suffix.
+
+    Raises
+    ------
+    InputError
+        No format that can be written has that suffix.
+    """
+    path = Path(path)
+    writer = readers().get(path.suffix.lower())
+    if writer is None or not hasattr(writer, "write"):
+        raise InputError(
+            f"'{path.suffix}' is no format that is written", where=str(path), remedy="Give a .csv or .npz"
+        )
+    writer.write(log, path)

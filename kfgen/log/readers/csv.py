@@ -1,0 +1,188 @@
+"""CSV: one header row ``name [unit]``, or a foreign file whose columns the user maps.
+
+Lines before the header (comments, settings) are passed over: the header is the last
+line before the first row that is all numbers, when it has as many cells.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+from kfgen.core.whole_file import write_whole
+from kfgen.log.log import Log
+from kfgen.log.readers.table import LogTable, TableColumn, stated_rate
+
+SUFFIXES = (".csv", ".txt", ".tsv")
+
+_HEADER = re.compile(r"^\s*(.*?)\s*(?:\[([^\]]*)\])?\s*$")
+_SEARCH = 200
+
+
+def read(path: Path) -> LogTable:
+    """Read a CSV file; comma, semicolon, tab or space separated.
+
+    Raises
+    ------
+    InputError
+        No row of numbers, a duplicated header, a cell that is no number: with line and column.
+    """
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    lines = text.splitlines()
+    separator, first = _first_row(path, lines)
+    names, units = _header(path, lines, first, separator)
+    values = _numbers(path, lines, first, separator, names)
+    rate, stated, warnings = stated_rate(lines[:first], values.shape[0])
+    columns = {
+        name: TableColumn(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
+    }
+    return LogTable(str(path), columns, rate, warnings, stated)
+
+
+def write(log: Log, path: str | Path) -> None:
+    """Write a log as CSV in the users' units, whole or not at all."""
+    columns, names = [np.asarray(log.t)], ["t [s]"]
+    digits = ["%.17g"]
+    for name, channel in log.channels.items():
+        digits.append("%.10g")
+        unit = parse_unit(channel.unit)
+        columns.append((channel.values - unit.offset) / unit.factor)
+        names.append(f"{name} [{channel.unit}]")
+    with write_whole(path) as temporary:
+        np.savetxt(
+            temporary,
+            np.column_stack(columns),
+            fmt=digits,
+            delimiter=",",
+            header=",".join(names),
+            comments="",
+        )
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [c.strip() for c in (line.split(separator) if separator else line.split())]
+
+
+def _is_number(cell: str) -> bool:
+    if "_" in cell:  # read by Python, not by numpy
+        return False
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _first_row(path: Path, lines: list[str]) -> tuple[str, int]:
+    """The separator, and the index of the first line of numbers and empty cells."""
+    for index, line in enumerate(lines[:_SEARCH]):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        for separator in (",", ";", "\t", ""):
+            cells = _cells(line, separator)
+            if any(_is_number(c) for c in cells) and all(_is_number(c) or not c for c in cells):
+                return separator, index
+    _no_row(path, lines)
+    raise AssertionError
+
+
+def _no_row(path: Path, lines: list[str]) -> None:
+    """Say why no line is all numbers: mostly a bad cell right in the first one."""
+    for index, line in enumerate(lines[:_SEARCH]):
+        for k, cell in enumerate(_cells(line, ",")):
+            if cell and not _is_number(cell) and any(_is_number(c) for c in _cells(line, ",")) and index:
+                raise InputError(
+                    f"'{cell}' is not a number",
+                    where=f"{path}: line {index + 1}, column {k + 1}",
+                    remedy="Mend or remove that line",
+                )
+    raise InputError(
+        "no line of it is all numbers",
+        where=str(path),
+        remedy="A CSV log has a header 'name [unit],...' and rows of numbers",
+    )
+
+
+def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[list[str], list[str | None]]:
+    width = len(_cells(lines[first], separator))
+    for index in range(first - 1, -1, -1):
+        line = lines[index].lstrip("# ")
+        if not line.strip():
+            continue
+        if not separator:
+            line = re.sub(r"\s+\[", "[", line)
+        cells = _cells(line, separator)
+        if len(cells) == width and any(_is_number(c) for c in cells):
+            bad = next(k for k, c in enumerate(cells) if c and not _is_number(c))
+            raise InputError(
+                f"'{cells[bad]}' is not a number",
+                where=f"{path}: line {index + 1}, column {bad + 1}",
+                remedy="Mend or remove that line",
+            )
+        if len(cells) == width:
+            return _names(path, index, cells)
+        break
+    return [f"#{k + 1}" for k in range(width)], [None] * width
+
+
+def _names(path: Path, index: int, cells: list[str]) -> tuple[list[str], list[str | None]]:
+    names: list[str] = []
+    units: list[str | None] = []
+    for k, cell in enumerate(cells):
+        match = _HEADER.match(cell)
+        name, unit = (match.group(1), match.group(2)) if match else (cell, None)
+        if name in names:
+            raise InputError(
+                f"the header has '{name}' twice",
+                where=f"{path}: line {index + 1}, column {k + 1}",
+                remedy="Rename one of the two columns",
+            )
+        names.append(name)
+        units.append(unit)
+    return names, units
+
+
+def _numbers(
+    path: Path, lines: list[str], first: int, separator: str, names: list[str]
+) -> NDArray[np.float64]:
+    rows = lines[first:]
+    try:
+        return _loaded([r for r in rows if r.strip()], separator)
+    except ValueError:
+        _explain(path, rows, first, separator, names)
+    return _loaded([_filled(r, separator) for r in rows if r.strip()], separator)
+
+
+def _loaded(rows: list[str], separator: str) -> NDArray[np.float64]:
+    return np.loadtxt(rows, delimiter=separator or None, ndmin=2, dtype=np.float64)
+
+
+def _filled(row: str, separator: str) -> str:
+    """A row in which an empty cell is no number: channels of several rates share a file so."""
+    return separator.join(c or "nan" for c in _cells(row, separator)) if separator else row
+
+
+def _explain(path: Path, rows: list[str], first: int, separator: str, names: list[str]) -> None:
+    """Find the first cell or row that is wrong and say where it is."""
+    for index, line in enumerate(rows):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells, number = _cells(line, separator), first + index + 1
+        if len(cells) != len(names):
+            raise InputError(
+                f"has {len(cells)} cells instead of {len(names)}",
+                where=f"{path}: line {number}",
+                remedy="Mend or remove that line",
+            )
+        for k, cell in enumerate(cells):
+            if (cell and not _is_number(cell)) or (not cell and names[k] == "t"):
+                raise InputError(
+                    f"'{cell}' is not a number" if cell else "an empty cell",
+                    where=f"{path}: line {number}, column {k + 1} ({names[k]})",
+                    remedy="Mend or remove that line",
+                )

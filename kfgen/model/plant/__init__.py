@@ -1,0 +1,1 @@
+"""Plants from model files: read, simulated, made into filters."""

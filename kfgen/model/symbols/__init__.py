@@ -1,0 +1,1 @@
+"""Symbols of a filter: state blocks, rotations, error conventions."""

@@ -1,0 +1,258 @@
+"""A log as calls of a filter: how it starts, then sample by sample what it is given.
+
+Every target that runs over a log gets its calls from here: what `kfgen run` computes and what the proof plays
+through the emitted C are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import ceil
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.emit.routines import Program
+from kfgen.emit.targets.names import argument
+from kfgen.log.log import Log
+from kfgen.manoeuvre.truth import level_at
+from kfgen.model.parts.motion import AFTER, AT, BEFORE, Input
+from kfgen.model.parts.sensors import Sensor
+from kfgen.model.plant.equations import Equations, Shown
+
+Array = NDArray[np.float64]
+Given = dict[str, Array | float]
+"""Arguments of a call by name [SI], in the order of the routine's."""
+
+OFF = 0.05
+"""Periods by which the samples of a log may be off those of a filter that counts them."""
+ALIGNMENT = 1.0
+"""Seconds at rest from which the first attitude is taken."""
+
+
+@dataclass(frozen=True)
+class FilterCalls:
+    """A log for a filter.
+
+    Parameters
+    ----------
+    program : Program
+    log : Log
+        With the model's inputs and drivers; sensors whose channels it lacks are left out.
+    known : mapping of str to float
+        Stored states that are known better than by alignment [SI].
+
+    Raises
+    ------
+    InputError
+        An input is missing or not a number, or no sensor is in the log.
+    """
+
+    program: Program
+    log: Log
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    GATE: ClassVar[float] = float("inf")
+    """Every sample counts: the innovations of a play are its result."""
+
+    def __post_init__(self) -> None:
+        model = self.program.discrete.model
+        strangers = sorted(self.known.keys() - set(self.program.discrete.nominal_names))
+        if strangers:
+            raise InputError(
+                f"{model.name} stores no '{strangers[0]}'",
+                where="start",
+                remedy=f"It stores {', '.join(self.program.discrete.nominal_names)}",
+            )
+        _ = self.inputs
+        self._check_rate()
+        if not self._samples:
+            raise InputError(
+                f"no sensor of {model.name} is in the log",
+                where=self.log.source,
+                remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels),
+            )
+
+    def _check_rate(self) -> None:
+        """A filter that keeps samples of an input counts its delay in periods of its own rate."""
+        discrete = self.program.discrete
+        late, periods = discrete.model.motion.late, self.log.dt * discrete.rate
+        if late and abs(periods - max(round(periods), 1)) > OFF:
+            raise InputError(
+                f"the delay of {late[0].channel} is kept in samples at {discrete.rate:g} Hz, but the log has {1.0 / self.log.dt:.6g} Hz",
+                where=self.log.source,
+                remedy=f"Emit the filter with --rate {1.0 / self.log.dt:.6g}",
+            )
+
+    @cached_property
+    def inputs(self) -> dict[str, Array]:
+        """Inputs and drivers by argument, shape (n,) or (n, 3)."""
+        model = self.program.discrete.model
+        triads = {argument(i.name): _input(self.log, i) for i in model.motion.inputs}
+        return triads | {argument(d): np.asarray(self.log.values(d)) for d in model.drivers}
+
+    @cached_property
+    def _acting(self) -> dict[str, Array]:
+        """What acts from each sample to the next."""
+        motion = self.program.discrete.model.motion
+        samples = motion.chosen.get("samples", AFTER)
+        triads = {argument(i.name) for i in motion.inputs}
+        return {n: _over_steps(v, samples) if n in triads else v for n, v in self.inputs.items()}
+
+    @cached_property
+    def _samples(self) -> dict[str, Array]:
+        """Samples of the sensors that are in the log, shape (n, rows)."""
+        return {
+            s.name: np.column_stack([self.log.channel(c).values for c in s.channels])
+            for s in self.program.discrete.model.sensors
+            if all(c in self.log.channels for c in s.channels)
+        }
+
+    @cached_property
+    def _aligned(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Stored states and constants at the start, by name."""
+        model = self.program.discrete.model
+        x = dict(zip(self.program.discrete.nominal_names, self.program.discrete.start))
+        k = {c.name: float(c.value) for c in model.constants}
+        if not isinstance(model.motion, Equations) and model.attitude is not None:
+            _align_attitude(self.program, self.log, x, k)
+        for s, i, name in _shown(self.program):
+            if s.channels[i] in self.log.channels:
+                x[name] = self._first(s.channels[i])
+        for m in self.program.discrete.memories:
+            x[m.name] = self._first(m.channel)
+        return x | {n: float(v) for n, v in self.known.items()}, k
+
+    def _first(self, channel: str) -> float:
+        """The first sample of a channel that is a number; zero where there is none."""
+        values = self.log.channels[channel].values if channel in self.log.channels else np.zeros(0)
+        good = values[np.isfinite(values)]
+        return float(good[0]) if good.size else 0.0
+
+    @property
+    def start(self) -> list[float]:
+        """The stored state [SI]: attitude from what points up and north at rest, blocks from the sensors that show them."""
+        return list(self._aligned[0].values())
+
+    @property
+    def constants(self) -> list[float]:
+        """The model's constants [SI], some of them as the sensors show them at rest."""
+        return list(self._aligned[1].values())
+
+    @cached_property
+    def present(self) -> dict[str, Array]:
+        """The samples that are to be used, shape (n, rows), the others not numbers."""
+        x, k = self._aligned
+        present = {name: z.copy() for name, z in self._samples.items()}
+        for s in self.program.discrete.model.sensors:
+            if s.name in present:
+                present[s.name][~s.plausible(present[s.name], x | k)] = np.nan
+        return present
+
+    @cached_property
+    def _takes(self) -> dict[str, tuple[str, ...]]:
+        """Names of the arguments of each sensor's update beside the sample, and of the prediction beside the step."""
+        takes = {r.name: tuple(a.name for a in r.arguments) for r in self.program.pieces}
+        stepping = set().union(*(takes[n] for n in ("step", "transition", "noise")))
+        found = {name: takes[f"expect_{name}"] for name in self._samples}
+        return found | {"predict": tuple(n for n in self.inputs if n in stepping)}
+
+    def updates(self, k: int) -> Iterator[tuple[str, Given]]:
+        """The sensors that have a sample at k, with the arguments of their updates."""
+        for name, samples in self.present.items():
+            if np.isfinite(samples[k]).all():
+                yield name, {"z": samples[k], **{n: self.inputs[n][k] for n in self._takes[name]}}
+
+    def steps(self, k: int) -> Iterator[Given]:
+        """The arguments of the predictions from sample k to the next, none of them longer than the longest step.
+
+        Through a gap the input is held: nothing better is known of it. What keeps samples of a late input steps on
+        by about one period of the filter's rate at a time.
+        """
+        if k + 1 >= self.log.n:
+            return
+        discrete, dt = self.program.discrete, float(self.log.t[k + 1] - self.log.t[k])
+        periods = round(dt * discrete.rate) if discrete.model.motion.late else 1
+        parts = max(1, ceil(dt / discrete.max_step), periods)
+        for _ in range(parts):
+            yield {**{n: self._acting[n][k] for n in self._takes["predict"]}, "dt": dt / parts}
+
+
+def _input(log: Log, given: Input) -> Array:
+    """An input, shape (n,) or (n, 3); zeros where a quiet one is not in the log."""
+    if given.quiet and not any(c in log.channels for c in given.channels):
+        values = np.zeros((log.n, len(given.channels)))
+    else:
+        values = np.column_stack([log.values(c) for c in given.channels])
+    return values[:, 0] if given.scalar else values
+
+
+def _over_steps(values: Array, samples: str) -> Array:
+    """What acts from each sample to the next, by what a sample stands for."""
+    later = np.concatenate([values[1:], values[-1:]])
+    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]
+    return np.asarray(own * values + (1.0 - own) * later)
+
+
+def _shown(program: Program) -> list[tuple[Sensor, int, str]]:
+    """Sensors that show a stored state: with the row, and the state's name.
+
+    A plant's state that starts unknown starts where a sensor shows it.
+    """
+    model = program.discrete.model
+    motion = model.motion
+    if isinstance(motion, Equations):
+        return [
+            (s, 0, s.value.name)
+            for s in model.sensors
+            if isinstance(s, Shown) and motion.starts_unknown(s.value)
+        ]
+    places = {b.name: b.nominal_names for b in model.blocks}
+    return [(s, i, n) for s in model.sensors if s.shows in places for i, n in enumerate(places[s.shows])]
+
+
+def _align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str, float]) -> None:
+    """Attitude from the first second, and what a sensor knows of its own constants then, into states and constants."""
+    from scipy.spatial.transform import Rotation
+
+    model = program.discrete.model
+    declared: list[Input | Sensor] = [*model.motion.inputs, *model.sensors]
+    parts = [p for p in declared if all(c in log.channels for c in p.channels)]
+    up = next((p for p in parts if p.at_rest == "up"), None)
+    if up is None:
+        return
+    up_b = _first_mean(log, up)
+    up_b = up_b / np.linalg.norm(up_b)
+    ahead = np.array([1.0, 0.0, 0.0]) if abs(up_b[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    for s in model.sensors:
+        if s.at_rest == "north" and s in parts:
+            ahead = _first_mean(log, s)
+            told = s.calibrated(tuple(ahead), tuple(up_b))
+            k |= {name: told[name] for name in told.keys() & k.keys()}
+            x |= {name: told[name] for name in told.keys() & x.keys()}
+    north = ahead - (ahead @ up_b) * up_b
+    north /= np.linalg.norm(north)
+    R_lb = np.vstack([north, np.cross(-up_b, north), -up_b])
+    values = {c.name: c.value for c in model.constants} | dict(
+        zip(program.discrete.nominal_names, program.discrete.start)
+    )
+    q = Rotation.from_matrix(level_at(model, values).T @ R_lb).as_quat(scalar_first=True)
+    x |= {f"q_{a}": float(v) for a, v in zip("wxyz", q)}
+
+
+def _first_mean(log: Log, part: Input | Sensor) -> Array:
+    """The mean of a triad over the alignment; raises `InputError` where it says nothing."""
+    first = log.t - log.t[0] <= ALIGNMENT
+    values = np.column_stack([log.channel(c).values[first] for c in part.channels])
+    good = values[np.isfinite(values).all(axis=1)]
+    if not good.size or not np.linalg.norm(good.mean(axis=0)) > 0.0:
+        raise InputError(
+            f"{part.name} has no usable sample in the first {ALIGNMENT:g} s, so there is no first attitude",
+            where=log.source,
+            remedy="Cut the log to where the sensor works and is at rest",
+        )
+    return np.asarray(good.mean(axis=0))
