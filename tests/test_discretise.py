@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 from kfgen.core import linear
 from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.register import DT
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.model.parts.motion import AtRestMotion

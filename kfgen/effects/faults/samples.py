@@ -5,15 +5,14 @@ Each effect says how it is spotted in a `RawSamples` channel; one that spoils th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, Effect, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 
 Array = NDArray[np.float64]
@@ -41,7 +40,7 @@ NEAR = 0.05
 
 
 @dataclass(frozen=True)
-class Fault(Effect):
+class Fault(AddsNothingAtRest):
     """An effect of the rig, which a filter does not model.
 
     `moving` says whether the samples show it where the sensor moves.
@@ -49,9 +48,9 @@ class Fault(Effect):
 
     moving: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Nothing: the rig is to be mended."""
+        return NotModelled("it is a fault of the rig or of the log, and none of the sensor", "Mend the log")
 
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
