@@ -108,9 +108,10 @@ class NoiseFactor(FilterRole):
 
 @dataclass(frozen=True)
 class SampleVariance(FilterRole):
-    """Every sample has so much more variance [U^2]."""
+    """Every sample has so much more variance [U^2]; `alone` where that is all the white noise there is."""
 
     variance: Any
+    alone: bool = False
 
 
 @dataclass(frozen=True)

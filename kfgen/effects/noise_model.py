@@ -26,6 +26,8 @@ from kfgen.effects.filter_role import KNOWN, STATE, Use
 FORMAT = "kfgen-noise-1"
 
 
+WHITE, SAMPLED = "white_noise", "sample_noise"
+"""White noise in a file; the effect that it is where ``sd`` gives its size."""
 SMALL_INTERVAL = 0.1
 """Half the 95 % interval over the value up to which a filter takes a parameter for known, where the file does not say."""
 
@@ -211,7 +213,9 @@ def read_term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
     """An effect from its entry, for a channel in `unit`; raises `InputError`."""
     if not isinstance(entry.get("effect"), str):
         raise InputError("an entry does not name its effect", where=where)
-    cls = effect_named(entry["effect"], where=where)
+    cls = effect_named(
+        SAMPLED if entry["effect"] == WHITE and "sd" in entry else entry["effect"], where=where
+    )
     effect = cls.read(entry, unit, f"{where} {cls.name}")
     ci95 = {}
     for p in cls.parameters():
@@ -255,7 +259,7 @@ def write_noise(noise: NoiseModel, path: str | Path) -> None:
 
 def entry_text(term: Term, unit: str) -> str:
     """The inside of an effect's inline table."""
-    parts = [f"effect = {quoted(term.effect.name)}"]
+    parts = [f"effect = {quoted(WHITE if term.effect.name == SAMPLED else term.effect.name)}"]
     for p in term.effect.parameters():
         text = derived_unit(p.unit, unit)
         parts.append(f"{p.name} = {valued(getattr(term.effect, p.name), text)}")

@@ -126,6 +126,7 @@ class Attachment:
         self.factors: dict[str, sp.Expr] = {}
         self.extra: dict[str, sp.Expr] = {}
         self.shared: dict[str, sp.Expr] = {}
+        self.sampled: set[str] = set()
         self._bias: dict[str, int] = {}
 
     def add_states(self, channel: str, unit: str, effect: Effect, role: LinearStates, use: Use) -> None:
@@ -162,6 +163,7 @@ class Attachment:
             self.extra[channel] = self.extra.get(channel, sp.Integer(0)) + sp.sympify(
                 role.variance, strict=True
             )
+            self.sampled |= {channel} if role.alone else set()
         else:
             self.shared[channel] = sp.sympify(role.rho, strict=True)
 

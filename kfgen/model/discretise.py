@@ -270,7 +270,8 @@ class DiscreteModel:
     @property
     def start(self) -> tuple[float, ...]:
         """The stored state before alignment."""
-        blocks = tuple(v for b in self.model.blocks for v in b.start)
+        declared = [(n, v) for b in self.model.blocks for n, v in zip(b.nominal_names, b.start)]
+        blocks = tuple(self.model.initial[n].value if n in self.model.initial else v for n, v in declared)
         first = sum(len(b.error_names) for b in self.model.blocks)
         effects = tuple(s.start for s in self.model.states[first:])
         return blocks + effects + tuple(0.0 for _ in self.memories)
@@ -283,7 +284,8 @@ class DiscreteModel:
         white, steps = self.model.white(channel)
         own = float(white) * self.rate + 2.0 * float(steps) * self.rate**2
         factor, extra = self.model.noise_change(channel)
-        return (own if own > 0.0 else float(factor) * sensor.sd**2) + float(extra)
+        usual = 0.0 if self.model.is_sampled(channel) else float(factor) * sensor.sd**2
+        return (own if own > 0.0 else usual) + float(extra)
 
     def measurement_variance(self, sensor: Sensor, channel: str) -> float:
         """``R`` of one sample [SI^2]: its white noise and what the model leaves out."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations
 from types import MappingProxyType
 
 import sympy as sp
@@ -29,13 +28,14 @@ from kfgen.effects.filter_role import Use
 from kfgen.model.attach import Attached, Attachment, Omission, StateInfo
 from kfgen.model.filter_checks import check_channels, check_needs, content_hash
 from kfgen.model.filter_effects import FilterEffects
-from kfgen.model.noise_driven import closed_under_noise
+from kfgen.model.filter_file import HEADING, Initial
+from kfgen.model.noise_driven import closed_under_noise, densities
 from kfgen.model.parts.attached_error import AttachedError, acts_on
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.motion import MotionModel
 from kfgen.model.parts.reading import felt_in, reading
 from kfgen.model.parts.sensors import Sensor
-from kfgen.model.register import DT, Register
+from kfgen.model.register import Register
 from kfgen.model.symbols.blocks import Attitude, Block, Vector
 from kfgen.model.symbols.convention import Convention
 from kfgen.model.symbols.error_state import ErrorState, Variation, slopes
@@ -59,6 +59,10 @@ class FilterModel:
         What was chosen of the library model's options, as text.
     uses : mapping of str to tuple of Use
         How the effects of `noise` are taken, in their order: known where it says nothing.
+    initial : mapping of str to Initial
+        What is believed before the first measurement, by the name of a stored state, or ``heading``.
+    unchecked : tuple of Omission
+        What else its file says that is not in the filter.
 
     Raises
     ------
@@ -75,6 +79,8 @@ class FilterModel:
     units: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, str] = field(default_factory=dict)
     uses: Mapping[str, tuple[Use, ...]] = field(default_factory=dict)
+    initial: Mapping[str, Initial] = field(default_factory=dict)
+    unchecked: tuple[Omission, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
@@ -131,7 +137,7 @@ class FilterModel:
     @property
     def omitted(self) -> tuple[Omission, ...]:
         """The effects that this filter is built without, each with why and what to do instead."""
-        return self._effects.omitted
+        return (*self.unchecked, *self._effects.omitted)
 
     @property
     def errors(self) -> tuple[AttachedError, ...]:
@@ -174,7 +180,14 @@ class FilterModel:
             for b in self.blocks
             for n, sd in zip(b.error_names, b.deviations)
         )
-        return blocks + tuple(self._attachment.states)
+        return tuple(self._known_better(s) for s in blocks + tuple(self._attachment.states))
+
+    def _known_better(self, state: StateInfo) -> StateInfo:
+        """A state with what is believed of it before the first measurement; the heading is the turn about down."""
+        turn = self.attitude.error_names[2] if self.attitude is not None else ""
+        found = self.initial.get(HEADING if state.name == turn else state.name)
+        sd = found.sd if found is not None else 0.0
+        return replace(state, prior=sd or state.prior)
 
     @property
     def attached(self) -> tuple[Attached, ...]:
@@ -349,6 +362,10 @@ class FilterModel:
             sum((sp.sympify(f.Z, strict=True) for f in forms), sp.Integer(0)),
         )
 
+    def is_sampled(self, channel: str) -> bool:
+        """Whether the white noise of a channel is said by the standard deviation of its samples."""
+        return channel in self._attachment.sampled
+
     def noise_change(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
         """Factor on the variance of a channel's white noise, and variance that each sample has beside it [SI^2]."""
         found = self._attachment
@@ -367,17 +384,7 @@ class FilterModel:
     @cached_property
     def W(self) -> sp.Matrix:
         """Densities of `noise_symbols`, shape (q, q)."""
-        if not self.noise_symbols:
-            return sp.zeros(0, 0)
-        channels = [(i, c) for i in self.motion.inputs for c in i.channels]
-        inputs = [self.white(c)[0] + self.noise_change(c)[1] * DT + i.left_out**2 for i, c in channels]
-        driven = [sp.Float(b.driven) ** 2 for b in self.driven for _ in b.error_names]
-        W = sp.diag(*inputs, *driven, self.effect_dynamics[1])
-        shared = self._attachment.shared
-        for (k, (_, a)), (l, (_, b)) in combinations(enumerate(channels), 2):
-            if a in shared and shared.get(b) == shared[a]:
-                W[k, l] = W[l, k] = shared[a] * sp.sqrt(self.white(a)[0] * self.white(b)[0])
-        return W
+        return densities(self, self._attachment.shared) if self.noise_symbols else sp.zeros(0, 0)
 
     def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
         """The expected measurement with the effects of its channels, shape (m, 1)."""

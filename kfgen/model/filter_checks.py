@@ -63,6 +63,7 @@ def content_hash(model: FilterModel) -> str:
         sp.srepr(model.G),
         sp.srepr(model.W),
         *(repr(c) for c in model.constants),
+        *(f"{name} {sp.srepr(rate)}" for name, rate in model.rates(False).items()),
     ]
     for s in model.sensors:
         white = [sp.srepr(sp.Tuple(*model.white(c))) for c in s.channels]

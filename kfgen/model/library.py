@@ -12,7 +12,9 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import NoiseModel, Term, canonical
+from kfgen.model.attach import Omission
 from kfgen.model.filter import FilterModel
+from kfgen.model.filter_file import HEADING, FilterFile, is_filter_file, read_filter
 from kfgen.model.option import NOTHING, Choice, Names, Option, YesNo, read_options
 from kfgen.model.parts.attached_error import acts_on
 from kfgen.model.parts.earth_fixed import FRAMES
@@ -299,7 +301,7 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
     Parameters
     ----------
     name : str
-        A key of `LIBRARY`, or the path of a model file (``.toml``).
+        A key of `LIBRARY`, or the path of a filter file or a model file (``.toml``).
     noise : NoiseModel, optional
         Without it, typical MEMS figures.
     options : mapping of str to str, optional
@@ -310,6 +312,8 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
     InputError
         No such model or option, a value that an option does not take, or a channel of another dimension.
     """
+    if is_filter_file(name):
+        return build_filter(read_filter(name).with_noise(noise), options)
     if name.endswith(".toml"):
         from kfgen.model.plant.equations import filter_model
         from kfgen.model.plant.user import read_model
@@ -318,9 +322,50 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
         return filter_model(read_model(name), canonical(noise) if noise else None)
     if name not in LIBRARY:
         raise InputError(
-            f"there is no model '{name}'", remedy=f"Known are {', '.join(LIBRARY)}, or a model file (.toml)"
+            f"there is no model '{name}'",
+            remedy=f"Known are {', '.join(LIBRARY)}, or a filter file or model file (.toml)",
         )
     return LIBRARY[name].build(name, canonical(noise) if noise else None, options)
+
+
+def build_filter(file: FilterFile, options: Mapping[str, str] = NOTHING) -> FilterModel:
+    """The filter of a filter file.
+
+    Parameters
+    ----------
+    file : FilterFile
+    options : mapping of str to str, optional
+        Choices instead of the file's, as ``--set`` takes them.
+
+    Raises
+    ------
+    InputError
+        As `build`; or an initial value of something that the filter does not store.
+    """
+    if file.model not in LIBRARY:
+        raise InputError(
+            f"there is no model '{file.model}'", where=file.name, remedy=f"Known are {', '.join(LIBRARY)}"
+        )
+    unchecked = tuple(
+        Omission(
+            sensor,
+            f"the limit of {limit}",
+            "the emitted filter compares its inputs with no limit",
+            "Refuse such samples before the filter, or leave [limits] out",
+        )
+        for sensor, limit in file.limits.items()
+    )
+    noise = canonical(file.noise) if file.noise else None
+    built = LIBRARY[file.model].build(file.model, noise, file.texts | dict(options))
+    stored = {n for b in built.blocks for n in b.nominal_names} | {HEADING}
+    for name in file.initial:
+        if name not in stored:
+            raise InputError(
+                f"{file.name} stores no '{name}'",
+                where="[initial]",
+                remedy=f"It stores {', '.join(sorted(stored))}",
+            )
+    return replace(built, name=file.name, initial=file.initial, unchecked=unchecked)
 
 
 def option_rows() -> list[tuple[str, str]]:

@@ -17,11 +17,14 @@ from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.effects.effect import LinearProcess, Look, Meaning, parameter
-from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NotModelled
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, Look, Meaning, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NotModelled, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
+
+Array = NDArray[np.float64]
 
 FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
@@ -59,6 +62,29 @@ class WhiteNoise(LinearProcess):
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """``y = v``."""
         return LinearSystem(V=self.N**2)
+
+
+@dataclass(frozen=True)
+class SampleNoise(AddsNothingAtRest):
+    """White noise of the samples of an aiding channel, `sd` each, whatever their rate; ``white_noise`` with ``sd`` in a file."""
+
+    sd: Any = parameter("U", "setting")
+
+    name: ClassVar[str] = "sample_noise"
+    title: ClassVar[str] = "white noise of the samples"
+    sentence_template: ClassVar[str] = "carries white noise of {sd} in each sample"
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """All the variance that each sample has."""
+        return SampleVariance(self.sd**2, alone=True)
+
+    def sampled_density(self, omega: Array, dt: float, block: int = 1) -> Array:
+        """The same at every frequency [U^2]."""
+        return np.full(np.shape(omega), float(self.sd) ** 2 / block)
+
+    def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None) -> Array:
+        """Independent samples, shape (n,)."""
+        return np.asarray(float(self.sd) * rng.standard_normal(np.size(t)))
 
 
 @dataclass(frozen=True)
