@@ -33,7 +33,7 @@ from kfgen.model.noise_driven import closed_under_noise, densities
 from kfgen.model.parts.attached_error import AttachedError, acts_on
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.motion import MotionModel
-from kfgen.model.parts.reading import felt_in, reading
+from kfgen.model.parts.reading import reading, undone
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import Register
 from kfgen.model.symbols.blocks import Attitude, Block, Vector
@@ -230,27 +230,10 @@ class FilterModel:
         }
         true: dict[str, sp.Matrix] = {}
         for i in sorted(self.motion.inputs, key=lambda i: i.name != "accel"):  # forces act on gyros
-            true[i.name] = self._undone(i.channels, shown[i.name], true.get("accel"), self._view(perturbed))
+            true[i.name] = undone(
+                i.channels, shown[i.name], self.errors, self.motion, self._view(perturbed), true.get("accel")
+            )
         return true
-
-    def _undone(
-        self,
-        channels: tuple[str, ...],
-        shown: sp.Matrix,
-        force: sp.Matrix | None,
-        view: Mapping[str, sp.Matrix],
-    ) -> sp.Matrix:
-        """A triad without the errors of its readings, by substitution: once for what starts from nothing, else twice."""
-        errors = [e for e in self.errors if any(e.acts_on(c) for c in channels)]
-        value = shown
-        for _ in range(0 if not errors else 1 if all(e.is_small for e in errors) else 2):
-            felt = felt_in(value, view, self.motion, force)
-            wrong = [
-                sum((e.symbolic.error(felt, k) for e in errors if e.acts_on(c)), sp.Integer(0))
-                for k, c in enumerate(channels)
-            ]
-            value = shown - sp.Matrix(wrong)
-        return value
 
     def corrected_input(self, channel: str, perturbed: bool) -> sp.Expr:
         """What an input shows without its biases and driven effects, of the estimate or of the truth."""

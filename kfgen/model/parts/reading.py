@@ -75,9 +75,44 @@ def reading(sensor: Sensor, view: Views, errors: Sequence[AttachedError], motion
     others = [e for e in mine if isinstance(e.role, ReadingError)]
     if not others:
         return z
-    felt = felt_in(z, view, motion)
-    wrong = [
-        sum((e.symbolic.error(felt, k) for e in others if e.acts_on(c)), sp.Integer(0))
-        for k, c in enumerate(sensor.channels)
-    ]
-    return z + sp.Matrix(wrong)
+    return z + _wrong(sensor.channels, others, felt_in(z, view, motion))
+
+
+def undone(
+    channels: Sequence[str],
+    shown: sp.Matrix,
+    errors: Sequence[AttachedError],
+    motion: MotionModel,
+    view: Views,
+    force: sp.Matrix | None,
+) -> sp.Matrix:
+    """A triad without the errors of its readings, by substitution: once for what starts from nothing, else twice.
+
+    Parameters
+    ----------
+    channels : sequence of str
+    shown : Matrix, shape (m, 1)
+        What it shows.
+    errors : sequence of AttachedError
+        All of the filter.
+    motion : MotionModel
+    view : mapping of str to Matrix
+        Blocks.
+    force : Matrix, shape (3, 1), optional
+        Specific force, where an input measures it.
+    """
+    mine = [e for e in errors if any(e.acts_on(c) for c in channels)]
+    value = shown
+    for _ in range(0 if not mine else 1 if all(e.is_small for e in mine) else 2):
+        value = shown - _wrong(channels, mine, felt_in(value, view, motion, force))
+    return value
+
+
+def _wrong(channels: Sequence[str], errors: Sequence[AttachedError], felt: Felt) -> sp.Matrix:
+    """The sum of the errors of each axis, shape (m, 1)."""
+    return sp.Matrix(
+        [
+            sum((e.symbolic.error(felt, k) for e in errors if e.acts_on(c)), sp.Integer(0))
+            for k, c in enumerate(channels)
+        ]
+    )
