@@ -21,10 +21,10 @@ from typing import Any
 
 import sympy as sp
 
-NAMES = ("x1", "x2", "B", "K", "beta")
+STATE_NAMES = ("x1", "x2", "B", "K", "beta")
 """The augmented state, eq. (21)."""
-STATES = tuple(sp.Symbol(n, real=True) for n in NAMES)
-PERIOD = sp.Symbol("T", positive=True)
+STATES = tuple(sp.Symbol(n, real=True) for n in STATE_NAMES)
+SAMPLING_PERIOD = sp.Symbol("T", positive=True)
 """Sampling time [s]."""
 
 
@@ -47,7 +47,7 @@ def transition() -> sp.Matrix:
 
 def step() -> sp.Matrix:
     """Euler's step of the augmented state, eq. (19), shape (5, 1)."""
-    return sp.Matrix(STATES) + PERIOD * rates()
+    return sp.Matrix(STATES) + SAMPLING_PERIOD * rates()
 
 
 def output_row() -> sp.Matrix:
@@ -61,7 +61,7 @@ def numbers() -> Callable[..., Any]:
     everything = [
         sp.Float(e) if e.is_number else e for e in (*step(), *transition(), output(), *output_row())
     ]
-    return sp.lambdify((*STATES, PERIOD), tuple(everything), modules="math", cse=True)  # type: ignore[no-any-return]
+    return sp.lambdify((*STATES, SAMPLING_PERIOD), tuple(everything), modules="math", cse=True)  # type: ignore[no-any-return]
 
 
 def frozen_observability() -> sp.Matrix:

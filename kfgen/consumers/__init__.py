@@ -1,4 +1,4 @@
-"""Consumers: one module for each program that takes noise parameters, found by its ``NAME``.
+"""Noise parameters in other programs' conventions: one module for each program, found by its ``NAME``.
 
 To add one, add a module here with
 
@@ -42,6 +42,8 @@ def convert(
 
     Parameters
     ----------
+    noise : NoiseModel
+        Channels ``gyro_x..z`` and ``accel_x..z``.
     to : str
         The consumer's name.
     rate : float, optional
@@ -49,13 +51,17 @@ def convert(
     safety : float
         Multiplies every size (its square every covariance).
     origin : str
-        The noise file, said in the text.
+        The noise file, named in the text.
+
+    Returns
+    -------
+    Converted
 
     Raises
     ------
     InputError
-        An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel called
-        after a sensor whose unit is none of it.
+        An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel with the
+        name of a sensor and a unit of something else.
     """
     known = consumers()
     if to not in known:

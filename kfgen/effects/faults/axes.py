@@ -16,9 +16,9 @@ from kfgen.effects.faults.samples import Fault
 
 Array = NDArray[np.float64]
 
-AT_RIGHT = 0.3
+MAX_OWN_COEFFICIENT = 0.3
 """Largest part of another axis in a channel that reads one axis, relative."""
-CLOSE = 0.25
+UNIT_COEFFICIENT_TOLERANCE = 0.25
 """Relative distance of a coefficient from one that a scale factor explains."""
 
 
@@ -33,7 +33,7 @@ class SignError(Fault):
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
         """Near minus one of its own axis."""
-        return cls() if own and abs(coefficient + 1.0) < CLOSE else None
+        return cls() if own and abs(coefficient + 1.0) < UNIT_COEFFICIENT_TOLERANCE else None
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class AxisSwap(Fault):
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
         """Near one or minus one of another axis."""
-        return cls() if not own and abs(abs(coefficient) - 1.0) < CLOSE else None
+        return cls() if not own and abs(abs(coefficient) - 1.0) < UNIT_COEFFICIENT_TOLERANCE else None
 
 
 def axis_faults(row: Array, axis: int) -> list[Effect]:
     """What is wrong with the channel of `axis`, from the coefficients of the three axes in it, shape (3,)."""
     along = int(np.argmax(np.abs(row)))
-    if np.abs(np.delete(row, along)).max() >= AT_RIGHT * abs(row[along]):
+    if np.abs(np.delete(row, along)).max() >= MAX_OWN_COEFFICIENT * abs(row[along]):
         return []
     found = [cls.turned(along == axis, float(row[along])) for cls in Fault.__subclasses__()]
     return [f for f in found if f is not None]

@@ -18,17 +18,17 @@ from kfgen.effects.series import DetectedFault, RawSamples, periods
 
 Array = NDArray[np.float64]
 
-FEW = 64
+MIN_STEPS_FOR_REPEATS = 64
 """Steps below which nothing is said of those that repeat."""
-ENDS = 0.004
+MIN_CLIPPED_SHARE = 0.004
 """Share of the samples at one end of the range that is no chance."""
-JITTER = 0.02
+MIN_JITTER_PERIODS = 0.02
 """Of a period: root mean square of the steps' error that is said."""
-COARSE = 1.0
+MIN_COARSE_STEP_SIGMAS = 1.0
 """Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
-INTEGRATED = 1.04
+MIN_INTEGRATED_STEP_RATIO = 1.04
 """Ratio of the mean square of steps to neighbours and to next neighbours: one for samples that are rounded."""
-KNOWN = (
+UNIT_FACTORS = (
     ("degrees for radians", 180.0 / np.pi),
     ("g for m/s^2", 9.80665),
     ("a thousand", 1e3),
@@ -36,7 +36,7 @@ KNOWN = (
     ("hours for seconds", 3600.0),
 )
 """Factors between units that are taken for one another."""
-NEAR = 0.05
+UNIT_FACTOR_TOLERANCE = 0.05
 """Relative distance at which a factor is a known one."""
 
 
@@ -74,7 +74,7 @@ class RepeatedSamples(Fault):
         """More equal neighbours than the lattice of values and the noise explain."""
         same = np.diff(raw.y) == 0.0
         looked = same if raw.still is None else same[~raw.still]
-        if looked.size < FEW or raw.lattice > COARSE * raw.believed:
+        if looked.size < MIN_STEPS_FOR_REPEATS or raw.lattice > MIN_COARSE_STEP_SIGMAS * raw.believed:
             return None
         equal = float(np.mean(looked))
         chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
@@ -153,7 +153,7 @@ class TimestampJitter(Fault):
         """Steps of time that differ by more than a few percent of a period."""
         error = np.diff(raw.t) / raw.dt - periods(raw.t, raw.dt)
         rms = float(np.sqrt(0.5 * np.mean(error**2)))
-        return DetectedFault(cls(rms * raw.dt), float(raw.n)) if rms > JITTER else None
+        return DetectedFault(cls(rms * raw.dt), float(raw.n)) if rms > MIN_JITTER_PERIODS else None
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Clipping(Fault):
         """The largest or smallest value, far too often."""
         for end in (float(raw.y.max()), float(raw.y.min())):
             share = float(np.mean(raw.y == end))
-            if share > ENDS and raw.lattice < 0.25 * raw.noise:
+            if share > MIN_CLIPPED_SHARE and raw.lattice < 0.25 * raw.noise:
                 return DetectedFault(cls(end), share * raw.n, spoils=True)
         return None
 
@@ -189,10 +189,10 @@ class CoarseQuantisation(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """The lattice of values against the noise."""
-        if raw.lattice < COARSE * raw.believed or raw.noise > 3.0 * raw.lattice:
+        if raw.lattice < MIN_COARSE_STEP_SIGMAS * raw.believed or raw.noise > 3.0 * raw.lattice:
             return None
         one, two = raw.steps
-        if one > INTEGRATED * two:  # the lattice is that of the integral
+        if one > MIN_INTEGRATED_STEP_RATIO * two:  # the lattice is that of the integral
             return None
         return DetectedFault(cls(raw.lattice), float(raw.n), spoils=True)
 
@@ -277,5 +277,5 @@ class UnitError(Fault):
 
 def _between(ratio: float) -> UnitError | None:
     """The unit error of a ratio that is near a known one."""
-    known = [f for _, k in KNOWN for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < NEAR]
+    known = [f for _, k in UNIT_FACTORS for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < UNIT_FACTOR_TOLERANCE]
     return UnitError(known[0]) if known else None

@@ -22,15 +22,15 @@ from kfgen.effects.series import OF_A_COEFFICIENT, Detection, WhiteSeries, log_m
 
 Array = NDArray[np.float64]
 
-SLOWEST = 2.5
+MIN_LINE_PERIODS = 2.5
 """Periods of the slowest line in the record: a slower one is a drift."""
-NARROW = 3.0
+MIN_RESONANCE_WIDTH_BINS = 3.0
 """Width of a resonance, in inverse lengths of the record, below which it is a line."""
-FINE = 4
+PERIODOGRAM_OVERSAMPLING = 4
 """Frequencies looked at, over the record's own."""
-WIDTHS = (0.005, 0.02, 0.06, 0.2)
+TRIAL_DAMPING_RATIOS = (0.005, 0.02, 0.06, 0.2)
 """Damping ratios at which a resonance is looked for."""
-RISEN = 2.0
+MAX_BAND_END_RISE_SIGMAS = 2.0
 """Deviations by which the noise at the upper end of the band is above the middle's where nothing falls off."""
 
 
@@ -104,10 +104,12 @@ class Sinusoid(Effect):
         """The highest of the finely spaced periodogram of the white series."""
         from scipy.fft import next_fast_len, rfft
 
-        size = next_fast_len(FINE * series.n, real=True)
+        size = next_fast_len(PERIODOGRAM_OVERSAMPLING * series.n, real=True)
         Z = rfft(series.z, size)
         f = np.arange(Z.size) / (size * series.dt)
-        keep = (f > SLOWEST / (series.n * series.dt)) & (f < 0.5 / series.dt * (1.0 - 2.0 / series.n))
+        keep = (f > MIN_LINE_PERIODS / (series.n * series.dt)) & (
+            f < 0.5 / series.dt * (1.0 - 2.0 / series.n)
+        )
         gain, f = np.abs(Z[keep]) ** 2 / series.n, f[keep]
         w = gain - np.log(np.maximum(2.0 * gain, 1.0) * 0.5 * OF_A_COEFFICIENT)
         # Half of the prior is uniform in frequency, half in its logarithm.
@@ -157,14 +159,14 @@ class Resonance(Effect):
 
     def is_itself(self, duration: float) -> bool:
         """Whether its peak is wide enough to be told from a line."""
-        return 2.0 * float(self.damping) * float(self.frequency) * duration > NARROW
+        return 2.0 * float(self.damping) * float(self.frequency) * duration > MIN_RESONANCE_WIDTH_BINS
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """For each of a few widths the band whose power stands out most."""
         power = np.concatenate([[0.0], np.cumsum(series.X**2)])
         n, found = series.n, []
-        for damping in WIDTHS:
+        for damping in TRIAL_DAMPING_RATIOS:
             centre = np.exp(np.arange(np.log(12.0 / damping**0.5), np.log(0.97 * n), damping))
             lo = np.clip((centre * (1.0 - damping)).astype(np.int64), 1, n)
             hi = np.clip((centre * (1.0 + damping)).astype(np.int64) + 1, 1, n)
@@ -228,7 +230,7 @@ class LowPass(Effect):
         """From corners over the upper two decades of the band and above it, of either order."""
         nyquist, tenth = 0.5 / series.dt, max(series.n // 10, 1)
         upper, middle = (float(np.mean(series.X[at:][:tenth] ** 2)) for at in (-tenth, series.n // 2))
-        if upper > middle * (1.0 + RISEN * float(np.sqrt(4.0 / tenth))):
+        if upper > middle * (1.0 + MAX_BAND_END_RISE_SIGMAS * float(np.sqrt(4.0 / tenth))):
             return []  # it rises: nothing falls off
         corners = [(1, a) for a in (0.05, 0.2, 0.6, 1.2)] + [(2, a) for a in (0.05, 0.2, 0.4, 0.6, 0.8, 0.92)]
         return [Detection(cls(share * nyquist, order)) for order, share in corners]

@@ -22,7 +22,7 @@ from kfgen.core.errors import InputError
 from kfgen.effects.effect import Effect, Look, Meaning, parameter
 from kfgen.effects.linear_system import LinearSystem, State
 
-FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+FLICKER_FLOOR_OVER_B = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
 
 
@@ -129,8 +129,8 @@ class GaussMarkov(Effect):
             "sigma",
             "flicker (bias instability) whose Allan floor is as high as this term's Allan peak",
             "IEEE Std 952, data sheets that divide the floor by 0.664",
-            lambda B, v: B * FLICKER_FLOOR / gauss_markov_peak()[1],
-            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR,
+            lambda B, v: B * FLICKER_FLOOR_OVER_B / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR_OVER_B,
         ),
         Meaning(
             "adev_min",
@@ -169,7 +169,7 @@ class GaussMarkov(Effect):
         )
 
 
-UNSTATED = (1.0, 1e4)
+DEFAULT_FLICKER_BAND_S = (1.0, 1e4)
 """The band of a flicker of which only B is stated [s]."""
 
 
@@ -183,8 +183,8 @@ class BiasInstability(Effect):
     """
 
     B: Any = parameter("U")
-    shortest: float = parameter("s", "setting", UNSTATED[0])
-    longest: float = parameter("s", "setting", UNSTATED[1])
+    shortest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[0])
+    longest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[1])
 
     name: ClassVar[str] = "bias_instability"
     title: ClassVar[str] = "bias instability (flicker)"
@@ -207,7 +207,7 @@ class BiasInstability(Effect):
 
     def extended_band(self, dt: float, duration: float) -> Self:
         """The same B over all that the record shows, where its band was not stated."""
-        if (self.shortest, self.longest) != UNSTATED:
+        if (self.shortest, self.longest) != DEFAULT_FLICKER_BAND_S:
             return self
         return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))
 

@@ -25,8 +25,8 @@ from kfgen.effects.process import markov_chain as chain
 
 Array = NDArray[np.float64]
 
-LEVELS = np.array([-0.5, 0.5])
-ONE = np.zeros(1)
+LEVEL_OFFSETS = np.array([-0.5, 0.5])
+SINGLE_LEVEL_OFFSET = np.zeros(1)
 """The only level where there are no jumps."""
 
 
@@ -108,11 +108,11 @@ class Switching:
         """Of each point, shape (p,) [nats]."""
         if self.slow.order:
             return self._run(at)[0]
-        levels = LEVELS if np.any(at.size) else ONE
+        levels = LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
         sd = self.sd * at.loud[:, None]
         left = (self.mean[:, None, None] - at.middle[:, None] - at.size[:, None] * levels) / sd
         log_e = -0.5 * left**2 - np.log(sd) - 0.5 * float(np.log(2.0 * np.pi))
-        if levels is ONE:
+        if levels is SINGLE_LEVEL_OFFSET:
             return np.asarray(log_e[:, :, 0].sum(axis=0))
         half = np.full(at.size.size, 0.5)
         return chain.log_likelihood(log_e, chain.transitions(half, at.dwell, self.dt), half)
@@ -142,14 +142,14 @@ class Switching:
     def _run(self, at: SwitchingParameters) -> tuple[Array, Array]:
         from scipy.special import ndtri
 
-        H, Phi, levels = self.slow.C, self.slow.Phi, LEVELS if np.any(at.size) else ONE
+        H, Phi, levels = self.slow.C, self.slow.Phi, LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
         Q, P = (at.wander[:, None, None] ** 2 * M for M in (self.slow.Q, self.slow.P0))
         count = at.size.size
         R = (self.sd * at.loud)[:, None] ** 2
         x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
         V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
         half = np.full(count, 0.5)
-        T = chain.transitions(half, at.dwell, self.dt) if levels is LEVELS else np.ones((count, 1, 1))
+        T = chain.transitions(half, at.dwell, self.dt) if levels is LEVEL_OFFSETS else np.ones((count, 1, 1))
         shift = at.middle[:, None, None] + at.size[:, None, None] * levels * np.ones((levels.size, 1))
         total, z, slow = np.zeros(count), np.empty(self.mean.size), H.size > 0
         S, ahead = np.broadcast_to(R, p.shape), np.zeros_like(shift)

@@ -25,30 +25,30 @@ from kfgen.effects.series import DECADES, Detection, WhiteSeries
 
 Array = NDArray[np.float64]
 
-CELLS = 2048
+MAX_CELLS = 2048
 """Means into which a record is gathered."""
-PROMISING = 3.0
+MIN_START_GAIN_NATS = 3.0
 """Nats that the best of the first points must be worth at least, before levels are looked for in earnest."""
-SEVERAL = 8.0
+MIN_JUMPS_IN_RECORD = 8.0
 """Jumps that a record holds on average at least: a single one is a step."""
-WIDTHS = (4, 16, 64)
+SMOOTHING_WIDTHS_CELLS = (4, 16, 64)
 """Cells over which means are smoothed to see how far apart levels may be."""
-FACTORS = (0.6, 1.0, 1.6)
-DWELLS = 9
+SIZE_FACTORS = (0.6, 1.0, 1.6)
+DWELL_START_COUNT = 9
 """First points: distances of the levels about those seen, and dwell times."""
-STATES = 2
+MAX_SLOW_STATES = 2
 """Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
-UNEVEN = 0.15
+MIDDLE_SD_OVER_SIZE = 0.15
 """Of their distance: how far from the record's mean the middle of the levels may be."""
-COLOURED = 1.15
+MAX_WHITE_AMPLITUDE_RATIO = 1.15
 """Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
-HALF = 0.5
+MIN_SHARE_OF_RIVAL_GAIN = 0.5
 """Of what slow noise of the same spectrum gains: what the best of the first points must gain at least."""
-BEHIND = 3.0
+MAX_LOSS_TO_RIVAL_NATS = 3.0
 """Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
-GRID = 16
+RIVAL_GRID_POINTS = 16
 """Sizes, and times, at which that noise is tried."""
-NOISES = 64
+NOISE_START_COUNT = 64
 """First points of the noise alone."""
 
 
@@ -86,14 +86,18 @@ class RandomTelegraph(Effect):
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """The level that explains the means of short cells best, integrated over its numbers and the noise's."""
         cells = Cells.of(series)
-        if cells.switching.slow.order > STATES or not cells.even:
+        if cells.switching.slow.order > MAX_SLOW_STATES or not cells.even:
             return []
         starts, quiet = cells.starts(), cells.noise_starts()
         still, rival = cells.noise_gain(quiet), cells.gauss_markov_gain()
         alone, gains = float(still.max()), cells.gain(starts)
-        if starts.size == 0 or float(gains.max()) < alone + max(PROMISING, HALF * rival):
+        if starts.size == 0 or float(gains.max()) < alone + max(
+            MIN_START_GAIN_NATS, MIN_SHARE_OF_RIVAL_GAIN * rival
+        ):
             return []
-        best = integral(cells.gain, starts, alone + max(PROMISING, rival - BEHIND), values=gains)
+        best = integral(
+            cells.gain, starts, alone + max(MIN_START_GAIN_NATS, rival - MAX_LOSS_TO_RIVAL_NATS), values=gains
+        )
         without = integral(cells.noise_gain, quiet, values=still) if best else None
         if best is None or without is None:
             return []
@@ -153,14 +157,14 @@ class Cells:
 
     @staticmethod
     def of(series: WhiteSeries) -> Cells:
-        """At most `CELLS` of them."""
-        block = max(1, -(-series.n // CELLS))
+        """At most `MAX_CELLS` of them."""
+        block = max(1, -(-series.n // MAX_CELLS))
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
         dt = series.dt * block
         band = np.maximum(series.weight[1:m], 1e-300) / np.sqrt(1.0 - series.slow[1:m])
         sd = 1.0 / float(np.mean(band)) / float(np.sqrt(block))
-        even = float(band.max()) < COLOURED * float(band.min())
+        even = float(band.max()) < MAX_WHITE_AMPLITUDE_RATIO * float(band.min())
         power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
         rest = int(np.count_nonzero(series.weight[m:])) if block > 1 else 0
         switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
@@ -175,8 +179,8 @@ class Cells:
 
     @property
     def longest(self) -> float:
-        """Logarithm of the longest: the record holds `SEVERAL` of them."""
-        return float(np.log(self.switching.mean.size * self.switching.dt / SEVERAL))
+        """Logarithm of the longest: the record holds `MIN_JUMPS_IN_RECORD` of them."""
+        return float(np.log(self.switching.mean.size * self.switching.dt / MIN_JUMPS_IN_RECORD))
 
     def starts(self) -> Array:
         """Points about the distances at which the smoothed means stand, shape (p, 4 or 5)."""
@@ -185,13 +189,15 @@ class Cells:
         mean, sd = self.switching.mean, self.switching.sd
         sizes = [
             2.0 * float(np.sqrt(max(np.var(uniform_filter1d(mean, w)) - sd**2 / w, 1e-2 * sd**2 / w)))
-            for w in WIDTHS
+            for w in SMOOTHING_WIDTHS_CELLS
             if mean.size >= 8 * w
         ]
-        dwells = np.linspace(self.shortest, self.longest, DWELLS + 1)[1:]
-        levels = np.array([[np.log(a * f), d] for a in sizes for f in FACTORS for d in dwells]).reshape(-1, 2)
+        dwells = np.linspace(self.shortest, self.longest, DWELL_START_COUNT + 1)[1:]
+        levels = np.array([[np.log(a * f), d] for a in sizes for f in SIZE_FACTORS for d in dwells]).reshape(
+            -1, 2
+        )
         deviation = np.tile(self.deviation, (len(levels), 1))
-        deviation[:, 0] = UNEVEN * np.exp(levels[:, 0])
+        deviation[:, 0] = MIDDLE_SD_OVER_SIZE * np.exp(levels[:, 0])
         drawn = np.random.default_rng(0).standard_normal(deviation.shape)
         return np.column_stack([levels, self.noise + deviation * drawn])
 
@@ -209,8 +215,8 @@ class Cells:
 
     def noise_starts(self) -> Array:
         """Points about the noise of the fast ordinates, and about that of a fit to all, shape (p, 2 or 3)."""
-        drawn = np.random.default_rng(0).standard_normal((NOISES, self.noise.size))
-        middle = np.where(np.arange(NOISES)[:, None] % 2, self.noise, 0.0)
+        drawn = np.random.default_rng(0).standard_normal((NOISE_START_COUNT, self.noise.size))
+        middle = np.where(np.arange(NOISE_START_COUNT)[:, None] % 2, self.noise, 0.0)
         return np.asarray(middle + 2.0 * self.deviation * drawn)
 
     def gauss_markov_gain(self) -> float:
@@ -221,9 +227,12 @@ class Cells:
         power = np.square(dct(self.switching.mean, norm="ortho")[1:])
         omega = np.pi * np.arange(1, m) / m
         best = 0.0
-        for phi in np.exp(-2.0 * dt / np.exp(np.linspace(self.shortest, self.longest, GRID))):
+        for phi in np.exp(-2.0 * dt / np.exp(np.linspace(self.shortest, self.longest, RIVAL_GRID_POINTS))):
             shape = (1.0 - phi**2) / (1.0 - 2.0 * phi * np.cos(omega) + phi**2)
-            S = self.density + np.geomspace(1e-3, 1e1, GRID)[:, None] * np.var(self.switching.mean) * shape
+            S = (
+                self.density
+                + np.geomspace(1e-3, 1e1, RIVAL_GRID_POINTS)[:, None] * np.var(self.switching.mean) * shape
+            )
             gain = 0.5 * np.sum(np.log(self.density / S) + power * (1.0 / self.density - 1.0 / S), axis=1)
             best = max(best, float(gain.max()))
         return best

@@ -21,7 +21,7 @@ from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_wo
 
 Array = NDArray[np.float64]
 
-MARGIN = 8
+EDGE_MARGIN_SAMPLES = 8
 """Samples at either end at which no event is looked for."""
 
 
@@ -61,7 +61,7 @@ class BiasStep(Effect):
         energy = (power.sum() - np.fft.fft(power).real[1:]) / n
         for q in series.nuisance.T:
             energy = energy - product(q) ** 2
-        keep = slice(MARGIN, n - 1 - MARGIN)
+        keep = slice(EDGE_MARGIN_SAMPLES, n - 1 - EDGE_MARGIN_SAMPLES)
         size = product(series.X)[keep] / np.maximum(energy[keep], 1e-9 * energy.max())
         w = coefficient_worth(size * np.sqrt(np.maximum(energy[keep], 0.0)))
         k = int(np.argmax(w))
@@ -92,7 +92,7 @@ class NoiseChange(Effect):
         """Every sample as its onset, by the sums of squares before and after."""
         square = np.cumsum(series.fast**2)
         n, total = series.n, float(square[-1])
-        k = np.arange(10 * MARGIN, n - 10 * MARGIN)
+        k = np.arange(10 * EDGE_MARGIN_SAMPLES, n - 10 * EDGE_MARGIN_SAMPLES)
         if k.size < 2:
             return []
         before, after = square[k] / (k + 1), (total - square[k]) / (n - 1 - k)

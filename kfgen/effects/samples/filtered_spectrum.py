@@ -11,10 +11,10 @@ from kfgen.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
-STOP = 1e-3
+MIN_PASSED_POWER_SHARE = 1e-3
 """Share of the power that a filter passes below which nothing is said of a frequency: rounding and the ends of the
 record show there, and no model of the noise."""
-LEAK = 2048
+MAX_LEAK_LAGS = 2048
 """Lags over which what a filter passes is correlated at most."""
 
 
@@ -44,7 +44,10 @@ def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1,
         factor = e.response(omega / block, dt)
         out = out if factor is None else out * factor
     if n and block == 1 and any(e.is_filter for e in effects):
-        out = out + _leak(filtered(effects, np.pi * np.arange(LEAK + 1) / LEAK, dt), omega) / n
+        out = (
+            out
+            + _leak(filtered(effects, np.pi * np.arange(MAX_LEAK_LAGS + 1) / MAX_LEAK_LAGS, dt), omega) / n
+        )
     return out
 
 
@@ -64,10 +67,10 @@ def _leak(factor: Array, omega: Array) -> Array:
     """
     from scipy.fft import dct, dst, irfft
 
-    h = np.arange(1, LEAK)
-    gamma = irfft(factor)[1:LEAK]
-    grid = np.pi * h / LEAK
-    cosines = 0.5 * dct(np.concatenate([[0.0], h * gamma, [0.0]]), type=1)[1:LEAK]
+    h = np.arange(1, MAX_LEAK_LAGS)
+    gamma = irfft(factor)[1:MAX_LEAK_LAGS]
+    grid = np.pi * h / MAX_LEAK_LAGS
+    cosines = 0.5 * dct(np.concatenate([[0.0], h * gamma, [0.0]]), type=1)[1:MAX_LEAK_LAGS]
     sines = 0.5 * dst(gamma, type=1) / np.sin(grid)
     # Both parts cancel at the Nyquist frequency, to second order.
     even = -2.0 * (cosines + sines) / np.cos(0.5 * grid) ** 2
