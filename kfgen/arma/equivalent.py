@@ -1,4 +1,6 @@
-"""The equivalent ARMA model of a sum of noises: one white noise that gives the same autocovariance.
+"""The equivalent ARMA model of a sum of sensor noises, and the sizes of the noises from it.
+
+It is the ARMA process on one white noise that has the same autocovariance as the sum.
 
 Every noise of a sensor is a rational function of the backshift ``q^-1`` on a white noise of its own: white
 noise 1, quantisation of the integral ``1 - q^-1``, a Gauss-Markov process ``q^-1 / (1 - alpha q^-1)``, a
@@ -160,7 +162,11 @@ class Equivalent:
         alpha : number
             ``exp(-T / tau)``; without a Gauss-Markov process of no effect.
         variances : sequence of float
-            Of the white noise inside each of `names`.
+            Of the white noise inside each of `names` [U^2].
+
+        Returns
+        -------
+        list of number, (q + 1,)
         """
         import mpmath
 

@@ -152,7 +152,15 @@ def series_tests(y: Array) -> SeriesTests:
 
 @dataclass(frozen=True)
 class Correlations:
-    """Autocorrelation and partial autocorrelation at lags 0 to k, each (k + 1,), and their 95 % band."""
+    """Autocorrelation and partial autocorrelation of a series.
+
+    Parameters
+    ----------
+    acf, pacf : ndarray, shape (k + 1,)
+        At lags 0 to k.
+    band : float
+        Half of the width of the 95 % band of white noise.
+    """
 
     acf: Array
     pacf: Array
@@ -185,7 +193,14 @@ def correlations(y: Array, lags: int = CORRELATION_LAGS) -> Correlations:
 
 @dataclass(frozen=True)
 class Order:
-    """A model that was tried, and Akaike's criterion per sample, ``ln sigma^2 + 2 d / n`` [3]_."""
+    """A model that was tried.
+
+    Parameters
+    ----------
+    model : Arma
+    aic : float
+        Akaike's criterion per sample, ``ln sigma^2 + 2 d / n`` [3]_.
+    """
 
     model: Arma
     aic: float

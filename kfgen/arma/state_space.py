@@ -1,5 +1,6 @@
-"""The equivalent model of bias instability, white noise and random walk in continuous time, in symbols.
+"""Hemerly's augmented system in symbols: B, K and beta of a gyro as states of an extended Kalman filter.
 
+The equivalent model of bias instability, white noise and random walk in continuous time is
 ``y'' + beta y' = sqrt(K^2 + beta^2 B^2) w' + K beta w`` (eq. (18) of [1]_) with a white noise w of unit
 density; B is that of Saini: the Gauss-Markov process obeys ``g' = -beta g + beta B w``. In state space
 ``x1' = x2``, ``x2' = -beta x2 + w``, ``y = K beta x1 + r x2`` with ``r = sqrt(K^2 + beta^2 B^2)``; Euler's step

@@ -42,8 +42,6 @@ def convert(
 
     Parameters
     ----------
-    noise : NoiseModel
-        Channels ``gyro_x..z`` and ``accel_x..z``.
     to : str
         The consumer's name.
     rate : float, optional
@@ -51,17 +49,13 @@ def convert(
     safety : float
         Multiplies every size (its square every covariance).
     origin : str
-        The noise file, named in the text.
-
-    Returns
-    -------
-    Converted
+        The noise file, said in the text.
 
     Raises
     ------
     InputError
-        An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel with the
-        name of a sensor and a unit of something else.
+        An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel called
+        after a sensor whose unit is none of it.
     """
     known = consumers()
     if to not in known:

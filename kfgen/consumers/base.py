@@ -48,7 +48,17 @@ class Value:
 
 @dataclass(frozen=True)
 class Converted:
-    """A consumer's text and its parameters by name."""
+    """What a consumer gets.
+
+    Parameters
+    ----------
+    text : str
+        The file.
+    values : mapping of str to Value
+        The parameters in it by name.
+    warnings : tuple of str
+        What of the noise model it does not hold, or holds otherwise.
+    """
 
     text: str
     values: Mapping[str, Value]
@@ -57,7 +67,15 @@ class Converted:
 
 @dataclass(frozen=True)
 class AxisValue:
-    """The effects on one axis."""
+    """One axis of a sensor.
+
+    Parameters
+    ----------
+    channel : str
+        ``gyro_x``, ...
+    effects : tuple of Effect
+        On that channel.
+    """
 
     channel: str
     effects: tuple[Effect, ...]

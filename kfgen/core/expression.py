@@ -1,4 +1,4 @@
-"""`Expression`: a formula of a model file, read by a small grammar.
+"""`Expression`: a formula of a model or manoeuvre file, read into sympy by a small grammar without eval.
 
 ``sum = product (("+" | "-") product)*``, ``product = signed (("*" | "/") signed)*``,
 ``signed = ("+" | "-") signed | power``, ``power = atom ("**" signed)?``,

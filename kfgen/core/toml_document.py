@@ -1,4 +1,4 @@
-"""A file of kfgen: text in TOML whose first line says its format (noise, model, filter, manoeuvre files)."""
+"""Reads the TOML of kfgen's own files (noise, model, filter, manoeuvre) and checks their format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units: a small exact algebra of SI dimensions.
+"""Units: read from text as people type them, converted to SI and back, by an exact algebra of dimensions.
 
 A unit is a factor to SI and rational exponents of the base units, read by the
 grammar ``factor (("/" | "*" | " ") factor)*`` with ``factor`` a name or a number with

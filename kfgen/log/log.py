@@ -1,4 +1,4 @@
-"""`Log`: what a sensor recorded. Time and named channels with units, nothing of a file.
+"""`Log`: a recording in memory, time and named channels with units; `StoredLog`: one that stays in its file.
 
 A simulated and a measured log are the same type.
 """
@@ -84,6 +84,8 @@ class Log:
         Where it came from: a file's name, for messages.
     sha256 : str
         Hash of the file, empty for simulated logs.
+    warnings : tuple of str
+        What its reader noticed.
     stated : float
         Duration that its header states beside a rate [s]; zero where it states none.
     axis : str

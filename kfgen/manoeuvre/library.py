@@ -1,4 +1,4 @@
-"""The library of manoeuvres, as data.
+"""The manoeuvres that simulation and audit know by name (static, s-turn, figure-8 ...), as data.
 
 Durations are shares of the whole length ``T``, so that a manoeuvre fills a log of any length. A new manoeuvre is one
 entry here, or a file of the user's.
@@ -38,7 +38,7 @@ def _turns(*axes: Sequence[str]) -> tuple[Segment, ...]:
 
 _QUARTER_TURN_RATE = "11*pi/2/T"
 _CIRCLE_RATE = "4*pi/T"
-_ARC = "1.2"
+_ARC_RAD = "1.2"
 
 _ENTRIES = (
     Manoeuvre("static", "at rest, level, heading north", (_part("T"),)),
@@ -87,8 +87,8 @@ _ENTRIES = (
         "s-turn",
         "level, at 10 m/s, a turn to the right and one to the left",
         (
-            _part("T/2", ("0", "0", f"2*{_ARC}/T"), body=("0", f"20*{_ARC}/T", "0")),
-            _part("T/2", ("0", "0", f"-2*{_ARC}/T"), body=("0", f"-20*{_ARC}/T", "0")),
+            _part("T/2", ("0", "0", f"2*{_ARC_RAD}/T"), body=("0", f"20*{_ARC_RAD}/T", "0")),
+            _part("T/2", ("0", "0", f"-2*{_ARC_RAD}/T"), body=("0", f"-20*{_ARC_RAD}/T", "0")),
         ),
         velocity=(10.0, 0.0, 0.0),
         usual=20.0,

@@ -1,4 +1,4 @@
-"""`Manoeuvre`: body rate and acceleration, piece by piece, as expressions of time.
+"""`Manoeuvre`: what a body does, as body rate and acceleration in segments, each an expression of time.
 
 An expression knows ``t``, the time since its segment began [s], ``T``, the length of the whole manoeuvre
 [s], ``g``, the standard gravity [m/s^2], and ``pi``. The same expressions give arrays of numbers to the simulation

@@ -1,6 +1,7 @@
-"""What is wrong with the samples or their times before any model: found by looking, never by likelihood.
+"""Faults of a recording that its samples or times show by themselves: repeats, drops, jitter, clipping, stuck bits, units.
 
-Each effect says how it is spotted in a `RawSamples` channel; one that spoils the samples makes a fit meaningless.
+Each is detected in a `RawSamples` channel before any fit, never by likelihood; one that spoils the samples makes a fit
+meaningless.
 """
 
 from __future__ import annotations
@@ -19,15 +20,16 @@ from kfgen.effects.series import DetectedFault, RawSamples, periods
 Array = NDArray[np.float64]
 
 MIN_STEPS_FOR_REPEATS = 64
-"""Steps below which nothing is said of those that repeat."""
+"""Steps between samples below which repeats are not judged."""
 MIN_CLIPPED_SHARE = 0.004
-"""Share of the samples at one end of the range that is no chance."""
+"""Share of the samples at one end of the range above which they are clipped."""
 MIN_JITTER_PERIODS = 0.02
-"""Of a period: root mean square of the steps' error that is said."""
+"""Root mean square error of the time steps, in sampling periods, above which jitter is reported."""
 MIN_COARSE_STEP_SIGMAS = 1.0
-"""Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
+"""Step of the ADC grid, in standard deviations of the assumed noise, above which it is coarse."""
 MIN_INTEGRATED_STEP_RATIO = 1.04
-"""Ratio of the mean square of steps to neighbours and to next neighbours: one for samples that are rounded."""
+"""Mean square step to the neighbour over that to the next but one, above which the integral is on the grid:
+one for rounded samples."""
 UNIT_FACTORS = (
     ("degrees for radians", 180.0 / np.pi),
     ("g for m/s^2", 9.80665),
@@ -55,7 +57,19 @@ class Fault(Effect):
 
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
-        """Of a channel that reads its own axis, or another one of its triad, by a coefficient: whether this is why."""
+        """The fault itself, where it explains a coefficient of a triad's regression (`kfgen.effects.faults.axes`).
+
+        Parameters
+        ----------
+        own : bool
+            Whether the coefficient is of the channel's own axis, or of another one of its triad.
+        coefficient : float
+            Readings over what that axis should have read.
+
+        Returns
+        -------
+        Effect or None
+        """
         return None
 
 
@@ -71,7 +85,7 @@ class RepeatedSamples(Fault):
 
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
-        """More equal neighbours than the lattice of values and the noise explain."""
+        """More equal neighbours than the ADC grid and the noise explain."""
         same = np.diff(raw.y) == 0.0
         looked = same if raw.still is None else same[~raw.still]
         if looked.size < MIN_STEPS_FOR_REPEATS or raw.lattice > MIN_COARSE_STEP_SIGMAS * raw.believed:
@@ -178,7 +192,7 @@ class Clipping(Fault):
 
 @dataclass(frozen=True)
 class CoarseQuantisation(Fault):
-    """Values on a lattice of a `step` wider than the noise."""
+    """Values on an ADC grid whose `step` is wider than the noise."""
 
     step: Any = parameter("U", "size")
 
@@ -188,7 +202,7 @@ class CoarseQuantisation(Fault):
 
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
-        """The lattice of values against the noise."""
+        """The step of the ADC grid against the noise."""
         if raw.lattice < MIN_COARSE_STEP_SIGMAS * raw.believed or raw.noise > 3.0 * raw.lattice:
             return None
         one, two = raw.steps
@@ -265,7 +279,7 @@ class UnitError(Fault):
 
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
-        """A noise that is larger or smaller than believed by just such a factor."""
+        """A noise that is larger or smaller than assumed by just such a factor."""
         found = _between(raw.noise / raw.believed) if raw.believed > 0.0 else None
         return DetectedFault(found, float(raw.n), spoils=True) if found else None
 

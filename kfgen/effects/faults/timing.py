@@ -1,4 +1,4 @@
-"""A rate that is not the stated one, where a header contradicts itself."""
+"""A wrong sampling rate, where the header of a log contradicts its own number of samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What repeats: a line, a resonance; and what an internal low-pass takes away.
+"""Periodic effects and filters: spectral line (`Sinusoid`), resonance, and internal low-pass.
 
 References
 ----------
@@ -23,20 +23,20 @@ from kfgen.effects.series import OF_A_COEFFICIENT, Detection, WhiteSeries, log_m
 Array = NDArray[np.float64]
 
 MIN_LINE_PERIODS = 2.5
-"""Periods of the slowest line in the record: a slower one is a drift."""
+"""Periods of the slowest line that fit into the record: a slower one is a drift."""
 MIN_RESONANCE_WIDTH_BINS = 3.0
-"""Width of a resonance, in inverse lengths of the record, below which it is a line."""
+"""Width of a resonance in bins (inverse lengths of the record) below which it is a spectral line."""
 PERIODOGRAM_OVERSAMPLING = 4
-"""Frequencies looked at, over the record's own."""
+"""Frequencies of the padded periodogram for each frequency of the record."""
 TRIAL_DAMPING_RATIOS = (0.005, 0.02, 0.06, 0.2)
 """Damping ratios at which a resonance is looked for."""
 MAX_BAND_END_RISE_SIGMAS = 2.0
-"""Deviations by which the noise at the upper end of the band is above the middle's where nothing falls off."""
+"""Standard deviations by which the power at the upper end of the band may exceed the middle's in a low-pass."""
 
 
 @dataclass(frozen=True)
 class Sinusoid(Effect):
-    """A line: ``amplitude sin(2 pi frequency t + phase)``."""
+    """A spectral line (tone): ``amplitude sin(2 pi frequency t + phase)``, from a fan, the mains, a vibration."""
 
     amplitude: Any = parameter("U", "solved")
     frequency: Any = parameter("Hz", "place")
@@ -121,7 +121,7 @@ class Sinusoid(Effect):
             at = at + 0.5 * (a - c) / min(a - 2.0 * b + c, -1e-12) * (f[1] - f[0])
         weight = float(np.interp(2.0 * np.pi * at * series.dt, series.omega, series.weight))
         amplitude = 2.0 * float(np.sqrt(gain[k] / series.n)) / weight
-        # The frequency's deviation follows from the curvature of the likelihood [1]_.
+        # The frequency's standard deviation follows from the curvature of the likelihood [1]_.
         sd = float(np.sqrt(1.5 / max(gain[k], 0.5))) / (np.pi * series.n * series.dt)
         return [
             Detection(
@@ -187,7 +187,7 @@ class Resonance(Effect):
 
 @dataclass(frozen=True)
 class LowPass(Effect):
-    """An internal low-pass: what is measured is filtered with everything that is in it."""
+    """An internal low-pass of the sensor: it filters everything that the channel carries."""
 
     corner: Any = parameter("Hz", "corner")
     order: int = parameter("", "setting", 1)

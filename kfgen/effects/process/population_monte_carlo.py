@@ -1,4 +1,6 @@
-"""`integral`: a probability integrated by drawing, where one evaluation of many points at once is cheap.
+"""`integral`: a marginal likelihood by adaptive importance sampling (population Monte Carlo [1]_).
+
+For effects of a few parameters whose likelihood is not normal, and cheap to evaluate at many points at once.
 
 References
 ----------
@@ -16,23 +18,27 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 DRAWS_PER_ROUND = 64
+"""Points drawn in a round."""
 MAX_ROUNDS = 6
+"""Rounds, each from the law that the one before it found."""
 FINAL_ROUNDS = 2
-"""Rounds from which the integral is taken; those before it find where the weight is."""
+"""Last rounds, from which the integral is taken; those before find where the integrand is large."""
 STUDENT_DEGREES_OF_FREEDOM = 6.0
-"""Degrees of freedom of the laws from which points are drawn: their tails are heavier than a normal one's."""
+"""Degrees of freedom of Student's law from which points are drawn: its tails are heavier than the normal ones."""
 HALFWAY_ROUND = 3
-"""Rounds after which it is seen whether there is any use in going on."""
+"""Rounds after which `integral` gives up where its bar was not reached."""
 MIN_EFFECTIVE_DRAWS = 12.0
-"""Points of equal weight that a round is to be worth: else its weights are evened."""
+"""Effective sample size of a round below which its weights are tempered."""
 
 
 @dataclass(frozen=True)
 class Integral:
-    """The logarithm of an integral, and the mean and the covariance of its law.
+    """The logarithm of an integral, and mean and covariance of the law that the integrand is proportional to.
 
     Parameters
     ----------
+    log : float
+        [nats].
     mean : ndarray, shape (k,)
     covariance : ndarray, shape (k, k)
     """
@@ -49,18 +55,25 @@ def integral(
     seed: int = 0,
     values: Array | None = None,
 ) -> Integral | None:
-    """Of ``exp(log_f)`` over its k arguments, from some points of which the best lie near its weight [1]_.
+    """The integral of ``exp(log_f)`` over its k arguments [1]_.
 
     Parameters
     ----------
     log_f : callable
-        Of points, shape (p, k), to values, shape (p,).
+        Of points, shape (p, k), to values, shape (p,) [nats].
     points : ndarray, shape (p, k)
-        First points; more than k.
+        First points, more than k, of which the best lie near the maximum.
     bar : float
-        What the function must have reached after half the rounds; else there is no answer.
+        What the function must have reached after half the rounds [nats]; else there is no answer.
+    seed : int
+        Of the random numbers.
     values : ndarray, shape (p,), optional
         The function at the first points, where it is known.
+
+    Returns
+    -------
+    Integral or None
+        None where `bar` was not reached.
     """
     rng = np.random.default_rng(seed)
     values = log_f(points) if values is None else values

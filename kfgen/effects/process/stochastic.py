@@ -1,4 +1,6 @@
-"""Noise of a sensor at rest: white, quantisation, Gauss-Markov, flicker, random walk.
+"""Stochastic effects of a sensor at rest: white noise, quantisation, Gauss-Markov, flicker, random walk.
+
+Definitions and closed forms are in ``docs/noise.md``; here each is a linear system, from which they follow.
 
 References
 ----------
@@ -83,7 +85,7 @@ class Quantisation(Effect):
 
 @dataclass(frozen=True)
 class GaussMarkov(Effect):
-    """First-order Gauss-Markov process, stationary deviation `sigma`, correlation time `tau`."""
+    """First-order Gauss-Markov process, stationary standard deviation `sigma`, correlation time `tau`."""
 
     sigma: Any = parameter("U")
     tau: Any = parameter("s", "time")
@@ -154,7 +156,7 @@ class GaussMarkov(Effect):
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
-        """Correlation times over the record, each with the deviation seen there at its peak."""
+        """Correlation times over the record, each with the Allan deviation seen there as its peak."""
         times = np.geomspace(max(look.duration / 1000.0, 20.0 * look.dt), look.duration / 10.0, 4)
         return [cls(float(np.interp(t, look.tau, look.deviation)) / 0.6, float(t)) for t in times]
 
@@ -170,7 +172,7 @@ class GaussMarkov(Effect):
 
 
 DEFAULT_FLICKER_BAND_S = (1.0, 1e4)
-"""The band of a flicker of which only B is stated [s]."""
+"""Shortest and longest time constant [s] of a flicker of which only B is stated."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""`Switching`: a level that jumps between two values in the noise of a linear model.
+"""`Switching`: likelihood of a level that jumps between two values, beside the slow noise of a linear model.
 
 Given the jumps the samples are those of a Kalman filter; the number of possible histories doubles with every
 sample. Two filters, one for each level of the last cell, are run: each of their histories is followed through one
@@ -26,6 +26,7 @@ from kfgen.effects.process import markov_chain as chain
 Array = NDArray[np.float64]
 
 LEVEL_OFFSETS = np.array([-0.5, 0.5])
+"""Of the two levels from their middle, in units of their distance."""
 SINGLE_LEVEL_OFFSET = np.zeros(1)
 """The only level where there are no jumps."""
 
@@ -49,7 +50,19 @@ class Slow:
 
     @staticmethod
     def of(forms: Sequence[LinearSystem], dt: float) -> Slow:
-        """Of random effects with states, over a step `dt` [s]."""
+        """The slow noise of some random effects.
+
+        Parameters
+        ----------
+        forms : sequence of LinearSystem
+            Of the effects; those without states add nothing.
+        dt : float
+            Length of a cell [s].
+
+        Returns
+        -------
+        Slow
+        """
         steps = [discretise(f, dt) for f in forms]
         C = np.concatenate([np.zeros(0), *(np.array(f.C, dtype=np.float64) for f in forms)])
         starts = [initial_covariance(f) for f in forms]
@@ -76,7 +89,7 @@ class SwitchingParameters:
     size, dwell, middle : ndarray
         Distance of the levels [SI]; mean time on one of them [s]; half-way between them [SI].
     loud, wander : ndarray
-        Factors of the deviations of the white and of the slow noise.
+        Factors of the standard deviations of the white and of the slow noise.
     """
 
     size: Array
@@ -95,7 +108,7 @@ class Switching:
     mean : ndarray, shape (m,)
         Their means [SI], about zero.
     dt, sd : float
-        Length of a cell [s], deviation of its white noise [SI].
+        Length of a cell [s], standard deviation of its white noise [SI].
     slow : Slow
     """
 
@@ -105,7 +118,7 @@ class Switching:
     slow: Slow
 
     def log_likelihood(self, at: SwitchingParameters) -> Array:
-        """Of each point, shape (p,) [nats]."""
+        """Log-likelihood [nats] of each point, shape (p,)."""
         if self.slow.order:
             return self._run(at)[0]
         levels = LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
@@ -118,14 +131,27 @@ class Switching:
         return chain.log_likelihood(log_e, chain.transitions(half, at.dwell, self.dt), half)
 
     def innovations(self, at: SwitchingParameters) -> Array:
-        """What each cell shows that those before it did not foretell, shape (m,): unit normal if the model holds.
+        """Standardised innovation of each cell, shape (m,): unit normal if the model holds.
 
         The normal deviate of the probability that a cell is at most what it is, given those before it.
         """
         return self._run(at)[1]
 
     def quiet(self, at: SwitchingParameters, z: Array) -> Array:
-        """The cells that the model without levels would give for these innovations [SI], shape (m,)."""
+        """The cells that the model without levels would give for the same innovations.
+
+        Parameters
+        ----------
+        at : SwitchingParameters
+            One point, whose noise is taken.
+        z : ndarray, shape (m,)
+            Standardised innovations.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            [SI].
+        """
         slow, R = self.slow, float((self.sd * at.loud[0]) ** 2)
         x, P = np.zeros(slow.order), slow.P0 * float(at.wander[0]) ** 2
         Q, out = slow.Q * float(at.wander[0]) ** 2, np.empty_like(z)

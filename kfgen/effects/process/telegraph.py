@@ -26,30 +26,31 @@ from kfgen.effects.series import DECADES, Detection, WhiteSeries
 Array = NDArray[np.float64]
 
 MAX_CELLS = 2048
-"""Means into which a record is gathered."""
+"""Cells into whose means a record is gathered, at most."""
 MIN_START_GAIN_NATS = 3.0
-"""Nats that the best of the first points must be worth at least, before levels are looked for in earnest."""
+"""Gain of log-likelihood [nats] of the best first point below which the search for levels ends."""
 MIN_JUMPS_IN_RECORD = 8.0
-"""Jumps that a record holds on average at least: a single one is a step."""
+"""Mean number of jumps in the record at least: a single one is a step."""
 SMOOTHING_WIDTHS_CELLS = (4, 16, 64)
-"""Cells over which means are smoothed to see how far apart levels may be."""
+"""Cells over which means are smoothed to guess the distance of the levels."""
 SIZE_FACTORS = (0.6, 1.0, 1.6)
+"""Distances of the levels at the first points, over the one guessed."""
 DWELL_START_COUNT = 9
-"""First points: distances of the levels about those seen, and dwell times."""
+"""Dwell times at the first points."""
 MAX_SLOW_STATES = 2
-"""Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
+"""States of the slow noise beside which levels are looked for: more of them can imitate levels."""
 MIDDLE_SD_OVER_SIZE = 0.15
-"""Of their distance: how far from the record's mean the middle of the levels may be."""
+"""Standard deviation of the middle of the levels about the record's mean, over their distance."""
 MAX_WHITE_AMPLITUDE_RATIO = 1.15
 """Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
 MIN_SHARE_OF_RIVAL_GAIN = 0.5
-"""Of what slow noise of the same spectrum gains: what the best of the first points must gain at least."""
+"""Gain of the best first point over the gain of slow noise of the same spectrum, at least."""
 MAX_LOSS_TO_RIVAL_NATS = 3.0
-"""Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
+"""Nats by which levels may be worse than slow noise of the same spectrum half-way through the search."""
 RIVAL_GRID_POINTS = 16
-"""Sizes, and times, at which that noise is tried."""
+"""Sizes, and as many times, at which slow noise of the same spectrum is tried."""
 NOISE_START_COUNT = 64
-"""First points of the noise alone."""
+"""First points of the search for the noise without levels."""
 
 
 @dataclass(frozen=True)
@@ -127,22 +128,24 @@ class RandomTelegraph(Effect):
 
 @dataclass(frozen=True)
 class Cells:
-    """A record gathered into cells, and what is believed of its noise.
+    """A record gathered into cells, and the prior of its noise.
 
     Parameters
     ----------
+    switching : Switching
+        The means of the cells, their white and their slow noise.
     even : bool
         Whether the noise that is not slow is white in the band of the cells.
     block : int
         Samples of a cell.
-    power : float
-        Sum of squares of the faster ordinates, of which there are `rest`.
+    power, rest : float, int
+        Sum of squares of the ordinates that are faster than the cells, and their number.
     density : ndarray, shape (m - 1,)
         What the model expects of the squares of the cosine ordinates of the cells' means [SI^2].
     still : float
-        Deviation of the record's mean without levels [SI].
-    level, wander : (mean, deviation)
-        What is believed of the logarithms of the levels of the white and of the slow noise over those of the fit.
+        Standard deviation of the record's mean without levels [SI].
+    level, wander : (mean, standard deviation)
+        Priors of the logarithms of the levels of the white and of the slow noise, over those of the fit.
     """
 
     switching: Switching
@@ -209,7 +212,7 @@ class Cells:
 
     @property
     def deviation(self) -> Array:
-        """How far off they may be without levels, shape (2,) or (3,)."""
+        """Standard deviations of `noise` without levels, shape (2,) or (3,)."""
         free = 1.0 / float(np.sqrt(2.0 * (self.rest + self.switching.mean.size)))
         return np.array([self.still, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
 

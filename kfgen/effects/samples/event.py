@@ -1,4 +1,4 @@
-"""What happens at a time: a step of the bias, a change of the noise.
+"""Effects that begin at a time or hit single samples: step of the bias, change of the noise, outliers.
 
 References
 ----------
@@ -72,7 +72,7 @@ class BiasStep(Effect):
 
 @dataclass(frozen=True)
 class NoiseChange(Effect):
-    """White noise whose deviation grows by `ratio` at `time` since the first sample."""
+    """White noise whose standard deviation grows by the factor `ratio` at `time` since the first sample."""
 
     ratio: Any = parameter("", "ratio")
     time: Any = parameter("s", "place")
@@ -97,7 +97,7 @@ class NoiseChange(Effect):
             return []
         before, after = square[k] / (k + 1), (total - square[k]) / (n - 1 - k)
         mean, sd = series.level
-        # The noise before the change is what is believed of it; without a change all of it is.
+        # The prior is of the noise before the change; without a change of all of it.
         whole = -0.5 * n * np.log(total / n) - 0.5 * ((0.5 * np.log(total / n) - mean) / sd) ** 2
         parts = -0.5 * (k + 1) * np.log(before) - 0.5 * (n - 1 - k) * np.log(after)
         parts = parts - 0.5 * ((0.5 * np.log(before) - mean) / np.hypot(sd, np.sqrt(0.5 / (k + 1)))) ** 2
@@ -132,7 +132,7 @@ class NoiseChange(Effect):
 
 @dataclass(frozen=True)
 class Outliers(Effect):
-    """A `share` of the samples carries an error of deviation `sigma` beside the noise."""
+    """A `share` of the samples carries an error of standard deviation `sigma` beside the noise."""
 
     share: Any = parameter("", "ratio")
     sigma: Any = parameter("U", "size")

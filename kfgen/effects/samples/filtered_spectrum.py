@@ -1,4 +1,4 @@
-"""The spectrum of several effects together: their sum, and what is left of it by those that filter."""
+"""The spectrum of several effects together: the sum of those that add noise, through those that filter."""
 
 from __future__ import annotations
 
@@ -12,25 +12,32 @@ from kfgen.effects.effect import Effect
 Array = NDArray[np.float64]
 
 MIN_PASSED_POWER_SHARE = 1e-3
-"""Share of the power that a filter passes below which nothing is said of a frequency: rounding and the ends of the
-record show there, and no model of the noise."""
+"""Share of the power that a filter passes below which a frequency is left out: rounding and the ends of the
+record show there, and not the noise."""
 MAX_LEAK_LAGS = 2048
-"""Lags over which what a filter passes is correlated at most."""
+"""Lags [samples] over which the output of a filter is correlated at most."""
 
 
 def sampled_spectrum(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0) -> Array:
-    """Spectral density [U^2] of the samples of all random effects, shape (m,): what is filtered is filtered.
+    """Spectral density of the samples of all random effects together, filtered by those that filter.
 
     Parameters
     ----------
+    effects : sequence of Effect
+        Those with coefficients (deterministic ones) add nothing.
     omega : ndarray, shape (m,)
-        Radians per block.
+        Frequencies [rad per block].
     dt : float
         Sampling period [s].
     block : int
         Samples averaged to one.
     n : int
         Blocks of the record, of which so many cosine ordinates are made; zero for the density itself.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        [U^2].
     """
     random = [e for e in effects if not e.coefficients()]
     total = sum((e.sampled_density(omega, dt, block) for e in random), np.zeros(omega.size))
@@ -38,7 +45,24 @@ def sampled_spectrum(effects: Sequence[Effect], omega: Array, dt: float, block: 
 
 
 def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0) -> Array:
-    """Factor of the effects that filter, shape (m,), as the cosine ordinates of a record of `n` blocks show it."""
+    """Factor by which the effects that filter change the spectrum.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    omega : ndarray, shape (m,)
+        Frequencies [rad per block].
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples averaged to one.
+    n : int
+        Blocks of the record whose cosine ordinates are looked at; zero for a record without end.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+    """
     out = np.ones(omega.size)
     for e in effects:
         factor = e.response(omega / block, dt)

@@ -27,25 +27,26 @@ from kfgen.effects.series import Detection, WhiteSeries
 Array = NDArray[np.float64]
 
 MAX_CELLS = 2048
-"""Sums of squares into which a record is gathered."""
+"""Cells into whose sums of squares a record is gathered, at most."""
 MAX_HISTORY_CELLS = 65536
-"""As many where a history is drawn."""
+"""The same where a history of the bursts is drawn."""
 MIN_BURSTS_IN_RECORD = 8.0
-"""Bursts of the longest mean length that would fill the record."""
+"""Bursts of the longest mean length that the record must hold."""
 SCATTER_WIDTHS_CELLS = (1, 4, 16, 64)
-"""Cells over which squares are gathered to see whether their level changes at all."""
+"""Numbers of cells over which squares are summed to see whether their level changes at all."""
 MIN_SCATTER_SIGMAS = 3.5
-"""Deviations by which those sums must scatter more than of one level."""
+"""Standard deviations by which those sums must scatter more than sums of one level."""
 MIN_START_GAIN_NATS = 3.0
-"""Nats that the best of the first points must be worth."""
+"""Gain of log-likelihood [nats] of the best first point below which the search ends."""
 LOG_RATIO_RANGE = (float(np.log(1.05)), float(np.log(1e3)))
+"""Range of the logarithm of the ratio of standard deviations: a uniform prior."""
 LOG_ODDS_RANGE = (-8.0, 2.0)
-"""Ranges of the logarithms of the ratio of deviations and of the odds of the share: uniform priors."""
+"""Range of the logarithm of the odds of the share of time: a uniform prior."""
 
 
 @dataclass(frozen=True)
 class IntermittentNoise(Effect):
-    """White noise whose deviation is `ratio` times as large in a `share` of the time, for `lasting` at a stretch."""
+    """White noise whose sigma is `ratio` times as large in a `share` of the time, for `lasting` at a stretch."""
 
     ratio: Any = parameter("", "ratio")
     share: Any = parameter("", "ratio")
@@ -128,10 +129,12 @@ class Squares:
     ----------
     sums : ndarray, shape (m,)
         Of `block` samples each, of unit variance if the model holds.
+    block : int
+        Samples of a cell.
     dt : float
         Length of a cell [s].
-    level : (mean, deviation)
-        What is believed of the logarithm of the noise's level over that of the fit.
+    level : (mean, standard deviation)
+        Prior of the logarithm of the noise's level over that of the fit.
     """
 
     sums: Array

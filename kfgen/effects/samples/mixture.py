@@ -1,4 +1,4 @@
-"""Two normal laws of one centre, fitted to a histogram.
+"""Outliers as a mixture of two normal laws of one centre (contaminated normal), fitted to a histogram.
 
 References
 ----------
@@ -17,16 +17,32 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 HISTOGRAM_BINS = 3000
+"""Bins up to six standard deviations."""
 MIN_OUTLIERS_EXPECTED = 0.5
-"""Samples of the wider law that are asked for."""
+"""Samples of the wide law on average below which there is none."""
 LOG_SHARE_RANGE = (float(np.log(1e-6)), float(np.log(0.3)))
+"""Range of the logarithm of the share: a log-uniform prior."""
 LOG_KAPPA_RANGE = (float(np.log(1.3)), float(np.log(1e3)))
-"""Ranges of the logarithms of the share and of the ratio of deviations: log-uniform priors."""
+"""Range of the logarithm of the ratio of standard deviations: a log-uniform prior."""
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """``(1 - share) N(0, level^2) + share N(0, (kappa level)^2)``, with its evidence over one normal law."""
+    """``(1 - share) N(0, level^2) + share N(0, (kappa level)^2)``, with its evidence over one normal law.
+
+    Parameters
+    ----------
+    level : float
+        Standard deviation of the narrow law.
+    share : float
+        Share of the samples in the wide law.
+    kappa : float
+        Standard deviation of the wide law over that of the narrow one.
+    evidence : float
+        Logarithm of the ratio of marginal likelihoods [nats].
+    spread : ndarray, shape (3,)
+        Standard deviations of the logarithms of level, share and kappa.
+    """
 
     level: float
     share: float
@@ -35,8 +51,21 @@ class Mixture:
     spread: Array
 
     @staticmethod
-    def fitted(z: Array, believed: tuple[float, float]) -> Mixture | None:
-        """To a series, shape (n,), whose level has a log-normal prior of this mean and deviation."""
+    def fitted(z: Array, level_prior: tuple[float, float]) -> Mixture | None:
+        """Fit the mixture to a series.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+            The series, of about unit standard deviation.
+        level_prior : (mean, standard deviation)
+            Prior of the logarithm of `level`.
+
+        Returns
+        -------
+        Mixture or None
+            None where one normal law is as good, or fewer than `MIN_OUTLIERS_EXPECTED` samples are in the wide one.
+        """
         from scipy.optimize import minimize
 
         size = np.abs(z)
@@ -50,7 +79,7 @@ class Mixture:
         middle = 0.5 * (edges[1:] + edges[:-1])
         some = count > 0.0
         count, square = count[some], middle[some] ** 2
-        mean, sd = believed
+        mean, sd = level_prior
 
         def normal(log_level: float) -> Array:
             return np.asarray(-0.5 * square * np.exp(-2.0 * log_level) - log_level)

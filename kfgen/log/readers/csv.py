@@ -1,4 +1,4 @@
-"""CSV: one header row ``name [unit]``, or a foreign file whose columns the user maps.
+"""Reads and writes CSV logs: a header row ``name [unit],...``, or foreign columns that the user maps.
 
 Lines before the header (comments, settings) are skipped: the header is the last
 line before the first row that is all numbers, when it has as many cells.

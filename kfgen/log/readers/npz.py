@@ -1,4 +1,4 @@
-"""NPZ archives of arrays: kfgen's own logs, and those of other programs.
+"""Reads and writes NPZ logs: kfgen's own, and archives of arrays of other programs.
 
 A foreign archive may hold triads under their usual names (``gyr``, ``acc``, ``mag``), a
 reference attitude ``quat``, a rate ``fs`` and a text ``meta`` that states units. Other

@@ -24,7 +24,15 @@ _ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s
 
 @dataclass(frozen=True)
 class TableColumn:
-    """Values as stored, and the unit that the file states (None where it states none)."""
+    """A column as a file has it.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        As stored.
+    unit : str, optional
+        The unit that the file states; None where it states none.
+    """
 
     values: NDArray[np.float64]
     unit: str | None = None
@@ -224,6 +232,10 @@ def chunks(values: NDArray[Any], size: int = CHUNK_SAMPLES) -> Iterator[NDArray[
         An array, or a column of a mapped file.
     size : int
         Samples in a slice. Use a slice before the next one is taken.
+
+    Returns
+    -------
+    iterator of ndarray
     """
     mapped: Any = values
     while isinstance(mapped, np.ndarray):
