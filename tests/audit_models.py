@@ -15,7 +15,8 @@ from kfgen.core.expression import read_expression
 from kfgen.effects import make
 from kfgen.manoeuvre.manoeuvre import EXPRESSION_NAMES, Manoeuvre, Segment
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, Constant, MotionModel, Rotating, Strapdown
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, MotionModel, Rotating, Strapdown
 from kfgen.model.parts.sensors import (
     FIELD,
     GnssPosition,

@@ -32,8 +32,9 @@ from kfgen.identify.methods.arma import solve
 from kfgen.identify.methods.asymptotes import read_asymptotes, short_white
 from kfgen.identify.methods.ekf import run_ekf
 from kfgen.identify.methods.saini import Parameters
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
+from kfgen.model.register import DT
 from kfgen.run.run import load
 
 Array = NDArray[np.float64]

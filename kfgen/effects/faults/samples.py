@@ -6,15 +6,14 @@ meaningless.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, Effect, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 
 Array = NDArray[np.float64]
@@ -43,7 +42,7 @@ UNIT_FACTOR_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True)
-class Fault(Effect):
+class Fault(AddsNothingAtRest):
     """An effect of the rig, which a filter does not model.
 
     `moving` says whether the samples show it where the sensor moves.
@@ -51,9 +50,11 @@ class Fault(Effect):
 
     moving: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Nothing: the rig or the log is to be corrected."""
+        return NotModelled(
+            "it is a fault of the rig or of the log, and none of the sensor", "Correct the log"
+        )
 
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:

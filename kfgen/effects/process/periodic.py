@@ -16,7 +16,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.series import OF_A_COEFFICIENT, Detection, WhiteSeries, log_mean
 
@@ -35,7 +36,7 @@ MAX_BAND_END_RISE_SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
-class Sinusoid(Effect):
+class Sinusoid(LinearProcess):
     """A spectral line (tone): ``amplitude sin(2 pi frequency t + phase)``, from a fan, the mains, a vibration."""
 
     amplitude: Any = parameter("U", "solved")
@@ -133,7 +134,7 @@ class Sinusoid(Effect):
 
 
 @dataclass(frozen=True)
-class Resonance(Effect):
+class Resonance(LinearProcess):
     """Noise through a damped oscillator: a peak of finite width at `frequency`, `rms` in the output."""
 
     frequency: Any = parameter("Hz", "frequency")
@@ -186,7 +187,7 @@ class Resonance(Effect):
 
 
 @dataclass(frozen=True)
-class LowPass(Effect):
+class LowPass(AddsNothingAtRest):
     """An internal low-pass of the sensor: it filters everything that the channel carries."""
 
     corner: Any = parameter("Hz", "corner")
@@ -198,9 +199,12 @@ class LowPass(Effect):
     sentence_template: ClassVar[str] = "is low-passed inside at {corner}"
     is_filter: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Left out: the noise of a filter is white."""
+        return NotModelled(
+            "a filter takes its samples for independent, and a low-pass correlates neighbours",
+            f"Run the filter at no more than twice the corner, {2.0 * float(self.corner):.4g} Hz, or name the lag of the sensor",
+        )
 
     def response(self, omega: Array, dt: float) -> Array:
         """One pole, or a Butterworth filter of second order, at the sampling rate."""

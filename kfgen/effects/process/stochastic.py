@@ -21,7 +21,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from kfgen.core.errors import InputError
-from kfgen.effects.effect import Effect, Look, Meaning, parameter
+from kfgen.effects.effect import LinearProcess, Look, Meaning, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NotModelled
 from kfgen.effects.linear_system import LinearSystem, State
 
 FLICKER_FLOOR_OVER_B = math.sqrt(2.0 * math.log(2.0) / math.pi)
@@ -43,7 +44,7 @@ def gauss_markov_peak() -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class WhiteNoise(Effect):
+class WhiteNoise(LinearProcess):
     """White noise (angle or velocity random walk): density ``N^2``, AVAR ``N^2 / tau``."""
 
     N: Any = parameter("U/sqrt(Hz)")
@@ -63,7 +64,7 @@ class WhiteNoise(Effect):
 
 
 @dataclass(frozen=True)
-class Quantisation(Effect):
+class Quantisation(LinearProcess):
     """Quantisation of the integrated output: AVAR ``3 Q^2 / tau^2``."""
 
     Q: Any = parameter("U*s")
@@ -82,9 +83,18 @@ class Quantisation(Effect):
         """A white sequence of variance ``Q^2`` on the integral."""
         return LinearSystem(Z=self.Q**2)
 
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """White noise of a measurement; of an input it stays within a step of the integral for ever."""
+        if place.measured:
+            return LinearStates(self.form())
+        return NotModelled(
+            "the error of the integral of an input stays within Q and does not grow, so that no white noise stands for it",
+            "Add Q to the standard deviation of the angle or velocity that the filter gives",
+        )
+
 
 @dataclass(frozen=True)
-class GaussMarkov(Effect):
+class GaussMarkov(LinearProcess):
     """First-order Gauss-Markov process, stationary standard deviation `sigma`, correlation time `tau`."""
 
     sigma: Any = parameter("U")
@@ -176,7 +186,7 @@ DEFAULT_FLICKER_BAND_S = (1.0, 1e4)
 
 
 @dataclass(frozen=True)
-class BiasInstability(Effect):
+class BiasInstability(LinearProcess):
     """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
 
     Time constants are spaced evenly in the logarithm with ratio ``r`` from `shortest` to
@@ -233,7 +243,7 @@ class BiasInstability(Effect):
 
 
 @dataclass(frozen=True)
-class RateRandomWalk(Effect):
+class RateRandomWalk(LinearProcess):
     """Random walk of the output itself: density ``K^2 / (2 pi f)^2``, AVAR ``K^2 tau / 3``."""
 
     K: Any = parameter("U/sqrt(s)")

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.effect import LinearProcess, parameter
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
@@ -54,7 +54,7 @@ NOISE_START_COUNT = 64
 
 
 @dataclass(frozen=True)
-class RandomTelegraph(Effect):
+class RandomTelegraph(LinearProcess):
     """A bias that jumps by `size` between two levels, on each of which it stays for `dwell` on average."""
 
     size: Any = parameter("U")

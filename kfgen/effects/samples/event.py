@@ -9,13 +9,14 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NoiseFactor, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_worth, log_mean, middle95
 
@@ -26,7 +27,7 @@ EDGE_MARGIN_SAMPLES = 8
 
 
 @dataclass(frozen=True)
-class BiasStep(Effect):
+class BiasStep(LinearProcess):
     """A jump of the bias by `size` at `time` since the first sample: a one-off."""
 
     size: Any = parameter("U", "signed")
@@ -41,6 +42,11 @@ class BiasStep(Effect):
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """A constant; when it jumps, a filter's variance of it should grow by ``size^2`` [1]_."""
         return LinearSystem(A=((0,),), W=((0,),), C=(1,), x0=(0,), states=(State("bias", shared=True),))
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The next jump may come at any time: a random walk of its spread, one such jump in the time that this one took."""
+        density = float(self.size) ** 2 / max(float(self.time), 1.0)
+        return LinearStates(replace(self.form(), W=((density,),)))
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
         """``size`` from `time` on."""
@@ -71,7 +77,7 @@ class BiasStep(Effect):
 
 
 @dataclass(frozen=True)
-class NoiseChange(Effect):
+class NoiseChange(AddsNothingAtRest):
     """White noise whose standard deviation grows by the factor `ratio` at `time` since the first sample."""
 
     ratio: Any = parameter("", "ratio")
@@ -83,9 +89,9 @@ class NoiseChange(Effect):
     sentence_template: ClassVar[str] = "has noise that grows by a factor of {ratio} at {time}"
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The level that it has from now on."""
+        return NoiseFactor(self.ratio**2)
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
@@ -131,7 +137,7 @@ class NoiseChange(Effect):
 
 
 @dataclass(frozen=True)
-class Outliers(Effect):
+class Outliers(AddsNothingAtRest):
     """A `share` of the samples carries an error of standard deviation `sigma` beside the noise."""
 
     share: Any = parameter("", "ratio")
@@ -143,9 +149,9 @@ class Outliers(Effect):
     sentence_template: ClassVar[str] = "has outliers of {sigma} in a share of {share}"
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added: a filter gates them."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The variance of the mixture; a gate refuses the largest of them."""
+        return SampleVariance(self.share * self.sigma**2)
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:

@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NoiseFactor
 from kfgen.effects.process.markov_chain import drawn, history, log_likelihood, transitions
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.series import Detection, WhiteSeries
@@ -45,7 +45,7 @@ LOG_ODDS_RANGE = (-8.0, 2.0)
 
 
 @dataclass(frozen=True)
-class IntermittentNoise(Effect):
+class IntermittentNoise(AddsNothingAtRest):
     """White noise whose sigma is `ratio` times as large in a `share` of the time, for `lasting` at a stretch."""
 
     ratio: Any = parameter("", "ratio")
@@ -60,9 +60,9 @@ class IntermittentNoise(Effect):
     )
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added: a filter's R switches."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The mean variance over bursts and pauses."""
+        return NoiseFactor(1 + self.share * (self.ratio**2 - 1))
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:

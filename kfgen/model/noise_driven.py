@@ -1,0 +1,46 @@
+"""Blocks of a state that white noise moves and nothing else: a linear system of their own, discretised exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sympy as sp
+
+from kfgen.model.symbols.blocks import Block, Vector
+
+
+def closed_under_noise(
+    blocks: Sequence[Block], driven: Sequence[Vector], rates: Mapping[str, sp.Matrix]
+) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
+    """The largest set of blocks whose rates are their own components times numbers, with A and W.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        Of the whole state.
+    driven : sequence of Vector
+        Those that white noise drives.
+    rates : mapping of str to Matrix
+        By block, in the symbols of the estimate.
+
+    Returns
+    -------
+    blocks : tuple of Vector
+    A, W : Matrix, shape (m, m)
+        Dynamics and driving density of their components.
+    """
+    own = [b for b in blocks if isinstance(b, Vector) and (b in driven or any(rates[b.name]))]
+    x = sp.Matrix([s for b in own for s in b.nominal])
+    while closed := [b for b in own if _linear(rates[b.name], x)]:
+        if len(closed) == len(own):
+            break
+        own, x = closed, sp.Matrix([s for b in closed for s in b.nominal])
+    A = sp.Matrix.vstack(*(rates[b.name].jacobian(x) for b in closed)) if closed else sp.zeros(0, 0)
+    W = sp.diag(*(sp.Float(b.driven) ** 2 for b in closed for _ in b.error_names))
+    return tuple(closed), A, W
+
+
+def _linear(rate: sp.Matrix, x: sp.Matrix) -> bool:
+    """Whether a rate is `x` times numbers and nothing else."""
+    J = rate.jacobian(x)
+    return not J.free_symbols and (rate - J * x).expand().is_zero_matrix is True
