@@ -2,7 +2,7 @@
 
 The parametrisation is the catalogue itself: a new effect is tested by being there. Its Allan variance must be
 the integral of its own spectrum, its sampled spectrum must alias, sum to its variance and describe its simulation,
-and its words and file entries must carry every parameter. Where noise.md states a closed form it is compared
+and its words and file entries must carry every parameter. Where docs/noise.md states a closed form it is compared
 besides. Simulations are held to normal limits of 4.5 standard deviations of the statistic (7e-6 of the seeds
 for each of about 30 checks), with the deviation computed from the spectrum; seeds are fixed.
 """
@@ -105,7 +105,7 @@ def test_an_unknown_effect_is_refused() -> None:
         effect_named("pink_elephant")
 
 
-# Closed forms of noise.md, with the example's parameters.
+# Closed forms of docs/noise.md, with the example's parameters.
 
 
 def gauss_markov_avar(sigma: float, tc: float, tau: float) -> float:

@@ -42,7 +42,7 @@ Call = Callable[..., Result]
 
 x1, x2, B, K, beta = ss.STATES
 r = sp.sqrt(K**2 + beta**2 * B**2)
-T = ss.PERIOD
+T = ss.SAMPLING_PERIOD
 A_22 = sp.Matrix([
     [1, T, 0, 0, 0], [0, 1 - T * beta, 0, 0, -T * x2], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1],
 ])  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 
 import kfgen
 from kfgen.consumers import Converted, Value, consumers
-from kfgen.consumers.table import MEANING_HEAD, labelled, meaning_rows, plain
+from kfgen.consumers.table import MEANING_COLUMNS, labelled, meaning_rows, plain
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, sentence, table
@@ -63,7 +63,7 @@ def convert_answer(noise: NoiseModel, made: Converted, request: Request) -> Answ
 def meaning_parts(channel: str, effects: Iterable[Effect], unit: str, safety: float = 1.0) -> list[PagePart]:
     """A table for each term of a channel whose size has several names: what each consumer calls B."""
     return [
-        table(MEANING_HEAD, rows, f"What each consumer calls B of {channel}: {effect.title}.")
+        table(MEANING_COLUMNS, rows, f"What each consumer calls B of {channel}: {effect.title}.")
         for effect in effects
         if (rows := meaning_rows(effect, unit, safety))
     ]

@@ -1,4 +1,4 @@
-"""Drifts in time: a constant, a ramp, a warm-up.
+"""Deterministic drifts of a bias in time: a constant, a ramp, a warm-up.
 
 References
 ----------
@@ -19,7 +19,7 @@ from kfgen.effects.linear_system import LinearSystem, State
 
 @dataclass(frozen=True)
 class Bias(LinearProcess):
-    """A constant offset (turn-on bias), known before the record to `value` with deviation `sd`."""
+    """A constant offset (turn-on bias), known before the record as `value` with standard deviation `sd`."""
 
     value: Any = parameter("U", "signed", 0.0)
     sd: float = parameter("U", "setting", 0.0)

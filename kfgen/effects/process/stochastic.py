@@ -1,4 +1,6 @@
-"""Noise of a sensor at rest: white, quantisation, Gauss-Markov, flicker, random walk.
+"""Stochastic effects of a sensor at rest: white noise, quantisation, Gauss-Markov, flicker, random walk.
+
+Definitions and closed forms are in ``docs/noise.md``; here each is a linear system, from which they follow.
 
 References
 ----------
@@ -26,7 +28,7 @@ from kfgen.effects.linear_system import LinearSystem, State
 
 Array = NDArray[np.float64]
 
-FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+FLICKER_FLOOR_OVER_B = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
 
 
@@ -119,7 +121,7 @@ class Quantisation(LinearProcess):
 
 @dataclass(frozen=True)
 class GaussMarkov(LinearProcess):
-    """First-order Gauss-Markov process, stationary deviation `sigma`, correlation time `tau`."""
+    """First-order Gauss-Markov process, stationary standard deviation `sigma`, correlation time `tau`."""
 
     sigma: Any = parameter("U")
     tau: Any = parameter("s", "time")
@@ -165,8 +167,8 @@ class GaussMarkov(LinearProcess):
             "sigma",
             "flicker (bias instability) whose Allan floor is as high as this term's Allan peak",
             "IEEE Std 952, data sheets that divide the floor by 0.664",
-            lambda B, v: B * FLICKER_FLOOR / gauss_markov_peak()[1],
-            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR,
+            lambda B, v: B * FLICKER_FLOOR_OVER_B / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR_OVER_B,
         ),
         Meaning(
             "adev_min",
@@ -190,7 +192,7 @@ class GaussMarkov(LinearProcess):
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
-        """Correlation times over the record, each with the deviation seen there at its peak."""
+        """Correlation times over the record, each with the Allan deviation seen there as its peak."""
         times = np.geomspace(max(look.duration / 1000.0, 20.0 * look.dt), look.duration / 10.0, 4)
         return [cls(float(np.interp(t, look.tau, look.deviation)) / 0.6, float(t)) for t in times]
 
@@ -205,8 +207,8 @@ class GaussMarkov(LinearProcess):
         )
 
 
-UNSTATED = (1.0, 1e4)
-"""The band of a flicker of which only B is stated [s]."""
+DEFAULT_FLICKER_BAND_S = (1.0, 1e4)
+"""Shortest and longest time constant [s] of a flicker of which only B is stated."""
 
 
 @dataclass(frozen=True)
@@ -219,8 +221,8 @@ class BiasInstability(LinearProcess):
     """
 
     B: Any = parameter("U")
-    shortest: float = parameter("s", "setting", UNSTATED[0])
-    longest: float = parameter("s", "setting", UNSTATED[1])
+    shortest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[0])
+    longest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[1])
 
     name: ClassVar[str] = "bias_instability"
     title: ClassVar[str] = "bias instability (flicker)"
@@ -243,7 +245,7 @@ class BiasInstability(LinearProcess):
 
     def extended_band(self, dt: float, duration: float) -> Self:
         """The same B over all that the record shows, where its band was not stated."""
-        if (self.shortest, self.longest) != UNSTATED:
+        if (self.shortest, self.longest) != DEFAULT_FLICKER_BAND_S:
             return self
         return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))
 

@@ -1,4 +1,4 @@
-"""Noise that two channels share.
+"""Cross-axis noise: white noise that two channels share.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""What happens at a time: a step of the bias, a change of the noise.
+"""Effects that begin at a time or hit single samples: step of the bias, change of the noise, outliers.
 
 References
 ----------
@@ -22,7 +22,7 @@ from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_wo
 
 Array = NDArray[np.float64]
 
-MARGIN = 8
+EDGE_MARGIN_SAMPLES = 8
 """Samples at either end at which no event is looked for."""
 
 
@@ -67,7 +67,7 @@ class BiasStep(LinearProcess):
         energy = (power.sum() - np.fft.fft(power).real[1:]) / n
         for q in series.nuisance.T:
             energy = energy - product(q) ** 2
-        keep = slice(MARGIN, n - 1 - MARGIN)
+        keep = slice(EDGE_MARGIN_SAMPLES, n - 1 - EDGE_MARGIN_SAMPLES)
         size = product(series.X)[keep] / np.maximum(energy[keep], 1e-9 * energy.max())
         w = coefficient_worth(size * np.sqrt(np.maximum(energy[keep], 0.0)))
         k = int(np.argmax(w))
@@ -78,7 +78,7 @@ class BiasStep(LinearProcess):
 
 @dataclass(frozen=True)
 class NoiseChange(AddsNothingAtRest):
-    """White noise whose deviation grows by `ratio` at `time` since the first sample."""
+    """White noise whose standard deviation grows by the factor `ratio` at `time` since the first sample."""
 
     ratio: Any = parameter("", "ratio")
     time: Any = parameter("s", "place")
@@ -98,12 +98,12 @@ class NoiseChange(AddsNothingAtRest):
         """Every sample as its onset, by the sums of squares before and after."""
         square = np.cumsum(series.fast**2)
         n, total = series.n, float(square[-1])
-        k = np.arange(10 * MARGIN, n - 10 * MARGIN)
+        k = np.arange(10 * EDGE_MARGIN_SAMPLES, n - 10 * EDGE_MARGIN_SAMPLES)
         if k.size < 2:
             return []
         before, after = square[k] / (k + 1), (total - square[k]) / (n - 1 - k)
         mean, sd = series.level
-        # The noise before the change is what is believed of it; without a change all of it is.
+        # The prior is of the noise before the change; without a change of all of it.
         whole = -0.5 * n * np.log(total / n) - 0.5 * ((0.5 * np.log(total / n) - mean) / sd) ** 2
         parts = -0.5 * (k + 1) * np.log(before) - 0.5 * (n - 1 - k) * np.log(after)
         parts = parts - 0.5 * ((0.5 * np.log(before) - mean) / np.hypot(sd, np.sqrt(0.5 / (k + 1)))) ** 2
@@ -138,7 +138,7 @@ class NoiseChange(AddsNothingAtRest):
 
 @dataclass(frozen=True)
 class Outliers(AddsNothingAtRest):
-    """A `share` of the samples carries an error of deviation `sigma` beside the noise."""
+    """A `share` of the samples carries an error of standard deviation `sigma` beside the noise."""
 
     share: Any = parameter("", "ratio")
     sigma: Any = parameter("U", "size")
