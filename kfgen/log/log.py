@@ -72,6 +72,9 @@ class Log:
         How long its header says that it lasted [s], beside a rate; zero where it does not.
     axis : str
         ``t``, or ``tau`` for a published Allan deviation over averaging times.
+    samples : str
+        What a sample of an inertial sensor stands for: the interval ``after`` it, the one ``before`` it, or the
+        instant (``at``); empty where the log does not say.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class Log:
     warnings: tuple[str, ...] = field(default=())
     axis: str = "t"
     stated: float = 0.0
+    samples: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))

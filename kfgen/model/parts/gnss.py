@@ -31,6 +31,7 @@ class Antenna(Sensor):
     """What GNSS sensors share: the point of the antenna, and when."""
 
     options = (LEVER_ARM, DELAY)
+    usual_rate = 5.0
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
         super().__init__(chosen, axes)
