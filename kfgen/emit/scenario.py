@@ -15,6 +15,7 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
+from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.simulate import simulate
 
 STEPS = 500
@@ -45,7 +46,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
     """
     discrete, steps = program.discrete, max(STEPS, 2 * program.settling)
     rng = np.random.default_rng(SEED)
-    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng)
+    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng, rates=at_every_sample(discrete))
     machine = Machine(program)
     machine.call("init")
     calls: list[RecordedCall] = []
