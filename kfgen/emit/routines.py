@@ -226,7 +226,8 @@ class Program:
             q = sp.symbols(f"__n0:{len(where)}")
             inner = Lowering({s.name: Ref(f"q{i}") for i, s in enumerate(q)})
             body += [Let(f"q{i}", locals_[k]) for i, k in enumerate(where)]
-            body.append(Let("q_scale", inner.expression(1 / sp.sqrt(sum(s * s for s in q)))))
+            (scale,), _ = inner.many([1 / sp.sqrt(sum(s * s for s in q))])
+            body.append(Let("q_scale", scale))
             for i, k in enumerate(where):
                 locals_[k] = mul(Ref(f"q{i}"), Ref("q_scale"))
         return [*body, *(Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i))]

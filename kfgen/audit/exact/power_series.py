@@ -1,4 +1,4 @@
-"""`Runner`: the operations of a graph on truncated power series in a ring, one order after the other.
+"""`Runner`: the operations of a straight-line form on truncated power series in a ring, one order after the other.
 
 An operation knows coefficient k of its result from the coefficients up to k of its operands and from its own earlier
 ones (``e' = u' e`` for the exponential, and so on), so solutions of differential equations are written down in order.
@@ -15,35 +15,62 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from operator import mul
 
-from kfgen.audit.exact.graph import Graph
+import sympy as sp
+
 from kfgen.audit.exact.padic import Ring
+from kfgen.core.straight_line import CONSTANT, Rewrites, Writer, as_written
 
 Coefficients = list[int]
 Step = Callable[[int], int]
 """Coefficient k from those before."""
+REWRITES: Rewrites = {
+    sp.tan: lambda u: sp.sin(u) / sp.cos(u),
+    sp.acos: lambda u: -sp.asin(u),  # but for a constant
+    sp.atan2: lambda y, x: sp.atan(y / x),  # but for a constant
+    sp.Pow: lambda base, exponent: sp.exp(exponent * sp.log(base), evaluate=False),
+    sp.Abs: lambda u: u,
+    sp.sign: lambda u: sp.Integer(1),
+    sp.Min: lambda a, *_: a,
+    sp.Max: lambda a, *_: a,
+}
+"""Functions by those that have a step of their own; of absolute values and extrema one of their smooth branches."""
+
+
+def exact_writer(variables: Sequence[sp.Symbol]) -> Writer:
+    """A writer of operations that a `Runner` can do: numbers are fractions."""
+    return Writer(variables, as_written, REWRITES)
 
 
 class Runner:
-    """A graph on power series in a ring.
+    """Operations on power series in a ring.
 
     Parameters
     ----------
-    graph : Graph
+    writer : Writer
+        Of `exact_writer`; operations that it writes later are not run.
     ring : Ring
     given : sequence of list of int
         Coefficients of the variables; lists that others may lengthen while the runner steps.
     """
 
-    def __init__(self, graph: Graph, ring: Ring, given: Sequence[Coefficients]) -> None:
+    def __init__(self, writer: Writer, ring: Ring, given: Sequence[Coefficients]) -> None:
         self.ring = ring
         self.inverse = [0]
         self.series: list[Coefficients] = [*given]
         self._steps: list[tuple[Coefficients, Step]] = []
-        for name, operands in graph.operations[graph.variables :]:
+        self._circles: dict[int, _Circle] = {}
+        for name, operands, value in writer.operations[len(given) :]:
             out: Coefficients = []
-            series = [self.series[o] if isinstance(o, int) else o for o in operands]
+            series = [self.series[p] for p in operands]
             self.series.append(out)
-            self._steps.append((out, _OPERATIONS[name](self, out, *series)))
+            if name == CONSTANT:
+                step = _constant(ring.of(Fraction(value)))
+            elif name in ("sin", "cos"):
+                circle = self._circles.setdefault(operands[0], _Circle(self, *series))
+                step = circle.sine if name == "sin" else circle.cosine
+            else:
+                step = _OPERATIONS[name](self, out, *series)
+            self._steps.append((out, step))
 
     def step(self, k: int) -> None:
         """Coefficient k of everything; the variables must have theirs."""
@@ -111,29 +138,44 @@ def _slope(a: Coefficients, b: Coefficients, k: int) -> int:
     return sum(j * a[j] * b[k - j] for j in range(1, k + 1) if a[j])
 
 
-def _constant(r: Runner, out: Coefficients, value: Fraction) -> Step:
-    c = r.ring.of(value)
+def _constant(c: int) -> Step:
     return lambda k: 0 if k else c
+
+
+def _neg(r: Runner, out: Coefficients, a: Coefficients) -> Step:
+    return lambda k: -a[k]
 
 
 def _add(r: Runner, out: Coefficients, a: Coefficients, b: Coefficients) -> Step:
     return lambda k: a[k] + b[k]
 
 
+def _sub(r: Runner, out: Coefficients, a: Coefficients, b: Coefficients) -> Step:
+    return lambda k: a[k] - b[k]
+
+
 def _mul(r: Runner, out: Coefficients, a: Coefficients, b: Coefficients) -> Step:
     return lambda k: convolved(a, b, k)
 
 
-def _inv(r: Runner, out: Coefficients, a: Coefficients) -> Step:
+def _over(r: Runner, out: Coefficients, above: Step, b: Coefficients) -> Step:
+    """``above / b``."""
     first: list[int] = []
 
     def step(k: int) -> int:
         if not k:
-            first.append(r.ring.inverse(a[0]))
-            return first[0]
-        return -first[0] * convolved(a, out, k, 1)
+            first.append(r.ring.inverse(b[0]))
+        return first[0] * (above(k) - convolved(b, out, k, 1))
 
     return step
+
+
+def _div(r: Runner, out: Coefficients, a: Coefficients, b: Coefficients) -> Step:
+    return _over(r, out, a.__getitem__, b)
+
+
+def _inv(r: Runner, out: Coefficients, b: Coefficients) -> Step:
+    return _over(r, out, _constant(1), b)
 
 
 def _sqrt(r: Runner, out: Coefficients, a: Coefficients) -> Step:
@@ -146,22 +188,38 @@ def _sqrt(r: Runner, out: Coefficients, a: Coefficients) -> Step:
     return step
 
 
-def _sin(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    cosine: Coefficients = []
+class _Circle:
+    """Sine and cosine of one series, each the other's derivative."""
 
-    def step(k: int) -> int:
-        if not k:
-            s, c = _circle(r, u[0])
-            cosine.append(c)
-            return s
-        value = r.over(k, _slope(u, cosine, k)) % r.ring.m
-        cosine.append(r.over(k, -_slope(u, out, k)) % r.ring.m)
-        return value
+    def __init__(self, r: Runner, u: Coefficients) -> None:
+        self.r, self.u = r, u
+        self.s: Coefficients = []
+        self.c: Coefficients = []
 
-    return step
+    def sine(self, k: int) -> int:
+        """Coefficient k of ``sin u``."""
+        self._extend(k)
+        return self.s[k]
+
+    def cosine(self, k: int) -> int:
+        """Coefficient k of ``cos u``."""
+        self._extend(k)
+        return self.c[k]
+
+    def _extend(self, k: int) -> None:
+        if len(self.s) > k:
+            return
+        r, m = self.r, self.r.ring.m
+        s, c = (
+            (r.over(k, _slope(self.u, self.c, k)), r.over(k, -_slope(self.u, self.s, k)))
+            if k
+            else _start_of_circle(r, self.u[0])
+        )
+        self.s.append(s % m)
+        self.c.append(c % m)
 
 
-def _circle(r: Runner, u: int) -> tuple[int, int]:
+def _start_of_circle(r: Runner, u: int) -> tuple[int, int]:
     """Sine and cosine of a residue: exact where their series converge, else a generic point of the circle."""
     if u % r.ring.p == 0:
         return r.start("sin", u), r.start("cos", u)
@@ -170,75 +228,67 @@ def _circle(r: Runner, u: int) -> tuple[int, int]:
     return 2 * h * below % r.ring.m, (1 - h * h) * below % r.ring.m
 
 
-def _cos(r: Runner, out: Coefficients, u: Coefficients, sine: Coefficients) -> Step:
-    def step(k: int) -> int:
-        return r.over(k, -_slope(u, sine, k)) if k else _circle(r, u[0])[1]
-
-    return step
-
-
 def _exp(r: Runner, out: Coefficients, u: Coefficients) -> Step:
+    """``y' = u' y``."""
     return lambda k: r.over(k, _slope(u, out, k)) if k else r.start("exp", u[0])
 
 
-def _log(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    def step(k: int) -> int:
-        if not k:
-            return r.start("log", u[0]) if u[0] != 1 else 0
-        inner = sum(j * out[j] * u[k - j] for j in range(1, k))
-        return (u[k] - r.over(k, inner)) * r.ring.inverse(u[0])
-
-    return step
-
-
-def _quotient(
-    r: Runner, out: Coefficients, u: Coefficients, name: str, below: Callable[[int, Coefficients], int]
-) -> Step:
-    """``y' = u' / w`` where `below` appends coefficient k of w."""
+def _tanh(r: Runner, out: Coefficients, u: Coefficients) -> Step:
+    """``y' = u' (1 - y^2)``."""
     w: Coefficients = []
 
     def step(k: int) -> int:
-        w.append(below(k, w) % r.ring.m)
         if not k:
-            return r.start(name, u[0])
-        inner = sum(j * out[j] * w[k - j] for j in range(1, k))
-        return (u[k] - r.over(k, inner)) * r.ring.inverse(w[0])
+            return r.start("tanh", u[0])
+        w.append((k == 1) - convolved(out, out, k - 1))
+        return r.over(k, _slope(u, w, k))
 
     return step
+
+
+def _quotient(r: Runner, out: Coefficients, u: Coefficients, start: Step, w: Step) -> Step:
+    """``y' = u' / w`` from a start, given the coefficients of w in order."""
+    below: Coefficients = []
+
+    def step(k: int) -> int:
+        below.append(w(k) % r.ring.m)
+        if not k:
+            return start(u[0])
+        inner = sum(j * out[j] * below[k - j] for j in range(1, k))
+        return (u[k] - r.over(k, inner)) * r.ring.inverse(below[0])
+
+    return step
+
+
+def _log(r: Runner, out: Coefficients, u: Coefficients) -> Step:
+    return _quotient(r, out, u, lambda a: r.start("log", a) if a != 1 else 0, u.__getitem__)
 
 
 def _atan(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    return _quotient(r, out, u, "atan", lambda k, _: convolved(u, u, k) + (k == 0))
+    return _quotient(r, out, u, lambda a: r.start("atan", a), lambda k: (k == 0) + convolved(u, u, k))
 
 
 def _asin(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    def root(k: int, w: Coefficients) -> int:
-        a = (k == 0) - convolved(u, u, k)
-        if not k:
-            return r.ring.sqrt(a)
-        return (a - sum(w[j] * w[k - j] for j in range(1, k))) * r.ring.inverse(2 * w[0])
+    square: Coefficients = []
+    w: Coefficients = []
+    root = _sqrt(r, w, square)
 
-    return _quotient(r, out, u, "asin", root)
+    def below(k: int) -> int:
+        square.append((k == 0) - convolved(u, u, k))
+        w.append(root(k) % r.ring.m)
+        return w[k]
 
-
-def _tanh(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    def step(k: int) -> int:
-        if not k:
-            return r.start("tanh", u[0]) if u[0] else 0
-        flat = [(j == 0) - convolved(out, out, j) for j in range(k)]
-        return r.over(k, sum(j * u[j] * flat[k - j] for j in range(1, k + 1)))
-
-    return step
+    return _quotient(r, out, u, lambda a: r.start("asin", a), below)
 
 
 _OPERATIONS: Mapping[str, Callable[..., Step]] = {
-    "constant": _constant,
+    "neg": _neg,
     "add": _add,
+    "sub": _sub,
     "mul": _mul,
+    "div": _div,
     "inv": _inv,
     "sqrt": _sqrt,
-    "sin": _sin,
-    "cos": _cos,
     "exp": _exp,
     "log": _log,
     "atan": _atan,

@@ -9,10 +9,10 @@ from functools import lru_cache
 
 import sympy as sp
 
-from kfgen.audit.exact.graph import Graph
 from kfgen.audit.exact.padic import Degenerate, Ring
 from kfgen.audit.exact.plan import Plan
-from kfgen.audit.exact.power_series import Coefficients, Runner, convolved
+from kfgen.audit.exact.power_series import Coefficients, Runner, convolved, exact_writer
+from kfgen.core.straight_line import decimal
 from kfgen.manoeuvre.manoeuvre import SIGNALS, TIME, Manoeuvre, Segment, of_time
 
 State = Mapping[sp.Symbol, int]
@@ -29,10 +29,10 @@ def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> 
     if not plan.rotation:
         return out
     level = turn_of(plan)
-    own = rotation([Fraction(repr(float(c))) for c in manoeuvre.attitude])
+    own = rotation([decimal(c) for c in manoeuvre.attitude])
     R = [sum(level[3 * i + k] * own[3 * k + j] for k in range(3)) for i in range(3) for j in range(3)]
     out |= {s: ring.of(Fraction(v)) for s, v in zip(plan.rotation, R)}
-    v_l = [Fraction(repr(float(v))) for v in manoeuvre.velocity]
+    v_l = [decimal(v) for v in manoeuvre.velocity]
     for b in plan.vectors:
         if b.name == "v" and b.name in plan.given:
             v_n = [sum((level[3 * i + k] * v_l[k] for k in range(3)), Fraction(0)) for i in range(3)]
@@ -42,7 +42,7 @@ def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> 
 
 def turn_of(plan: Plan) -> list[Fraction]:
     """The rotation from north-east-down at the start to navigation axes, exactly a rotation."""
-    return rotation([Fraction(repr(c)) for c in plan.frame])
+    return rotation([decimal(c) for c in plan.frame])
 
 
 def rotation(q: list[Fraction]) -> list[Fraction]:
@@ -80,15 +80,15 @@ class Course:
         for s, value in start.items():
             self.series[s].append(value)
         self._time: Coefficients = []
-        graph = Graph([TIME])
-        places = [graph.place(e) for e in segment.formulas(length)]
-        named = {n: graph.place(of_time(e, length)) for n, e in segment.inputs.items()}
-        self._formulas = Runner(graph, ring, [self._time])
+        writer = exact_writer([TIME])
+        places = [writer.place(e) for e in segment.formulas(length)]
+        named = {n: writer.place(of_time(e, length)) for n, e in segment.inputs.items()}
+        self._formulas = Runner(writer, ring, [self._time])
         self._motion = [self._formulas.series[k] for k in places]
         self._named = {n: self._formulas.series[k] for n, k in named.items()}
         given = [self.series[s] for s in plan.variables]
-        self._control = Runner(plan.control.graph, ring, given) if plan.control else None
-        self._main = Runner(plan.graph, ring, given)
+        self._control = Runner(plan.control.writer, ring, given) if plan.control else None
+        self._main = Runner(plan.writer, ring, given)
         self._level = [ring.of(e) for e in turn_of(plan)] if plan.rotation else [1, 0, 0, 0, 1, 0, 0, 0, 1]
         self._acceleration: list[Coefficients] = [[], [], []]
         self._J0: list[list[int]] = []

@@ -13,6 +13,7 @@ from fractions import Fraction
 from kfgen.audit.exact.basis import Null
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.segment_series import rotation
+from kfgen.core.straight_line import decimal
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 
 Vector = list[Fraction]
@@ -35,10 +36,7 @@ def carried(plan: Plan, v: Null, first: Manoeuvre, other: Manoeuvre) -> list[Vec
         out.append(turned)
         for b in plan.vectors:
             if b.name == "v" and "v" in plan.given and other.velocity != first.velocity:
-                gained = [
-                    Fraction(repr(float(n))) - Fraction(repr(float(o)))
-                    for n, o in zip(other.velocity, first.velocity)
-                ]
+                gained = [decimal(n) - decimal(o) for n, o in zip(other.velocity, first.velocity)]
                 change = _cross([turned[k] for k in angle], gained)
                 at = [places[n] for n in b.error_names]
                 out += [_with(turned, at, [turned[k] + s * c for k, c in zip(at, change)]) for s in (1, -1)]
@@ -50,7 +48,7 @@ _UNIT = [Fraction(int(i == j)) for i in range(3) for j in range(3)]
 
 def _between(a: Sequence[float], b: Sequence[float]) -> Vector:
     """``R_b R_a'`` of two attitudes."""
-    A, B = (rotation([Fraction(repr(float(c))) for c in q]) for q in (a, b))
+    A, B = (rotation([decimal(c) for c in q]) for q in (a, b))
     return [
         sum((B[3 * i + k] * A[3 * j + k] for k in range(3)), Fraction(0)) for i in range(3) for j in range(3)
     ]

@@ -225,6 +225,8 @@ def add(a: Expr, b: Expr) -> Expr:
 
 def sub(a: Expr, b: Expr) -> Expr:
     """``a - b``, without a zero."""
+    if isinstance(b, Una) and b.op == "neg":
+        return add(a, b.a)
     if b == Num(0.0):
         return a
     return neg(b) if a == Num(0.0) else Bin("-", a, b)

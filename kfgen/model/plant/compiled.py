@@ -13,7 +13,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from kfgen.core.tape import CODES, UNARY
+from kfgen.core.straight_line import UNARY
+from kfgen.core.tape import CODES
 
 if numba.config.DISABLE_JIT:
     raise ImportError("numba is told not to compile: vectors of numpy are faster than loops of Python")
@@ -22,7 +23,8 @@ NEG, SIN, COS, TAN = CODES["neg"], CODES["sin"], CODES["cos"], CODES["tan"]
 ASIN, ACOS, ATAN, EXP = CODES["asin"], CODES["acos"], CODES["atan"], CODES["exp"]
 LOG, SQRT, ABS, SIGN = CODES["log"], CODES["sqrt"], CODES["abs"], CODES["sign"]
 TANH, INV, ADD, MUL = CODES["tanh"], CODES["inv"], CODES["add"], CODES["mul"]
-DIV, POW, ATAN2, MIN = CODES["div"], CODES["pow"], CODES["atan2"], CODES["min"]
+SUB, DIV, POW, ATAN2 = CODES["sub"], CODES["div"], CODES["pow"], CODES["atan2"]
+MIN = CODES["min"]
 FIRST_BINARY = len(UNARY)
 
 
@@ -89,6 +91,9 @@ def _run(operations: Any, first: int, r: Any) -> None:
         elif code == MUL:
             for j in range(columns):
                 r[out, j] = r[a, j] * r[b, j]
+        elif code == SUB:
+            for j in range(columns):
+                r[out, j] = r[a, j] - r[b, j]
         elif code == NEG:
             for j in range(columns):
                 r[out, j] = -r[a, j]
