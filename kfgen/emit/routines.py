@@ -17,6 +17,7 @@ import numpy as np
 import sympy as sp
 
 from kfgen.core.errors import InputError
+from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
 from kfgen.emit.covariance.packed import Row
@@ -55,6 +56,11 @@ LONGEST_WAIT = 2000
 """Predictions for which noise may wait: the proof plays twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
+
+
+def driver_text(name: str) -> str:
+    """What a driver is, with its unit; of a channel that is no usual driver only that it is SI, as in the noise file."""
+    return f"{name} [{DRIVERS[name].unit or '1'}]" if name in DRIVERS else f"{name} [SI unit of the channel]"
 
 
 @dataclass(frozen=True)
@@ -184,7 +190,7 @@ class Program:
         """The drivers of effects that expressions need, as arguments."""
         symbols = {s.name for e in used for s in e.free_symbols}
         return tuple(
-            Argument(argument(d), 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols
+            Argument(argument(d), 0, driver_text(d)) for d in self.discrete.model.drivers if d in symbols
         )
 
     def _inputs(self) -> tuple[Argument, ...]:

@@ -20,7 +20,7 @@ from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames
+from kfgen.emit.targets.words import frames, omitted
 from kfgen.model.filter import FilterModel
 
 TARGET = "c"
@@ -183,6 +183,7 @@ def header(program: Program, hidden: Sequence[str] = ()) -> str:
         "c/filter.h.j2",
         **_common(program),
         hidden=hidden,
+        omitted=omitted(program.discrete.model, len(" *   ")),
         status=STATUS,
         states=list(enumerate(program.discrete.model.states)),
         constants=list(enumerate(program.constants)),

@@ -10,7 +10,7 @@ from kfgen.emit.routines import GATE, HUGE, Program
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames
+from kfgen.emit.targets.words import frames, omitted
 
 TARGET = "filterpy"
 TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
@@ -90,6 +90,7 @@ def module(program: Program) -> dict[str, str]:
         model=discrete.model,
         version=kfgen.__version__,
         frames=frames(discrete.model),
+        omitted=omitted(discrete.model, len("    ")),
         hash=discrete.hash[:16],
         n=program.n,
         klass=class_name(program),

@@ -12,7 +12,7 @@ from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, exactly, recorded, selftest
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames
+from kfgen.emit.targets.words import frames, omitted
 
 TARGET = "numpy"
 TITLE = "Python class on numpy alone, with the very words of the C"
@@ -66,6 +66,7 @@ def module(program: Program) -> dict[str, str]:
         model=discrete.model,
         version=kfgen.__version__,
         frames=frames(discrete.model),
+        omitted=omitted(discrete.model, len("    ")),
         hash=discrete.hash[:16],
         program=program,
         form=form,

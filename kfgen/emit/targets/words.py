@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.motion import AFTER, AT, BEFORE
 
@@ -33,3 +35,33 @@ def handling(model: FilterModel) -> tuple[str, ...]:
     ]
     handled = [h for s in model.sensors for h in s.handling()]
     return (*((steps,) if model.motion.inputs else ()), *remembered, *handled)
+
+
+LINE_COLUMNS = 100
+"""Columns of a line of generated comments [characters]."""
+
+
+def omitted(model: FilterModel, indent: int) -> tuple[str, ...]:
+    """Lines on the effects that the filter leaves out: where, which, why, and what to do instead; none where all are in.
+
+    Parameters
+    ----------
+    model : FilterModel
+        Its ``omitted``, where it has that: a tuple (where, effect, why, instead) for each effect.
+    indent : int
+        Columns that the caller puts before each line.
+
+    Returns
+    -------
+    tuple of str
+        An effect begins at the left, what continues it does not.
+    """
+    lines: list[str] = []
+    for where, effect, why, instead in getattr(model, "omitted", ()):
+        text = f"{where} {effect}: {why.rstrip('.')}." + (
+            f" Instead: {instead.rstrip('.')}." if instead else ""
+        )
+        for closing, harmless in (("*/", "* /"), ('"""', "'"), ("\\", "/")):
+            text = text.replace(closing, harmless)
+        lines += textwrap.wrap(text, LINE_COLUMNS - indent, subsequent_indent="  ")
+    return tuple(lines)
