@@ -158,7 +158,14 @@ class Writer:
         self._done: dict[Operation, int] = {}
 
     def name(self, symbol: sp.Symbol, value: sp.Expr) -> None:
-        """Let a symbol stand for an expression from now on."""
+        """Let a symbol stand for an expression from now on.
+
+        Parameters
+        ----------
+        symbol : Symbol
+        value : sympy expression
+            Of variables and of symbols that were named before.
+        """
         self._known[symbol] = self._signed(value)
 
     def place(self, e: sp.Expr) -> int:

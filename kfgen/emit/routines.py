@@ -17,7 +17,6 @@ import numpy as np
 import sympy as sp
 
 from kfgen.core.errors import InputError
-from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
 from kfgen.emit.covariance.packed import Row
@@ -45,22 +44,18 @@ from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.targets.names import argument, check_names, identifier
+from kfgen.emit.targets.words import driver_text
 from kfgen.model.discretise import DT, DiscreteModel
 from kfgen.model.parts.motion import Constant
 from kfgen.model.parts.sensors import Sensor
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
-HUGE = 1e30
+MAX_INPUT_SQUARE_SUM = 1e30
 """Squares of inputs add up to less, unless one is no number."""
-LONGEST_WAIT = 2000
+MAX_WAITING_PREDICTIONS = 2000
 """Predictions for which noise may wait: the proof plays twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
-
-
-def driver_text(name: str) -> str:
-    """What a driver is, with its unit; of a channel that is no usual driver only that it is SI, as in the noise file."""
-    return f"{name} [{DRIVERS[name].unit or '1'}]" if name in DRIVERS else f"{name} [SI unit of the channel]"
 
 
 @dataclass(frozen=True)
@@ -102,11 +97,11 @@ class Program:
                 where="--q-interval",
                 remedy="Give zero or more seconds, with --form ud",
             )
-        if self.q_interval * d.rate > LONGEST_WAIT:
+        if self.q_interval * d.rate > MAX_WAITING_PREDICTIONS:
             raise InputError(
                 f"noise that waits for {self.q_interval:g} s misses {self.q_interval * d.rate:.6g} predictions",
                 where="--q-interval",
-                remedy=f"Give {LONGEST_WAIT / d.rate:g} s or less, {LONGEST_WAIT} predictions",
+                remedy=f"Give {MAX_WAITING_PREDICTIONS / d.rate:g} s or less, {MAX_WAITING_PREDICTIONS} predictions",
             )
         if d.rate * d.max_step < 1.0:
             raise InputError(
@@ -216,7 +211,15 @@ class Program:
         return transition(self.discrete, self.atoms)
 
     def normalised(self, values: list[Expr], lower: Lowering) -> list[Stmt]:
-        """Store the new state, its quaternion scaled to unit length."""
+        """Store the new state, its quaternion scaled to unit length.
+
+        Parameters
+        ----------
+        values : list of Expr
+            Of the stored state, in order.
+        lower : Lowering
+            Names the locals.
+        """
         quaternion = self.discrete.model.attitude.nominal_names if self.discrete.model.attitude else ()
         body: list[Stmt] = []
         locals_: list[Expr] = []
@@ -245,7 +248,7 @@ class Program:
         noise = {key: q for key, q in noise.items() if key[0] not in self._slow}
         lower = self.lowering()
         flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
-        used = [*flat, *(self.atoms.free(e) for e in self.discrete.step)]
+        used = [*flat, *(self.atoms.of_corrected_inputs(e) for e in self.discrete.step)]
         body = self.atoms.make(lower, used)
         values, statements = lower.many(used)
         body += statements
@@ -282,7 +285,7 @@ class Program:
         if not given:
             return body
         squares = reduce(add, (mul(g, g) for g in given))
-        return (When(Compare("<=", squares, Num(HUGE)), body, (StatusFlag("BAD_INPUT"),)),)
+        return (When(Compare("<=", squares, Num(MAX_INPUT_SQUARE_SUM)), body, (StatusFlag("BAD_INPUT"),)),)
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one measurement of a sensor, scalar by scalar.

@@ -22,7 +22,7 @@ from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.symbols.blocks import Vector
 
-SERIES = (sp.sin, sp.cos, sp.tan, sp.exp, sp.atan)
+SERIES_FUNCTIONS = (sp.sin, sp.cos, sp.tan, sp.exp, sp.atan)
 """Functions whose power series around zero are summed exactly."""
 Entry = tuple[int, int, int]
 """Row, column, place."""
@@ -167,7 +167,7 @@ class Plan:
         rates = [e for r in self._rates.values() for e in r]
         found: set[sp.Symbol] = set()
         for e in (*M, *rates):
-            for call in e.atoms(*SERIES):
+            for call in e.atoms(*SERIES_FUNCTIONS):
                 found |= call.args[0].free_symbols
         return frozenset(found & set(self.own))
 

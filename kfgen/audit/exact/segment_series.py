@@ -1,4 +1,4 @@
-"""`Course`: everything that F and H depend on, as power series of the time since a segment began."""
+"""`SegmentSeries`: the motion of a segment as the filter sees it, everything that F and H depend on, as power series of the time since a segment began."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import sympy as sp
 
-from kfgen.audit.exact.padic import Degenerate, Ring
+from kfgen.audit.exact.padic import Degenerate, Ring, echelon
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.power_series import Coefficients, Runner, convolved, exact_writer
 from kfgen.core.straight_line import decimal
@@ -23,6 +23,14 @@ def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> 
     """Where a manoeuvre starts; `generic` as in `Plan.start`.
 
     At a generic start what stands inside a sine is a multiple of p, so that sines of related arguments stay related.
+
+    Parameters
+    ----------
+    plan : Plan
+    manoeuvre : Manoeuvre
+    ring : Ring
+    generic : bool
+        As in `Plan.start`.
     """
     small = plan.curved if generic else frozenset()
     out = {s: ring.of(v) * (ring.p if s in small else 1) for s, v in plan.start(generic=generic).items()}
@@ -60,7 +68,7 @@ def _rotation(q: tuple[Fraction, ...]) -> tuple[Fraction, ...]:
     return tuple(e + int(o) for e, o in zip(squares, one))
 
 
-class Course:
+class SegmentSeries:
     """A segment in a ring.
 
     Parameters
@@ -194,7 +202,16 @@ class Course:
 
 
 def summed(series: Coefficients, T: int, ring: Ring) -> int:
-    """The value of a power series at a multiple of p."""
+    """The value of a power series at a multiple of p.
+
+    Parameters
+    ----------
+    series : list of int
+        Coefficients.
+    T : int
+        The time, a multiple of p.
+    ring : Ring
+    """
     total = 0
     for c in reversed(series):
         total = (total * T + c) % ring.m
@@ -202,18 +219,16 @@ def summed(series: Coefficients, T: int, ring: Ring) -> int:
 
 
 def inverse(A: list[list[int]], ring: Ring) -> list[list[int]]:
-    """The inverse of a matrix; raises `Degenerate` where p divides its determinant."""
-    n, m = len(A), ring.m
-    rows = [[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(A)]
-    for c in range(n):
-        pivot = next((r for r in range(c, n) if rows[r][c] % ring.p), None)
-        if pivot is None:
-            raise Degenerate("a matrix without inverse modulo p")
-        rows[c], rows[pivot] = rows[pivot], rows[c]
-        scale = ring.inverse(rows[c][c])
-        rows[c] = [e * scale % m for e in rows[c]]
-        for r in range(n):
-            if r != c and rows[r][c]:
-                f = rows[r][c]
-                rows[r] = [(e - f * g) % m for e, g in zip(rows[r], rows[c])]
+    """The inverse of a matrix; raises `Degenerate` where p divides its determinant.
+
+    Parameters
+    ----------
+    A : list of list of int
+        Residues, one list a row.
+    ring : Ring
+    """
+    n = len(A)
+    rows = echelon([[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(A)], range(n), ring)
+    if len(rows) < n:
+        raise Degenerate("a matrix without inverse modulo p")
     return [row[n:] for row in rows]

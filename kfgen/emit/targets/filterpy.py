@@ -6,7 +6,7 @@ import kfgen
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.ir.ir import STATUS, Argument, Routine
-from kfgen.emit.routines import GATE, HUGE, Program
+from kfgen.emit.routines import GATE, MAX_INPUT_SQUARE_SUM, Program
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
@@ -99,7 +99,7 @@ def module(program: Program) -> dict[str, str]:
         states=discrete.model.states,
         constants=program.constants[:-1],
         gate=GATE,
-        huge=HUGE,
+        huge=MAX_INPUT_SQUARE_SUM,
         status=STATUS,
         longest=discrete.max_step,
         rows=program.rows,

@@ -1,4 +1,4 @@
-"""Python: a class on numpy alone, with the words of the reference in the program's precision."""
+"""Python: a class on numpy alone, equal to the C of the same model in every bit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
 
 TARGET = "numpy"
-TITLE = "Python class on numpy alone, with the very words of the C"
+TITLE = "Python class on numpy alone, equal to the C in every bit"
 
 
 class NumpyPrinter(PythonPrinter):

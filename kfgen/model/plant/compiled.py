@@ -127,7 +127,31 @@ def integrate(  # noqa: PLR0913, PLR0917
     X0: Any,
     out: Any,
 ) -> None:
-    """The classical Runge-Kutta method; see `kfgen.model.plant.runge_kutta.Steps`."""
+    """The classical Runge-Kutta method; see `kfgen.model.plant.runge_kutta.Steps`.
+
+    Parameters
+    ----------
+    operations : ndarray of int64, shape (m, 3)
+        As of `kfgen.core.tape.Tape`.
+    outputs : ndarray of int64, shape (k,)
+        Registers of the rates of the states.
+    first : int
+        Register of the first operation's result.
+    r : ndarray, shape (registers, batch)
+        Registers, of which constants and what is given are filled in; states and inputs are filled in here.
+    U : ndarray, shape (inputs, n - 1, substeps or 1, 3 or 1, batch or 1)
+        Inputs [SI], as of `Steps`.
+    dt : ndarray, shape (n - 1,)
+        [s]
+    substeps : int
+        Parts of a step.
+    starts : ndarray of int64, shape (segments,)
+        Samples at which the states are set.
+    X0 : ndarray, shape (segments, k, batch)
+        To what they are set [SI].
+    out : ndarray, shape (n, k, batch)
+        The states [SI]; written.
+    """
     n, k, batch = out.shape
     u0, inputs, M, N, B = k, U.shape[0], U.shape[2], U.shape[3], U.shape[4]
     x, total, slope = np.zeros((k, batch)), np.zeros((k, batch)), np.zeros((k, batch))
