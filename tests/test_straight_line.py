@@ -168,3 +168,16 @@ def test_at_any_point_the_derivatives_are_those_of_sympy(function: Any) -> None:
         assert (found[0] ** 2 + values[other(A)] ** 2) % RING.m == 1
     wanted = [in_ring(e, values) for e in derivatives(function(A + moving))]
     assert found == wanted
+
+
+def test_near_zero_functions_have_the_value_of_their_series() -> None:
+    """At multiples of the prime, where series converge, the laws of functions hold."""
+    x, y = RING.p * sp.Integer(3), RING.p * sp.Integer(5)
+
+    def at(e: sp.Expr) -> int:
+        return series(e)[0]
+
+    assert at(sp.exp(x, evaluate=False) * sp.exp(y, evaluate=False)) == at(sp.exp(x + y, evaluate=False))
+    assert at(sp.sin(x) ** 2 + sp.cos(x) ** 2) == 1
+    assert at(sp.tan(sp.atan(x))) == at(sp.sin(sp.asin(x))) == at(x)
+    assert at(sp.tanh(x)) == at((sp.exp(2 * x) - 1) / (sp.exp(2 * x) + 1))

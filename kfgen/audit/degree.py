@@ -30,6 +30,8 @@ MAX_COVARIANCE_STEPS = 600
 """Steps of a run at most."""
 PRACTICAL_SIGMA_FRACTION = 0.9
 """Share of its prior that a state keeps which does not show in practice."""
+MAX_CONDITION = 1.0 / float(np.finfo(np.float64).eps)
+"""Ratio of singular values that double precision tells apart."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,10 @@ class Degree:
 
     @property
     def condition(self) -> float:
-        """Of the visible directions, scaled."""
-        return float(self.singular[0] / self.singular[-1]) if self.singular.size else 1.0
+        """Of the visible directions, scaled; at most `MAX_CONDITION`, where one fades before its first sample."""
+        if not self.singular.size:
+            return 1.0
+        return float(self.singular[0] / max(self.singular[-1], self.singular[0] / MAX_CONDITION))
 
     def reaches(self, state: int, wanted: float) -> float | None:
         """When a standard deviation is first reached [s]; None where it is not.

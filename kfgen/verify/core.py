@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
+from kfgen.emit.targets.c import call_arguments
 from kfgen.emit.targets.templates import render
 
 Words = NDArray[np.unsignedinteger[Any]]
@@ -125,7 +126,7 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
             name=program.name,
             real=program.real,
             width=width(program),
-            calls=_calls(program),
+            calls=[(r.name, call_arguments(r)) for r in program.entries],
             bare=bare,
         ),
         encoding="utf-8",
@@ -136,14 +137,3 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
 def width(program: Program) -> int:
     """Floats that the longest argument list needs."""
     return max(sum(a.size or 1 for a in r.arguments) for r in program.entries)
-
-
-def _calls(program: Program) -> list[tuple[str, str]]:
-    calls = []
-    for r in program.entries:
-        texts, at = ["&kf"], 0
-        for a in r.arguments:
-            texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
-            at += a.size or 1
-        calls.append((r.name, ", ".join(texts)))
-    return calls

@@ -246,7 +246,7 @@ def files(program: Program) -> dict[str, str]:
     calls = recorded(program)
     first = {c.routine: c for c in reversed(calls)}
     common = _common(program) | {
-        "calls": _listed(program, calls),
+        "calls": [(k, r.name, call_arguments(r)) for k, r in enumerate(program.routines[1:])],
         "first": [
             (r.name, [(a, v) for a, v in zip(r.arguments, _literals(program, r, first[r.name].inputs))])
             for r in program.routines[1:]
@@ -277,16 +277,13 @@ def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> li
     ]
 
 
-def _listed(program: Program, calls: Sequence[RecordedCall]) -> list[tuple[int, str, str]]:
-    """For the self-test's switch: number, routine, arguments read from the vector."""
-    listed = []
-    for number, routine in enumerate(program.routines[1:]):
-        texts, at = [], 0
-        for a in routine.arguments:
-            texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
-            at += a.size or 1
-        listed.append((number, routine.name, ", ".join(["&kf", *texts])))
-    return listed
+def call_arguments(routine: Routine) -> str:
+    """The arguments of a call of a routine on ``kf``, taken from an array ``in`` that has them in a row."""
+    texts, at = ["&kf"], 0
+    for a in routine.arguments:
+        texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
+        at += a.size or 1
+    return ", ".join(texts)
 
 
 def _vectors(program: Program, calls: Sequence[RecordedCall]) -> str:
