@@ -15,7 +15,7 @@ from audit_models import DELAY, LEVER, With, antenna, flown, ins, late, model, p
 from scipy.integrate import solve_ivp
 
 from kfgen.audit.audit import audit, notes
-from kfgen.audit.degree import MAX_CONDITION, Horizon, degree
+from kfgen.audit.degree import Horizon, degree
 from kfgen.audit.exact.chain import along, null_space
 from kfgen.audit.exact.padic import PRIMES, Ring
 from kfgen.audit.exact.plan import Plan
@@ -181,10 +181,10 @@ def test_what_no_motion_shows_no_manoeuvre_frees() -> None:
     m = build("ins15", None, {"scale_factors": "true", "misalignment": "full"})
     table = audit(m, (LIBRARY["generic"],)).table
     assert table is not None
-    assert not any(free for row in table.observable for free in row)
+    assert not any(free for row in table.freed for free in row)
     car = audit(build("ins15", None, {"sensors": "odometer,non_holonomic"}))
     assert car.table is not None
-    rows = {tuple(d.vector): row for d, row in zip(car.first.directions, car.table.observable)}
+    rows = {tuple(d.vector): row for d, row in zip(car.first.directions, car.table.freed)}
     for never in ("p_N", "p_E", "p_D", "phi_D"):
         assert not any(rows[(never,)]), never
 
@@ -344,17 +344,6 @@ unit = "rad"
 expression = "theta"
 effects = [ { effect = "white_noise", N = "0.001 rad/sqrt(Hz)" } ]
 """
-
-
-def test_a_state_that_fades_before_the_first_sample_has_a_finite_condition() -> None:
-    fast = plant(
-        'name = "fast"\n[states]\npos = "m"\nvel = "m/s"\n[dynamics]\npos = "vel"\nvel = "-1e10*pos - 5e4*vel"\n'
-        '[measurements.seen]\nunit = "m"\nexpression = "pos"\n'
-        'effects = [ { effect = "white_noise", N = "0.02 m/sqrt(Hz)" } ]\n'
-    )
-    run = degree(DiscreteModel.at_rate(fast, 100.0), STATIC, Horizon(10.0, 100.0), 0)
-    assert run.singular[-1] == 0.0
-    assert run.condition == MAX_CONDITION
 
 
 def test_command_on_a_nonlinear_plant(kfgen: Callable[..., Any], tmp_path: Path) -> None:

@@ -22,19 +22,19 @@ from kfgen.model.library import build
 
 MAG = {"sensors": "gnss_position,gnss_velocity,mag"}
 TARGETS = {("ins15", "p"): 950, ("ins23", "p"): 1400, ("ins15", "ud"): 1060 + 36, ("ins23", "ud"): 1400}
-COVARIANCE = {("ins15", "p"): 901, ("ins23", "p"): 1333, ("ins15", "ud"): 915, ("ins23", "ud"): 1167}
+COVARIANCE = {("ins15", "p"): 905, ("ins23", "p"): 1337, ("ins15", "ud"): 919, ("ins23", "ud"): 1171}
 ROUTINES = {
-    ("ahrs6", "p"): {"predict": 235, "update_accel": 417, "update_mag": 478},
-    ("ahrs6", "ud"): {"predict": 171, "update_accel": 567, "update_mag": 607},
-    ("ins15", "p"): {"predict": 1004, "update_gnss_position": 1051, "update_gnss_velocity": 1051},
-    ("ins15", "ud"): {"predict": 1018, "update_gnss_position": 1857, "update_gnss_velocity": 1695},
+    ("ahrs6", "p"): {"predict": 241, "update_accel": 423, "update_mag": 484},
+    ("ahrs6", "ud"): {"predict": 177, "update_accel": 573, "update_mag": 613},
+    ("ins15", "p"): {"predict": 1010, "update_gnss_position": 1053, "update_gnss_velocity": 1053},
+    ("ins15", "ud"): {"predict": 1024, "update_gnss_position": 1859, "update_gnss_velocity": 1697},
     ("ins23", "p"): {
-        "predict": 1436, "update_gnss_position": 2115, "update_gnss_velocity": 2115, "update_mag": 3074,
-        "update_airspeed": 994,
+        "predict": 1442, "update_gnss_position": 2117, "update_gnss_velocity": 2117, "update_mag": 3080,
+        "update_airspeed": 998,
     },
     ("ins23", "ud"): {
-        "predict": 1270, "update_gnss_position": 3929, "update_gnss_velocity": 3767, "update_mag": 4163,
-        "update_airspeed": 1485,
+        "predict": 1276, "update_gnss_position": 3931, "update_gnss_velocity": 3769, "update_mag": 4169,
+        "update_airspeed": 1489,
     },
 }  # fmt: skip
 

@@ -98,7 +98,7 @@ def test_three_of_five_are_seen() -> None:
         sp.Matrix([-B * beta * x2 / (K * r), 0, 1, 0, 0]),
         sp.Matrix([-(K * x2 + r * beta * x1) / (K * r * beta), 0, 0, 1, 0]),
     ]
-    for found, wanted in zip(ss.unobservable_directions(), known):
+    for found, wanted in zip(ss.hidden_directions(), known):
         assert zero(found - wanted)
         assert zero(O * wanted)
 

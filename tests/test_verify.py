@@ -163,7 +163,7 @@ def test_altered_header_is_found(core: str, kfgen: Callable[..., Any], tmp_path:
     altered(folder / "ahrs6.h", "+ 0.250400007f", "+ 0.250400037f")
     done = kfgen("verify", folder, "--core", core, "--json", out)
     assert done.exit_code == 1
-    assert re.search(rf"[1-9]\d* of 21000 values differ from the reference on {core}", done.stdout)
+    assert re.search(rf"[1-9]\d* of 21000 words differ on {core}", done.stdout)
     verdict = json.loads(out.read_text())["cores"][core]
     assert 0 < verdict["differing"] <= verdict["words"] == 21000
     assert verdict["max_ulp"] >= 1

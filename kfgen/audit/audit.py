@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.audit.degree import PRACTICAL_SIGMA_FRACTION, Degree, Horizon, degree
+from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
 from kfgen.audit.exact.basis import NullVector, readable
 from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.padic import PRIMES, Degenerate
@@ -29,16 +29,16 @@ from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.plant.equations import Equations
 
-UNOBSERVABLE = "unobservable"
-PRACTICALLY_UNOBSERVABLE = "practically_unobservable"
-OBSERVABLE = "observable"
-MANOEUVRE_CHECK_TIMES = 1000
+UNDETERMINED = "unobservable"
+FAINT = "practically_unobservable"
+SEEN = "observable"
+LOOKS = 1000
 """Times at which a manoeuvre is looked at before it is flown."""
 
 
 @dataclass(frozen=True)
 class Direction:
-    """An unobservable direction.
+    """A hidden direction.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Audit:
-    """What one manoeuvre leaves unobservable; `degree` is how well states show, `start` where the model's own blocks start.
+    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start.
 
     Of a log (`recorded`) the manoeuvre is generic: what that hides, no motion shows.
     """
@@ -72,7 +72,7 @@ class Audit:
     model: FilterModel
     manoeuvre: Manoeuvre
     directions: tuple[Direction, ...]
-    unobservable_states: frozenset[str]
+    hidden_states: frozenset[str]
     generic: bool
     start: Mapping[str, float] = field(default_factory=dict)
     degree: Degree | None = None
@@ -90,7 +90,7 @@ class Audit:
 
     @property
     def nullity(self) -> int:
-        """Number of unobservable directions."""
+        """Number of hidden directions."""
         return len(self.directions)
 
     @property
@@ -100,34 +100,31 @@ class Audit:
 
     def verdict(self, k: int) -> str:
         """Of a state: exactly unobservable, practically so, or observable."""
-        if self.model.states[k].name in self.unobservable_states:
-            return UNOBSERVABLE
-        if (
-            self.degree is not None
-            and self.degree.sigma[-1, k] > PRACTICAL_SIGMA_FRACTION * self.degree.sigma[0, k]
-        ):
-            return PRACTICALLY_UNOBSERVABLE
-        return OBSERVABLE
+        if self.model.states[k].name in self.hidden_states:
+            return UNDETERMINED
+        if self.degree is not None and self.degree.sigma[-1, k] > PRACTICAL * self.degree.sigma[0, k]:
+            return FAINT
+        return SEEN
 
 
 @dataclass(frozen=True)
 class ManoeuvreTable:
-    """Which manoeuvre shows which unobservable direction of the first one.
+    """Which manoeuvre shows which direction of the first one.
 
     Parameters
     ----------
     manoeuvres : tuple of Manoeuvre
-    observable : tuple of tuple of bool or None
+    freed : tuple of tuple of bool or None
         One row a direction, one column a manoeuvre; None where it is not known.
     """
 
     manoeuvres: tuple[Manoeuvre, ...]
-    observable: tuple[tuple[bool | None, ...], ...]
+    freed: tuple[tuple[bool | None, ...], ...]
 
     @property
     def shortest(self) -> Manoeuvre | None:
-        """The shortest manoeuvre along which every direction is observable."""
-        columns = zip(self.manoeuvres, zip(*self.observable)) if self.observable else ()
+        """The shortest manoeuvre that frees all."""
+        columns = zip(self.manoeuvres, zip(*self.freed)) if self.freed else ()
         able = [m for m, column in columns if all(column)]
         return min(able, key=lambda m: m.length, default=None)
 
@@ -176,7 +173,7 @@ def audit(
     flown = tuple(manoeuvres) or (usual(model),)
     length = horizon.duration if horizon else None
     for m in manoeuvres:
-        m.values(np.linspace(0.0, m.length if length is None else length, MANOEUVRE_CHECK_TIMES))
+        m.values(np.linspace(0.0, m.length if length is None else length, LOOKS))
     generic, found = _null_spaces(plan, flown, length)
     nulls = [readable(plan, m, h, generic=generic) for m, h in zip(flown, found)]
     table = None

@@ -1,4 +1,4 @@
-"""A state may be observable and yet hardly show: how far its standard deviation falls along a manoeuvre, with the model's noise.
+"""How well each state shows: the covariance along a manoeuvre, with the noise of the model.
 
 In units of the priors the covariance starts as the identity. ``P' = F P + P F' + G W G'`` is stepped exactly for the
 rates of each step; the samples of a step act as one of their mean, with its variance.
@@ -26,12 +26,10 @@ from kfgen.model.discretise import DiscreteModel
 
 Array = NDArray[np.float64]
 
-MAX_COVARIANCE_STEPS = 600
+STEPS = 600
 """Steps of a run at most."""
-PRACTICAL_SIGMA_FRACTION = 0.9
+PRACTICAL = 0.9
 """Share of its prior that a state keeps which does not show in practice."""
-MAX_CONDITION = 1.0 / float(np.finfo(np.float64).eps)
-"""Ratio of singular values that double precision tells apart."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ class Degree:
     t : ndarray, shape (k,)
         After each step [s]; the first is zero.
     sigma : ndarray, shape (k, n)
-        Standard deviations of the states [SI]; the first row is the prior.
+        Deviations of the states [SI]; the first row is the prior.
     singular : ndarray, shape (r,)
         Singular values of the measurements with respect to the start, in units of priors and of noise: sigmas of
         information, largest first, of the visible directions.
@@ -89,21 +87,11 @@ class Degree:
 
     @property
     def condition(self) -> float:
-        """Of the visible directions, scaled; at most `MAX_CONDITION`, where one fades before its first sample."""
-        if not self.singular.size:
-            return 1.0
-        return float(self.singular[0] / max(self.singular[-1], self.singular[0] / MAX_CONDITION))
+        """Of the visible directions, scaled."""
+        return float(self.singular[0] / self.singular[-1]) if self.singular.size else 1.0
 
     def reaches(self, state: int, wanted: float) -> float | None:
-        """When a standard deviation is first reached [s]; None where it is not.
-
-        Parameters
-        ----------
-        state : int
-            Its number.
-        wanted : float
-            Standard deviation [SI].
-        """
+        """When a deviation is first reached [s]; None where it is not."""
         below = np.flatnonzero(self.sigma[:, state] <= wanted)
         return float(self.t[below[0]]) if below.size else None
 
@@ -112,7 +100,7 @@ def degree(
     discrete: DiscreteModel,
     manoeuvre: Manoeuvre,
     horizon: Horizon,
-    nullity: int,
+    hidden: int,
     start: Mapping[str, float] | None = None,
 ) -> Degree:
     """Run the covariance.
@@ -121,16 +109,14 @@ def degree(
     ----------
     discrete : DiscreteModel
         Its rate is the sensors'.
-    manoeuvre : Manoeuvre
-    horizon : Horizon
-    nullity : int
-        Dimension of what is exactly unobservable.
+    hidden : int
+        Dimension of what is exactly hidden.
     start : mapping of str to float, optional
         As of `Flight`.
     """
     model = discrete.model
     seconds = manoeuvre.length if horizon.duration is None else horizon.duration
-    steps = int(min(MAX_COVARIANCE_STEPS, max(1, np.ceil(seconds * horizon.rate))))
+    steps = int(min(STEPS, max(1, np.ceil(seconds * horizon.rate))))
     dt = seconds / steps
     t: Array = np.linspace(0.0, seconds, steps + 1)
     flight = Flight(model, manoeuvre, t, start=start or {})
@@ -151,7 +137,7 @@ def degree(
         rows.append(H[k + 1] @ M / np.sqrt(R)[:, None])
         P = _updated(P, H[k + 1], R)
         sigma.append(np.sqrt(np.maximum(np.diag(P), 0.0)) * scale)
-    singular, weakest = _information(np.vstack(rows), len(scale) - nullity)
+    singular, weakest = _information(np.vstack(rows), len(scale) - hidden)
     return Degree(t, np.array(sigma), singular, weakest)
 
 

@@ -38,16 +38,6 @@ class Emitted:
 def write_folder(program: Program, target: str, noise: NoiseModel | None, folder: str | Path) -> list[str]:
     """Write a filter's files, all or none; returns their names.
 
-    Parameters
-    ----------
-    program : Program
-    target : str
-        A key of `kfgen.emit.targets`.
-    noise : NoiseModel or None
-        Written beside the code, for who rebuilds the filter.
-    folder : str or Path
-        New, empty, or one that was emitted before.
-
     Raises
     ------
     InputError

@@ -21,9 +21,9 @@ MIN_PREDICTIONS = 500
 """Predictions, or twice those for which noise waits where they are more."""
 PREDICTIONS_PER_UPDATE = 4
 """One update of each sensor per so many predictions."""
-REFUSED_PREDICTIONS = (27, 28, 59)
+REFUSED = (27, 28, 59)
 """Predictions at which a step is impossible, or a sample so far off that the gate refuses it."""
-SCENARIO_SEED = 20261121
+SEED = 20261121
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
         The first so many calls only.
     """
     discrete, steps = program.discrete, max(MIN_PREDICTIONS, 2 * program.settling)
-    rng = np.random.default_rng(SCENARIO_SEED)
+    rng = np.random.default_rng(SEED)
     log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng)
     machine = Machine(program)
     machine.call("init")
@@ -58,7 +58,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
         )
         for routine in due:
             inputs = _inputs(discrete, routine, log, k)
-            if k in REFUSED_PREDICTIONS:
+            if k in REFUSED:
                 inputs = _refused(routine, inputs)
             machine.call(routine.name, split(routine, inputs))
             calls.append(RecordedCall(routine.name, inputs, machine.words()))

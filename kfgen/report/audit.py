@@ -189,7 +189,7 @@ def _picture(a: Audit, run: Degree) -> PagePart:
     names, panels, some = _names(a), [], thin(run.t)
     for unit in dict.fromkeys(s.unit for s in a.model.states):
         lines = [
-            Line(names[k], run.t[some], run.sigma[some, k], "", dashed=s.name in a.unobservable_states)
+            Line(names[k], run.t[some], run.sigma[some, k], "", dashed=s.name in a.hidden_states)
             for k, s in enumerate(a.model.states)
             if s.unit == unit and s.prior > 0.0
         ]
@@ -220,8 +220,7 @@ def _table_lines(first: Audit, t: ManoeuvreTable) -> list[str]:
     for k in range(0, len(t.manoeuvres), AT_ONCE):
         head = [f"hidden at {first.manoeuvre.name}", *(m.name for m in t.manoeuvres[k : k + AT_ONCE])]
         rows = [
-            [_label(d.vector), *_cells(row[k : k + AT_ONCE])]
-            for d, row in zip(first.directions, t.observable)
+            [_label(d.vector), *_cells(row[k : k + AT_ONCE])] for d, row in zip(first.directions, t.freed)
         ]
         lines.append(columns([head, *rows]))
     return lines
@@ -229,7 +228,7 @@ def _table_lines(first: Audit, t: ManoeuvreTable) -> list[str]:
 
 def _table_part(first: Audit, t: ManoeuvreTable) -> PagePart:
     head = (f"hidden at {first.manoeuvre.name}", *(m.name for m in t.manoeuvres))
-    rows = [[_label(d.vector), *_cells(row)] for d, row in zip(first.directions, t.observable)]
+    rows = [[_label(d.vector), *_cells(row)] for d, row in zip(first.directions, t.freed)]
     return table(head, rows, "Every cell is exact")
 
 
@@ -240,12 +239,12 @@ def _shortest(t: ManoeuvreTable) -> str:
     count = _count(t, best)
     if not count:
         return "No manoeuvre here frees any of them"
-    return f"No manoeuvre here frees all; {best.name} frees {count} of {len(t.observable)}"
+    return f"No manoeuvre here frees all; {best.name} frees {count} of {len(t.freed)}"
 
 
 def _count(t: ManoeuvreTable, m: Manoeuvre) -> int:
     """How many directions a manoeuvre frees."""
-    return sum(bool(row[t.manoeuvres.index(m)]) for row in t.observable)
+    return sum(bool(row[t.manoeuvres.index(m)]) for row in t.freed)
 
 
 def _table_data(first: Audit, t: ManoeuvreTable | None) -> dict[str, Any] | None:
@@ -254,8 +253,7 @@ def _table_data(first: Audit, t: ManoeuvreTable | None) -> dict[str, Any] | None
     return {
         "manoeuvres": [m.name for m in t.manoeuvres],
         "rows": [
-            {"direction": _label(d.vector), "cells": _cells(row)}
-            for d, row in zip(first.directions, t.observable)
+            {"direction": _label(d.vector), "cells": _cells(row)} for d, row in zip(first.directions, t.freed)
         ],
         "shortest": t.shortest.name if t.shortest is not None else None,
     }

@@ -10,7 +10,7 @@ from kfgen.report.page import Answer, Page, columns, sentence, table
 from kfgen.verify.core import CoreVerdict
 from kfgen.verify.rounding import OnLog
 
-VERDICT_HEAD = ("core", "values", "differing", "instructions", "stack [B]", "code [B]")
+VERDICT_HEAD = ("core", "words", "differing", "instructions", "stack [B]", "code [B]")
 
 
 def verdict_rows(verdicts: list[CoreVerdict]) -> list[list[str]]:
@@ -40,18 +40,17 @@ def verify_sentence(verdicts: list[CoreVerdict]) -> str:
     wrong = [v for v in verdicts if v.differing]
     if wrong:
         return "; ".join(
-            f"{v.differing} of {v.words} values differ from the reference on {v.core} (by up to {v.max_ulp} ulp)"
-            for v in wrong
+            f"{v.differing} of {v.words} words differ on {v.core} (by up to {v.max_ulp} ulp)" for v in wrong
         )
     exact = [v for v in verdicts if not v.tolerance]
     said = [
-        f"{v.core} agrees with the reference within {v.tolerance:g} standard deviations"
+        f"{v.core} agrees with the reference within {v.tolerance:g} of a deviation"
         for v in verdicts
         if v.tolerance
     ]
     if exact:
-        where, values = " and ".join(v.core for v in exact), sum(v.words for v in exact)
-        said.insert(0, f"Bit-exact on {where}: all {values} values equal the reference")
+        where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
+        said.insert(0, f"The emitted filter gives the words of its reference on {where}: 0 of {words} differ")
     return "; ".join(said)
 
 
@@ -63,8 +62,8 @@ def on_log_sentences(found: OnLog) -> list[str]:
     attitude = "" if r.attitude is None else f" the attitude within {r.attitude:.2g} rad,"
     return [
         f"Over {found.seconds:.6g} s of {Path(found.source).name}: {counts}; {refused}.",
-        f"Beside double precision (kfgen run):{attitude} every state within {r.share:.2g} standard deviations "
-        f"({r.state} at {r.t:.6g} s), which themselves agree within {100.0 * r.spread:.2g} %.",
+        f"Beside double precision (kfgen run):{attitude} every state within {r.share:.2g} of its deviation "
+        f"({r.state} at {r.t:.6g} s), deviations within {100.0 * r.spread:.2g} %.",
     ]
 
 

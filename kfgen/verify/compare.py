@@ -1,4 +1,4 @@
-"""The comparison: one scenario on the reference and on each core, every value to the last bit."""
+"""The comparison: one scenario on the reference and on each core, every word."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from kfgen.core.errors import InputError
 from kfgen.emit.folder import Emitted
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import REFUSED_PREDICTIONS, scenario
+from kfgen.emit.scenario import REFUSED, scenario
 from kfgen.emit.targets.c import header
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
@@ -41,13 +41,10 @@ def verify(
 
     Parameters
     ----------
-    emitted : Emitted
-    names : sequence of str
-        Of the cores: keys of `cores`.
     played : Replay, optional
         The calls, as `kfgen.verify.replay.replay` has them from a log; a simulated scenario where left out.
     contract : bool
-        Compile with fused products and sums; then values may differ by `CONTRACTED_TOLERANCE_SIGMAS`.
+        Compile with fused products and sums; then words may differ by `CONTRACTED` of a deviation.
 
     Raises
     ------
@@ -79,12 +76,6 @@ def verify(
 def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
     """What each routine of the emitted C costs on emulated cores, in words.
 
-    Parameters
-    ----------
-    program : Program
-    names : sequence of str
-        Keys of `kfgen.verify.emulated.CHIPS`.
-
     Raises
     ------
     InputError
@@ -101,7 +92,7 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             (folder / f"{program.name}.h").write_text(header(program), encoding="utf-8")
             core = Emulated(CHIPS[name], program, folder, folder)
             core.call("init", ())
-            most = MAX_CALLS_FOR_COSTS + (program.settling + len(REFUSED_PREDICTIONS)) * len(program.routines)
+            most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
             for call in scenario(program, most):
                 core.call(call.routine, call.inputs)
             cost = core.cost()
@@ -113,11 +104,11 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(said)
 
 
-MAX_CALLS_FOR_COSTS = 25
+COUNTED_CALLS = 25
 """Calls of which each routine has its share."""
 
-CONTRACTED_TOLERANCE_SIGMAS = 1e-3
-"""Standard deviations by which a value may differ with fused products and sums."""
+CONTRACTED = 1e-3
+"""With fused products and sums: share of a deviation by which a word may differ."""
 
 
 def _begin(core: Core, played: Replay) -> None:
@@ -127,7 +118,7 @@ def _begin(core: Core, played: Replay) -> None:
 
 
 def _compare_contracted(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:
-    """State and covariance on either side, against the reference's own standard deviations."""
+    """Words on either side as state and covariance, against the reference's own deviations."""
     _begin(core, played)
     words = differing = 0
     for call in played.calls:
@@ -135,8 +126,8 @@ def _compare_contracted(name: str, core: Core, played: Replay, program: Program)
         found, wanted = core.words().view(program.type), call.words
         off = deviations_off(program, found, wanted)
         words += off.size
-        differing += int((~(off <= CONTRACTED_TOLERANCE_SIGMAS)).sum())
-    return CoreVerdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED_TOLERANCE_SIGMAS)
+        differing += int((~(off <= CONTRACTED)).sum())
+    return CoreVerdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED)
 
 
 def _compare(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:

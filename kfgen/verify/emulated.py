@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import CheckFailed
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import REFUSED_PREDICTIONS
+from kfgen.emit.scenario import REFUSED
 from kfgen.emit.targets.templates import template_folder
 from kfgen.verify.core import InstructionCount, Words, place_of, write_harness
 from kfgen.verify.host import contraction, missing
@@ -281,7 +281,7 @@ def _counted(program: Program) -> set[int]:
     due = program.settling
     return {
         *range(COUNTED_CALLS_PER_ROUTINE),
-        *(range(due - 2, due + len(REFUSED_PREDICTIONS) + 2) if due else ()),
+        *(range(due - 2, due + len(REFUSED) + 2) if due else ()),
     }
 
 
