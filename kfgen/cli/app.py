@@ -31,3 +31,6 @@ def top(
     ] = False,
 ) -> None:
     """From a log of a real sensor to a Kalman filter that is proven on its target."""
+
+
+from kfgen.cli import denoise, fleet, gap, logs, models, noise  # noqa: E402, F401 - commands register on import

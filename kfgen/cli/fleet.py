@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kfgen.cli.app import app
-from kfgen.cli.options import Columns, Json, Rate, Report, deliver, hashes, not_over
+from kfgen.cli.options import Columns, Json, Rate, Report, deliver, not_over
 
 if TYPE_CHECKING:
     from kfgen.fleet.fleet import Outcome
@@ -59,6 +59,7 @@ def fleet(
 ) -> None:
     """Many logs at once: what the sensors have in common, how much they differ, which is not like the others."""
     from kfgen.core.errors import InputError
+    from kfgen.core.whole_file import hashes
     from kfgen.effects.noise_model import write_noise
     from kfgen.fleet.fleet import fleet_of
     from kfgen.report.fleet import fleet_answer, typical

@@ -218,7 +218,7 @@ def run(
     log: LogPath,
     noise: Noise = None,
     adaptive: Annotated[
-        str | None, typer.Option(help="Adapt P, Q or R by a rule: see 'kfgen denoise --filter'.")
+        str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
     ] = None,
     set_: Set = None,
     sensor: Sensors = None,
@@ -228,28 +228,16 @@ def run(
     report: Report = None,
 ) -> None:
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
-    import numpy as np
-
-    from kfgen.emit.routines import Program
-    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import run_answer
-    from kfgen.run.adaptive.rules import rule_named
-    from kfgen.run.adaptive.wrapper import adapted
-    from kfgen.run.run import attitude_error
-    from kfgen.run.run import run as ran
+    from kfgen.run.run import run
 
-    data = read(log, rate, columns)
-    longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
-    built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.at_rate(built, 1.0 / data.dt, max_step=longest))
-    rule = rule_named(adaptive, "--adaptive") if adaptive else None
-    result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
-    deliver(run_answer(result, attitude_error(result, data), data), json, report)
+    result = run(model_of(model, noise, set_, sensor), read(log, rate, columns), adaptive=adaptive)
+    deliver(run_answer(result), json, report)
 
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("kfgen-demo"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of the results.")] = Path("kfgen-demo"),
     json: Json = None,
 ) -> None:
     """The whole chain on a simulated sensor with a hidden effect; ends at a report."""

@@ -25,6 +25,7 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
+from kfgen.effects.noise_model import NoiseModel
 from kfgen.model.attach import Attached, Attachment, StateInfo
 from kfgen.model.parts.motion import Constant, MotionModel
 from kfgen.model.parts.sensors import Sensor
@@ -34,7 +35,7 @@ from kfgen.model.symbols.error_state import ErrorState, Variation, slopes
 from kfgen.model.symbols.expanded import expanded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterModel:
     """A filter in symbols.
 
@@ -49,6 +50,8 @@ class FilterModel:
         The user's units of the channels, in which he is answered.
     options : mapping of str to str
         What was chosen of the library model's options, as text.
+    given_noise : NoiseModel, optional
+        What it was built with, which goes beside its code.
 
     Raises
     ------
@@ -64,6 +67,17 @@ class FilterModel:
     noise: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, str] = field(default_factory=dict)
+    given_noise: NoiseModel | None = field(default=None, compare=False)
+
+    def __repr__(self) -> str:
+        sensors = ", ".join(s.name for s in self.sensors)
+        lines = [
+            f"{self.name}: {self.title}",
+            f"{len(self.states)} states: {', '.join(s.name for s in self.states)}",
+        ]
+        return "\n".join(
+            [*lines, f"sensors: {sensors}; inputs: {', '.join(i.name for i in self.motion.inputs) or 'none'}"]
+        )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))

@@ -1,0 +1,86 @@
+"""The verb `build`: a filter model from a name or a file, with its noise and its options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import NoiseModel, read_noise
+from kfgen.model import library
+from kfgen.model.filter import FilterModel
+
+ModelSource = FilterModel | str | Path
+"""A filter model, the name of a library model, or the path of a model file."""
+NoiseSource = NoiseModel | str | Path
+"""A noise model, or the path of its file."""
+
+
+def build(
+    model: str | Path,
+    noise: NoiseSource | None = None,
+    options: Mapping[str, str] | None = None,
+    sensors: Sequence[str] | None = None,
+) -> FilterModel:
+    """A filter model.
+
+    Parameters
+    ----------
+    model : str or Path
+        The name of a library model (see `kfgen.list_all`), or the path of a model file (``.toml``).
+    noise : NoiseModel or path-like, optional
+        The effects of the channels; typical MEMS figures where left out.
+    options : mapping of str to str, optional
+        Choices of the library model as ``--set`` takes them, ``{"frame": "ecef"}`` for example.
+    sensors : sequence of str, optional
+        Names of the aiding sensors; the model's own where left out.
+
+    Returns
+    -------
+    FilterModel
+
+    Raises
+    ------
+    InputError
+        No such model, option or sensor, a file that cannot be read, or a channel of another dimension.
+    """
+    chosen = dict(options or {})
+    if sensors:
+        if "sensors" in chosen:
+            raise InputError(
+                "the sensors are given twice", where="--sensor", remedy="Give --sensor or --set sensors"
+            )
+        chosen["sensors"] = ",".join(sensors)
+    given = noise_of(noise)
+    return replace(library.build(str(model), given, chosen), given_noise=given)
+
+
+def noise_of(noise: NoiseSource | None) -> NoiseModel | None:
+    """The noise model, read where a path is given; None where nothing is."""
+    return read_noise(noise) if isinstance(noise, str | Path) else noise
+
+
+def filter_of(model: ModelSource, noise: NoiseSource | None = None) -> FilterModel:
+    """The filter model of what a verb was given.
+
+    Parameters
+    ----------
+    model : FilterModel, str or Path
+        As it is, or as `build` takes it.
+    noise : NoiseModel or path-like, optional
+        As `build` takes it; only beside a name or a path.
+
+    Raises
+    ------
+    InputError
+        As in `build`, or a noise beside a model that has its own.
+    """
+    if not isinstance(model, FilterModel):
+        return build(model, noise)
+    if noise is not None:
+        raise InputError(
+            f"the filter {model.name} was built with its noise",
+            remedy="Give the noise to kfgen.build, or the name of the model beside the noise",
+        )
+    return model
