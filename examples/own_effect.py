@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kfgen.effects import Effect, LinearSystem, Look, State, make
-from kfgen.effects.effect import parameter
+from kfgen.effects import LinearSystem, Look, State, make
+from kfgen.effects.effect import LinearProcess, parameter
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
@@ -19,7 +19,7 @@ from kfgen.report.gap_words import finding_sentence
 
 
 @dataclass(frozen=True)
-class SupplySquared(Effect):
+class SupplySquared(LinearProcess):
     """``y = coefficient (voltage - reference)^2``."""
 
     coefficient: Any = parameter("U/V^2", "signed")

@@ -13,9 +13,10 @@ from kfgen.audit.exact.chain import Hidden, along
 from kfgen.audit.exact.plan import Plan
 from kfgen.core.expression import read_expression
 from kfgen.effects import make
-from kfgen.manoeuvre.manoeuvre import NAMES, Manoeuvre, Segment
+from kfgen.manoeuvre.manoeuvre import EXPRESSION_NAMES, Manoeuvre, Segment
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, Constant, MotionModel, Rotating, Strapdown
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, MotionModel, Rotating, Strapdown
 from kfgen.model.parts.sensors import (
     FIELD,
     GnssPosition,
@@ -193,7 +194,7 @@ def part(
     duration: str = "T", rate: Any = (0, 0, 0), a: Any = (0, 0, 0), body: Any = (0, 0, 0), **inputs: str
 ) -> Segment:
     def read(row: Any) -> Any:
-        return tuple(read_expression(str(e), NAMES) for e in row)
+        return tuple(read_expression(str(e), EXPRESSION_NAMES) for e in row)
 
     return Segment(
         read((duration,))[0], read(rate), read(a), read(body), {n: read((e,))[0] for n, e in inputs.items()}

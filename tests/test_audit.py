@@ -1,6 +1,6 @@
 """Proves what an audit says: the known answers of the literature, exactly, with names, units and words.
 
-Row numbers are those of ``observability.md``. Counts are compared with numpy's rank of observability
+Row numbers are those of ``docs/observability.md``. Counts are compared with numpy's rank of observability
 matrices that are built here from textbook F and H, at random numbers.
 """
 

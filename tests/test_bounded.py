@@ -19,8 +19,9 @@ from kfgen.emit.routines import Program
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import read_log
 from kfgen.manoeuvre.truth import numeric, wandered
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
+from kfgen.model.register import DT
 from kfgen.run.run import attitude_error, run
 
 ALARM = 1e-3

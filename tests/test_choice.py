@@ -66,7 +66,7 @@ def holds(found: Identified, effect: str, parameter: str, truth: float, times_as
 
 
 def test_thresholds_are_quantiles_of_what_is_gained_by_chance() -> None:
-    """Half a chi-square of one degree at 5 %, and identification.md 2.4: 6.3 to 7.3 for a searched time."""
+    """Half a chi-square of one degree at 5 %, and docs/identification.md, 2.4: 6.3 to 7.3 for a searched time."""
     assert chi2.isf(2 * 0.05, 1) == pytest.approx(PLAIN, abs=0.01)
     assert SHAPED > 7.3
     assert chi2.isf(2 * 5e-4, 1) == pytest.approx(FAST, abs=0.05)

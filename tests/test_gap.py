@@ -2,8 +2,8 @@
 
 Records are made by generators of this file in plain numpy, not by kfgen. Rates, with fixed seeds: of 20 records without
 a gap at most 2 may be called otherwise (the battery alarms at 1 % family-wise, naming at about 1 %: more than 2 of 20
-happen in 0.7 % of the seeds). Strong effects (over 100 nats) must be named in every one of 3 records; gap.md, 4.2
-and 4.3, puts the chance of a miss below 2 % for each. Closed shares are held to their 95 % intervals or to 0.8.
+happen in 0.7 % of the seeds). Strong effects (over 100 nats) must be named in every one of 3 records; docs/gap.md, 7.1
+and 7.2, puts the chance of a miss below 2 % for each. Closed shares are held to their 95 % intervals or to 0.8.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
+from kfgen.effects.filter_role import Use
 from kfgen.effects.noise_model import read_noise
 from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.reference import Machine
@@ -61,7 +62,7 @@ def model_of(name: str, loaded: bool) -> FilterModel:
             make("rate_ramp", R=1e-6),
             make("temperature", coefficient=1e-5, reference=REFERENCE),
         ):
-            model = model.augment(channel, effect)
+            model = model.augment(channel, effect, Use(known=False))
     return model
 
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import Parameter, make
-from kfgen.effects.inertial.errors import Signals, free
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.outcome import find_scene_gap
 from kfgen.gap.core.scene import Placed, ScenePoint

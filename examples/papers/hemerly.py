@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.arma import state_space
-from kfgen.arma.equivalent import THREE, Equivalent, condition
+from kfgen.arma.equivalent import MARKOV_WHITE_WALK, Equivalent, condition
 from kfgen.arma.estimate import estimate
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, make
@@ -88,14 +88,14 @@ def section_2_2(seeds: int) -> list[Row]:
     """N, B and K of one sensor by the ARMA model and by the Allan plot."""
     effects = POINT.effects()
     alpha = float(np.exp(-POINT.beta * T))
-    sizes = [e for name in THREE.names for e in effects if e.name == name]
+    sizes = [e for name in MARKOV_WHITE_WALK.names for e in effects if e.name == name]
     variances = [
         float(getattr(e, e.searched()[0].name)) ** 2 * unit_variance(e.name, alpha, T) for e in sizes
     ]
-    e = [float(v) for v in THREE.moving_average(alpha, variances)]
+    e = [float(v) for v in MARKOV_WHITE_WALK.moving_average(alpha, variances)]
     rows = [exact(f"e{i}", "not printed", v) for i, v in enumerate(e)]
     rows.append(exact("length [min]", "16.167", SAMPLES * T / 60.0, "a slip: 1e5 samples at 100 Hz"))
-    found = [solve(record(effects, k), T, THREE.names) for k in range(seeds)]
+    found = [solve(record(effects, k), T, MARKOV_WHITE_WALK.names) for k in range(seeds)]
     N = [next((float(e.N) for e in f.effects if e.name == "white_noise"), np.nan) for f in found]  # type: ignore[attr-defined]
     rows.append(
         over_seeds("ARMA: alpha", "-0.9783", [f.alpha for f in found], "true 0.9999; pole and zero cancel")
@@ -184,7 +184,7 @@ def section_3(seeds: int) -> list[Row]:
                                f"deviation {100 / np.sqrt(2 * n):.2g}"))  # fmt: skip
     rank = state_space.frozen_observability().subs(
         dict(zip(state_space.STATES, (5, 3, 4, 3, 1)))
-    ).subs(state_space.PERIOD, 1).rank()  # fmt: skip
+    ).subs(state_space.SAMPLING_PERIOD, 1).rank()  # fmt: skip
     rows.append(Row("condition of the observability matrix", "1e22", "infinite", "exact",
                     f"its rank is {rank} of 5: B and K are each hidden by x1"))  # fmt: skip
     for factor in (1 / 3, 1.0, 3.0):

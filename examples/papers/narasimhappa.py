@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from kfgen.arma.estimate import estimate
 from kfgen.arma.process import Arma
 from kfgen.effects import make
-from kfgen.effects.process.stochastic import FLICKER_FLOOR
+from kfgen.effects.process.stochastic import FLICKER_FLOOR_OVER_B
 from kfgen.log.log import Log
 from kfgen.report.page import columns
 from kfgen.run.adaptive.denoise import Denoised, Settings, at_rest, denoise_samples
@@ -68,7 +68,7 @@ def printed_numbers() -> list[Row]:
     """What follows from the printed numbers alone."""
     true, taken = white_state_variance()
     rows = [
-        exact("floor of the Allan deviation of B", "0.668", FLICKER_FLOOR, "sqrt(2 ln 2 / pi)"),
+        exact("floor of the Allan deviation of B", "0.668", FLICKER_FLOOR_OVER_B, "sqrt(2 ln 2 / pi)"),
         exact("kurtosis of normal samples", "1", 3.0),
         Row("unit of ARW", "deg/h", "deg/sqrt(h)", "exact", "an angle's random walk grows with the root of time"),
         Row("theta1 of table 3", "0.1382 and -0.1382", note="text and table differ in its sign"),

@@ -1,4 +1,4 @@
-"""Consumers: one module for each program that takes noise parameters, found by its ``NAME``.
+"""Noise parameters in other programs' conventions: one module for each program, found by its ``NAME``.
 
 To add one, add a module here with
 

@@ -44,7 +44,19 @@ def write_whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file whole or not at all, in UTF-8.
+
+    Parameters
+    ----------
+    path : path-like
+        An existing file is replaced.
+    text : str
+
+    Raises
+    ------
+    InputError
+        As `write_whole`.
+    """
     with write_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -44,9 +44,10 @@ from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.targets.names import argument, check_names, identifier
-from kfgen.model.discretise import DT, DiscreteModel
-from kfgen.model.parts.motion import Constant
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
+from kfgen.model.register import DT
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
 HUGE = 1e30

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.tape import Tape, tape
 from kfgen.effects.driven.proportional import driver_named
-from kfgen.manoeuvre.manoeuvre import SIGNALS, Manoeuvre
+from kfgen.manoeuvre.manoeuvre import INPUT_FORMULA_ORDER, Manoeuvre
 from kfgen.manoeuvre.truth import MotionProfile, along, attitudes
 from kfgen.model.filter import FilterModel
 
@@ -26,7 +26,7 @@ def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
     if named is not None:
         return named
     rate, acceleration, _ = manoeuvre.values(t)
-    return np.asarray(np.hstack([rate, acceleration])[:, SIGNALS[k % len(SIGNALS)]])
+    return np.asarray(np.hstack([rate, acceleration])[:, INPUT_FORMULA_ORDER[k % len(INPUT_FORMULA_ORDER)]])
 
 
 def wanted(manoeuvre: Manoeuvre, t: Array) -> MotionProfile:

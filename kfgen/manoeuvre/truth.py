@@ -174,8 +174,8 @@ def drawn(model: FilterModel, rng: np.random.Generator) -> dict[str, float]:
         if not isinstance(b, Attitude) and all(e == 0 for e in model.rates(False)[b.name])
     ]
     return {
-        name: start + b.prior * float(rng.standard_normal())
+        name: start + sd * float(rng.standard_normal())
         for b in still
         if isinstance(b, Vector)
-        for name, start in zip(b.nominal_names, b.start)
+        for name, start, sd in zip(b.nominal_names, b.start, b.deviations)
     }

@@ -25,12 +25,10 @@ from kfgen.core.errors import InputError
 from kfgen.core.linear import taylor
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import Sensor
-from kfgen.model.register import Register
+from kfgen.model.register import DT, Register
 from kfgen.model.symbols.blocks import Attitude
 from kfgen.model.symbols.rotation import hamilton, small_quaternion
 
-DT = sp.Symbol("dt", positive=True)
-"""The step [s]."""
 EXHAUSTED = 2.0**-27
 """Relative remainder at which a series of an effect ends: below single precision."""
 LONGEST_SERIES = 24
@@ -188,7 +186,11 @@ class DiscreteModel:
         """What is kept beside the state: samples of late inputs, where plays stand."""
         model = self.model
         lines = [m for line in model.motion.late for m in line.memories(self.rate)]
-        return (*lines, *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play))
+        return (
+            *lines,
+            *model.registers,
+            *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play),
+        )
 
     def expected(self, sensor: Sensor) -> sp.Matrix:
         """The expected measurement, plays and the effects of its channels in it, shape (m, 1)."""
@@ -268,7 +270,8 @@ class DiscreteModel:
     @property
     def start(self) -> tuple[float, ...]:
         """The stored state before alignment."""
-        blocks = tuple(v for b in self.model.blocks for v in b.start)
+        declared = [(n, v) for b in self.model.blocks for n, v in zip(b.nominal_names, b.start)]
+        blocks = tuple(self.model.initial[n].value if n in self.model.initial else v for n, v in declared)
         first = sum(len(b.error_names) for b in self.model.blocks)
         effects = tuple(s.start for s in self.model.states[first:])
         return blocks + effects + tuple(0.0 for _ in self.memories)
@@ -280,7 +283,9 @@ class DiscreteModel:
         """
         white, steps = self.model.white(channel)
         own = float(white) * self.rate + 2.0 * float(steps) * self.rate**2
-        return own if own > 0.0 else sensor.sd**2
+        factor, extra = self.model.noise_change(channel)
+        usual = 0.0 if self.model.is_sampled(channel) else float(factor) * sensor.sd**2
+        return (own if own > 0.0 else usual) + float(extra)
 
     def measurement_variance(self, sensor: Sensor, channel: str) -> float:
         """``R`` of one sample [SI^2]: its white noise and what the model leaves out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from kfgen.consumers import Conversion
-from kfgen.consumers.table import MEANING_HEAD, meaning_rows
+from kfgen.consumers.table import MEANING_COLUMNS, meaning_rows
 from kfgen.effects import Effect
 from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, sentence, table
 from kfgen.report.page import text as paragraph
@@ -51,7 +51,7 @@ def meaning_parts(channel: str, effects: Iterable[Effect], unit: str, safety: fl
         Multiplies every size.
     """
     return [
-        table(MEANING_HEAD, rows, f"What each consumer calls B of {channel}: {effect.title}.")
+        table(MEANING_COLUMNS, rows, f"What each consumer calls B of {channel}: {effect.title}.")
         for effect in effects
         if (rows := meaning_rows(effect, unit, safety))
     ]

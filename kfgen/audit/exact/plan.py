@@ -198,8 +198,8 @@ class Plan:
         """
         out, draw = {}, Draws()
         for b in self.vectors:
-            for s, declared in zip(b.nominal, b.start):
-                off = decimal(sp.Float(_round(b.prior))) * next(draw)
+            for s, declared, sd in zip(b.nominal, b.start, b.deviations):
+                off = decimal(sp.Float(_round(sd))) * next(draw)
                 moved = generic and not self._placed(b)
                 out[s] = Fraction(repr(float(declared))) + (off if moved else 0)
         return out

@@ -13,7 +13,7 @@ from kfgen.audit.exact.graph import Graph
 from kfgen.audit.exact.padic import Degenerate, Ring
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.power_series import Coefficients, Runner, convolved
-from kfgen.manoeuvre.manoeuvre import SIGNALS, TIME, Manoeuvre, Segment, of_time
+from kfgen.manoeuvre.manoeuvre import INPUT_FORMULA_ORDER, TIME, Manoeuvre, Segment, of_time
 
 State = Mapping[sp.Symbol, int]
 """Residues of the attitude's atoms and of the blocks at a segment's start."""
@@ -101,7 +101,11 @@ class Course:
         determined = self.plan.control.channels if self.plan.control else ()
         out: dict[sp.Symbol, Coefficients | None] = {}
         for k, c in enumerate(c for c in self.plan.channels if c not in determined):
-            plain = self._motion[SIGNALS[k % len(SIGNALS)]] if self.plan.control is None else None
+            plain = (
+                self._motion[INPUT_FORMULA_ORDER[k % len(INPUT_FORMULA_ORDER)]]
+                if self.plan.control is None
+                else None
+            )
             out[sp.Symbol(c, real=True)] = self._named.get(c, plain)
         for d in self.plan.model.drivers:
             out[sp.Symbol(d, real=True)] = None

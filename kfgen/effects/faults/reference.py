@@ -1,6 +1,6 @@
-"""What is wrong with a reference: it is of another motion, of another convention, it stands still.
+"""Faults of a reference: of another motion, of another convention, held, stuck or rounded.
 
-A filter does not model any of it; each says what to do about the reference.
+A filter models none of them; each says what to do about the reference.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ReversedAttitude(Fault):
     """The conjugate of the attitude turns as the sensor does."""
 
     name: ClassVar[str] = "reversed_attitude"
-    title: ClassVar[str] = "an attitude turned round"
+    title: ClassVar[str] = "an inverse attitude quaternion"
     sentence_template: ClassVar[str] = (
         "moves as if ref_q were navigation to body: give its conjugate, body to navigation"
     )
@@ -62,14 +62,14 @@ class HeldReference(Fault):
 
 @dataclass(frozen=True)
 class StuckReference(Fault):
-    """The reference stood still for a `share` of the log while the sensor moved."""
+    """The reference is stuck for a `share` of the log while the sensor moves."""
 
     share: Any = parameter("", "ratio")
 
     name: ClassVar[str] = "stuck_reference"
     title: ClassVar[str] = "a reference that is stuck"
     sentence_template: ClassVar[str] = (
-        "moved while its reference stood still, in a share of {share} of the log: left out"
+        "moved while its reference was stuck, in a share of {share} of the log: left out"
     )
 
 

@@ -13,8 +13,9 @@ import sympy as sp
 from kfgen.emit.ir.ir import Let, Ref, Stmt
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.targets.names import argument
-from kfgen.model.discretise import DT, DiscreteModel
-from kfgen.model.parts.motion import Constant
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.constant import Constant
+from kfgen.model.register import DT
 from kfgen.model.symbols.rotation import matrix_of
 
 Rows = dict[int, dict[int, sp.Expr]]
@@ -49,7 +50,7 @@ class Atoms:
         self.freed: dict[sp.Symbol, sp.Expr] = {}
         self.shown: set[sp.Symbol] = set()
         for channel in (c for i in self.model.motion.inputs for c in i.channels):
-            symbol, value = sp.Symbol(channel, real=True), self.model.freed(channel, False)
+            symbol, value = sp.Symbol(channel, real=True), self.model.corrected_input(channel, False)
             if value != symbol:
                 atom = sp.Symbol(f"{channel}_hat", real=True)
                 self.inputs[atom] = value

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.inertial.errors import free
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT

@@ -12,7 +12,6 @@ from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven.proportional import DriverProportional
 from kfgen.effects.inertial.errors import (
-    AXES,
     EarthRate,
     GravityError,
     GSensitivity,
@@ -24,9 +23,9 @@ from kfgen.effects.inertial.errors import (
     ScaleDrift,
     ScaleFactor,
     VibrationRectification,
-    free,
     products,
 )
+from kfgen.effects.inertial.inertial_error import AXES, free
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.gap.core.scene import Placed

@@ -20,7 +20,8 @@ from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import axis_faults
 from kfgen.effects.faults.reference import OtherMotion
-from kfgen.effects.inertial.errors import InertialError, Signals
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.core.cache import RecentResults

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY
-from kfgen.effects.inertial.errors import AXES, Signals
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.series import noise_of_differences
 from kfgen.gap.motion.reference import long_holes
 from kfgen.gap.motion.wiener import noiseless

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.faults.samples import FEW, Clipping, Fault, runs
+from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS, Clipping, Fault, runs
 from kfgen.effects.noise_model import ChannelNoise
 from kfgen.effects.series import SAME, DetectedFault, RawSamples
 from kfgen.gap.core.battery import Test
@@ -68,11 +68,14 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
         assert isinstance(one.effect, Clipping)
         inside = raw.y != float(one.effect.limit)
         raw = replace(raw, t=raw.t[inside], y=raw.y[inside])
-        if raw.n < FEW:
+        if raw.n < MIN_STEPS_FOR_REPEATS:
             break
     spoilt = sum(c.samples for c in clipped) > 0.5 * y.size
     others = [c for c in looked if c is not Clipping]
-    return [*(replace(c, spoils=spoilt) for c in clipped), *(_of(raw, others) if raw.n >= FEW else ())]
+    return [
+        *(replace(c, spoils=spoilt) for c in clipped),
+        *(_of(raw, others) if raw.n >= MIN_STEPS_FOR_REPEATS else ()),
+    ]
 
 
 def by_chance(y: Array, believed: float) -> float:

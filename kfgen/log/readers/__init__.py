@@ -1,4 +1,4 @@
-"""Readers: one file a format, each found by its suffixes.
+"""Readers of log files: one module a format, found by its suffixes.
 
 A reader turns a file into a `LogTable`; `kfgen.log.readers.table` turns the table into a
 `Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``.
@@ -26,9 +26,9 @@ LogSource = Log | str | Path
 Columns = ColumnMap | str
 """Which column is which channel, or the text that says so: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``."""
 
-STORED = 20_000_000
+MAX_SAMPLES_IN_MEMORY = 20_000_000
 """Samples of a channel beyond which a mapped file is not read into memory."""
-BLOCK = 1 << 20
+READ_BLOCK_BYTES = 1 << 20
 """Bytes of a file that are looked at in one piece."""
 
 
@@ -55,6 +55,10 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | 
     columns : ColumnMap or str, optional
         Which column is which channel, and its unit: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``.
 
+    Returns
+    -------
+    Log
+
     Raises
     ------
     InputError
@@ -69,10 +73,30 @@ def read_long(
 ) -> Log | StoredLog:
     """Read a log of any known format; one that is mapped and too long for memory stays in its file.
 
-    Parameters and errors are those of `read_log`.
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    rate : float, optional
+        Sampling rate [Hz]; replaces the file's own time.
+    columns : ColumnMap, optional
+        Which column is which channel, and its unit.
+
+    Returns
+    -------
+    Log or StoredLog
+        `StoredLog` where a channel of a mapped file has more than `MAX_SAMPLES_IN_MEMORY` samples.
+
+    Raises
+    ------
+    InputError
+        As `read_log`.
     """
     table, sha256 = _table(Path(path), rate)
-    long = any(isinstance(c.values, np.memmap) and c.values.size > STORED for c in table.columns.values())
+    long = any(
+        isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
+        for c in table.columns.values()
+    )
     return (stored if long else assemble)(table, _map_of(columns), rate, sha256)
 
 
@@ -100,7 +124,7 @@ def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
             remedy=f"Known are {', '.join(sorted(readers()))}",
         )
     with path.open("rb") as file:
-        if not any(block.strip() for block in iter(lambda: file.read(BLOCK), b"")):
+        if not any(block.strip() for block in iter(lambda: file.read(READ_BLOCK_BYTES), b"")):
             raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
         file.seek(0)
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 
 from kfgen.arma.estimate import estimate
 from kfgen.arma.process import Arma
-from kfgen.arma.series import LONGEST, Correlations, Order, SeriesTests, correlations, orders, series_tests
+from kfgen.arma.series import (
+    MAX_ORDER_SAMPLES,
+    Correlations,
+    Order,
+    SeriesTests,
+    correlations,
+    orders,
+    series_tests,
+)
 from kfgen.core.errors import InputError
 from kfgen.run.adaptive.cost import FilterCost, Noise, cost_of, noise_of
 from kfgen.run.adaptive.loop import RATIO, WINDOW, Filtered, ScalarModel, run_filter
@@ -171,7 +179,7 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
         )
     if not tests.named("Ljung-Box").rejected:
         said.append("its samples are not correlated: an ARMA process has nothing to predict in white noise")
-    series = series[:LONGEST]
+    series = series[:MAX_ORDER_SAMPLES]
     tried: tuple[Order, ...] = ()
     if settings.order is None:
         tried = tuple(orders(series, method=settings.estimator))
