@@ -20,8 +20,7 @@ from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
 from kfgen.gap.rest.even_record import drivers_of, regular
 from kfgen.gap.rest.workflow import find_gap
-from kfgen.identify.evidence.record import Record
-from kfgen.identify.identify import identify
+from kfgen.identify.identify_log import identify
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import write_log
 from kfgen.model.discretise import DiscreteModel
@@ -29,7 +28,7 @@ from kfgen.model.library import build
 from kfgen.report.audit import audit_answer
 from kfgen.report.filter import OPERATIONS, operation_rows
 from kfgen.report.gap import gap_answer, mended_model
-from kfgen.report.identify import identify_answer, noise_model
+from kfgen.report.identify import identify_answer
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
 from kfgen.report.page import Answer, Page, heading, sentence, table, text, write_page
 from kfgen.report.proof import VERDICT_HEAD, verdict_rows, verify_answer, verify_sentence
@@ -74,8 +73,8 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     for log in (bench, field):
         write_log(log, out / log.source)
     say("1 identify the bench log")
-    found = {CHANNEL: identify(Record(bench.t, bench.values(CHANNEL)))}
-    believed = noise_model([bench], found)
+    found = identify(bench)
+    believed = found.noise
     write_noise(believed, out / "noise.toml")
     say("2 compare the field log with it")
     record, stamps, _ = regular(field, CHANNEL, believed.channel(CHANNEL).effects, drivers_of(field)[0])
@@ -85,7 +84,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     write_noise(mended, out / "improved.toml")
     say("3 emit the mended filter and prove it")
     proof, filter_page = _filter(out, mended)
-    identified = identify_answer([bench], found)
+    identified = identify_answer(found)
     page = (
         Page(
             "A gyro whose model did not know the temperature and a fan",
