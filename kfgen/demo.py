@@ -19,15 +19,14 @@ from kfgen.effects.noise_model import NoiseModel, write_noise
 from kfgen.emit.emit import emit
 from kfgen.gap.rest.even_record import drivers_of, regular
 from kfgen.gap.rest.workflow import find_gap
-from kfgen.identify.evidence.record import Record
-from kfgen.identify.identify import identify
+from kfgen.identify.identify_log import identify
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import write_log
 from kfgen.model.build import build
 from kfgen.model.derive import Derivation
 from kfgen.report.audit import audit_answer
 from kfgen.report.gap import gap_answer, mended_model
-from kfgen.report.identify import identify_answer, noise_model
+from kfgen.report.identify import identify_answer
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
 from kfgen.report.page import Answer, Page, heading, table, text, write_page
 from kfgen.report.proof import verify_answer
@@ -94,10 +93,10 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     for log in (bench, field):
         write_log(log, out / log.source)
     say("1 identify the bench log")
-    found = {CHANNEL: identify(Record(bench.t, bench.values(CHANNEL)))}
-    assumed = noise_model([bench], found)
+    found = identify(bench)
+    assumed = found.noise
     write_noise(assumed, out / "noise.toml")
-    identified = identify_answer([bench], found)
+    identified = identify_answer(found)
     say("2 compare the field log with it")
     record, stamps, _ = regular(field, CHANNEL, assumed.channel(CHANNEL).effects, drivers_of(field)[0])
     gaps = {CHANNEL: find_gap(CHANNEL, record, assumed.channel(CHANNEL), stamps)}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
+from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.evidence.whittle import SpectralFit
 from kfgen.identify.fit.bounds import nominal
@@ -151,7 +152,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
 
 def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
     """The slow terms that dominate too few ordinates to be told from one another."""
-    omega, count = nominal(record.lengths, record.dt, record.skip)
+    omega, count = nominal(record.lengths, record.dt, record.skip, spectral_peaks(best.effects))
     parts = [e.sampled_density(omega, record.dt, 1) for e in best.effects]
     total = np.sum(parts, axis=0)
     return frozenset(
