@@ -92,7 +92,9 @@ def test_every_argument_of_a_verb_is_described(verb: str) -> None:
         pytest.skip(f"{verb} is not there yet")
     doc = inspect.getdoc(getattr(kf, verb)) or ""
     for name in inspect.signature(getattr(kf, verb)).parameters:
-        assert f"\n{name}" in doc or f", {name}" in doc, f"{verb} does not say what {name} is"
+        assert f"\n{name}" in doc or f", {name}" in doc or f"\n**{name}" in doc, (
+            f"{verb} does not say what {name} is"
+        )
 
 
 def test_read_and_write_a_log(tmp_path: Path) -> None:
@@ -197,6 +199,8 @@ def test_the_chain_from_noise_to_a_proven_filter(noise: Path, tmp_path: Path) ->
 @pytest.mark.skipif(not known("identify"), reason="identify is not there yet")
 def test_ten_lines_from_a_log_to_an_updated_filter(tmp_path: Path) -> None:
     found = kf.identify(bench())
+    sound(found)
+    assert list(found.plot().drawings) == ["gyro_x"]
     model = kf.build("gyro-static", noise=found.noise)
     assert kf.emit(model, tmp_path / "filter", rate=RATE_HZ).files
     if not known("find_gap"):
@@ -204,3 +208,11 @@ def test_ten_lines_from_a_log_to_an_updated_filter(tmp_path: Path) -> None:
     gap = kf.find_gap(bench(1), found.noise)
     assert kf.emit(kf.build("gyro-static", noise=gap.improved), tmp_path / "better").files
     assert gap.to_dict()["verdict"] == "no_gap"
+
+
+@pytest.mark.skipif(not known("fleet"), reason="fleet is not there yet")
+def test_fleet() -> None:
+    logs = [dataclasses.replace(bench(seed), source=f"log {seed}", sha256=f"{seed}") for seed in range(3)]
+    found = kf.fleet(logs, jobs=1)
+    sound(found)
+    assert len(found.done) == 3

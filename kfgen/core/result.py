@@ -34,7 +34,7 @@ class Result:
     def _repr_html_(self) -> str:
         """The first line and the short table, for a notebook."""
         head, rows = self.short_table()
-        title, *rest = (f"<p>{escape(line)}</p>" for line in self.summary())
+        title, *rest = (f"<p>{escape(line)}</p>" for line in repr(self).splitlines())
         if not rows:
             return "".join([title, *rest])
         cells = ["".join(f"<th>{escape(h)}</th>" for h in head)]

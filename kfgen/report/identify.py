@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from kfgen.core.result import finite
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.identify.fit.limits import Limit
-from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation, finite
+from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture

@@ -11,12 +11,15 @@ from kfgen.core.errors import InputError
 from kfgen.core.result import Result
 from kfgen.core.units import display_unit
 from kfgen.core.whole_file import write_text
+from kfgen.identify.identification import Identification
 from kfgen.identify.plan import RecordPlan
 from kfgen.report.audit import audit_picture
 from kfgen.report.denoise import denoise_picture
 from kfgen.report.filter import run_picture
+from kfgen.report.identify import panel
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plan import plan_picture
+from kfgen.report.plots import panels_picture
 from kfgen.run.adaptive.denoise_log import DenoisedLog
 from kfgen.run.run import FilterRun
 
@@ -88,3 +91,9 @@ def _(result: DenoisedLog) -> Picture:
 def _(result: RecordPlan) -> Picture:
     drawn = {name: plan_picture(bounds, name) for name, bounds in result.channels.items()}
     return Picture("Cramér-Rao bound against the length of the record", drawn)
+
+
+@picture_of.register
+def _(result: Identification) -> Picture:
+    drawn = {name: panels_picture([panel(c, "")], f"allan-{name}") for name, c in result.channels.items()}
+    return Picture("Allan deviation with the identified model", drawn)
