@@ -17,15 +17,14 @@ from kfgen.effects import Effect, make
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.noise_model import NoiseModel, write_noise
 from kfgen.emit.emit import emit
-from kfgen.gap.rest.even_record import drivers_of, regular
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import write_log
 from kfgen.model.build import build
 from kfgen.model.derive import Derivation
 from kfgen.report.audit import audit_answer
-from kfgen.report.gap import gap_answer, mended_model
+from kfgen.report.gap import gap_answer
 from kfgen.report.identify import identify_answer
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
 from kfgen.report.page import Answer, Page, heading, table, text, write_page
@@ -98,10 +97,9 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     write_noise(assumed, out / "noise.toml")
     identified = identify_answer(found)
     say("2 compare the field log with it")
-    record, stamps, _ = regular(field, CHANNEL, assumed.channel(CHANNEL).effects, drivers_of(field)[0])
-    gaps = {CHANNEL: find_gap(CHANNEL, record, assumed.channel(CHANNEL), stamps)}
-    gap = gap_answer(field, assumed, gaps)
-    updated = mended_model(assumed, gaps)
+    compared = find_gap(field, assumed)
+    gap, updated = gap_answer(compared), compared.updated
+    assert isinstance(updated, NoiseModel)
     write_noise(updated, out / "improved.toml")
     say("3 emit the updated filter and prove it")
     proof, filter_page = _filter(out, updated)

@@ -1,4 +1,4 @@
-"""What the numerical tools say of the same question, for comparison.
+"""What an engineer would get from the usual tool, beside the exact answer.
 
 python-control's observability matrix, numpy's rank and condition number of it: they mix units and
 have a tolerance, and see one instant of a motion, so they may differ from the exact answer. They are said because

@@ -14,7 +14,8 @@ from kfgen.audit.degree import PRACTICAL, Degree
 from kfgen.audit.numeric import Numeric, numeric
 from kfgen.audit.words import amount, called
 from kfgen.core.errors import InputError
-from kfgen.core.result import Result, ShortTable, finite
+from kfgen.core.numbers import finite
+from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.filter import FilterModel

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
-
 ShortTable = tuple[Sequence[str], Sequence[Sequence[str]]]
 """Heads of the columns, and rows of texts."""
 
@@ -45,8 +43,3 @@ class Result:
         """The picture of the report, `kfgen.report.pictures.Picture`; raises `InputError` where there is none."""
         # By name, for the report stands above every room and is the only one that draws.
         return importlib.import_module("kfgen.report.pictures").picture_of(self)
-
-
-def finite(value: float) -> float | None:
-    """A number for JSON, which knows no infinity."""
-    return float(value) if np.isfinite(value) else None

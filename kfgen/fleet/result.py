@@ -11,7 +11,8 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.core.result import Result, finite
+from kfgen.core.numbers import finite
+from kfgen.core.result import Result
 from kfgen.core.units import display_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, write_noise

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
-from kfgen.core.result import Result, ShortTable, finite
+from kfgen.core.numbers import finite
+from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, ParameterCovariance, Term, write_noise

@@ -11,7 +11,8 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.core.result import Result, ShortTable, finite
+from kfgen.core.numbers import finite
+from kfgen.core.result import Result, ShortTable
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import NoiseModel, read_noise
 from kfgen.identify.fit.bounds import relative_bound, seconds_for

@@ -64,14 +64,15 @@ class FilterModel:
         What is believed before the first measurement, by the name of a stored state, or ``heading``.
     unchecked : tuple of Omission
         What else its file says that is not in the filter.
+    ideal : bool
+        Without the errors of its readings.
     given_noise : NoiseModel, optional
         What it was built with, which goes beside its code.
 
     Raises
     ------
     InputError
-        Effects of a channel that there is not, a sensor that the motion cannot serve, or a state that could never
-        move from its start.
+        Effects of a channel that there is not, or a sensor that the motion cannot serve.
     """
 
     name: str
@@ -84,6 +85,7 @@ class FilterModel:
     uses: Mapping[str, tuple[Use, ...]] = field(default_factory=dict)
     initial: Mapping[str, Initial] = field(default_factory=dict)
     unchecked: tuple[Omission, ...] = ()
+    ideal: bool = False
     given_noise: NoiseModel | None = field(default=None, compare=False)
 
     __repr__ = described
@@ -108,11 +110,8 @@ class FilterModel:
             Known, or a state; known where left out.
         """
         effects, uses = self.noise.get(where, ()), self.uses_at(where)
-        return replace(
-            self,
-            noise={**self.noise, where: (*effects, effect)},
-            uses={**self.uses, where: (*uses, use or Use())},
-        )
+        noise = {**self.noise, where: (*effects, effect)}
+        return replace(self, noise=noise, uses={**self.uses, where: (*uses, use or Use())})
 
     def uses_at(self, where: str) -> tuple[Use, ...]:
         """How each effect of a place is taken."""
@@ -138,7 +137,8 @@ class FilterModel:
     def _effects(self) -> FilterEffects:
         """What the effects of channels are in this filter."""
         uses = {where: self.uses_at(where) for where in self.noise}
-        return FilterEffects(self.name, self.motion, self.sensors, self.noise, uses, self.channel_units)
+        parts = self.name, self.motion, self.sensors, self.noise
+        return FilterEffects(*parts, uses, self.channel_units, self.ideal)
 
     @property
     def omitted(self) -> tuple[Omission, ...]:

@@ -21,7 +21,7 @@ from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 from kfgen.run.adaptive.rules import rule_named
 from kfgen.run.adaptive.wrapper import adapted
-from kfgen.run.filter_calls import FilterCalls
+from kfgen.run.filter_calls import FilterCalls, rates_in
 
 Array = NDArray[np.float64]
 
@@ -151,7 +151,9 @@ def program_over(model: ModelSource, log: Log, noise: NoiseSource | None = None)
         The effects of the channels; only beside a name or a path.
     """
     longest = max(DiscreteModel.max_step, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
-    return Program(DiscreteModel.at_rate(filter_of(model, noise), 1.0 / log.dt, max_step=longest))
+    built = filter_of(model, noise)
+    rates = rates_in(log, built)
+    return Program(DiscreteModel.at_rate(built, 1.0 / log.dt, max_step=longest, rates=rates))
 
 
 def run(
