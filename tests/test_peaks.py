@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.effects import Effect, LinearSystem, Look, State, make
 from kfgen.effects.effect import parameter
 from kfgen.identify.evidence.peaks import SpectralPeak, oscillations, spectral_peaks, split_edges
@@ -160,3 +161,42 @@ def test_another_line_beside_it_is_cut_out(hum: Any) -> None:
     assert [line.frequency for line in found.lines] == pytest.approx([13.1], abs=0.01)
     lo, hi = found.intervals[1, "rms"]
     assert lo < 0.5 < hi
+
+
+@pytest.mark.parametrize("wanted", ["white_noise,sinusoid", "white_noise,sinusoid,sinusoid"])
+def test_a_tone_that_is_asked_for_is_an_effect(wanted: str) -> None:
+    """Amplitude 0.2 in white noise of 1 a sample: known to sqrt(2 / n) = 0.8 %; five of these are allowed."""
+    tones = [make("sinusoid", amplitude=a, frequency=f, phase=0.4) for a, f in ((0.2, 7.3), (0.1, 13.13))]
+    record = simulated((make("white_noise", N=np.sqrt(DT)), *tones), 1)
+    found = identify(record, wanted.split(","))
+    shown = found.fit.effects[1:]
+    assert [e.name for e in shown] == wanted.split(",")[1:]
+    for k, (e, true) in enumerate(zip(shown, tones)):
+        assert e.amplitude == pytest.approx(true.amplitude, abs=5 * np.sqrt(2 / record.n))
+        lo, hi = found.intervals[k + 1, "frequency"]
+        assert lo < true.frequency < hi
+        lo, hi = found.intervals[k + 1, "amplitude"]
+        assert lo < e.amplitude < hi
+    assert [round(line.frequency, 1) for line in found.lines] == ([13.1] if len(shown) == 1 else [])
+
+
+def test_a_resonance_that_is_asked_for_is_an_effect() -> None:
+    found = identify(simulated(truth(0.01), 2), ["white_noise", "resonance"])
+    assert found.lines == ()
+    values = {(1, "frequency"): FREQUENCY, (1, "damping"): 0.01, (1, "rms"): 0.5}
+    inside = [found.intervals[k][0] < v < found.intervals[k][1] for k, v in values.items()]
+    assert sum(inside) >= 2
+    assert found.fit.effects[1].rms == pytest.approx(0.5, rel=0.2)
+
+
+def test_what_cannot_be_looked_for_is_refused() -> None:
+    record = simulated(truth(0.01)[:1], 3)
+    for name, match in (
+        ("temperature", "needs the channel"),
+        ("scale_factor", "at rest"),
+        ("noise_change", "at rest"),
+    ):
+        with pytest.raises(InputError, match=match):
+            identify(record, ["white_noise", name])
+    with pytest.raises(InputError, match="alone is no noise"):
+        identify(record, ["sinusoid"])
