@@ -196,6 +196,20 @@ def test_the_chain_from_noise_to_a_proven_filter(noise: Path, tmp_path: Path) ->
     assert over.on_log is not None
 
 
+def test_a_filter_file_goes_into_its_folder(tmp_path: Path) -> None:
+    path = tmp_path / "quad.toml"
+    path.write_text(
+        'format = "kfgen-filter-1"\nname = "tilt"\nmodel = "ahrs6"\nsensors = ["accel"]\n'
+        '[noise.gyro_x]\nunit = "rad/s"\neffects = [ { effect = "white_noise", N = "1e-4 rad/s/sqrt(Hz)" } ]\n',
+        encoding="utf-8",
+    )
+    emitted = kf.emit(path, tmp_path / "c", noise=None)
+    assert kf.load(tmp_path / "c" / "filter.toml") == kf.load(path)
+    again = kf.verify(tmp_path / "c")
+    assert again.ok
+    assert again.model_hash == emitted.model_hash
+
+
 @pytest.mark.skipif(not known("identify"), reason="identify is not there yet")
 def test_ten_lines_from_a_log_to_an_updated_filter(tmp_path: Path) -> None:
     found = kf.identify(bench())
@@ -206,6 +220,8 @@ def test_ten_lines_from_a_log_to_an_updated_filter(tmp_path: Path) -> None:
     if not known("find_gap"):
         pytest.skip("find_gap is not there yet")
     gap = kf.find_gap(bench(1), found.noise)
+    sound(gap)
+    assert "<svg" in gap.plot()._repr_html_()
     assert kf.emit(kf.build("gyro-static", noise=gap.improved), tmp_path / "better").files
     assert gap.to_dict()["verdict"] == "no_gap"
 

@@ -7,55 +7,33 @@ from typing import Annotated
 
 import typer
 
+from kfgen.cli import options as opt
 from kfgen.cli.app import app
-from kfgen.cli.options import (
-    Channels,
-    Columns,
-    Json,
-    LogPath,
-    Output,
-    Rate,
-    Report,
-    deliver,
-    listed,
-    not_over,
-    read,
-)
+from kfgen.cli.options import deliver, listed, not_over, read
 
-Filter = Annotated[
-    str, typer.Option(help="The rule of adaptation: kf, iae, iae-q, sage-husa, shafkf-p or shafkf-r.")
-]
-Resting = Annotated[
-    Path | None,
-    typer.Option(
-        "--at-rest", metavar="LOG", help="Estimate the noise from this log at rest, not from LOG itself."
-    ),
-]
-ProcessOrder = Annotated[
-    str, typer.Option(help="The order p,q of the ARMA process; auto chooses by Akaike's criterion.")
-]
-Estimator = Annotated[
-    str, typer.Option(help="The estimator of the process: ml, least-squares, burg, ..., see 'kfgen list'.")
-]
-Window = Annotated[int, typer.Option(help="The number of innovations that a rule looks at.")]
-Ratio = Annotated[float, typer.Option(help="The ratio of R to Q; the paper has 980.")]
+FILTER = typer.Option(help="The rule of adaptation: kf, iae, iae-q, sage-husa, shafkf-p or shafkf-r.")
+AT_REST = typer.Option(metavar="LOG", help="Estimate the noise from this log at rest, not from LOG itself.")
+ORDER = typer.Option(help="The order p,q of the ARMA process; auto chooses by Akaike's criterion.")
+ESTIMATOR = typer.Option(help="The estimator of the process: ml, least-squares, burg, ..., see 'kfgen list'.")
+WINDOW = typer.Option(help="The number of innovations that a rule looks at.")
+RATIO = typer.Option(help="The ratio of R to Q; the paper has 980.")
 
 
 @app.command()
 def denoise(
-    log: LogPath,
-    filter: Filter = "shafkf-r",
-    at_rest: Resting = None,
-    channels: Channels = None,
-    order: ProcessOrder = "2,1",
-    estimator: Estimator = "ml",
-    window: Window = 15,
-    ratio: Ratio = 980.0,
-    rate: Rate = None,
-    columns: Columns = None,
-    output: Output = None,
-    json: Json = None,
-    report: Report = None,
+    log: opt.LogPath,
+    filter: Annotated[str, FILTER] = "shafkf-r",
+    at_rest: Annotated[Path | None, AT_REST] = None,
+    channels: opt.Channels = None,
+    order: Annotated[str, ORDER] = "2,1",
+    estimator: Annotated[str, ESTIMATOR] = "ml",
+    window: Annotated[int, WINDOW] = 15,
+    ratio: Annotated[float, RATIO] = 980.0,
+    rate: opt.Rate = None,
+    columns: opt.Columns = None,
+    output: opt.Output = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """The adaptive filters of Narasimhappa 2019 on a log, with what they cost under motion."""
     from kfgen.log.readers import write_log

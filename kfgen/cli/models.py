@@ -8,74 +8,30 @@ from typing import Annotated
 
 import typer
 
+from kfgen.cli import options as opt
 from kfgen.cli.app import app
-from kfgen.cli.options import (
-    Columns,
-    Json,
-    MaxStep,
-    ModelName,
-    Noise,
-    Order,
-    Report,
-    SampleRate,
-    Sensors,
-    Set,
-    deliver,
-    model_of,
-    read,
-)
+from kfgen.cli.options import deliver, model_of, read
 
-EmittedFolder = Annotated[
-    Path, typer.Argument(metavar="DIR", help="The folder of the filter, as 'emit' wrote it.")
-]
-Format = Annotated[str, typer.Option(help="How matrices are printed: text, latex or mathml.")]
-Manoeuvres = Annotated[
-    list[str] | None,
-    typer.Option(help="A manoeuvre of 'kfgen list' or a file (.toml). Repeatable; at rest where left out."),
-]
-Duration = Annotated[
-    float | None, typer.Option(help="How long is measured [s]; each manoeuvre's own length where left out.")
-]
-Want = Annotated[
-    list[str] | None,
-    typer.Option(help="Say when a standard deviation is reached: 'phi_D=0.1 deg'. Repeatable."),
-]
-Seen = Annotated[
-    Path | None, typer.Option("--log", metavar="LOG", help="Say how well each state shows in this log.")
-]
-Target = Annotated[str, typer.Option(help="The language of the code, see 'kfgen list'.")]
-NewFolder = Annotated[
-    Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder, or that of an emitted filter.")
-]
-Form = Annotated[
-    str, typer.Option(help="Store the covariance (p) or its UD factors (ud), which are never indefinite.")
-]
-Real = Annotated[str, typer.Option(help="The type of the numbers: float or double.")]
-Loops = Annotated[bool, typer.Option("--loops", help="Write loops: less code, more instructions.")]
-QInterval = Annotated[
-    float, typer.Option(help="Add process noise of bias states every SECONDS (UD form only).")
-]
-Counted = Annotated[
-    list[str] | None,
-    typer.Option(help="Count instructions, stack and code on this core for the header (m4f). Repeatable."),
-]
-Cores = Annotated[
-    list[str] | None, typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'. Repeatable.")
-]
-Contract = Annotated[
-    bool,
-    typer.Option(
-        "--contract",
-        help="Compile with fused products and sums: values may then differ by 1e-3 standard deviations.",
-    ),
-]
-Replayed = Annotated[
-    Path | None, typer.Option("--log", metavar="LOG", help="Make the calls of this log, not simulated ones.")
-]
+DIR = typer.Argument(metavar="DIR", help="The folder of the filter, as 'emit' wrote it.")
+FORMAT = typer.Option(help="How matrices are printed: text, latex or mathml.")
+MANOEUVRE = typer.Option(help="A manoeuvre of 'kfgen list' or a file (.toml); repeatable. At rest without.")
+DURATION = typer.Option(help="How long is measured [s]; each manoeuvre's own length where left out.")
+WANT = typer.Option(help="Say when a standard deviation is reached: 'phi_D=0.1 deg'; repeatable.")
+SEEN = typer.Option(metavar="LOG", help="Say how well each state shows in this log.")
+TARGET = typer.Option(help="The language of the code, see 'kfgen list'.")
+OUTPUT = typer.Option("-o", "--output", metavar="DIR", help="A new folder, or that of an emitted filter.")
+FORM = typer.Option(help="Store the covariance (p) or its UD factors (ud), which are never indefinite.")
+REAL = typer.Option(help="The type of the numbers: float or double.")
+LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.")
+Q_INTERVAL = typer.Option(help="Add process noise of bias states every SECONDS (UD form only).")
+COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4f); repeatable.")
+CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
+CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
+REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 
 
 @app.command("list")
-def list_(json: Json = None, report: Report = None) -> None:
+def list_(json: opt.Json = None, report: opt.Report = None) -> None:
     """Library models, sensors, effects, manoeuvres, targets, cores, consumers, adaptive filters, estimators."""
     from kfgen.catalogue import list_all
     from kfgen.report.model import list_answer
@@ -85,15 +41,15 @@ def list_(json: Json = None, report: Report = None) -> None:
 
 @app.command()
 def derive(
-    model: ModelName,
-    noise: Noise = None,
-    set_: Set = None,
-    sensor: Sensors = None,
-    format: Format = "text",
-    order: Order = 1,
-    rate: SampleRate = 100.0,
-    json: Json = None,
-    report: Report = None,
+    model: opt.ModelName,
+    noise: opt.Noise = None,
+    set_: opt.Set = None,
+    sensor: opt.Sensors = None,
+    format: Annotated[str, FORMAT] = "text",
+    order: opt.Order = 1,
+    rate: opt.SampleRate = 100.0,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """States, F, G, H, Phi and Qd of a model."""
     from kfgen.model.derive import derive
@@ -105,18 +61,18 @@ def derive(
 
 @app.command()
 def audit(
-    model: ModelName,
-    noise: Noise = None,
-    set_: Set = None,
-    sensor: Sensors = None,
-    manoeuvre: Manoeuvres = None,
-    duration: Duration = None,
-    rate: SampleRate = 100.0,
-    want: Want = None,
-    log: Seen = None,
-    columns: Columns = None,
-    json: Json = None,
-    report: Report = None,
+    model: opt.ModelName,
+    noise: opt.Noise = None,
+    set_: opt.Set = None,
+    sensor: opt.Sensors = None,
+    manoeuvre: Annotated[list[str] | None, MANOEUVRE] = None,
+    duration: Annotated[float | None, DURATION] = None,
+    rate: opt.SampleRate = 100.0,
+    want: Annotated[list[str] | None, WANT] = None,
+    log: Annotated[Path | None, SEEN] = None,
+    columns: opt.Columns = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """Unobservable states in words, what would make them observable, and how well the rest shows."""
     from dataclasses import replace
@@ -137,22 +93,22 @@ def audit(
 
 @app.command()
 def emit(
-    model: ModelName,
-    target: Target,
-    output: NewFolder,
-    noise: Noise = None,
-    form: Form = "p",
-    real: Real = "float",
-    loops: Loops = False,
-    q_interval: QInterval = 0.0,
-    core: Counted = None,
-    set_: Set = None,
-    sensor: Sensors = None,
-    order: Order = 1,
-    max_step: MaxStep = None,
-    rate: SampleRate = 100.0,
-    json: Json = None,
-    report: Report = None,
+    model: opt.ModelName,
+    target: Annotated[str, TARGET],
+    output: Annotated[Path, OUTPUT],
+    noise: opt.Noise = None,
+    form: Annotated[str, FORM] = "p",
+    real: Annotated[str, REAL] = "float",
+    loops: Annotated[bool, LOOPS] = False,
+    q_interval: Annotated[float, Q_INTERVAL] = 0.0,
+    core: Annotated[list[str] | None, COUNTED] = None,
+    set_: opt.Set = None,
+    sensor: opt.Sensors = None,
+    order: opt.Order = 1,
+    max_step: opt.MaxStep = None,
+    rate: opt.SampleRate = 100.0,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """The filter as code, with its self-test."""
     from kfgen.core.errors import InputError
@@ -180,13 +136,13 @@ def emit(
 
 @app.command()
 def verify(
-    folder: EmittedFolder,
-    core: Cores = None,
-    contract: Contract = False,
-    log: Replayed = None,
-    columns: Columns = None,
-    json: Json = None,
-    report: Report = None,
+    folder: Annotated[Path, DIR],
+    core: Annotated[list[str] | None, CORE] = None,
+    contract: Annotated[bool, CONTRACT] = False,
+    log: Annotated[Path | None, REPLAYED] = None,
+    columns: opt.Columns = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """Compile, run on host and emulated cores, compare bit patterns, count instructions, stack and code."""
     from kfgen.emit.folder import read_folder

@@ -17,49 +17,29 @@ if TYPE_CHECKING:
 
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log, a CSV or NPZ file.")]
 ModelName = Annotated[
-    str,
-    typer.Argument(metavar="MODEL", help="A library model, see 'kfgen list', or the path of a model file."),
+    str, typer.Argument(metavar="MODEL", help="A model of 'kfgen list', or a file (.toml).")
 ]
-NoisePath = Annotated[
-    Path, typer.Argument(metavar="NOISE.toml", help="The noise file, as 'identify -o' writes it.")
-]
-Rate = Annotated[
-    float | None, typer.Option(help="The sampling rate [Hz], which replaces the log's own time.")
-]
+NoisePath = Annotated[Path, typer.Argument(metavar="NOISE.toml", help="The noise file of 'identify -o'.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz] in place of the log's own time.")]
 SampleRate = Annotated[float, typer.Option("--rate", help="The sampling rate of the sensors [Hz].")]
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        help="The channels that foreign columns are: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."
-    ),
-]
+COLUMNS_HELP = "Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."
+Columns = Annotated[str | None, typer.Option(help=COLUMNS_HELP)]
 Channels = Annotated[str | None, typer.Option(help="Only these channels, separated by commas.")]
 Noise = Annotated[Path | None, typer.Option(help="The noise file, as 'identify -o' writes it.")]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE", help="The file to be written.")
 ]
-Json = Annotated[
-    str | None,
-    typer.Option("--json", metavar="FILE", help="Write the answer as JSON; - is standard output."),
-]
-Report = Annotated[
-    Path | None, typer.Option(metavar="FILE.html", help="Write the answer as a page with pictures.")
-]
+Json = Annotated[str | None, typer.Option(metavar="FILE", help="Write the answer as JSON; - to print it.")]
+Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write the answer as a page.")]
 Order = Annotated[int, typer.Option(help="The order in the step of the motion's coupling, 1 to 3.")]
-MaxStep = Annotated[
-    float | None,
-    typer.Option(help="The longest step [s]; 0.1, or what the fastest effect allows, where left out."),
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="NAME=VALUE", help="Choose an option of the model, see 'kfgen list'. Repeatable."
-    ),
-]
-Sensors = Annotated[
-    list[str] | None,
-    typer.Option("--sensor", metavar="NAME", help="Use this sensor, not the model's own. Repeatable."),
-]
+MAX_STEP_HELP = "The longest step [s]; 0.1, or what the fastest effect allows, where left out."
+MaxStep = Annotated[float | None, typer.Option(help=MAX_STEP_HELP)]
+CHOICE = typer.Option(
+    "--set", metavar="NAME=VALUE", help="An option of the model, see 'kfgen list'; repeatable."
+)
+Set = Annotated[list[str] | None, CHOICE]
+AIDING = typer.Option(metavar="NAME", help="A sensor, in place of the model's own; repeatable.")
+Sensors = Annotated[list[str] | None, AIDING]
 
 
 def read(path: Path, rate: float | None, columns: str | None) -> Log:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from kfgen.effects.noise_model import NoiseModel
 from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
@@ -35,7 +36,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     Parameters
     ----------
     model : FilterModel, str or Path
-        A filter of `kfgen.build`, the name of a library model, or the path of a model file.
+        A filter of `kfgen.build`, the name of a library model, or the path of a filter file or a model file.
     folder : path-like
         A new folder, an empty one, or one of an emitted filter, which is replaced.
     target : str
@@ -72,5 +73,6 @@ def emit(  # noqa: PLR0913 - the choices of one command
     program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
     if costs is not None:
         program = replace(program, costs=costs(program))
-    names = write_folder(program, target, built.given_noise, folder)
+    noise_file = built.given if isinstance(built.given, NoiseModel) else None
+    names = write_folder(program, target, noise_file, folder)
     return EmittedFilter(program, target, Path(folder), tuple(names))

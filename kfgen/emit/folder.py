@@ -16,6 +16,7 @@ from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.filter_file import FilterFile, filter_text
 from kfgen.model.library import build
 from kfgen.model.plant.equations import Equations
 from kfgen.model.plant.file import model_text
@@ -23,6 +24,7 @@ from kfgen.model.plant.file import model_text
 MANIFEST = "kfgen.json"
 NOISE = "noise.toml"
 MODEL = "model.toml"
+FILTER = "filter.toml"
 FORMAT = "kfgen-manifest-1"
 PYTHON_CACHE = "__pycache__"
 
@@ -117,6 +119,8 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
     motion = discrete.model.motion
     if isinstance(motion, Equations):
         files[MODEL] = model_text(motion.user)
+    if isinstance(discrete.model.given, FilterFile):
+        files[FILTER] = filter_text(discrete.model.given)
     manifest = {
         "format": FORMAT,
         "kfgen": kfgen.__version__,
@@ -197,11 +201,12 @@ def _manifest(folder: Path) -> dict[str, Any]:
 
 
 def _model_of(folder: Path, manifest: dict[str, Any]) -> str:
-    return str(folder / MODEL if MODEL in manifest["files"] else manifest["model"])
+    own = [folder / name for name in (FILTER, MODEL) if name in manifest["files"]]
+    return str(own[0] if own else manifest["model"])
 
 
 def _options_of(folder: Path, manifest: dict[str, Any]) -> dict[str, str]:
-    options = manifest.get("options", {})
+    options = {} if FILTER in manifest["files"] else manifest.get("options", {})
     if not isinstance(options, dict) or not all(isinstance(v, str) for v in options.values()):
         raise InputError("its options are no table of texts", where=str(folder / MANIFEST))
     return options

@@ -10,9 +10,10 @@ from kfgen.core.errors import InputError
 from kfgen.effects.noise_model import NoiseModel, read_noise
 from kfgen.model import library
 from kfgen.model.filter import FilterModel
+from kfgen.model.filter_file import FilterFile, is_filter_file, read_filter
 
 ModelSource = FilterModel | str | Path
-"""A filter model, the name of a library model, or the path of a model file."""
+"""A filter model, the name of a library model, or the path of a filter file or a model file."""
 NoiseSource = NoiseModel | str | Path
 """A noise model, or the path of its file."""
 
@@ -28,7 +29,7 @@ def build(
     Parameters
     ----------
     model : str or Path
-        The name of a library model (see `kfgen.list_all`), or the path of a model file (``.toml``).
+        The name of a library model (see `kfgen.list_all`), or the path of a filter file or a model file (``.toml``).
     noise : NoiseModel or path-like, optional
         The effects of the channels; typical MEMS figures where left out.
     options : mapping of str to str, optional
@@ -52,8 +53,16 @@ def build(
                 "the sensors are given twice", where="--sensor", remedy="Give --sensor or --set sensors"
             )
         chosen["sensors"] = ",".join(sensors)
-    given = noise_of(noise)
-    return replace(library.build(str(model), given, chosen), given_noise=given)
+    read = noise_of(noise)
+    built = library.build(str(model), read, chosen)
+    return replace(built, given=_filter_file(model, read, built) if is_filter_file(model) else read)
+
+
+def _filter_file(path: str | Path, noise: NoiseModel | None, built: FilterModel) -> FilterFile:
+    """A filter file with the noise and the options that were given beside it."""
+    options = dict(built.options)
+    sensors = tuple(n for n in options.pop("sensors", "").split(",") if n)
+    return replace(read_filter(path).with_noise(noise), options=options, sensors=sensors)
 
 
 def noise_of(noise: NoiseSource | None) -> NoiseModel | None:

@@ -97,7 +97,7 @@ def derive(
     Parameters
     ----------
     model : FilterModel, str or Path
-        A filter of `kfgen.build`, the name of a library model, or the path of a model file.
+        A filter of `kfgen.build`, the name of a library model, or the path of a filter file or a model file.
     noise : NoiseModel or path-like, optional
         The effects of the channels; only beside a name or a path.
     rate : float

@@ -29,7 +29,7 @@ from kfgen.effects.noise_model import NoiseModel
 from kfgen.model.attach import Attached, Attachment, Omission, StateInfo
 from kfgen.model.filter_checks import check_channels, check_needs, content_hash, described
 from kfgen.model.filter_effects import FilterEffects
-from kfgen.model.filter_file import HEADING, Initial
+from kfgen.model.filter_file import HEADING, FilterFile, Initial
 from kfgen.model.noise_driven import closed_under_noise, densities
 from kfgen.model.parts.attached_error import AttachedError, acts_on
 from kfgen.model.parts.constant import Constant
@@ -66,8 +66,8 @@ class FilterModel:
         What else its file says that is not in the filter.
     ideal : bool
         Without the errors of its readings.
-    given_noise : NoiseModel, optional
-        What it was built with, which goes beside its code.
+    given : NoiseModel or FilterFile, optional
+        What it was built from, which goes beside its code.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class FilterModel:
     initial: Mapping[str, Initial] = field(default_factory=dict)
     unchecked: tuple[Omission, ...] = ()
     ideal: bool = False
-    given_noise: NoiseModel | None = field(default=None, compare=False)
+    given: NoiseModel | FilterFile | None = field(default=None, compare=False)
 
     __repr__ = described
 

@@ -11,11 +11,13 @@ from kfgen.core.errors import InputError
 from kfgen.core.result import Result
 from kfgen.core.units import display_unit
 from kfgen.core.whole_file import write_text
+from kfgen.gap.result import GapResult
 from kfgen.identify.identification import Identification
 from kfgen.identify.plan import RecordPlan
 from kfgen.report.audit import audit_picture
 from kfgen.report.denoise import denoise_picture
 from kfgen.report.filter import run_picture
+from kfgen.report.gap_figures import figures
 from kfgen.report.identify import panel
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plan import plan_picture
@@ -97,3 +99,9 @@ def _(result: RecordPlan) -> Picture:
 def _(result: Identification) -> Picture:
     drawn = {name: panels_picture([panel(c, "")], f"allan-{name}") for name, c in result.channels.items()}
     return Picture("Allan deviation with the identified model", drawn)
+
+
+@picture_of.register
+def _(result: GapResult) -> Picture:
+    parts = [part for c in result.comparisons for part in figures(c)]
+    return Picture("What the models leave", {part.caption: part.drawn for part in parts})

@@ -15,7 +15,7 @@ from kfgen.audit.degree import Horizon
 from kfgen.audit.result import Audited, WantedAccuracy
 from kfgen.core.errors import InputError
 from kfgen.core.whole_file import hashes
-from kfgen.log.readers import LogSource, log_of
+from kfgen.log.readers import LogOrPath, log_of
 from kfgen.manoeuvre.file import manoeuvre
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
@@ -30,7 +30,7 @@ def audit(  # noqa: PLR0913 - the choices of one command
     duration: float | None = None,
     rate: float = 100.0,
     *,
-    log: LogSource | None = None,
+    log: LogOrPath | None = None,
     want: Sequence[str] = (),
 ) -> Audited:
     """What measurements cannot tell, what would make it visible, and how well each state shows.
@@ -38,7 +38,7 @@ def audit(  # noqa: PLR0913 - the choices of one command
     Parameters
     ----------
     model : FilterModel, str or Path
-        A filter of `kfgen.build`, the name of a library model, or the path of a model file.
+        A filter of `kfgen.build`, the name of a library model, or the path of a filter file or a model file.
     manoeuvres : sequence of str, Path or Manoeuvre, optional
         Names of the library (see `kfgen.list_all`), files, or manoeuvres; at rest where left out.
     noise : NoiseModel or path-like, optional
@@ -79,7 +79,7 @@ def audit(  # noqa: PLR0913 - the choices of one command
     return replace(found, wanted=wanted, inputs=files)
 
 
-def _over_log(model: FilterModel, log: LogSource) -> Audited:
+def _over_log(model: FilterModel, log: LogOrPath) -> Audited:
     """The covariance of the filter that runs over a log, with the sensors that the log has."""
     recorded = log_of(log)
     result = run(program_over(model, recorded), recorded)

@@ -16,7 +16,7 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name, module
 from kfgen.emit.targets.loaded import loaded
 from kfgen.log.log import Log
-from kfgen.log.readers import LogSource, log_of
+from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 from kfgen.run.adaptive.rules import rule_named
@@ -158,7 +158,7 @@ def program_over(model: ModelSource, log: Log, noise: NoiseSource | None = None)
 
 def run(
     model: ModelSource | Program,
-    log: LogSource,
+    log: LogOrPath,
     noise: NoiseSource | None = None,
     adaptive: str | None = None,
     *,
@@ -170,7 +170,7 @@ def run(
     Parameters
     ----------
     model : FilterModel, str, Path or Program
-        A filter of `kfgen.build`, the name of a library model, the path of a model file, or a program as it is.
+        A filter of `kfgen.build`, the name of a library model, the path of a file, or a program as it is.
     log : Log or path-like
         With the model's inputs and drivers; sensors whose channels it lacks are left out.
     noise : NoiseModel or path-like, optional

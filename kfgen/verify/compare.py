@@ -17,7 +17,7 @@ from kfgen.emit.folder import EmittedFilter, read_folder
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, scenario
 from kfgen.emit.targets.c import header
-from kfgen.log.readers import LogSource, log_of
+from kfgen.log.readers import LogOrPath, log_of
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
@@ -109,7 +109,7 @@ VERDICT_HEAD = ("core", "values", "differing", "instructions", "stack [B]", "cod
 def verify(
     folder: str | Path | EmittedFilter,
     cores: Sequence[str] = ("host",),
-    log: LogSource | None = None,
+    log: LogOrPath | None = None,
     contract: bool = False,
     *,
     played: Replay | None = None,

@@ -19,9 +19,9 @@ from kfgen.core.errors import InputError
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
-__all__ = ["ColumnMap", "LogSource", "log_of", "read_log", "read_long", "readers", "write_log"]
+__all__ = ["ColumnMap", "LogOrPath", "log_of", "read_log", "read_long", "readers", "write_log"]
 
-LogSource = Log | str | Path
+LogOrPath = Log | str | Path
 """A log, or the path of its file."""
 Columns = ColumnMap | str
 """Which column is which channel, or the text that says so: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``."""
@@ -104,7 +104,7 @@ def _map_of(columns: Columns | None) -> ColumnMap | None:
     return ColumnMap.parse(columns) if isinstance(columns, str) else columns
 
 
-def log_of(log: LogSource) -> Log:
+def log_of(log: LogOrPath) -> Log:
     """A log over time, read where a path is given; raises `InputError` for an Allan curve."""
     found = log if isinstance(log, Log) else read_log(log)
     if found.axis != "t":

@@ -15,7 +15,7 @@ import kfgen
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.log.log import Channel, Log
-from kfgen.log.readers import LogSource, log_of
+from kfgen.log.readers import LogOrPath, log_of
 from kfgen.run.adaptive.denoise import ORDER, Denoised, Settings, at_rest, denoise_samples
 from kfgen.run.adaptive.loop import RATIO, WINDOW
 from kfgen.run.adaptive.rules import rule_named
@@ -94,10 +94,10 @@ class DenoisedLog(Result):
 
 
 def denoise(  # noqa: PLR0913 - the choices of one command
-    log: LogSource,
+    log: LogOrPath,
     filter: str = "shafkf-r",
     channels: Sequence[str] | None = None,
-    resting: LogSource | None = None,
+    resting: LogOrPath | None = None,
     *,
     order: tuple[int, int] | str = ORDER,
     estimator: str = "ml",
