@@ -24,7 +24,8 @@ from scipy.special import gammaln
 from scipy.stats import binom
 
 from kfgen.core.errors import InputError
-from kfgen.identify.evidence import differences, phase
+from kfgen.identify.evidence import differences
+from kfgen.identify.evidence import running_allan as phase
 from kfgen.identify.evidence.allan import (
     allan_curve,
     curve_of_chunks,
@@ -150,7 +151,7 @@ LONG = 300_000
 @pytest.fixture
 def thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every record counts as a long one, and blocks are short, so that there are many."""
-    monkeypatch.setattr(phase, "EXACT", 0)
+    monkeypatch.setattr(phase, "MAX_SAMPLES_EXACT", 0)
     monkeypatch.setattr(phase, "WIDTH", 1 << 12)
 
 
@@ -159,7 +160,7 @@ def kernel(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     """Each of the two kernels in turn, whatever the length."""
     if request.param == "numba":
         pytest.importorskip("numba")
-        monkeypatch.setattr(differences, "COMPILED", 0)
+        monkeypatch.setattr(differences, "MIN_SAMPLES_FOR_COMPILED", 0)
     else:
         monkeypatch.setitem(sys.modules, "kfgen.identify.evidence.compiled", None)
     return str(request.param)
@@ -243,11 +244,11 @@ def test_an_offset_costs_the_digits_of_the_samples_only(thinned: None, kernel: s
 def test_both_kernels_agree(monkeypatch: pytest.MonkeyPatch, y: str) -> None:
     pytest.importorskip("numba")
     values = record("walk", LONG if y == "long" else 20_000)
-    monkeypatch.setattr(phase, "EXACT", 100_000)
+    monkeypatch.setattr(phase, "MAX_SAMPLES_EXACT", 100_000)
     m = log_factors(values.size)
     got = []
     for threshold in (0.0, float("inf")):
-        monkeypatch.setattr(differences, "COMPILED", threshold)
+        monkeypatch.setattr(differences, "MIN_SAMPLES_FOR_COMPILED", threshold)
         got.append(overlapping_variance(values, m))
     np.testing.assert_allclose(got[0], got[1], rtol=1e-12)
 

@@ -15,18 +15,28 @@ from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
 
-HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
+RECORD_HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+LINE_COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
 
 
 def plan_answer(noise: NoiseModel, rate: float, wanted: float) -> Answer:
-    """The Cramér-Rao bound of every parameter against the length of record."""
+    """The Cramér-Rao bound of every parameter against the length of record.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+        Every channel is planned by itself.
+    rate : float
+        Sampling rate [Hz].
+    wanted : float
+        Relative standard deviation that is wanted.
+    """
     lines: list[str] = []
     parts: list[PagePart] = []
     channels: dict[str, Any] = {}
     for name, channel in noise.channels.items():
         rows, data = _table(channel.effects, rate, wanted)
-        head = ["", *(f"{h:g} h" for h in HOURS), f"for {100 * wanted:g} %"]
+        head = ["", *(f"{h:g} h" for h in RECORD_HOURS), f"for {100 * wanted:g} %"]
         lines += [f"{name}: smallest relative deviation of an unbiased estimate", columns([head, *rows]), ""]
         parts += [
             heading(name),
@@ -46,7 +56,7 @@ def plan_answer(noise: NoiseModel, rate: float, wanted: float) -> Answer:
 
 
 def _table(effects: Sequence[Effect], rate: float, wanted: float) -> tuple[list[list[str]], dict[str, Any]]:
-    bounds = [relative_bound(effects, 1.0 / rate, max(64, round(h * 3600.0 * rate))) for h in HOURS]
+    bounds = [relative_bound(effects, 1.0 / rate, max(64, round(h * 3600.0 * rate))) for h in RECORD_HOURS]
     rows, data = [], {}
     for key in bounds[0]:
         before = sum(e.name == effects[key[0]].name for e in effects[: key[0]])
@@ -56,7 +66,7 @@ def _table(effects: Sequence[Effect], rate: float, wanted: float) -> tuple[list[
             [label, *(_percent(b[key]) for b in bounds), f"{hours:.2g} h" if np.isfinite(hours) else "never"]
         )
         data[label] = {
-            "hours": list(HOURS),
+            "hours": list(RECORD_HOURS),
             "bound_rel": [finite(b[key]) for b in bounds],
             "hours_for_wanted": finite(hours),
         }
@@ -79,7 +89,12 @@ def _sentences(data: dict[str, Any], wanted: float) -> list[str]:
 
 def _picture(data: dict[str, Any], name: str) -> str:
     lines = [
-        Line(label, np.array(d["hours"]), np.array(d["bound_rel"], dtype=float), COLORS[i % len(COLORS)])
+        Line(
+            label,
+            np.array(d["hours"]),
+            np.array(d["bound_rel"], dtype=float),
+            LINE_COLORS[i % len(LINE_COLORS)],
+        )
         for i, (label, d) in enumerate(data.items())
     ]
     return bound_picture(lines, f"plan-{name}")
