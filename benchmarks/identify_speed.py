@@ -68,7 +68,7 @@ def programs(y: Values, m: Values) -> dict[str, Callable[[], Values]]:
 
     def kfgen(compiled: bool) -> Callable[[], Values]:
         def work() -> Values:
-            with patch.object(differences, "COMPILED", 0 if compiled else float("inf")):
+            with patch.object(differences, "MIN_SAMPLES_FOR_COMPILED", 0 if compiled else float("inf")):
                 return overlapping_variance(y, m)
 
         return work

@@ -24,8 +24,7 @@ from scipy.special import gammaln
 from scipy.stats import binom
 
 from kfgen.core.errors import InputError
-from kfgen.identify.evidence import differences
-from kfgen.identify.evidence import running_allan as phase
+from kfgen.identify.evidence import differences, running_allan
 from kfgen.identify.evidence.allan import (
     allan_curve,
     curve_of_chunks,
@@ -151,8 +150,8 @@ LONG = 300_000
 @pytest.fixture
 def thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every record counts as a long one, and blocks are short, so that there are many."""
-    monkeypatch.setattr(phase, "MAX_SAMPLES_EXACT", 0)
-    monkeypatch.setattr(phase, "WIDTH", 1 << 12)
+    monkeypatch.setattr(running_allan, "MAX_SAMPLES_EXACT", 0)
+    monkeypatch.setattr(running_allan, "BUFFER_DIFFERENCES", 1 << 12)
 
 
 @pytest.fixture(params=["numpy", "numba"])
@@ -183,7 +182,7 @@ def definition(y: Array, m: NDArray[np.int64], thin: bool) -> Array:
     x = np.concatenate([[0.0], np.cumsum(y.astype(np.longdouble) - np.longdouble(y.mean()))])
     out = []
     for k in m.tolist():
-        s = phase.stride(k) if thin else 1
+        s = running_allan.stride(k) if thin else 1
         z, q = x[::s], k // s
         d = z[2 * q :] - 2 * z[q:-q] + z[: -2 * q]
         out.append(float(np.mean(d * d) / (2 * k * k)))
@@ -244,7 +243,7 @@ def test_an_offset_costs_the_digits_of_the_samples_only(thinned: None, kernel: s
 def test_both_kernels_agree(monkeypatch: pytest.MonkeyPatch, y: str) -> None:
     pytest.importorskip("numba")
     values = record("walk", LONG if y == "long" else 20_000)
-    monkeypatch.setattr(phase, "MAX_SAMPLES_EXACT", 100_000)
+    monkeypatch.setattr(running_allan, "MAX_SAMPLES_EXACT", 100_000)
     m = log_factors(values.size)
     got = []
     for threshold in (0.0, float("inf")):
