@@ -100,8 +100,9 @@ class GapResult:
         lines += [", ".join([*found[:MAX_SUMMARY_FINDINGS], *more])] if found else []
         gap = self.gap
         if gap.before > 0.0:
+            left = f"{gap.after:.3g} nats per sample" if gap.after > 0.0 else "none above chance"
             lines.append(
-                f"held-out mismatch before {gap.before:.3g}, after {gap.after:.3g} nats per sample, "
+                f"held-out mismatch before {gap.before:.3g} nats per sample, after {left}, "
                 f"closed {100.0 * gap.closed:.0f} %"
             )
         return lines

@@ -1,7 +1,7 @@
 """Fitting a scene: damped Gauss-Newton steps in the effects' parameters and the world's unknowns.
 
 Signed parameters are fitted as they are, positive ones in their logarithm. Each channel's noise may be
-louder or quieter than believed: its level has a log-normal prior of `TRUST` and is profiled out, so that a
+louder or quieter than believed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
 noise of the wrong size is no evidence for anything else.
 
 References
@@ -23,20 +23,20 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 
-TRUST = 0.1
+NOISE_LEVEL_SD_OF_LOG = 0.1
 """Deviation of the logarithm of a channel's noise level."""
-ROUNDS = 15
-CLOSE = 3e-3
+MAX_NEWTON_STEPS = 15
+GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
-SHARE = 1e-5
+GAIN_TOLERANCE_SHARE = 1e-5
 """Or this share of what the fit gained in all."""
-VISIBLE = 0.1
+DIFFERENCE_STEP_SD = 0.1
 """Change of the residuals [deviations] by which they are differentiated."""
-FARTHEST = 1e12
+MAX_RELATIVE_STEP = 1e12
 """Largest relative change where nothing shows it."""
-LONGEST = 1.0
+MAX_LOG_STEP = 1.0
 """Longest step in a logarithm."""
-BENT = 0.1
+MAX_LINEAR_LOG_STEP = 0.1
 """Step in a logarithm from which on it is no longer one in the number itself."""
 
 Key = tuple[int, str]
@@ -114,10 +114,14 @@ def levels_of(scene: Scene, residual: Array) -> Array:
     out = []
     for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
         power, s = float(part @ part), 1.0
-        for _ in range(30):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 TRUST^2
+        for _ in range(
+            30
+        ):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 NOISE_LEVEL_SD_OF_LOG^2
             x = float(np.log(s))
-            slope = n - power / s**2 + x / TRUST**2
-            s *= float(np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / TRUST**2), -1.0, 1.0)))
+            slope = n - power / s**2 + x / NOISE_LEVEL_SD_OF_LOG**2
+            s *= float(
+                np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / NOISE_LEVEL_SD_OF_LOG**2), -1.0, 1.0))
+            )
         out.append(s)
     return np.array(out)
 
@@ -128,7 +132,11 @@ def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
     value = 0.0
     parts = np.split(residual, np.cumsum(scene.lengths)[:-1])
     for part, n, s in zip(parts, scene.lengths, levels.tolist()):
-        value -= n * float(np.log(s)) + 0.5 * float(part @ part) / s**2 + 0.5 * (np.log(s) / TRUST) ** 2
+        value -= (
+            n * float(np.log(s))
+            + 0.5 * float(part @ part) / s**2
+            + 0.5 * (np.log(s) / NOISE_LEVEL_SD_OF_LOG) ** 2
+        )
     return value - 0.5 * float(np.sum(_pulls(scene, unknowns) ** 2))
 
 
@@ -163,11 +171,11 @@ def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -
     for _ in range(2):
         change = changed(steps)
         size = np.linalg.norm(change, axis=0)
-        good = (size > 0.01 * VISIBLE) & (size < 100.0 * VISIBLE)
+        good = (size > 0.01 * DIFFERENCE_STEP_SD) & (size < 100.0 * DIFFERENCE_STEP_SD)
         if good.all():
             break
-        better = steps * np.clip(VISIBLE / np.maximum(size, 1e-12), 1e-8, 1e8)
-        better = np.minimum(better, FARTHEST * np.maximum(np.abs(x), 1.0))
+        better = steps * np.clip(DIFFERENCE_STEP_SD / np.maximum(size, 1e-12), 1e-8, 1e8)
+        better = np.minimum(better, MAX_RELATIVE_STEP * np.maximum(np.abs(x), 1.0))
         logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
         better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
         steps = np.where(good, steps, better)
@@ -190,7 +198,7 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
     value = log_posterior(scene, residual, point.unknowns)
     damping, keys, begun = 1e-6, keys_of(point.placed), value
     k, gain = len(keys), 0.0
-    for _ in range(ROUNDS):
+    for _ in range(MAX_NEWTON_STEPS):
         levels = levels_of(scene, residual)
         J, steps = derivative(scene, point, residual, steps)
         J = over_levels(scene, J, levels)
@@ -200,10 +208,10 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
         g[k:] += _pulls(scene, point.unknowns) * _weights(scene)
         H = _information(scene, J, k)
         gain, point, residual, value, damping = _stepped(scene, (point, residual, value), g, H, damping)
-        if gain < max(CLOSE, SHARE * (value - begun)):
+        if gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (value - begun)):
             break
     levels = levels_of(scene, residual)
-    if gain > CLOSE:  # else the derivatives are those of the point, or of one as good
+    if gain > GAIN_TOLERANCE_NATS:  # else the derivatives are those of the point, or of one as good
         J, steps = derivative(scene, point, residual, steps)
         J = over_levels(scene, J, levels)
     return SceneFit(point, residual, levels, value, _information(scene, J, k), keys, steps, J)
@@ -253,9 +261,9 @@ def _ways(d: Array, logs: NDArray[np.bool_]) -> list[Array]:
     """
     along = d[: logs.size][logs]
     largest = float(np.abs(along).max(initial=0.0))
-    shortened = d * min(1.0, LONGEST / max(largest, 1e-300))
-    if largest <= BENT:
+    shortened = d * min(1.0, MAX_LOG_STEP / max(largest, 1e-300))
+    if largest <= MAX_LINEAR_LOG_STEP:
         return [shortened]
     straight = d.copy()
-    straight[: logs.size][logs] = np.log1p(np.maximum(along, np.expm1(-2.0 * LONGEST)))
+    straight[: logs.size][logs] = np.log1p(np.maximum(along, np.expm1(-2.0 * MAX_LOG_STEP)))
     return [shortened, straight]

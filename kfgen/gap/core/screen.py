@@ -16,7 +16,7 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 
-LOST = 0.02
+MIN_OWN_SHARE = 0.02
 """Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
 
 
@@ -70,7 +70,7 @@ def _screened(
         columns = new_columns(scene, base, point, found[:, j])
         A = freed(columns, Q)
         size = np.linalg.norm(A, axis=0)
-        told = size > LOST * np.linalg.norm(columns, axis=0)
+        told = size > MIN_OWN_SHARE * np.linalg.norm(columns, axis=0)
         rest = freed(over_levels(scene, found[:, j], base.levels), Q)
         if told.any():
             B = A[:, told] / size[told]

@@ -19,7 +19,7 @@ from kfgen.model.plant.plant import Batch
 
 Array = NDArray[np.float64]
 
-FAR = 1e18
+MAX_COLUMN_SQUARE_SUM = 1e18
 """Sum of squares of a column that a simulation has run away with."""
 
 
@@ -54,9 +54,9 @@ def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array],
             E = r.whitener.ordinates(np.where(np.isfinite(step), step, 0.0))
         parts.append(E)
     out = np.concatenate(parts)
-    power = np.sum(np.minimum(np.abs(out), FAR) ** 2, axis=0)
+    power = np.sum(np.minimum(np.abs(out), MAX_COLUMN_SQUARE_SUM) ** 2, axis=0)
     whole = np.all([np.isfinite(v).all(axis=0) for v in shown.values()], axis=0)
-    return np.where(whole[:size] & whole[size:] & (power < FAR), out, 0.0)
+    return np.where(whole[:size] & whole[size:] & (power < MAX_COLUMN_SQUARE_SUM), out, 0.0)
 
 
 def apart(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:

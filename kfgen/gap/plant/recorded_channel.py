@@ -19,9 +19,9 @@ from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
 
-GAP = 3.0
+MIN_GAP_STEPS = 3.0
 """Usual steps of time beyond which samples are missing."""
-FAR = 1e3
+MAX_DISTANCE_SD = 1e3
 """Deviations of the data at which a simulation that diverges is held."""
 
 
@@ -40,7 +40,7 @@ class RecordedChannel:
 
     def left(self, simulated: Array) -> Array:
         """Measured less simulated, shape (n, points), finite even where the simulation is not."""
-        far = FAR * max(float(np.ptp(self.values)), self.noise)
+        far = MAX_DISTANCE_SD * max(float(np.ptp(self.values)), self.noise)
         left = self.values[:, None] - simulated[self.at]
         # In turn to either side: one side all along would be a constant, which something else might explain.
         side = far * (1.0 - 2.0 * (np.arange(self.at.size) % 2))[:, None]
@@ -96,7 +96,7 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
         raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
     y = values[at] - _believed(effects, log, at)
     steps = np.diff(log.t[at])
-    dt = float(np.mean(steps[steps <= GAP * np.median(steps)]))
+    dt = float(np.mean(steps[steps <= MIN_GAP_STEPS * np.median(steps)]))
     return RecordedChannel(at, y, Whitener.of(effects, at.size, dt, constant=True))
 
 

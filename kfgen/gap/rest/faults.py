@@ -21,11 +21,11 @@ from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-WIDE = 0.25
+MAX_EQUAL_NEIGHBOUR_PROBABILITY = 0.25
 """Chance of two equal neighbours above which nothing is said of samples that repeat."""
-NEVER = 1e-6
+MAX_RUN_PROBABILITY = 1e-6
 """Chance in a whole record of a run of equal samples that is none."""
-LEAST_RUN = 16
+MIN_RUN_SAMPLES = 16
 """Samples of such a run at least."""
 
 
@@ -93,7 +93,7 @@ def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:
     Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
     """
     chance = by_chance(y, believed)
-    return standing(y, chance, LEAST_RUN, 2) if chance <= WIDE else []
+    return standing(y, chance, MIN_RUN_SAMPLES, 2) if chance <= MAX_EQUAL_NEIGHBOUR_PROBABILITY else []
 
 
 def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int, int]]:
@@ -109,7 +109,7 @@ def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int,
         Runs at one end of the range that are a limit.
     """
     first, length = runs(y)
-    longest = 1.0 + np.log(NEVER / y.size) / np.log(max(chance, 1e-12))
+    longest = 1.0 + np.log(MAX_RUN_PROBABILITY / y.size) / np.log(max(chance, 1e-12))
     ends = (float(y.min()), float(y.max()))
     limits = [v for v in ends if np.sum(y[first] == v) >= often and np.ptp(y) > 0.0]
     spans = zip(first.tolist(), length.tolist())

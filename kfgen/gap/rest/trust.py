@@ -14,17 +14,17 @@ from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.identify import MINIMUM
 
-TRUST = 0.1
+DEFAULT_RELATIVE_SD = 0.1
 """Relative deviation of a believed number that states no interval."""
-LEAST_TRUST = 0.02
-FAR_FROM = 1.0
+MIN_RELATIVE_SD = 0.02
+MAX_SHIFT_SD = 1.0
 """Deviations from a believed number beyond which it does not hold."""
-SURELY = 7.0
+MIN_RETUNING_NATS = 7.0
 """Nats that believed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 
 
 def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
-    """Trust in the believed numbers: from their intervals, else `TRUST`."""
+    """Trust in the believed numbers: from their intervals, else `DEFAULT_RELATIVE_SD`."""
     priors: dict[Key, Prior] = {}
     for i, term in enumerate(noise.terms):
         if term.effect.coefficients():
@@ -33,7 +33,7 @@ def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
             value = float(getattr(term.effect, p.name))
             lo, hi = term.ci95.get(p.name, (0.0, 0.0))
             known = 0.0 < lo < hi < np.inf
-            deviation = max(float(np.log(hi / lo)) / 3.92, LEAST_TRUST) if known else TRUST
+            deviation = max(float(np.log(hi / lo)) / 3.92, MIN_RELATIVE_SD) if known else DEFAULT_RELATIVE_SD
             if value > 0.0:
                 priors[i, p.name] = Prior(float(np.log(value)), deviation)
     return priors
@@ -88,7 +88,7 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
         The first of them, as they are written.
     """
     far = [
-        abs(x - problem.priors[key].mean) > FAR_FROM * problem.priors[key].deviation
+        abs(x - problem.priors[key].mean) > MAX_SHIFT_SD * problem.priors[key].deviation
         for key, x in zip(fit.free, fit.point.tolist())
         if key in problem.priors
     ]
@@ -97,7 +97,7 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
     held = frozenset((i, p.name) for i, e in enumerate(believed) for p in e.searched())
     effects = (*believed, *fit.effects[len(believed) :])
     as_written = maximise(replace(problem, effects=effects, fixed=problem.fixed | held))
-    return fit.likelihood.value - as_written.likelihood.value > SURELY
+    return fit.likelihood.value - as_written.likelihood.value > MIN_RETUNING_NATS
 
 
 def check(channel: str, record: Record, noise: ChannelNoise) -> None:
