@@ -257,7 +257,14 @@ def _test(c: Comparison, t: Test) -> dict[str, Any]:
 
 
 def span_of_test(c: Comparison, t: Test) -> tuple[float, float]:
-    """The stretch of time that a test of a comparison looked at [s]."""
+    """The stretch of time that a test of a comparison looked at [s].
+
+    Parameters
+    ----------
+    c : Comparison
+        To which the test belongs.
+    t : Test
+    """
     first, last = c.span_s
     return (first + t.span[0], first + t.span[1]) if t.span else (first, last)
 

@@ -120,7 +120,15 @@ def _band(data: Ordinates, ratio: Array, lo: int, hi: int) -> Test:
 
 
 def chance_of(total: float, m: float) -> float:
-    """Two-sided p value of a chi-square of m degrees of freedom."""
+    """Two-sided p value of a chi-square of m degrees of freedom.
+
+    Parameters
+    ----------
+    total : float
+        Power found: a sum of squares of unit normal deviates.
+    m : float
+        Its degrees of freedom.
+    """
     from scipy.stats import chi2
 
     return min(2.0 * min(float(chi2.sf(total, m)), float(chi2.cdf(total, m))), 1.0)
@@ -160,7 +168,17 @@ def _louder(series: WhiteSeries, name: str) -> Test:
 
 
 def white_tests(z: Array, dt: float, X: Array) -> list[Test]:
-    """Tests of a series that should be white and normal, shape (n,), with its cosine ordinates."""
+    """Tests of a series that should be white and normal, shape (n,), with its cosine ordinates.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        White series in time, of unit variance.
+    dt : float
+        Sampling period [s].
+    X : ndarray, shape (n,)
+        Its cosine transform.
+    """
     whole = (0.0, 0.5 / dt)
     return [*_atlas(z, dt), _line(X, dt), _tails(z, whole), _skewed(z, whole), _squares(z, whole)]
 

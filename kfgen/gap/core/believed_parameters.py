@@ -78,6 +78,13 @@ def start_of(scene: Scene) -> ScenePoint:
 
 
 def moved(scene: Scene, point: ScenePoint) -> set[str]:
-    """The numbers that a fit moved far from what is assumed of them."""
+    """The numbers that a fit moved far from what is assumed of them.
+
+    Parameters
+    ----------
+    scene : Scene
+    point : ScenePoint
+        Where a fit ended.
+    """
     pairs = zip(scene.unknowns, point.unknowns.tolist())
     return {u.own for u, x in pairs if u.own and abs(x - u.value) > u.far * u.sd}

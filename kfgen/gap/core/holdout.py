@@ -116,6 +116,17 @@ def judged(
 ) -> tuple[Array, Array, Array]:
     """Power over expectation on what is left out, assumed and updated, the latter fitted to the rest.
 
+    Parameters
+    ----------
+    raw, clean : Record
+        What is left out, as it was logged and without what changes samples.
+    rest : tuple of Record
+        To which the updated model is fitted.
+    written : sequence of Effect
+        The assumed random effects.
+    updated : Problem
+        The updated model.
+
     Returns
     -------
     tuple of ndarray, shape (bands,)
@@ -128,7 +139,17 @@ def judged(
 
 
 def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
-    """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance."""
+    """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance.
+
+    Parameters
+    ----------
+    r0, r1 : ndarray, shape (bands,)
+        Power over expectation, before and after.
+    m : ndarray, shape (bands,)
+        Degrees of freedom.
+    held_out : str
+        What was held out, in words.
+    """
     chance = np.random.default_rng(0).chisquare(m, (INTERVAL_DRAWS, m.size)) / m
     lost0, lost1, n = float(lost(r0, m)), float(lost(r1, m)), float(m.sum())
     draws0 = lost(r0 * chance, m) - 0.5 * m.size
@@ -183,7 +204,15 @@ def _block_ratios(z: Array, unseen: NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tuple[Array, Array]:
-    """Mean power of a record over what is expected in bands, and how many ordinates each has."""
+    """Mean power of a record over what is expected in bands, and how many ordinates each has.
+
+    Parameters
+    ----------
+    tail : Record
+    effects : sequence of Effect
+    coefficients : ndarray, shape (k,)
+        Of the deterministic ones [SI].
+    """
     data = tail.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
     parts = [
@@ -194,5 +223,13 @@ def ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tupl
 
 
 def lost(r: Array, m: Array) -> Array:
-    """Nats lost against each band's own level, less what chance loses, shape (...,) of ratios (..., bands)."""
+    """Nats lost against each band's own level, less what chance loses, shape (...,) of ratios (..., bands).
+
+    Parameters
+    ----------
+    r : ndarray, shape (..., bands)
+        Power over expectation.
+    m : ndarray, shape (bands,)
+        Degrees of freedom.
+    """
     return np.asarray((0.5 * m * (r - 1.0 - np.log(r)) - 0.5).sum(axis=-1))

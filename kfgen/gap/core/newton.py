@@ -87,7 +87,14 @@ def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
 
 
 def is_signed(effect: Effect, name: str) -> bool:
-    """Whether a parameter is fitted as it is, and not in its logarithm."""
+    """Whether a parameter is fitted as it is, and not in its logarithm.
+
+    Parameters
+    ----------
+    effect : Effect
+    name : str
+        Of its parameter.
+    """
     return {p.name: p.kind for p in effect.parameters()}[name] == "signed"
 
 
@@ -101,7 +108,14 @@ def coordinates(point: ScenePoint) -> Array:
 
 
 def moved(point: ScenePoint, x: Array) -> ScenePoint:
-    """The point at these coordinates."""
+    """The point at these coordinates.
+
+    Parameters
+    ----------
+    point : ScenePoint
+    x : ndarray, shape (k + q,)
+        Coordinates of the effects' parameters, then the unknowns [SI].
+    """
     placed, keys = list(point.placed), keys_of(point.placed)
     for (i, name), v in zip(keys, x.tolist()):
         value = v if is_signed(placed[i].effect, name) else float(np.exp(min(v, 690.0)))
@@ -110,7 +124,14 @@ def moved(point: ScenePoint, x: Array) -> ScenePoint:
 
 
 def levels_of(scene: Scene, residual: Array) -> Array:
-    """The most likely level of each channel's noise, shape (channels,)."""
+    """The most likely level of each channel's noise, shape (channels,).
+
+    Parameters
+    ----------
+    scene : Scene
+    residual : ndarray, shape (N,)
+        In standard deviations of the assumed noise.
+    """
     out = []
     for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
         power, s = float(part @ part), 1.0
@@ -127,7 +148,16 @@ def levels_of(scene: Scene, residual: Array) -> Array:
 
 
 def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
-    """Log-likelihood with the levels at their best, plus the log prior of the unknowns [nats]."""
+    """Log-likelihood with the levels at their best, plus the log prior of the unknowns [nats].
+
+    Parameters
+    ----------
+    scene : Scene
+    residual : ndarray, shape (N,)
+        In standard deviations of the assumed noise.
+    unknowns : ndarray, shape (q,)
+        [SI].
+    """
     levels = levels_of(scene, residual)
     value = 0.0
     parts = np.split(residual, np.cumsum(scene.lengths)[:-1])
@@ -151,13 +181,32 @@ def _weights(scene: Scene) -> Array:
 
 
 def over_levels(scene: Scene, x: Array, levels: Array) -> Array:
-    """Residuals, shape (N, ...), over the levels of their channels."""
+    """Residuals, shape (N, ...), over the levels of their channels.
+
+    Parameters
+    ----------
+    scene : Scene
+    x : ndarray, shape (N, ...)
+        Residuals or their derivatives.
+    levels : ndarray, shape (channels,)
+        Noise levels over the assumed ones.
+    """
     each = np.repeat(levels, scene.lengths)
     return np.asarray(x / each.reshape(-1, *(1,) * (x.ndim - 1)))
 
 
 def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -> tuple[Array, Array]:
-    """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,)."""
+    """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,).
+
+    Parameters
+    ----------
+    scene : Scene
+    point : ScenePoint
+    residual : ndarray, shape (N,)
+        There.
+    steps : ndarray, shape (k + q,)
+        Differences of the coordinates from which it begins.
+    """
     x = coordinates(point)
     if not x.size:
         return np.zeros((residual.size, 0)), steps
@@ -191,7 +240,16 @@ def first_steps(point: ScenePoint) -> Array:
 
 
 def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> SceneFit:
-    """The scene at its best point, from a start."""
+    """The scene at its best point, from a start.
+
+    Parameters
+    ----------
+    scene : Scene
+    start : ScenePoint
+        Where the fit begins.
+    steps : ndarray, shape (k + q,), optional
+        Differences by which coordinates are varied.
+    """
     point = start
     steps = first_steps(start) if steps is None else steps
     residual = scene.residuals([point])[:, 0]

@@ -30,7 +30,13 @@ class NoiseScale:
 
 
 def noise_scales_in(scene: Scene, fit: SceneFit) -> tuple[NoiseScale, ...]:
-    """The channels whose power cannot be that of the noise that is assumed, at the battery's family-wise rate."""
+    """The channels whose power cannot be that of the noise that is assumed, at the battery's family-wise rate.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+    """
     from scipy.stats import chi2
 
     cuts, found = np.cumsum(scene.lengths)[:-1], []
@@ -44,13 +50,26 @@ def noise_scales_in(scene: Scene, fit: SceneFit) -> tuple[NoiseScale, ...]:
 
 
 def levels_in(scene: Scene, scales: Sequence[NoiseScale]) -> Array:
-    """The size of every channel's noise over what is assumed, shape (channels,)."""
+    """The size of every channel's noise over what is assumed, shape (channels,).
+
+    Parameters
+    ----------
+    scene : Scene
+    scales : sequence of NoiseScale
+    """
     known = {c.channel: c.times for c in scales}
     return np.array([known.get(c, 1.0) for c in scene.channels])
 
 
 def scaled(effect: Effect, times: float) -> Effect:
-    """A random effect of another size; a deterministic one as it is."""
+    """A random effect of another size; a deterministic one as it is.
+
+    Parameters
+    ----------
+    effect : Effect
+    times : float
+        By which its sizes are multiplied.
+    """
     if effect.coefficients():
         return effect
     return replace(effect, **{n: times * float(getattr(effect, n)) for n in effect.sizes()})

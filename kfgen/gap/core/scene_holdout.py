@@ -79,7 +79,14 @@ def every_other(lengths: Sequence[int]) -> Cut:
 
 
 def series(scene: Scene, X: Array) -> Array:
-    """Residuals of all channels, shape (N, ...), in time."""
+    """Residuals of all channels, shape (N, ...), in time.
+
+    Parameters
+    ----------
+    scene : Scene
+    X : ndarray, shape (N, ...)
+        Residuals of all channels, one after the other.
+    """
     if isinstance(scene, ReadingByReading):
         return X  # one for each pose
     return np.concatenate([Whitener.back(x) for x in np.split(X, np.cumsum(scene.lengths)[:-1])])

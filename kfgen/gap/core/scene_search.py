@@ -93,7 +93,14 @@ class SceneExplanation:
         return ranked(self.scene, self.fit, self.others)
 
     def plus(self, addition: FittedAddition, ranked: Sequence[FittedAddition]) -> SceneExplanation:
-        """With one more, at the end, out of what competed with it."""
+        """With one more, at the end, out of what competed with it.
+
+        Parameters
+        ----------
+        addition : FittedAddition
+        ranked : sequence of FittedAddition
+            All that competed, itself among them.
+        """
         chosen = (*self.chosen, _chosen(addition, ranked))
         return SceneExplanation(self.scene, addition.fit, with_values(chosen, addition.fit))
 

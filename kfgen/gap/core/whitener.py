@@ -77,6 +77,12 @@ class Whitener:
         """The most probable series that has the known samples of `x`, shape (n,).
 
         Conjugate gradients on the unknown samples, from those of `x`; white noise takes one step.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            With anything where it is not known.
+        known : ndarray of bool, shape (n,)
         """
 
         def slope(z: Array) -> Array:

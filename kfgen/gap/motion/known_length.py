@@ -157,6 +157,12 @@ def _same(new: Placed, old: Placed) -> bool:
 def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
     """The rests of a sensor, as slices: its running deviation is near that of its quietest tenth.
 
+    Parameters
+    ----------
+    log : Log
+    sensor : str
+        Whose three channels rest in the poses.
+
     Raises
     ------
     InputError

@@ -123,7 +123,14 @@ def _lagged(pairs: Sequence[tuple[Array, Array]]) -> float:
 
 
 def combination(X: Array, y: Array) -> Array:
-    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not."""
+    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, k)
+        Columns.
+    y : ndarray, shape (n,)
+    """
     row = np.linalg.lstsq(np.nan_to_num(X), y, rcond=1e-6)[0]
     left = y - np.nan_to_num(X) @ row
     return np.asarray(row if left @ left < MAX_UNEXPLAINED_AXIS_SHARE * float(y @ y) else np.zeros(3))

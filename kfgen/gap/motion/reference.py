@@ -142,7 +142,17 @@ def _stretches(u: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def frozen(y: Array, truth: Array, noise: float) -> NDArray[np.bool_]:
-    """Where a sensor, shape (n,), repeats itself for long while what it should read moves; the first of them too."""
+    """Where a sensor, shape (n,), repeats itself for long while what it should read moves; the first of them too.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples [SI].
+    truth : ndarray, shape (n,)
+        What should have been read [SI].
+    noise : float
+        Standard deviation of a sample [SI].
+    """
     out = _stuck(*_stretches(y[:, None]), truth[:, None], np.array([noise]))
     out[:-1] |= out[1:]
     return out
@@ -214,7 +224,16 @@ def _with(log: Log, names: tuple[str, ...], values: Array) -> Log:
 
 
 def long_holes(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
-    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
+    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well.
+
+    Parameters
+    ----------
+    holes : ndarray of bool, shape (n,)
+    short : int
+        Samples of a hole that is bridged.
+    margin : int
+        Samples beside a longer one that are left out with it.
+    """
     from scipy.ndimage import binary_dilation, binary_opening
 
     wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]

@@ -37,7 +37,13 @@ def step_of(log: Log) -> float:
 
 
 def rounded(log: Log, compared: Sequence[Compared]) -> list[Placed]:
-    """The sensors for which the rounding of the reference attitude cannot be neglected."""
+    """The sensors for which the rounding of the reference attitude cannot be neglected.
+
+    Parameters
+    ----------
+    log : Log
+    compared : sequence of Compared
+    """
     step, given = step_of(log), references(log)
     if step == 0.0 or "q" not in given:
         return []

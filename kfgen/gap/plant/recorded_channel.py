@@ -55,7 +55,18 @@ class RecordedChannel:
 
 
 def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
-    """Raise `InputError` where a channel of the log has another dimension than the model's."""
+    """Raise `InputError` where a channel of the log has another dimension than the model's.
+
+    Parameters
+    ----------
+    log : Log
+    name : str
+        Of the channel.
+    unit : str
+        That the model has.
+    model : str
+        Its name.
+    """
     given = log.channel(name).unit
     if not parse_unit(given).same_dimension(parse_unit(unit)):
         raise InputError(
@@ -68,7 +79,17 @@ def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
 def check_near(
     model: UserModel, recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], words: str
 ) -> None:
-    """Raise `InputError` where simulated channels, shape (n, 1), are farther from the log than that from its mean."""
+    """Raise `InputError` where simulated channels, shape (n, 1), are farther from the log than that from its mean.
+
+    Parameters
+    ----------
+    model : UserModel
+    recorded : mapping of str to RecordedChannel
+    shown : mapping of str to ndarray
+        Simulated channels [SI].
+    words : str
+        How it was simulated, said in the error.
+    """
     for name, r in recorded.items():
         if float(np.sqrt(np.mean(r.left(shown[name]) ** 2))) > float(np.std(r.values)):
             raise InputError(
@@ -80,7 +101,15 @@ def check_near(
 
 
 def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
-    """The samples of a channel, less the deterministic effects that are believed of it."""
+    """The samples of a channel, less the deterministic effects that are believed of it.
+
+    Parameters
+    ----------
+    model : UserModel
+    log : Log
+    name : str
+        Of the measurement.
+    """
     measurement = model.measurements[name]
     check_unit(log, name, measurement.unit, model)
     effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]

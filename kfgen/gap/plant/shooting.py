@@ -261,6 +261,11 @@ def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapp
     """Samples by which channels follow their simulation, each of shape (n,); zero where they do not look like it.
 
     It is where their correlation is largest; negative where the simulation comes after them.
+
+    Parameters
+    ----------
+    data, simulated : ndarray, shape (n,)
+        The same channel.
     """
     n = next(iter(simulated.values())).size
     total = np.zeros(2 * n)

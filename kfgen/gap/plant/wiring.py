@@ -62,7 +62,13 @@ MIN_STUCK_RATIO = 8.0
 
 
 def plant_scene(model: UserModel, log: Log) -> PlantScene:
-    """The scene of a model and a log whose columns were looked at; raises as `PlantScene.of`."""
+    """The scene of a model and a log whose columns were looked at; raises as `PlantScene.of`.
+
+    Parameters
+    ----------
+    model : UserModel
+    log : Log
+    """
     bare = PlantScene.bare(model, log)
     sound, said, spoilt = _sound(model, log)
     either: list[Placed] = []

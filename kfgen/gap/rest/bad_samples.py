@@ -67,7 +67,18 @@ def _wild(raw: RawSamples) -> Mask:
 
 
 def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> list[str]:
-    """What is said of them: how many, and when."""
+    """What is said of them: how many, and when.
+
+    Parameters
+    ----------
+    name : str
+        Of the channel.
+    t : ndarray, shape (n,)
+        Times [s].
+    odd : ndarray of bool, shape (n,)
+        Samples that are left out.
+    found : sequence of DetectedFault
+    """
     if not found:
         return []
     first, last = t[odd][[0, -1]]

@@ -44,6 +44,12 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
 
     So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
 
+    Parameters
+    ----------
+    record : Record
+    noise : ChannelNoise
+        Assumed of it.
+
     Raises
     ------
     InputError
@@ -63,7 +69,15 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
 
 
 def merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Believed deterministic terms with what was found to be missing of them added."""
+    """Believed deterministic terms with what was found to be missing of them added.
+
+    Parameters
+    ----------
+    trusted : tuple of Term
+        Assumed deterministic terms.
+    terms : tuple of Term
+        What was found.
+    """
     out = list(terms)
     for old in trusted:
         same = [t for t in out if t.effect.name == old.effect.name and not old.effect.repeatable]
@@ -101,7 +115,14 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
 
 
 def check(channel: str, record: Record, noise: ChannelNoise) -> None:
-    """Raise `InputError` where a comparison would mean nothing."""
+    """Raise `InputError` where a comparison would mean nothing.
+
+    Parameters
+    ----------
+    channel : str
+    record : Record
+    noise : ChannelNoise
+    """
     if record.y.size < 4 * MINIMUM:
         raise InputError(
             f"{channel} has {record.y.size} samples, too few to fit and to prove",
