@@ -10,11 +10,16 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import kfgen
+from kfgen.effects.noise_model import parse_noise
+from kfgen.manoeuvre.file import parse_manoeuvre
+from kfgen.model.filter_file import parse_filter
+from kfgen.model.plant.file import parse_model
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -87,6 +92,23 @@ def test_python_of_the_readme(tmp_path: Path) -> None:
         )
         assert done.returncode == 0, done.stderr
         assert "temperature" in done.stdout
+
+
+FORMATS = {
+    "kfgen-noise-1": parse_noise,
+    "kfgen-model-1": parse_model,
+    "kfgen-filter-1": parse_filter,
+    "kfgen-manoeuvre-1": parse_manoeuvre,
+}
+
+
+def test_files_that_are_shown_are_read() -> None:
+    """The page of file formats shows one file of each, and its reader takes it."""
+    shown = blocks(ROOT / "docs/files.md", "toml")
+    formats = [str(tomllib.loads(text)["format"]) for text in shown]
+    assert sorted(formats) == sorted(FORMATS)
+    for name, text in zip(formats, shown, strict=True):
+        assert FORMATS[name](text, "docs/files.md") is not None
 
 
 def test_pages_are_short_and_their_links_lead_somewhere() -> None:
