@@ -1,7 +1,7 @@
 """The demonstration: a simulated gyro with two effects that its model does not know.
 
 A bench log at constant temperature gives the noise file. A field log, warmed by the sun and shaken by a
-fan, disagrees with it. Both effects are named, the model mended, and the mended filter emitted and proven.
+fan, disagrees with it. Both effects are named, the model updated, and the updated filter emitted and proven.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.noise_model import NoiseModel, write_noise
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.routines import Program
-from kfgen.gap.rest.even_record import drivers_of, regular
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.find_gap import find_gap
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.log.log import Channel, Log
@@ -28,7 +27,7 @@ from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.report.audit import audit_answer
 from kfgen.report.filter import OPERATIONS, operation_rows
-from kfgen.report.gap import gap_answer, mended_model
+from kfgen.report.gap import gap_answer
 from kfgen.report.identify import identify_answer, noise_model
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
 from kfgen.report.page import Answer, Page, heading, sentence, table, text, write_page
@@ -78,13 +77,12 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     believed = noise_model([bench], found)
     write_noise(believed, out / "noise.toml")
     say("2 compare the field log with it")
-    record, stamps, _ = regular(field, CHANNEL, believed.channel(CHANNEL).effects, drivers_of(field)[0])
-    gaps = {CHANNEL: find_gap(CHANNEL, record, believed.channel(CHANNEL), stamps)}
-    gap = gap_answer(field, believed, gaps)
-    mended = mended_model(believed, gaps)
-    write_noise(mended, out / "improved.toml")
-    say("3 emit the mended filter and prove it")
-    proof, filter_page = _filter(out, mended)
+    compared = find_gap(field, believed)
+    gap, updated = gap_answer(compared), compared.updated
+    assert isinstance(updated, NoiseModel)
+    write_noise(updated, out / "improved.toml")
+    say("3 emit the updated filter and prove it")
+    proof, filter_page = _filter(out, updated)
     identified = identify_answer([bench], found)
     page = (
         Page(
@@ -109,7 +107,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
             identified.text,
             "The field log",
             gap.text,
-            "The mended filter",
+            "The updated filter",
             proof.text,
             f"report: {report.resolve()}",
         ]
@@ -125,7 +123,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
 
 
 def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
-    """Audit, emission and proof of the mended filter."""
+    """Audit, emission and proof of the updated filter."""
     program = Program(DiscreteModel.at_rate(build("gyro-static", noise), RATE))
     for target in ("c", "filterpy"):
         write_folder(program, target, noise, out / target)
@@ -135,7 +133,7 @@ def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
     page = Page(
         "",
         (
-            heading("The mended filter"),
+            heading("The updated filter"),
             table(STATE_HEAD, state_rows(program.discrete)),
             *hidden_states.page.parts[1:],
             *equation_parts(program.discrete, ("F", "H", "Phi")),

@@ -9,7 +9,7 @@ from typing import Any
 
 import sympy as sp
 
-from kfgen.audit.exact.chain import Hidden, along
+from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.plan import Plan
 from kfgen.core.expression import read_expression
 from kfgen.effects import make
@@ -205,12 +205,12 @@ def flown(*segments: Segment, **start: Any) -> Manoeuvre:
     return Manoeuvre("test", "a test", segments, **start)
 
 
-def hidden(m: FilterModel, manoeuvre: Manoeuvre) -> Hidden:
+def hidden(m: FilterModel, manoeuvre: Manoeuvre) -> NullSpace:
     (h,) = along(Plan(m, m.sensors), [manoeuvre])
     return h
 
 
-def holds(m: FilterModel, h: Hidden, **direction: Any) -> bool:
+def holds(m: FilterModel, h: NullSpace, **direction: Any) -> bool:
     """Whether a direction, given by state, is hidden."""
     assert set(direction) <= {s.name for s in m.states}
     vector = [h.ring.of(Fraction(direction.get(s.name, 0))) for s in m.states]

@@ -38,8 +38,8 @@ from kfgen.effects.linear_system import initial_covariance
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import c
+from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.evidence import additions, believed, candidates, series_of
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.model.discretise import DiscreteModel
@@ -597,7 +597,7 @@ def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
     base = believed(record, (make("white_noise", N=1.0),), {})
     assert any(type(starts[0].effect) is hum for starts in additions(base, series_of(base)))
     assert candidates(base)[0].name == "test_hum"
-    gap = find_gap("gyro_x", record, ChannelNoise("rad/s", (Term(make("white_noise", N=1.0)),)))
+    gap = channel_gap("gyro_x", record, ChannelNoise("rad/s", (Term(make("white_noise", N=1.0)),)))
     assert [f.effect.name for f in gap.findings] == ["test_hum"]
     assert gap.verdict == "effects_found"
 

@@ -18,7 +18,7 @@ from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.emit.folder import Emitted, read_folder, write_folder
 from kfgen.emit.reference import Machine
-from kfgen.emit.routines import LONGEST_WAIT, Program
+from kfgen.emit.routines import MAX_WAITING_PREDICTIONS, Program
 from kfgen.emit.scenario import scenario, split
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
@@ -126,5 +126,5 @@ def test_noise_that_waits_for_longer_than_the_first_500_steps_is_met() -> None:
 
 def test_noise_does_not_wait_for_longer_than_the_proof() -> None:
     with pytest.raises(InputError, match="misses 3000 predictions"):
-        waits(1.5 * LONGEST_WAIT / 100.0)
-    assert np.isfinite(waits(LONGEST_WAIT / 100.0).q_interval)
+        waits(1.5 * MAX_WAITING_PREDICTIONS / 100.0)
+    assert np.isfinite(waits(MAX_WAITING_PREDICTIONS / 100.0).q_interval)

@@ -1,4 +1,4 @@
-"""The answer of an audit: rank, hidden directions with names and units, in words; what frees them, and how well states show."""
+"""What a filter cannot know: its unobservable directions with names and units, the manoeuvres that show them, how well the rest shows."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
-from kfgen.audit.exact.basis import Null, readable
-from kfgen.audit.exact.chain import Hidden, along
+from kfgen.audit.exact.basis import NullVector, readable
+from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.padic import PRIMES, Degenerate
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.symbolic import at_rest, null_of
@@ -163,6 +163,7 @@ def audit(
 
     Parameters
     ----------
+    model : FilterModel
     manoeuvres : sequence of Manoeuvre, optional
         The first one's directions are held against the library; at rest when left out.
     horizon : Horizon, optional
@@ -173,22 +174,23 @@ def audit(
     length = horizon.duration if horizon else None
     for m in manoeuvres:
         m.values(np.linspace(0.0, m.length if length is None else length, LOOKS))
-    generic, found = _hidden(plan, flown, length)
+    generic, found = _null_spaces(plan, flown, length)
     nulls = [readable(plan, m, h, generic=generic) for m, h in zip(flown, found)]
     table = None
-    freed: list[tuple[str, ...]] = [()] * found[0].nullity
+    shown_by: list[tuple[str, ...]] = [()] * found[0].nullity
     if found[0].nullity:
         others = [m for m in candidates(plan) if m.name not in {f.name for f in flown}]
         seen = [along(plan, [m], generic=generic)[0] for m in others] + found[1:]
         columns = (*others, *flown[1:])
         rows = tuple(
-            tuple(_freed(h, carried(plan, v, flown[0], m)) for m, h in zip(columns, seen)) for v in nulls[0]
+            tuple(_observable_along(h, carried(plan, v, flown[0], m)) for m, h in zip(columns, seen))
+            for v in nulls[0]
         )
         table = ManoeuvreTable(columns, rows) if columns else None
-        freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
+        shown_by = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
     audits = []
     for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
-        directions = _directions(plan, m, vs, freed if k == 0 else [()] * len(vs), length, generic=generic)
+        directions = _directions(plan, m, vs, shown_by if k == 0 else [()] * len(vs), length, generic=generic)
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
         run, start = None, plan.numbers(generic=generic)
         if horizon is not None:
@@ -209,7 +211,7 @@ def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDA
     t : ndarray, shape (n,)
         [s]
     deviation : ndarray, shape (n, states)
-        Of the filter [SI].
+        Standard deviations of the filter [SI].
     """
     # How a log starts is not asked: at no special attitude body axes keep their own names.
     motion = replace(LIBRARY["generic"], name=name, title="as recorded", attitude=(3.0, 1.0, -1.0, 2.0))
@@ -220,23 +222,25 @@ def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDA
     return replace(any_motion, audits=(replace(any_motion.first, degree=run, recorded=True),), table=None)
 
 
-def hidden_directions(model: FilterModel) -> tuple[Direction, ...]:
-    """What a model hides at its usual manoeuvre, without asking what would free it."""
+def unobservable_directions(model: FilterModel) -> tuple[Direction, ...]:
+    """What is unobservable at the usual manoeuvre of a model, without asking which other one would show it."""
     plan, m = Plan(model, tuple(model.sensors)), usual(model)
-    generic, (h,) = _hidden(plan, (m,), None)
+    generic, (h,) = _null_spaces(plan, (m,), None)
     vs = readable(plan, m, h, generic=generic)
     return tuple(_directions(plan, m, vs, [()] * len(vs), None, generic=generic))
 
 
-def _freed(h: Hidden, variants: Sequence[Sequence[Fraction]] | None) -> bool | None:
-    """Whether a direction, in none of its variants, is hidden along another manoeuvre; None where it is no fraction."""
+def _observable_along(h: NullSpace, variants: Sequence[Sequence[Fraction]] | None) -> bool | None:
+    """Whether another manoeuvre shows a direction in each of its variants; None where it is no fraction."""
     if variants is None:
         return None
     return not any(h.contains([h.ring.of(e) for e in v], h.ring) for v in variants)
 
 
-def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:
-    """What is hidden, at the declared start where that is no special point, else at a generic one."""
+def _null_spaces(
+    plan: Plan, flown: Sequence[Manoeuvre], length: float | None
+) -> tuple[bool, list[NullSpace]]:
+    """Null spaces at the declared start where that is no special point, else at a generic one, and whether at that."""
     found = along(plan, flown, length, generic=True)
     if not plan.own:
         return False, found
@@ -249,8 +253,8 @@ def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tup
 
 def _declared(
     plan: Plan, flown: Sequence[Manoeuvre], length: float | None = None, p: int = PRIMES[0]
-) -> tuple[bool, list[Hidden]]:
-    """What is hidden at the declared start, and True; at a generic one, and False, where the model has no value there."""
+) -> tuple[bool, list[NullSpace]]:
+    """Null spaces at the declared start, and True; at a generic one, and False, where the model has no value there."""
     try:
         return True, along(plan, flown, length, generic=False, p=p)
     except Degenerate:
@@ -258,9 +262,16 @@ def _declared(
 
 
 def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
-    """What a model has too much of; errors of calibration are looked at where they are declared, around zero."""
+    """What a model has too much of; errors of calibration are looked at where they are declared, around zero.
+
+    Parameters
+    ----------
+    plan : Plan
+    horizon : Horizon or None
+        How long is measured; None where that is not known.
+    """
     rich = LIBRARY["generic"]
-    nulls: list[Null] = []
+    nulls: list[NullVector] = []
     if plan.channels:
         at_zero, (h,) = _declared(plan, [rich])
         nulls = readable(plan, rich, h, generic=not at_zero)
@@ -271,8 +282,8 @@ def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
 def _directions(
     plan: Plan,
     manoeuvre: Manoeuvre,
-    nulls: Sequence[Null],
-    freed: Sequence[tuple[str, ...]],
+    nulls: Sequence[NullVector],
+    shown_by: Sequence[tuple[str, ...]],
     length: float | None,
     *,
     generic: bool,
@@ -281,7 +292,7 @@ def _directions(
     constant = at_rest(model, manoeuvre) if nulls and not generic else None
     out = []
     amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
-    for v, free, (values, exact) in zip(nulls, freed, amounts):
+    for v, free, (values, exact) in zip(nulls, shown_by, amounts):
         parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in v.support]
         formula = _formula(constant, v)
         out.append(
@@ -297,7 +308,7 @@ def _directions(
     return tuple(out)
 
 
-def _formula(constant: Any, v: Null) -> Mapping[int, str]:
+def _formula(constant: Any, v: NullVector) -> Mapping[int, str]:
     """The amounts of a direction in symbols."""
     if constant is None:
         return {}

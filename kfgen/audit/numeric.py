@@ -1,4 +1,4 @@
-"""What the numerical tools say of the same question, for comparison.
+"""What an engineer would get from the usual tool, beside the exact answer.
 
 python-control's observability matrix, numpy's rank and condition number of it: they mix units and
 have a tolerance, and see one instant of a motion, so they may differ from the exact answer.
@@ -26,7 +26,15 @@ class Numeric:
 
 
 def numeric(model: FilterModel, manoeuvre: Manoeuvre, start: Mapping[str, float]) -> Numeric:
-    """Rank and condition number in floating point where a manoeuvre starts, `start` as of `Flight`; drivers at one."""
+    """Rank and condition number in floating point where a manoeuvre starts, `start` as of `Flight`; drivers at one.
+
+    Parameters
+    ----------
+    model : FilterModel
+    manoeuvre : Manoeuvre
+    start : mapping of str to float
+        Where blocks of the model's own start [SI], as of `Flight`.
+    """
     import control
 
     t = np.array([0.0, 1e-2, 2e-2])

@@ -100,17 +100,9 @@ def _matching(patterns: Sequence[str]) -> list[str]:
 
 def _check(model: str) -> None:
     """Read the model once, so that what is wrong with it is not said of every log."""
-    from kfgen.cli.options import noise_of
-    from kfgen.cli.worlds import is_model_file
-    from kfgen.model.library import build
-    from kfgen.model.plant.user import read_model
+    from kfgen.gap.find_gap import assumed_model
 
-    if is_model_file(model):
-        read_model(model)
-    elif model.endswith(".toml"):
-        noise_of(Path(model))
-    else:
-        build(model)
+    assumed_model(model)
 
 
 def work(task: Task) -> Outcome:
@@ -141,11 +133,12 @@ def _identify(task: Task) -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def _gap(task: Task) -> tuple[dict[str, Any], tuple[str, ...]]:
-    from kfgen.cli.gap import gap_between
     from kfgen.cli.options import read
+    from kfgen.gap.find_gap import find_gap
 
-    answer, _ = gap_between(task.model, read(Path(task.log), task.rate, task.columns), task.channels)
-    return answer.data, answer.warnings
+    log = read(Path(task.log), task.rate, task.columns)
+    found = find_gap(log, task.model, channels=task.channels)
+    return found.to_dict(), found.warnings
 
 
 def _here(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:

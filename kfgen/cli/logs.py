@@ -20,7 +20,6 @@ from kfgen.cli.options import (
     Output,
     Rate,
     Report,
-    SampleRate,
     Sensors,
     Set,
     deliver,
@@ -36,6 +35,8 @@ if TYPE_CHECKING:
     from kfgen.log.log import Log, StoredLog
 
 BAND = ("_lo", "_hi")
+DEFAULT_RATE_HZ = 100.0
+"""Of a simulated log [Hz]."""
 NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
 
 
@@ -188,26 +189,53 @@ def identify(
 def simulate(
     model: ModelName,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
-    duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0,
-    rate: SampleRate = 100.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
+    duration: Annotated[float, typer.Option(help="Length of the log [s].")] = 60.0,
+    rate: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HZ|SENSOR=HZ",
+            help="Rate of the inputs and of the log [Hz], 100 where left out; or of a sensor (gnss=5). May be repeated.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
     noise: Noise = None,
     set_: Set = None,
     sensor: Sensors = None,
+    decoy: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="DRIVER",
+            help="A driver in the log on which nothing depends (temperature). May be repeated.",
+        ),
+    ] = None,
+    vibration: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ACCELERATION",
+            help="Vibration that comes and goes on every axis, for example '0.5 m/s^2'.",
+        ),
+    ] = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """A log from a model."""
+    """A log from a model: its sensors at their own rates, and the truth beside them."""
     import numpy as np
 
+    from kfgen.core.units import parse_quantity
     from kfgen.log.readers import write_log
     from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import simulate_answer
+    from kfgen.simulate.rates import read_rates
     from kfgen.simulate.simulate import simulate as simulated
 
-    discrete = DiscreteModel.at_rate(model_of(model, noise, set_, sensor), rate)
-    log = simulated(discrete, manoeuvre, duration, np.random.default_rng(seed))
+    of_log, rates = read_rates(rate or (), DEFAULT_RATE_HZ)
+    shaken = parse_quantity(vibration, "m/s^2", where="--vibration") if vibration else 0.0
+    discrete = DiscreteModel.at_rate(model_of(model, noise, set_, sensor), of_log)
+    rng = np.random.default_rng(seed)
+    log = simulated(
+        discrete, manoeuvre, duration, rng, rates=rates, decoys=tuple(decoy or ()), vibration=shaken
+    )
     write_log(log, output)
     deliver(simulate_answer(log, str(output)), json, report)
 
@@ -235,13 +263,15 @@ def run(
     from kfgen.report.filter import run_answer
     from kfgen.run.adaptive.rules import rule_named
     from kfgen.run.adaptive.wrapper import adapted
+    from kfgen.run.filter_calls import rates_in
     from kfgen.run.run import attitude_error
     from kfgen.run.run import run as ran
 
     data = read(log, rate, columns)
     longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
     built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.at_rate(built, 1.0 / data.dt, max_step=longest))
+    rates = rates_in(data, built)
+    program = Program(DiscreteModel.at_rate(built, 1.0 / data.dt, max_step=longest, rates=rates))
     rule = rule_named(adaptive, "--adaptive") if adaptive else None
     result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
     deliver(run_answer(result, attitude_error(result, data), data), json, report)

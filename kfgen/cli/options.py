@@ -92,10 +92,12 @@ def ran_over(model: FilterModel, log: Log) -> tuple[FilterModel, Array, Array]:
 
     from kfgen.emit.routines import Program
     from kfgen.model.discretise import DiscreteModel
+    from kfgen.run.filter_calls import rates_in
     from kfgen.run.run import run
 
     longest = max(0.1, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
-    result = run(Program(DiscreteModel.at_rate(model, 1.0 / log.dt, max_step=longest)), log)
+    rates = rates_in(log, model)
+    result = run(Program(DiscreteModel.at_rate(model, 1.0 / log.dt, max_step=longest, rates=rates)), log)
     present = tuple(s for s in model.sensors if s.name in result.sensors)
     return replace(model, sensors=present), log.t, result.deviation
 

@@ -90,6 +90,9 @@ class Log:
         Duration that its header states beside a rate [s]; zero where it states none.
     axis : str
         ``t``, or ``tau`` for a published Allan deviation over averaging times.
+    samples : str
+        What a sample of an inertial sensor stands for: the interval ``after`` it, the one ``before`` it, or the
+        instant (``at``); empty where the log does not say.
 
     Raises
     ------
@@ -104,6 +107,7 @@ class Log:
     warnings: tuple[str, ...] = field(default=())
     axis: str = "t"
     stated: float = 0.0
+    samples: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))

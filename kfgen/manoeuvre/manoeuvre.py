@@ -146,14 +146,25 @@ class Manoeuvre:
         """When the segments begin [s], and when the last ends, shape (segments + 1,)."""
         return np.concatenate([[0.0], np.cumsum([s.lasts(length) for s in self.segments])])
 
-    def values(self, t: Array) -> tuple[Array, Array, Array]:
+    def values(
+        self, t: Array, length: float | None = None, start: float | None = None
+    ) -> tuple[Array, Array, Array]:
         """Body rate, acceleration and body acceleration at times (n,), each (n, 3).
 
-        The manoeuvre's length is that of the times, unless its segments say their own; after the last
-        segment the body keeps its attitude and its velocity.
+        After the last segment the body keeps its attitude and its velocity.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            [s].
+        length : float, optional
+            Of the manoeuvre [s], unless its segments say their own; that of the times where left out.
+        start : float, optional
+            When it begins [s]; the first of the times where left out.
         """
-        length = float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S
-        rows = self._sampled(t, length, lambda s: s.formulas(length), 9)
+        length = length or (float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S)
+        since = t - (t[0] if start is None else start)
+        rows = self._sampled(since, length, lambda s: s.formulas(length), 9)
         return rows[:, :3], rows[:, 3:6], rows[:, 6:]
 
     def input(self, name: str, t: Array) -> Array | None:
@@ -180,13 +191,14 @@ class Manoeuvre:
             return None
         length = float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S
         zero = Expression("0", sp.Integer(0))
-        return self._sampled(t, length, lambda s: (of_time(s.inputs.get(name, zero), length),), 1)[:, 0]
+        return self._sampled(t - t[0], length, lambda s: (of_time(s.inputs.get(name, zero), length),), 1)[
+            :, 0
+        ]
 
     def _sampled(
-        self, t: Array, length: float, formulas: Callable[[Segment], Sequence[sp.Expr]], count: int
+        self, since: Array, length: float, formulas: Callable[[Segment], Sequence[sp.Expr]], count: int
     ) -> Array:
-        out = np.zeros((t.size, count))
-        since = t - t[0]
+        out = np.zeros((since.size, count))
         edges = self.starts(length)
         edges[-1] += 1e-9 * max(edges[-1], 1.0) if edges[-1] >= length * (1 - 1e-12) else 0.0
         for k, segment in enumerate(self.segments):

@@ -63,6 +63,8 @@ class FilterModel:
         What is believed before the first measurement, by the name of a stored state, or ``heading``.
     unchecked : tuple of Omission
         What else its file says that is not in the filter.
+    ideal : bool
+        Without the errors of its readings.
 
     Raises
     ------
@@ -81,6 +83,7 @@ class FilterModel:
     uses: Mapping[str, tuple[Use, ...]] = field(default_factory=dict)
     initial: Mapping[str, Initial] = field(default_factory=dict)
     unchecked: tuple[Omission, ...] = ()
+    ideal: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
@@ -132,7 +135,9 @@ class FilterModel:
     def _effects(self) -> FilterEffects:
         """What the effects of channels are in this filter."""
         uses = {where: self.uses_at(where) for where in self.noise}
-        return FilterEffects(self.name, self.motion, self.sensors, self.noise, uses, self.channel_units)
+        return FilterEffects(
+            self.name, self.motion, self.sensors, self.noise, uses, self.channel_units, self.ideal
+        )
 
     @property
     def omitted(self) -> tuple[Omission, ...]:

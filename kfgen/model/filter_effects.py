@@ -53,6 +53,8 @@ class FilterEffects:
         Of each of them.
     units : mapping of str to str
         SI unit of every channel, inputs first.
+    ideal : bool
+        Without errors of readings.
     """
 
     name: str
@@ -61,6 +63,7 @@ class FilterEffects:
     noise: Mapping[str, tuple[Effect, ...]]
     uses: Mapping[str, tuple[Use, ...]]
     units: Mapping[str, str]
+    ideal: bool = False
 
     @cached_property
     def inputs(self) -> frozenset[str]:
@@ -123,6 +126,8 @@ class FilterEffects:
     @cached_property
     def errors(self) -> tuple[AttachedError, ...]:
         """The changes of readings: of the motion's options, of the sensors', of the effects of channels."""
+        if self.ideal:
+            return ()
         found: dict[tuple[str, str, str], AttachedError] = {}
         for e in (*self.motion.errors, *(e for s in self.sensors for e in s.errors)):
             found.setdefault((e.where, e.effect.name, ",".join(p.name for p in e.parameters)), e)

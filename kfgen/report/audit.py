@@ -14,9 +14,9 @@ from kfgen.audit.audit import Audit, Audited, ManoeuvreTable
 from kfgen.audit.degree import Degree
 from kfgen.audit.words import amount, called
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import finite
 from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
-from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import Line, curves_picture, thin
 

@@ -9,9 +9,9 @@ import numpy as np
 
 import kfgen
 from kfgen.arma.process import Arma
+from kfgen.core.numbers import quantity
 from kfgen.core.units import display_unit, parse_unit
 from kfgen.log.log import Log
-from kfgen.report.identify import quantity
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Panel, panels_picture, series_picture, thin
 from kfgen.run.adaptive.cost import HIDDEN, STEP

@@ -11,13 +11,13 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import finite, quantity
 from kfgen.core.units import display_unit, from_si
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.fleet.fleet import RATE, Fleet, Outcome, Shared
 from kfgen.fleet.population import TESTED, Interval
 from kfgen.fleet.reading import LogReading, ReadNumber
-from kfgen.report.identify import finite, quantity
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import Dot, dots_picture
 

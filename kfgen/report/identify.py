@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.core.numbers import finite, quantity
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, ParameterCovariance, Term
@@ -68,11 +69,6 @@ def expected_deviation(record: Evidence, effects: tuple[Effect, ...]) -> Array:
     tau = record.curve.tau
     random = sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size))
     return np.sqrt(random + record.drift_variance(effects))
-
-
-def quantity(value: float, unit: str) -> str:
-    """An SI value in a unit, three digits."""
-    return f"{from_si(value, unit):.3g} {unit}".rstrip() if np.isfinite(value) else "unbounded"
 
 
 def identify_answer(logs: Sequence[Log | StoredLog], found: Mapping[str, Identified]) -> Answer:
@@ -261,8 +257,3 @@ def _parameter(result: Identified, i: int, effect: Effect, name: str, unit: str)
     if (i, name) in result.bounds:
         entry["crlb_rel"] = finite(result.bounds[i, name])
     return entry
-
-
-def finite(value: float) -> float | None:
-    """A number for JSON: infinities and not-a-number as null."""
-    return float(value) if np.isfinite(value) else None

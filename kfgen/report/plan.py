@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 import kfgen
+from kfgen.core.numbers import finite
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.identify.fit.bounds import relative_bound, seconds_for
-from kfgen.report.identify import finite
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
 

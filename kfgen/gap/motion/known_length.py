@@ -162,7 +162,7 @@ def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
     """
     from scipy.ndimage import binary_erosion, label
 
-    from kfgen.gap.motion.truth import running_variance
+    from kfgen.effects.inertial.vibration import running_variance
 
     dt = log.uniform_dt()
     y = np.array([log.values(f"{sensor}_{a}") for a in AXES]).T

@@ -12,13 +12,15 @@ from kfgen.gap.core.scene import Placed
 from kfgen.model.plant.user import Acting, UserModel
 
 
-def mended(
+def updated_model(
     model: UserModel, placed: Sequence[Placed], values: Mapping[str, float] | None = None
 ) -> UserModel:
     """The model with effects added and parameters as they were found.
 
     Parameters
     ----------
+    model : UserModel
+        As it is assumed.
     placed : sequence of Placed
         A wrong parameter or start of a state is corrected in its place; of an effect that the model has, coefficients add.
     values : mapping of str to float, optional

@@ -16,7 +16,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
-from kfgen.log.readers.table import LogTable, TableColumn, stated_rate
+from kfgen.log.readers.table import LogTable, TableColumn, stated_rate, stated_samples
 
 SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -41,7 +41,7 @@ def read(path: Path) -> LogTable:
     columns = {
         name: TableColumn(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
     }
-    return LogTable(str(path), columns, rate, warnings, stated)
+    return LogTable(str(path), columns, rate, warnings, stated, stated_samples(lines[:first]))
 
 
 def write(log: Log, path: str | Path) -> None:
@@ -64,7 +64,7 @@ def write(log: Log, path: str | Path) -> None:
             np.column_stack(columns),
             fmt=digits,
             delimiter=",",
-            header=",".join(names),
+            header=(f"# samples: {log.samples}\n" if log.samples else "") + ",".join(names),
             comments="",
         )
 

@@ -68,9 +68,8 @@ def read(path: Path) -> LogTable:
     try:
         units = _own_units(arrays)
         if units is not None:
-            return LogTable(
-                str(path), {k: TableColumn(np.asarray(arrays[k], float), u) for k, u in units.items()}
-            )
+            columns = {k: TableColumn(np.asarray(arrays[k], float), u) for k, u in units.items()}
+            return LogTable(str(path), columns, samples=str(arrays.get("kfgen_samples", "")))
     except (ValueError, TypeError, AttributeError):
         raise InputError(
             "its units or arrays are garbled", where=str(path), remedy="Write the log again"
@@ -92,6 +91,8 @@ def write(log: Log, path: str | Path) -> None:
     }
     arrays["t"] = np.asarray(log.t)
     arrays["kfgen_units"] = np.array(json.dumps(units))
+    if log.samples:
+        arrays["kfgen_samples"] = np.array(log.samples)
     with write_whole(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:

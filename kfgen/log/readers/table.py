@@ -19,6 +19,7 @@ from kfgen.log.log import RATE_RELATIVE_TOLERANCE, Channel, Log, StoredChannel, 
 CHUNK_SAMPLES = 1 << 20
 """Samples in a slice of a mapped file."""
 _SETTING = re.compile(r"\s*#?\s*(Fs|Logging time)\s*[,;=:]\s*([0-9.]+)", re.I)
+_SAMPLES = re.compile(r"\s*#\s*samples\s*[,;=:]\s*(after|before|at)\s*$", re.I)
 _ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s*$")
 
 
@@ -60,6 +61,7 @@ class LogTable:
     rate: float | None = None
     warnings: tuple[str, ...] = field(default=())
     stated: float = 0.0
+    samples: str = ""
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,11 @@ def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, float, tupl
     return rate, duration, ()
 
 
+def stated_samples(lines: Sequence[str]) -> str:
+    """What the samples stand for by a header line like ``# samples: after``; empty where there is none."""
+    return next((m.group(1).lower() for line in lines if (m := _SAMPLES.match(line))), "")
+
+
 def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha256: str) -> Log:
     """A `Log` from a `LogTable`: names mapped, units converted, time found.
 
@@ -181,7 +188,7 @@ def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha
             )
         return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
-    return Log(t, channels, table.source, sha256, warnings, stated=stated)
+    return Log(t, channels, table.source, sha256, warnings, stated=stated, samples=table.samples)
 
 
 def stored(table: LogTable, columns: ColumnMap | None, rate: float | None, sha256: str) -> StoredLog:

@@ -30,6 +30,7 @@ class Barometer(Sensor):
     unit = "m"
     channels = ("baro",)
     sd = 0.3
+    usual_rate = 20.0
     needs = ("height",)
     biases = True
     bias_prior = 10.0

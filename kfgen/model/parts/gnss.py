@@ -38,6 +38,7 @@ class Antenna(Sensor):
     """What GNSS sensors share: where the antenna is, and how old its solution."""
 
     options = (LEVER_ARM, DELAY)
+    usual_rate = 5.0
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
         super().__init__(chosen, axes)

@@ -42,6 +42,8 @@ class Sensor(Configured):
         What the model leaves out (a body that accelerates, a field that bends), as a density
         [SI/sqrt(Hz)]: it is slow against the samples, so it must not be averaged away faster at a
         higher rate. The filter adds it, the simulation does not.
+    usual_rate : float
+        At which such sensors sample [Hz]; zero for that of the inputs.
     needs : tuple of str
         State blocks and what a motion offers, that it looks at.
     blocks : tuple of Vector
@@ -70,6 +72,7 @@ class Sensor(Configured):
     channels: tuple[str, ...] = ()
     sd: float = 0.0
     left_out: float = 0.0
+    usual_rate: float = 0.0
     needs: tuple[str, ...] = ()
     constants: tuple[Constant, ...] = ()
     blocks: tuple[Vector, ...] = ()

@@ -100,6 +100,7 @@ class MagneticField(Sensor):
     unit = "T"
     channels = triad("mag")
     sd = 2e-7
+    usual_rate = 50.0
     bias_prior = 2e-5
     needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"

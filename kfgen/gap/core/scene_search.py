@@ -1,4 +1,4 @@
-"""Finding the gap of a scene: screen every addition, fit the promising ones, compare, add, again.
+"""A scene as the search sees it: screen every addition, fit the promising ones, weigh them by their evidence.
 
 The currency is that of `kfgen.gap.rest.evidence`: marginal likelihood by Laplace's method with the same
 priors. What is promising says the screen, see `kfgen.gap.core.screen`.
@@ -6,8 +6,9 @@ priors. What is promising says the screen, see `kfgen.gap.core.screen`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,33 +16,43 @@ from numpy.typing import NDArray
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange
-from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
-from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed, keys_of, log_posterior
-from kfgen.gap.core.scene import Integrating, Placed, Scene, ScenePoint
+from kfgen.gap.core.newton import SceneFit, fitted, is_signed, keys_of
+from kfgen.gap.core.scene import Placed, Scene, ScenePoint
+from kfgen.gap.core.scene_evidence import evidence, time_limits
 from kfgen.gap.core.screen import LOST, Screened, basis, freed, new_columns, screen
-from kfgen.gap.rest.evidence import ABOVE, BETWEEN
+from kfgen.gap.core.search import Chosen, Contest, Distinguishability, Label, probabilities, searched
+from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS, SearchLimits
+from kfgen.gap.rest.evidence import TIME_LIMITS
 
 Array = NDArray[np.float64]
 
-PROMISING = 8
+LIMITS = SearchLimits(max_effects=10)
+FITTED_ADDITIONS = 8
 """Additions that are fitted, the best of the screen."""
-MOST = 10
-"""Effects in one scene."""
-BETTER = 1.0
-"""Nats by which another name must be better to take a place."""
-DETECTABLE = 8.0
-"""Nats that an effect must be worth on average to be named."""
-SURE = 20.0
-"""Nats of an effect that nothing else resembles, with which it is not put to the test again."""
-RESEMBLING = 0.2
+MIN_SCREEN_GAIN_NATS = 1.0
+"""Linear gain below which an addition is not fitted."""
+UNRIVALLED_EVIDENCE_NATS = 20.0
+"""Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
+RESEMBLING_MIN_COS2 = 0.2
 """Share cos^2 of a direction from which on another addition might be what an effect is."""
-BLIND = 1e-6
-"""Share of the information on an unknown that must be left."""
+DIVERGED_MAX_INFORMATION_SHARE = 1e-6
+"""Share of the information on an unknown below which the simulation has diverged."""
 
 
 @dataclass(frozen=True)
 class FittedAddition:
-    """A fitted addition and its evidence over the scene without it [nats]."""
+    """A fitted addition and its evidence over the scene without it [nats].
+
+    Parameters
+    ----------
+    placed : Placed
+    fit : SceneFit
+        Of the scene with it, the last.
+    gain : float
+        The cost of choosing it taken off.
+    direction : ndarray, shape (N,)
+        In which it moves the residuals most, as of `Screened`.
+    """
 
     placed: Placed
     fit: SceneFit
@@ -49,105 +60,118 @@ class FittedAddition:
     direction: Array
 
     @property
-    def label(self) -> tuple[str, str]:
+    def label(self) -> Label:
         """Effect and place."""
         return self.placed.effect.name, self.placed.where
 
 
 @dataclass(frozen=True)
-class Added:
-    """An addition that was kept, and the shares of all that competed for its place."""
+class SceneExplanation:
+    """A scene with the effects that were added so far, and the fit with all of them.
 
-    trial: FittedAddition
-    shares: Mapping[tuple[str, str], float]
-    alike: Mapping[tuple[str, str], float]
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+    chosen : tuple of Chosen
+        In the order of the fit's effects.
+    """
+
+    scene: Scene
+    fit: SceneFit
+    chosen: tuple[Chosen[FittedAddition], ...] = ()
+
+    is_closed = False
+
+    @cached_property
+    def others(self) -> list[Screened]:
+        """What could be added, by its linear gain."""
+        return screen(self.scene, self.fit)
+
+    def ranked(self) -> list[FittedAddition]:
+        """What could be added, by evidence, the best first."""
+        return ranked(self.scene, self.fit, self.others)
+
+    def plus(self, addition: FittedAddition, ranked: Sequence[FittedAddition]) -> SceneExplanation:
+        """With one more, at the end, out of what competed with it."""
+        chosen = (*self.chosen, _chosen(addition, ranked))
+        return SceneExplanation(self.scene, addition.fit, with_values(chosen, addition.fit))
+
+    def merged(self, addition: FittedAddition) -> SceneExplanation | None:
+        """Nothing: no two effects of a scene are a third."""
+        return None
+
+    def moved(self, index: int) -> SceneExplanation:
+        """With the last effect put at `index`."""
+        *rest, last = self.chosen
+        chosen = (*rest[:index], last, *rest[index:])
+        return SceneExplanation(self.scene, _last(self.fit, index, back=True), chosen)
+
+    def doubts(self) -> list[bool]:
+        """Of each effect, whether it may be something else, or nothing beside those that were added since."""
+        return [_doubtful(self, i) for i in range(len(self.chosen))]
+
+    def contest(self, index: int) -> Contest[SceneExplanation, FittedAddition]:
+        """The scene without an effect, and what could stand in its place; the effect itself keeps its fit."""
+        placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
+        without = fitted(self.scene, ScenePoint(placed, self.fit.point.unknowns))
+        left = self.chosen[:index] + self.chosen[index + 1 :]
+        rest = SceneExplanation(self.scene, without, with_values(left, without))
+        same = _last(self.fit, index)
+        known = replace(self.chosen[index].addition, placed=same.point.placed[-1], fit=same)
+        trials = ranked(self.scene, without, rest.others, known)
+        return Contest(rest, trials, next((t for t in trials if t.fit is same), None))
+
+    def absorbers_last(self) -> SceneExplanation | None:
+        """Nothing: no effect of a scene absorbs others by chance."""
+        return None
+
+    def with_absorbers(self) -> SceneExplanation:
+        """Itself: nothing was kept back."""
+        return self
 
 
 @dataclass(frozen=True)
 class Explained:
-    """A scene explained: the fit as it is believed, the additions, the fit with them."""
+    """A scene explained: the fit of what is assumed, the additions, the fit with them."""
 
-    believed: SceneFit
-    added: tuple[Added, ...]
+    assumed: SceneFit
+    added: tuple[Chosen[FittedAddition], ...]
     fit: SceneFit
 
 
 def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
-    start = ScenePoint((), np.array([u.start for u in scene.unknowns]))
-    believed = fitted(scene, start)
-    added, fit, others = _grown(scene, [], believed)
-    for _ in range(3):
-        if len(added) < 2:
-            break
-        before = [a.trial.label for a in added]
-        added, fit = _reconsidered(scene, added, fit, others)
-        if [a.trial.label for a in added] == before:
-            break
-        added, fit, others = _grown(scene, added, fit)
-    return Explained(believed, tuple(added), fit)
+    assumed = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
+    found = searched(SceneExplanation(scene, assumed), LIMITS)
+    return Explained(assumed, found.chosen, found.fit)
 
 
-def _grown(
-    scene: Scene, added: Sequence[Added], fit: SceneFit
-) -> tuple[list[Added], SceneFit, Sequence[Screened]]:
-    """More additions, the fit with all of them, and what was not added."""
-    out, others = list(added), screen(scene, fit)
-    while len(out) < MOST:
-        trials = ranked(scene, fit, others)
-        if not trials or trials[0].gain < ABOVE:
-            break
-        fit = trials[0].fit
-        out = with_values([*out, _chosen(trials[0], trials)], fit)
-        others = screen(scene, fit)
-    return out, fit, others
+def with_values(added: Sequence[Chosen[FittedAddition]], fit: SceneFit) -> tuple[Chosen[FittedAddition], ...]:
+    """The additions with the values that they have in a fit of all of them.
 
-
-def with_values(added: Sequence[Added], fit: SceneFit) -> list[Added]:
-    """The additions with the values that they have in a fit of all of them."""
+    Parameters
+    ----------
+    added : sequence of Chosen
+    fit : SceneFit
+        With one effect for each, in order.
+    """
     pairs = zip(added, fit.point.placed)
-    return [replace(a, trial=replace(a.trial, placed=p)) for a, p in pairs]
+    return tuple(replace(a, addition=replace(a.addition, placed=p)) for a, p in pairs)
 
 
-def _reconsidered(
-    scene: Scene, added: Sequence[Added], fit: SceneFit, others: Sequence[Screened]
-) -> tuple[list[Added], SceneFit]:
-    """Each addition that is in doubt against others in its place, and against nothing."""
-    doubtful = [_doubtful(added, fit, others, i) for i in range(len(added))]
-    out, index = list(added), 0
-    while index < len(out):
-        if not doubtful[index]:
-            index += 1
-            continue
-        rest = out[:index] + out[index + 1 :]
-        placed = tuple(p for i, p in enumerate(fit.point.placed) if i != index)
-        without = fitted(scene, ScenePoint(placed, fit.point.unknowns))
-        same = _last(fit, index)
-        known = replace(out[index].trial, placed=same.point.placed[-1], fit=same)
-        trials = ranked(scene, without, screen(scene, without), known)
-        if not trials or trials[0].gain < ABOVE:
-            out, fit = with_values(rest, without), without
-            doubtful.pop(index)
-            continue
-        own = next((t for t in trials if t.fit is same), None)
-        keep = own if own is not None and trials[0].gain - own.gain < BETTER else trials[0]
-        out, fit = with_values([*rest, _chosen(keep, trials)], keep.fit), keep.fit
-        out, fit = [*out[:index], out[-1], *out[index:-1]], _last(fit, index, back=True)
-        index += 1
-    return out, fit
-
-
-def _doubtful(added: Sequence[Added], fit: SceneFit, others: Sequence[Screened], index: int) -> bool:
+def _doubtful(found: SceneExplanation, index: int) -> bool:
     """Whether an effect may be something else, or nothing beside those that were added since."""
-    if any(o.claims[index] > RESEMBLING for o in others):
+    if any(o.claims[index] > RESEMBLING_MIN_COS2 for o in found.others):
         return True
+    fit = found.fit
     J = fit.jacobian
     mine = [c for c, (i, _) in enumerate(fit.keys) if i == index]
     unknowns = J[:, len(fit.keys) :]
     left = np.sum(freed(J[:, mine], basis(unknowns)) ** 2, axis=0)
     alone = np.sum(freed(J[:, mine], basis(np.delete(J, mine, axis=1))) ** 2, axis=0)
     kept = float((alone / np.maximum(left, 1e-300)).min(initial=1.0))
-    return added[index].trial.gain * kept < SURE
+    return found.chosen[index].gain * kept < UNRIVALLED_EVIDENCE_NATS
 
 
 def _last(fit: SceneFit, index: int, *, back: bool = False) -> SceneFit:
@@ -170,17 +194,12 @@ def _last(fit: SceneFit, index: int, *, back: bool = False) -> SceneFit:
     )
 
 
-def _chosen(best: FittedAddition, trials: Sequence[FittedAddition]) -> Added:
-    gains = np.array([0.0, *(t.gain for t in trials)])
-    weights = np.exp(gains - gains.max())
-    weights /= weights.sum()
-    shares: dict[tuple[str, str], float] = {("none", ""): float(weights[0])}
-    for t, w in zip(trials, weights[1:].tolist()):
-        shares[t.label] = shares.get(t.label, 0.0) + w
-    alike: dict[tuple[str, str], float] = {}
+def _chosen(best: FittedAddition, trials: Sequence[FittedAddition]) -> Chosen[FittedAddition]:
+    alike: dict[Label, float] = {}
     for t in (t for t in trials if t is not best):
         alike[t.label] = max(alike.get(t.label, 0.0), _cos2(best.direction, t.direction))
-    return Added(best, shares, alike)
+    others = tuple(Distinguishability(*label, cos2) for label, cos2 in alike.items())
+    return Chosen(best, probabilities(trials), others)
 
 
 def _cos2(a: Array, b: Array) -> float:
@@ -195,9 +214,12 @@ def ranked(
 
     Parameters
     ----------
+    scene : Scene
+    base : SceneFit
+        Of the scene without them.
     others : sequence of Screened
         Beside `base`, the best first.
-    known : Trial, optional
+    known : FittedAddition, optional
         An addition that is fitted already: half as many others are held against it.
     """
     if known is not None:
@@ -210,8 +232,8 @@ def ranked(
     if known is not None:
         gain = evidence(scene, known.fit) - reference - _cost(known.placed, every)
         trials.append(replace(known, gain=gain))
-    for o in others[: PROMISING if known is None else PROMISING // 2]:
-        if o.gain < 1.0:
+    for o in others[: FITTED_ADDITIONS if known is None else FITTED_ADDITIONS // 2]:
+        if o.gain < MIN_SCREEN_GAIN_NATS:
             continue
         fit = _itself(scene, fitted(scene, ScenePoint((*base.point.placed, o.start), base.point.unknowns)))
         if _blind(base, fit) or _too_slow(scene, fit.point.placed[-1]):
@@ -264,13 +286,24 @@ def _blind(base: SceneFit, fit: SceneFit) -> bool:
     if not np.isfinite(fit.information).all():
         return True
     before, after = (np.diag(f.information)[f.information.shape[0] - count :] for f in (base, fit))
-    return bool((after < BLIND * before).any())
+    return bool((after < DIVERGED_MAX_INFORMATION_SHARE * before).any())
 
 
 def limits(scene: Scene, fit: SceneFit) -> list[tuple[Placed, str, float]]:
-    """For each addition that is not there, the size of its first parameter that would be worth `DETECTABLE` nats.
+    """For each addition that is not there, the size of its first parameter that would be worth `DETECTION_LIMIT_NATS` nats.
 
     Of several with the same first parameter (an entry of a matrix, its row), that of the first.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        With all effects that are there.
+
+    Returns
+    -------
+    list of (Placed, parameter, value)
+        Values in SI.
     """
     Q = basis(fit.jacobian)
     out: dict[tuple[str, str, str], tuple[Placed, str, float]] = {}
@@ -288,71 +321,19 @@ def limits(scene: Scene, fit: SceneFit) -> list[tuple[Placed, str, float]]:
         own = float(np.linalg.norm(freed(column, Q)))
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > LOST * float(np.linalg.norm(column)):
-            out[what] = starts[0], name, scale * float(np.sqrt(2.0 * DETECTABLE)) / own
+            out[what] = starts[0], name, scale * float(np.sqrt(2.0 * DETECTION_LIMIT_NATS)) / own
     return list(out.values())
-
-
-def evidence(scene: Scene, fit: SceneFit) -> float:
-    """Log of the marginal likelihood of a fit, up to a constant of the scene [nats]."""
-    value = log_posterior(scene, fit.residual, fit.point.unknowns)
-    value -= scene.spread(fit.point) if isinstance(scene, Integrating) else 0.0
-    H = fit.information
-    size = H.shape[0]
-    if not size:
-        return value
-    widths = np.ones(size)
-    x = coordinates(fit.point)
-    deviations = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    k = len(keys_of(fit.point.placed))
-    for i, (at, name) in enumerate(keys_of(fit.point.placed)):
-        effect = fit.point.placed[at].effect
-        if is_signed(effect, name):
-            widths[i] = OF_A_COEFFICIENT * max(abs(float(x[i])), float(deviations[i]), 1e-300)
-        else:
-            kind = {p.name: p.kind for p in effect.parameters()}[name]
-            span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
-            widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
-            if kind == "time" and effect.name in BETWEEN:
-                widths[i] = _width_of(scene, effect.name)
-    value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
-    # At the edge of its prior, into which the likelihood falls, a time has about one e-fold of it.
-    value -= sum(float(np.log(_width_of(scene, p.effect.name))) for p in fit.point.placed if p.held)
-    # What the data do not bound is bounded by its prior.
-    floor = np.where(np.arange(size) < k, 2.0 * np.pi / widths**2, np.maximum(1e-12 * np.diag(H), 1e-300))
-    scaled = H / np.sqrt(floor)[:, None] / np.sqrt(floor)
-    values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
-    value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
-    return float(value - 0.5 * np.log(floor).sum())
-
-
-def _box(scene: Scene, name: str) -> tuple[float, float]:
-    """The shortest and the longest time [s] with which an effect is itself."""
-    longest, shortest = BETWEEN[name]
-    return shortest * scene.dt, longest * (scene.span[1] - scene.span[0])
-
-
-def _width_of(scene: Scene, name: str) -> float:
-    """Width of the prior of its logarithm."""
-    lo, hi = _box(scene, name)
-    return max(float(np.log(hi / lo)), 1.0)
 
 
 def _itself(scene: Scene, fit: SceneFit) -> SceneFit:
     """A fit whose last effect keeps to times with which it is itself: one beyond is held at the nearest."""
     last = fit.point.placed[-1]
-    if last.effect.name not in BETWEEN or last.held:
+    if last.effect.name not in TIME_LIMITS or last.held:
         return fit
-    lo, hi = _box(scene, last.effect.name)
+    lo, hi = time_limits(scene, last.effect.name)
     times = {p.name: float(getattr(last.effect, p.name)) for p in free(last.effect) if p.kind == "time"}
     if not any(t > hi or t < lo for t in times.values()):
         return fit
     nearest = {n: min(max(t, lo), hi) for n, t in times.items()}
     held = replace(last, effect=replace(last.effect, **nearest), held=tuple(times))
     return fitted(scene, ScenePoint((*fit.point.placed[:-1], held), fit.point.unknowns))
-
-
-def _searched(scene: Scene, placed: Sequence[Placed]) -> float:
-    """What spans cost that were found by looking at every pair of edges, and how wide these are [nats]."""
-    found = [float(getattr(p.effect, name, 0.0)) > 0.0 for p in placed for name in ("duration", "edge")]
-    samples = max((scene.span[1] - scene.span[0]) / scene.dt, 2.0)
-    return float(np.log(samples)) * (2.0 * sum(found[::2]) + sum(found[1::2]))
