@@ -6,14 +6,10 @@ Usage: python gallery.py [FOLDER for the pictures]
 
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 
-from kfgen.core.units import display_unit
 from kfgen.core.whole_file import write_text
-from kfgen.identify.evidence.published import Published
-from kfgen.identify.evidence.sampling import evidence
-from kfgen.identify.identify import identify
+from kfgen.identify.identify_log import identify
 from kfgen.log.readers import ColumnMap, read_log
 from kfgen.report.identify import one_line, panel
 from kfgen.report.plots import panels_picture
@@ -42,19 +38,9 @@ for file, (columns, rate) in FILES.items():
         print(f"skipped: {file} is not here (set KFGEN_DATA)")
         continue
     log = read_log(data / file, rate=rate, columns=ColumnMap.parse(columns))
-    panels = []
-    for name, channel in log.channels.items():
-        if name == "temperature":
-            continue
-        unit = display_unit(channel.unit)
-        drive = {n: c.values for n, c in log.channels.items() if n == "temperature"}
-        if log.axis == "tau":
-            found = identify(Published.of(log.t, channel.values), method="allan")
-        else:
-            record, said = evidence(log.t, channel.values, drive)
-            found = identify(record)
-            found = replace(found, warnings=(*said, *found.warnings))
-        panels.append(panel(found, unit, name))
-        print(f"| {Path(file).stem} | {name} | {one_line(found, unit)} |")
+    found = identify(log)
+    for name, channel in found.channels.items():
+        print(f"| {Path(file).stem} | {name} | {one_line(channel)} |")
     if len(sys.argv) > 1:
+        panels = [panel(channel, name) for name, channel in found.channels.items()]
         write_text(Path(sys.argv[1]) / f"{Path(file).stem}.svg", panels_picture(panels, Path(file).stem))

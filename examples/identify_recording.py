@@ -8,10 +8,9 @@ import os
 from pathlib import Path
 
 from kfgen.effects.noise_model import noise_text
-from kfgen.identify.evidence.record import Record
-from kfgen.identify.identify import identify
+from kfgen.identify.identify_log import identify
 from kfgen.log.readers import ColumnMap, read_log
-from kfgen.report.identify import identify_answer, noise_model
+from kfgen.report.identify import identify_answer
 
 data = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 recording = data / "native" / "mpu6050_static.csv"
@@ -21,6 +20,6 @@ if not recording.is_file():
 
 columns = ",".join(f"gyro_{a}=g{a} [deg/s/131], accel_{a}=a{a} [g/16384]" for a in "xyz")
 log = read_log(recording, rate=100.0, columns=ColumnMap.parse(columns))
-found = {name: identify(Record(log.t, log.values(name))) for name in log.channels}
-print(identify_answer([log], found).text)
-print(noise_text(noise_model([log], found)))
+found = identify(log)
+print(identify_answer(found).text)
+print(noise_text(found.noise))

@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 from typer.testing import Result
 
-from kfgen.cli import fleet as command
 from kfgen.core.errors import InputError
 from kfgen.effects.noise_model import read_noise
-from kfgen.fleet.fleet import Outcome, fleet_of
-from kfgen.fleet.population import Ahead, outliers, population
+from kfgen.fleet import worker
+from kfgen.fleet.answer import Estimated, FoundEffect, LogAnswer
+from kfgen.fleet.pooling import pooled
+from kfgen.fleet.population import NextSensor, outliers, population
+from kfgen.fleet.result import Outcome
 
 Array = NDArray[np.float64]
 Cli = Callable[..., Result]
@@ -114,13 +116,13 @@ def test_two_outliers_do_not_hide_each_other() -> None:
 def test_ahead_is_students_law_without_errors() -> None:
     y = np.random.default_rng(1).standard_normal(7)
     wide = y.std(ddof=1) * np.sqrt(1 + 1 / 7)
-    ahead = Ahead.of(y, np.full(7, 1e-6))
+    ahead = NextSensor.of(y, np.full(7, 1e-6))
     quantile = student.ppf(0.975, 6)
     assert ahead.interval() == pytest.approx(
         (y.mean() - quantile * wide, y.mean() + quantile * wide), rel=1e-3
     )
     for z in (1.0, 3.0, 10.0):
-        assert ahead.beyond(y.mean() + z * wide, 0.0) == pytest.approx(2 * student.sf(z, 6), rel=3e-3)
+        assert ahead.p_value(y.mean() + z * wide, 0.0) == pytest.approx(2 * student.sf(z, 6), rel=3e-3)
 
 
 @pytest.mark.parametrize(("k", "spread"), [(5, 0.1), (12, 0.1), (12, 1.0)])
@@ -157,10 +159,9 @@ def test_few_sensors() -> None:
 
 def answer(
     value: float, unit: str = "rad/s", effect: str = "white_noise", channel: str = "gyro_x"
-) -> dict[str, object]:
-    parameter = {"value": value, "unit": f"{unit}/sqrt(Hz)", "ci95": [value / 1.02, value * 1.02]}
-    effects = [{"effect": effect, "parameters": {"N": parameter}}]
-    return {"channels": {channel: {"unit": unit, "effects": effects}}}
+) -> LogAnswer:
+    N = Estimated(value, value / 1.02, value * 1.02, f"{unit}/sqrt(Hz)")
+    return LogAnswer((FoundEffect(channel, effect, {"N": N}),), {channel: unit})
 
 
 def some(n: int = 6) -> list[Outcome]:
@@ -169,50 +170,44 @@ def some(n: int = 6) -> list[Outcome]:
 
 def test_order_does_not_matter() -> None:
     outcomes = [*some(), Outcome("bad.csv", error="no rows")]
-    turned = fleet_of(outcomes[::-1])
-    assert turned == fleet_of(outcomes)
+    turned = pooled(outcomes[::-1])
+    assert turned == pooled(outcomes)
     assert [o.log for o in turned.failed] == ["bad.csv"]
 
 
 def test_other_unit_is_left_out() -> None:
     outcomes = [*some(), Outcome("a.csv", "x", answer(1.0, "m/s^2"))]
-    fleet = fleet_of(outcomes)
-    assert [o.log for o in fleet.failed] == ["a.csv"]
-    assert "m/s^2" in fleet.failed[0].error
+    made = pooled(outcomes)
+    assert [o.log for o in made.failed] == ["a.csv"]
+    assert "m/s^2" in made.failed[0].error
     with pytest.raises(InputError, match="not of one kind"):
-        fleet_of([some()[0], outcomes[-1]])
+        pooled([some()[0], outcomes[-1]])
 
 
 def test_same_file_counts_once() -> None:
-    fleet = fleet_of([*some(), replace(some()[0], log="copy.csv")])
-    assert [o.error for o in fleet.failed] == ["the same file as 0.csv"]
+    made = pooled([*some(), replace(some()[0], log="copy.csv")])
+    assert [o.error for o in made.failed] == ["the same file as 0.csv"]
 
 
 def test_nothing_left() -> None:
     with pytest.raises(InputError, match="none of 1 logs"):
-        fleet_of([Outcome("bad.csv", error="no rows")])
+        pooled([Outcome("bad.csv", error="no rows")])
 
 
 def test_tallies() -> None:
-    fleet = fleet_of([*some(), Outcome("q.csv", "q", answer(1e-4, effect="quantisation"))])
-    kinds = {t.found.effect: (t.kind, len(t.logs), t.of) for t in fleet.tallies}
+    made = pooled([*some(), Outcome("q.csv", "q", answer(1e-4, effect="quantisation"))])
+    kinds = {t.effect: (t.kind, len(t.logs), t.of) for t in made.effects}
     assert kinds == {"white_noise": ("some", 6, 7), "quantisation": ("one-off", 1, 7)}
-    assert {t.kind for t in fleet_of(some()).tallies} == {"common"}
+    assert {t.kind for t in pooled(some()).effects} == {"common"}
 
 
 def test_what_belongs_to_a_record_has_no_population() -> None:
-    def step(k: int) -> dict[str, object]:
-        given = {
-            n: {"value": 1.0 + k, "unit": u, "ci95": [0.9 + k, 1.1 + k]}
-            for n, u in (("size", "rad/s"), ("time", "s"))
-        }
-        return {
-            "verdict": "effects_found",
-            "steps": [{"effect": "bias_step", "channel": "gyro_x", "parameters": given}],
-        }
+    def step(k: int) -> LogAnswer:
+        given = {n: Estimated(1.0 + k, 0.9 + k, 1.1 + k, u) for n, u in (("size", "rad/s"), ("time", "s"))}
+        return LogAnswer((FoundEffect("gyro_x", "bias_step", given),), verdict="effects_found")
 
-    fleet = fleet_of([Outcome(f"{k}.csv", f"sum{k}", step(k)) for k in range(5)])
-    assert [s.population for s in fleet.numbers] == [None, None]
+    made = pooled([Outcome(f"{k}.csv", f"sum{k}", step(k)) for k in range(5)])
+    assert [s.population for s in made.numbers] == [None, None]
 
 
 # The command.
@@ -320,11 +315,11 @@ def test_bad_input(kfgen: Cli, logs: Path) -> None:
 def test_defect_in_one_log(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A defect of the program that one log meets is told with that log."""
 
-    def broken(task: command.Task) -> None:
+    def broken(task: worker.LogTask) -> None:
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr(command, "_identify", broken)
-    assert "ZeroDivisionError" in command.work(command.Task(str(logs / "s0.csv"))).error
+    monkeypatch.setattr(worker, "_identified", broken)
+    assert "ZeroDivisionError" in worker.work(worker.LogTask(str(logs / "s0.csv"))).error
 
 
 def test_cluster_that_is_not_there(kfgen: Cli, logs: Path) -> None:

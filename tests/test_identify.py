@@ -145,6 +145,25 @@ def test_bound_is_the_information_of_the_gaussian(K: float) -> None:
     np.testing.assert_allclose([got[0, "N"], got[1, "K"]], exact, rtol=0.01)
 
 
+def test_information_of_a_likelihood_is_fishers() -> None:
+    """White noise and Gauss-Markov: 1/2 sum (d ln S / da) (d ln S / db) with S and its slopes in closed form, to 1 %."""
+    n, dt, N, sigma, tau = 6000, 0.1, 1.0, 1.5, 8.0
+    omega = np.pi * np.arange(1, n) / n
+    e = np.exp(-dt / tau)
+    below = 1 - 2 * e * np.cos(omega) + e * e
+    white_part, markov = np.full(n - 1, N**2 / dt), sigma**2 * (1 - e * e) / below
+    # d e / d ln tau = e dt / tau
+    by_tau = markov * (e * dt / tau) * (-2 * e / (1 - e * e) - (2 * e - 2 * np.cos(omega)) / below)
+    slopes = np.array([2 * white_part, 2 * markov, by_tau]) / (white_part + markov)
+    model = (make("white_noise", N=N), make("gauss_markov", sigma=sigma, tau=tau))
+    y = white(0, n, dt, N) + gauss_markov(0, n, dt, sigma, tau)
+    keys = [(0, "N"), (1, "sigma"), (1, "tau")]
+    got = record(y, dt).likelihood(model).information(model, keys)
+    exact = 0.5 * slopes @ slopes.T
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    np.testing.assert_allclose(got / scale, exact / scale, atol=0.01)
+
+
 @pytest.mark.parametrize("skip", [((30.0, float("inf")),), ((0.0, 12.5), (25.0, 37.5)), ((20.0, 20.5),)])
 def test_what_is_not_looked_at_gives_no_information(skip: tuple[tuple[float, float], ...]) -> None:
     """White noise alone: m ordinates know its ln N to 1 / sqrt(2 m); at 100 Hz they reach to 50 Hz."""

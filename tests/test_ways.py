@@ -16,7 +16,7 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.emit.folder import Emitted, read_folder, write_folder
+from kfgen.emit.folder import EmittedFilter, read_folder, write_folder
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import MAX_WAITING_PREDICTIONS, Program
 from kfgen.emit.scenario import scenario, split
@@ -110,11 +110,11 @@ def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
     if "m4f" not in cores():
         pytest.skip("the emulator is not installed (pip install 'kfgen[pil]')")
     write_folder(program, "c", None, tmp_path / "c")
-    (verdict,) = verify(Emitted(program, "c", tmp_path / "c"), ["m4f"])
+    (verdict,) = verify(EmittedFilter(program, "c", tmp_path / "c"), ["m4f"])
     assert (verdict.differing, verdict.max_ulp) == (0, 0)
     plain = Program(DiscreteModel(build("ins15")), "ud")
     write_folder(plain, "c", None, tmp_path / "e")
-    cheap = verify(Emitted(plain, "c", tmp_path / "e"), ["m4f"])[0].cost.instructions["predict"]
+    cheap = verify(EmittedFilter(plain, "c", tmp_path / "e"), ["m4f"])[0].cost.instructions["predict"]
     assert verdict.cost.instructions["predict"] > 2 * cheap
 
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
+from kfgen.audit.degree import Degree, Horizon, degree
 from kfgen.audit.exact.basis import NullVector, readable
 from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.padic import PRIMES, Degenerate
@@ -21,7 +20,7 @@ from kfgen.audit.exact.symbolic import at_rest, null_of
 from kfgen.audit.exact.transport import carried
 from kfgen.audit.exact.value_columns import in_numbers
 from kfgen.audit.lint import lint
-from kfgen.audit.numeric import Numeric, numeric
+from kfgen.audit.result import Audit, Audited, Direction, ManoeuvreTable
 from kfgen.audit.words import called, sentence, words
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
@@ -29,118 +28,8 @@ from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.plant.equations import Equations
 
-UNDETERMINED = "unobservable"
-FAINT = "practically_unobservable"
-SEEN = "observable"
 LOOKS = 1000
 """Times at which a manoeuvre is looked at before it is flown."""
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A hidden direction.
-
-    Parameters
-    ----------
-    vector : dict of str to float
-        State (body axes called by the navigation axes that they lie along) to amount [SI].
-    units : dict of str to str
-    sentence : str
-    exact : dict of str to str
-        The amounts as fractions; empty where they depend on durations or on a generic point.
-    formula : dict of str to str
-        The amounts in the model's parameters, where nothing changes with time.
-    freed_by : tuple of str
-        Manoeuvres of the library along which it shows.
-    """
-
-    vector: dict[str, float]
-    units: dict[str, str]
-    sentence: str
-    exact: dict[str, str] = field(default_factory=dict)
-    formula: dict[str, str] = field(default_factory=dict)
-    freed_by: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Audit:
-    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start.
-
-    Of a log (`recorded`) the manoeuvre is generic: what that hides, no motion shows.
-    """
-
-    model: FilterModel
-    manoeuvre: Manoeuvre
-    directions: tuple[Direction, ...]
-    hidden_states: frozenset[str]
-    generic: bool
-    start: Mapping[str, float] = field(default_factory=dict)
-    degree: Degree | None = None
-    recorded: bool = False
-
-    @cached_property
-    def numeric(self) -> Numeric:
-        """What floating point says where the manoeuvre starts."""
-        return numeric(self.model, self.manoeuvre, self.start)
-
-    @property
-    def states(self) -> int:
-        """Number of error states."""
-        return len(self.model.states)
-
-    @property
-    def nullity(self) -> int:
-        """Number of hidden directions."""
-        return len(self.directions)
-
-    @property
-    def rank(self) -> int:
-        """Number of visible combinations."""
-        return self.states - self.nullity
-
-    def verdict(self, k: int) -> str:
-        """Of a state: exactly unobservable, practically so, or observable."""
-        if self.model.states[k].name in self.hidden_states:
-            return UNDETERMINED
-        if self.degree is not None and self.degree.sigma[-1, k] > PRACTICAL * self.degree.sigma[0, k]:
-            return FAINT
-        return SEEN
-
-
-@dataclass(frozen=True)
-class ManoeuvreTable:
-    """Which manoeuvre shows which direction of the first one.
-
-    Parameters
-    ----------
-    manoeuvres : tuple of Manoeuvre
-    freed : tuple of tuple of bool or None
-        One row a direction, one column a manoeuvre; None where it is not known.
-    """
-
-    manoeuvres: tuple[Manoeuvre, ...]
-    freed: tuple[tuple[bool | None, ...], ...]
-
-    @property
-    def shortest(self) -> Manoeuvre | None:
-        """The shortest manoeuvre that frees all."""
-        columns = zip(self.manoeuvres, zip(*self.freed)) if self.freed else ()
-        able = [m for m, column in columns if all(column)]
-        return min(able, key=lambda m: m.length, default=None)
-
-
-@dataclass(frozen=True)
-class Audited:
-    """A model's audits, the first one's directions against the library, warnings of the lint."""
-
-    audits: tuple[Audit, ...]
-    table: ManoeuvreTable | None
-    lint: tuple[str, ...]
-
-    @property
-    def first(self) -> Audit:
-        """The first manoeuvre's."""
-        return self.audits[0]
 
 
 def usual(model: FilterModel) -> Manoeuvre:

@@ -1,7 +1,8 @@
 """What an engineer would get from the usual tool, beside the exact answer.
 
 python-control's observability matrix, numpy's rank and condition number of it: they mix units and
-have a tolerance, and see one instant of a motion, so they may differ from the exact answer.
+have a tolerance, and see one instant of a motion, so they may differ from the exact answer. They are said because
+this rank is what other tools print, and a reader should see where the two part.
 """
 
 from __future__ import annotations
@@ -26,14 +27,20 @@ class Numeric:
 
 
 def numeric(model: FilterModel, manoeuvre: Manoeuvre, start: Mapping[str, float]) -> Numeric:
-    """Rank and condition number in floating point where a manoeuvre starts, `start` as of `Flight`; drivers at one.
+    """Rank and condition number in floating point where a manoeuvre starts.
 
     Parameters
     ----------
     model : FilterModel
+        Its drivers are taken as one.
     manoeuvre : Manoeuvre
+        Of which the start alone is looked at.
     start : mapping of str to float
-        Where blocks of the model's own start [SI], as of `Flight`.
+        As of `Flight`.
+
+    Returns
+    -------
+    Numeric
     """
     import control
 

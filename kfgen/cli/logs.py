@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,116 +21,13 @@ from kfgen.cli.options import (
     Sensors,
     Set,
     deliver,
-    listed,
     model_of,
     not_over,
     read,
 )
 
-if TYPE_CHECKING:
-    from kfgen.identify.evidence.record import Evidence
-    from kfgen.identify.identify import Identified
-    from kfgen.log.log import Log, StoredLog
-
-BAND = ("_lo", "_hi")
 DEFAULT_RATE_HZ = 100.0
 """Of a simulated log [Hz]."""
-NOT_NOISY = ("ref_", "temperature", "movement", "input", "voltage")
-
-
-def _evidence(logs: Sequence[Log | StoredLog], name: str) -> tuple[Evidence, list[str]]:
-    """A channel of one log or of several, or a published curve, and what is to be said of its sampling."""
-    from kfgen.core.errors import InputError
-    from kfgen.core.units import parse_unit
-    from kfgen.identify.evidence.joint import JointRecord
-    from kfgen.identify.evidence.record import Record
-    from kfgen.identify.evidence.sampling import evidence
-    from kfgen.log.log import Log
-
-    first = logs[0]
-    if len(logs) == 1 and not isinstance(first, Log):
-        return _condensed(first, name), []
-    if isinstance(first, Log) and first.axis == "tau":
-        return _published(first, name), []
-    if len({log.sha256 for log in logs}) < len(logs):
-        raise InputError("a log is given twice", where=first.source, remedy="Give each log once")
-    parts, said = [], []
-    for log in logs:
-        if not parse_unit(log.channel(name).unit).same_dimension(parse_unit(first.channel(name).unit)):
-            raise InputError(
-                f"channel {name} is in {log.channel(name).unit} here, in {first.channel(name).unit} in {first.source}",
-                where=log.source,
-            )
-        if not isinstance(log, Log):
-            raise InputError("a log too long for memory is identified alone", where=log.source)
-        drive = {"temperature": log.channels["temperature"].values} if "temperature" in log.channels else {}
-        part, words = evidence(log.t, log.channel(name).values, drive)
-        said += [f"{log.source}: {w}" if len(logs) > 1 else w for w in words]
-        parts.append(part)
-    if len(parts) == 1:
-        return parts[0], said
-    even = tuple(p for p in parts if isinstance(p, Record))
-    if len(even) < len(parts):
-        raise InputError(
-            "a log with gaps or uneven time cannot be fitted together with others",
-            remedy="Identify it alone, or cut it at its gaps",
-        )
-    return JointRecord(even), said
-
-
-def _condensed(log: StoredLog, name: str) -> Evidence:
-    from kfgen.identify.evidence.long import Stream, condense
-
-    channel = log.channel(name)
-    return condense(Stream(channel.chunks, channel.n, log.dt))
-
-
-def _published(log: Log, name: str) -> Evidence:
-    from kfgen.core.errors import InputError
-    from kfgen.identify.evidence.published import Published
-
-    band = [log.channels[name + end].values for end in BAND if name + end in log.channels]
-    if len(band) == 1:
-        raise InputError(f"the band of {name} has one end", where=log.source, remedy="Give both, or none")
-    return Published.of(log.t, log.channel(name).values, *band)
-
-
-def channels_identified(
-    data: Sequence[Log | StoredLog], channels: str | None, effects: str | None, method: str
-) -> dict[str, Identified]:
-    """The noise terms of the channels of one log, or of several of one sensor, fitted together.
-
-    Raises
-    ------
-    InputError
-        There is nothing to identify, or a channel cannot be; the log and the channel are said.
-    """
-    from kfgen.core.errors import InputError
-    from kfgen.identify.identify import identify as identified
-
-    first = data[0]
-    names = listed(channels) or [
-        c
-        for c in first.channels
-        if not c.startswith(NOT_NOISY) and not (first.axis == "tau" and c.endswith(BAND))
-    ]
-    if not names:
-        raise InputError(
-            f"there is nothing to identify among {', '.join(first.channels)}",
-            where=first.source,
-            remedy="Name channels with --channels",
-        )
-    found = {}
-    for name in names:
-        try:
-            evidence, said = _evidence(data, name)
-            result = identified(evidence, listed(effects), method)
-        except InputError as error:
-            raise InputError(
-                error.what, where=error.where or f"{first.source}: channel {name}", remedy=error.remedy
-            ) from None
-        found[name] = replace(result, warnings=(*said, *result.warnings))
-    return found
 
 
 @app.command()
@@ -164,24 +59,18 @@ def identify(
     report: Report = None,
 ) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
-    from kfgen.core.errors import InputError
-    from kfgen.effects.noise_model import write_noise
+    from kfgen.identify.identify_log import identify as identified
     from kfgen.log.readers import ColumnMap, read_long
-    from kfgen.report.identify import identify_answer, noise_model
+    from kfgen.report.identify import identify_answer
 
     for log in logs:
         not_over(output, log)
     mapped = ColumnMap.parse(columns) if columns else None
     data = [read_long(log, rate=rate, columns=mapped) for log in logs]
-    first = data[0]
-    if len(data) > 1 and any(d.axis == "tau" for d in data):
-        curve = next(d for d in data if d.axis == "tau")
-        raise InputError("an Allan curve is identified alone", where=curve.source)
-    method = method or ("allan" if first.axis == "tau" else "ml")
-    found = channels_identified(data, channels, effects, method)
-    answer = identify_answer(data, found)
+    found = identified(data, channels=channels, effects=effects, method=method)
+    answer = identify_answer(found)
     if output:
-        write_noise(noise_model(data, found, method), output)
+        found.save(output)
     deliver(answer, json, report)
 
 
@@ -246,7 +135,7 @@ def run(
     log: LogPath,
     noise: Noise = None,
     adaptive: Annotated[
-        str | None, typer.Option(help="Adapt P, Q or R by a rule: see 'kfgen denoise --filter'.")
+        str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
     ] = None,
     set_: Set = None,
     sensor: Sensors = None,
@@ -256,30 +145,16 @@ def run(
     report: Report = None,
 ) -> None:
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
-    import numpy as np
-
-    from kfgen.emit.routines import Program
-    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import run_answer
-    from kfgen.run.adaptive.rules import rule_named
-    from kfgen.run.adaptive.wrapper import adapted
-    from kfgen.run.filter_calls import rates_in
-    from kfgen.run.run import attitude_error
-    from kfgen.run.run import run as ran
+    from kfgen.run.run import run
 
-    data = read(log, rate, columns)
-    longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
-    built = model_of(model, noise, set_, sensor)
-    rates = rates_in(data, built)
-    program = Program(DiscreteModel.at_rate(built, 1.0 / data.dt, max_step=longest, rates=rates))
-    rule = rule_named(adaptive, "--adaptive") if adaptive else None
-    result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
-    deliver(run_answer(result, attitude_error(result, data), data), json, report)
+    result = run(model_of(model, noise, set_, sensor), read(log, rate, columns), adaptive=adaptive)
+    deliver(run_answer(result), json, report)
 
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("kfgen-demo"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of the results.")] = Path("kfgen-demo"),
     json: Json = None,
 ) -> None:
     """The whole chain on a simulated sensor with a hidden effect; ends at a report."""

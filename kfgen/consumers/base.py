@@ -45,6 +45,13 @@ class Value:
     unit: str
     words: str
 
+    @property
+    def shown(self) -> str:
+        """Its numbers with the unit."""
+        return (
+            f"{', '.join(f'{n:.6g}' for n in self.numbers)} {self.unit}" if self.numbers else "not identified"
+        )
+
 
 @dataclass(frozen=True)
 class Converted:

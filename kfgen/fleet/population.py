@@ -26,14 +26,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
 """Of every interval."""
-TESTED = 4
+MIN_SENSORS_FOR_OUTLIER = 4
 """Sensors from which on one of them can be an outlier."""
-MOST = 20
+MAX_OUTLIERS = 20
 """Outliers that are looked for in a number."""
-NODES = np.linspace(-6.0, 6.0, 121)
-"""Quadrature over a confidence distribution, in normal deviates."""
+NODES_IN_STANDARD_DEVIATIONS = np.linspace(-6.0, 6.0, 121)
+"""Of the quadrature over a confidence distribution."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Population:
     mean : float
         Weighted by what is known of each; of a normal distribution the median too.
     spread : float
-        Deviation between sensors, their own errors taken out, by the method of moments [1]_.
+        Standard deviation between sensors, without their own errors, by the method of moments [1]_.
     error : float
-        Deviation of the mean.
+        Standard deviation of the mean.
     mean95 : (float, float)
         By Student's law, at least as wide as the spread says [3]_; unbounded for one sensor.
     spread95 : (float, float)
@@ -68,15 +68,25 @@ class Population:
 
 
 def population(y: Array, s: Array) -> Population:
-    """The population behind estimates `y` with deviations `s`, shape (k,)."""
+    """The population from which sensors are drawn.
+
+    Parameters
+    ----------
+    y : ndarray, shape (k,)
+        One estimate of each sensor.
+    s : ndarray, shape (k,)
+        Their standard deviations, in the unit of `y`.
+    """
     from scipy.stats import t as student
 
     k = y.size
     mean, spread, error = _moments(y, s)
     w = 1.0 / (s**2 + spread**2)
     excess = max(1.0, float((w * (y - mean) ** 2).sum()) / (k - 1)) if k > 1 else 1.0
-    wide = float(student.ppf(0.5 * (1.0 + LEVEL), k - 1)) * error * excess**0.5 if k > 1 else np.inf
-    ahead = Ahead.of(y, s).interval() if k > 2 else (-np.inf, np.inf)
+    wide = (
+        float(student.ppf(0.5 * (1.0 + CONFIDENCE_LEVEL), k - 1)) * error * excess**0.5 if k > 1 else np.inf
+    )
+    ahead = NextSensor.of(y, s).interval() if k > 2 else (-np.inf, np.inf)
     return Population(k, mean, spread, error, _around(mean, wide), _spread95(y, s), ahead)
 
 
@@ -90,12 +100,12 @@ def _moments(y: Array, s: Array) -> tuple[float, float, float]:
     spread = 0.0
     if y.size > 1:
         rest = float(w.sum() - (w**2).sum() / w.sum())
-        spread = max(0.0, (_cochran(y, s, 0.0) - (y.size - 1)) / rest) ** 0.5
+        spread = max(0.0, (_cochran_q(y, s, 0.0) - (y.size - 1)) / rest) ** 0.5
     w = 1.0 / (s**2 + spread**2)
     return float((w * y).sum() / w.sum()), spread, float(w.sum() ** -0.5)
 
 
-def _cochran(y: Array, s: Array, variance: float) -> float:
+def _cochran_q(y: Array, s: Array, variance: float) -> float:
     """Weighted sum of squares about the weighted mean, for a variance between sensors."""
     w = 1.0 / (s**2 + variance)
     return float((w * (y - (w * y).sum() / w.sum()) ** 2).sum())
@@ -109,21 +119,21 @@ def _spread95(y: Array, s: Array) -> Interval:
     if y.size < 2:
         return 0.0, np.inf
     ends = []
-    for share in (0.5 * (1.0 + LEVEL), 0.5 * (1.0 - LEVEL)):
+    for share in (0.5 * (1.0 + CONFIDENCE_LEVEL), 0.5 * (1.0 - CONFIDENCE_LEVEL)):
         wanted = float(chi2.ppf(share, y.size - 1))
-        if _cochran(y, s, 0.0) <= wanted:
+        if _cochran_q(y, s, 0.0) <= wanted:
             ends.append(0.0)
             continue
         top = float(np.ptp(y)) ** 2 + float((s**2).max())
-        while _cochran(y, s, top) > wanted:
+        while _cochran_q(y, s, top) > wanted:
             top *= 4.0
-        found = brentq(lambda v, q: _cochran(y, s, v) - q, 0.0, top, args=(wanted,), xtol=1e-12 * top)
+        found = brentq(lambda v, q: _cochran_q(y, s, v) - q, 0.0, top, args=(wanted,), xtol=1e-12 * top)
         ends.append(float(found) ** 0.5)
     return ends[0], ends[1]
 
 
 @dataclass(frozen=True)
-class Ahead:
+class NextSensor:
     """Where the true value of a next sensor lies: a mixture of normal laws over what the spread may be [4]_.
 
     Cochran's Q at the true spread is chi-square with k - 1 degrees of freedom; each of its quantiles gives a
@@ -132,7 +142,8 @@ class Ahead:
 
     Parameters
     ----------
-    weight, mean, variance : array, (m,)
+    weight, mean, variance : ndarray, shape (m,)
+        Of each normal law of the mixture.
     """
 
     weight: Array
@@ -140,8 +151,14 @@ class Ahead:
     variance: Array
 
     @classmethod
-    def of(cls, y: Array, s: Array) -> Ahead:
-        """Seen from these estimates, at least two."""
+    def of(cls, y: Array, s: Array) -> NextSensor:
+        """Seen from at least two estimates.
+
+        Parameters
+        ----------
+        y, s : ndarray, shape (k,)
+            Estimates and their standard deviations.
+        """
         from scipy.stats import chi2, norm
 
         top = float(np.ptp(y)) ** 2 + float((s**2).max())
@@ -150,24 +167,34 @@ class Ahead:
         mean = (w @ y) / w.sum(axis=1)
         Q = (w * (y - mean[:, None]) ** 2).sum(axis=1)
         wanted = np.where(
-            NODES < 0.0, chi2.ppf(norm.cdf(NODES), y.size - 1), chi2.isf(norm.sf(NODES), y.size - 1)
+            NODES_IN_STANDARD_DEVIATIONS < 0.0,
+            chi2.ppf(norm.cdf(NODES_IN_STANDARD_DEVIATIONS), y.size - 1),
+            chi2.isf(norm.sf(NODES_IN_STANDARD_DEVIATIONS), y.size - 1),
         )
         at = np.interp(-np.log(wanted), -np.log(np.maximum(Q, 1e-300)), np.arange(Q.size))
         low = np.floor(at).astype(int)
         part, high = at - low, np.minimum(low + 1, Q.size - 1)
         spread = np.where(
-            low == 0, part * grid[1], np.exp(_between(np.log(np.maximum(grid, 1e-300)), low, high, part))
+            low == 0, part * grid[1], np.exp(_interpolated(np.log(np.maximum(grid, 1e-300)), low, high, part))
         )
         error = 1.0 / w.sum(axis=1)
-        weight = norm.pdf(NODES)
+        weight = norm.pdf(NODES_IN_STANDARD_DEVIATIONS)
         return cls(
             weight / weight.sum(),
-            _between(mean, low, high, part),
-            spread + _between(error, low, high, part),
+            _interpolated(mean, low, high, part),
+            spread + _interpolated(error, low, high, part),
         )
 
-    def beyond(self, value: float, own: float) -> float:
-        """Two-sided p-value of an estimate that has a deviation of its own."""
+    def p_value(self, value: float, own: float) -> float:
+        """Two-sided p-value of an estimate.
+
+        Parameters
+        ----------
+        value : float
+            The estimate.
+        own : float
+            Its own standard deviation.
+        """
         from scipy.stats import norm
 
         z = np.abs(value - self.mean) / np.sqrt(self.variance + own**2)
@@ -185,17 +212,30 @@ class Ahead:
 
         far = 10.0 * float(deviation.max())
         ends = float(self.mean.min()) - far, float(self.mean.max()) + far
-        lo, hi = (float(brentq(below, *ends, args=(p,))) for p in (0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)))
+        lo, hi = (
+            float(brentq(below, *ends, args=(p,)))
+            for p in (0.5 * (1.0 - CONFIDENCE_LEVEL), 0.5 * (1.0 + CONFIDENCE_LEVEL))
+        )
         return lo, hi
 
 
-def _between(values: Array, low: NDArray[np.int_], high: NDArray[np.int_], part: Array) -> Array:
+def _interpolated(values: Array, low: NDArray[np.int_], high: NDArray[np.int_], part: Array) -> Array:
     return np.asarray((1.0 - part) * values[low] + part * values[high])
 
 
 @dataclass(frozen=True)
 class OutlyingSensor:
-    """A sensor that is not of the population of the others: its index, how many deviations off, p-value."""
+    """A sensor that is not of the population of the others.
+
+    Parameters
+    ----------
+    index : int
+        Among the estimates.
+    deviations : float
+        How many standard deviations off.
+    p : float
+        p-value among those that were left.
+    """
 
     index: int
     deviations: float
@@ -211,15 +251,15 @@ def outliers(y: Array, s: Array, rate: float) -> list[OutlyingSensor]:
 
     Parameters
     ----------
-    y, s : array, (k,)
-        Estimates and their deviations.
+    y, s : ndarray, shape (k,)
+        Estimates and their standard deviations.
     rate : float
         Share of populations without an outlier in which one is named.
     """
     left = np.arange(y.size)
     found: list[OutlyingSensor] = []
     last = 0
-    for _ in range(min(MOST, y.size // 4) if y.size >= TESTED else 0):
+    for _ in range(min(MAX_OUTLIERS, y.size // 4) if y.size >= MIN_SENSORS_FOR_OUTLIER else 0):
         far = _farthest(y[left], s[left])
         found.append(OutlyingSensor(int(left[far.index]), far.deviations, min(1.0, far.p * left.size)))
         if found[-1].p < rate:
@@ -234,11 +274,11 @@ def _farthest(y: Array, s: Array) -> OutlyingSensor:
     others, errors = np.delete(y, i), np.delete(s, i)
     mean, spread, error = _moments(others, errors)
     z = abs(float(y[i]) - mean) / float(np.sqrt(s[i] ** 2 + spread**2 + error**2))
-    return OutlyingSensor(i, z, Ahead.of(others, errors).beyond(float(y[i]), float(s[i])))
+    return OutlyingSensor(i, z, NextSensor.of(others, errors).p_value(float(y[i]), float(s[i])))
 
 
-def deviation(interval: Sequence[float]) -> float:
-    """The deviation of an estimate from its interval."""
+def standard_deviation(interval: Sequence[float]) -> float:
+    """The standard deviation of an estimate from its 95 % interval."""
     from scipy.stats import norm
 
-    return float(interval[1] - interval[0]) / (2.0 * float(norm.ppf(0.5 * (1.0 + LEVEL))))
+    return float(interval[1] - interval[0]) / (2.0 * float(norm.ppf(0.5 * (1.0 + CONFIDENCE_LEVEL))))

@@ -9,6 +9,7 @@ import numpy as np
 
 import kfgen
 from kfgen.core.numbers import finite
+from kfgen.core.result import Result
 from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects.effect import Parameter
 from kfgen.effects.noise_model import NoiseModel, noise_text
@@ -64,7 +65,7 @@ class RecordingGap:
 
 
 @dataclass(frozen=True, repr=False)
-class GapResult:
+class GapResult(Result):
     """Where a model and its logs disagree.
 
     Parameters
@@ -88,9 +89,6 @@ class GapResult:
     warnings: tuple[str, ...] = ()
     recordings: tuple[RecordingGap, ...] = ()
     proofs: tuple[Proof, ...] = ()
-
-    def __repr__(self) -> str:
-        return "\n".join(self.summary())
 
     def summary(self) -> list[str]:
         """One to five lines: the verdict, the effects, the held-out mismatch."""

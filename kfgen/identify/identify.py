@@ -22,7 +22,7 @@ from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
 from kfgen.identify.fit.interval import intervals95
 from kfgen.identify.fit.limits import Limit
-from kfgen.identify.fit.lines import PeriodicLine, find_lines, without_line
+from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, without_line
 from kfgen.identify.methods.likelihood import METHODS, covariance
 
 Array = NDArray[np.float64]
@@ -230,14 +230,14 @@ def _records(view: Evidence) -> tuple[Record, ...]:
 
 
 def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
-    """The periodic lines of evidence, each once."""
+    """The periodic lines of evidence that belong to none of the effects, each once."""
     parts = _records(record.view if isinstance(record, Exact) else record)
     if isinstance(record, JointRecord) and _unlike(parts) > DIFFER:
         return []  # beside another's noise a louder log is full of lines
     found: list[PeriodicLine] = []
     for part in parts:
         if not any(hi == float("inf") for _, hi in part.skip):
-            new = find_lines(part, effects)
+            new = [line for line in find_lines(part, effects) if not is_of(line, effects)]
             found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
     return found
 

@@ -25,10 +25,11 @@ import sympy as sp
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.effects.filter_role import Use
+from kfgen.effects.noise_model import NoiseModel
 from kfgen.model.attach import Attached, Attachment, Omission, StateInfo
-from kfgen.model.filter_checks import check_channels, check_needs, content_hash
+from kfgen.model.filter_checks import check_channels, check_needs, content_hash, described
 from kfgen.model.filter_effects import FilterEffects
-from kfgen.model.filter_file import HEADING, Initial
+from kfgen.model.filter_file import HEADING, FilterFile, Initial
 from kfgen.model.noise_driven import closed_under_noise, densities
 from kfgen.model.parts.attached_error import AttachedError, acts_on
 from kfgen.model.parts.constant import Constant
@@ -42,7 +43,7 @@ from kfgen.model.symbols.error_state import ErrorState, Variation, slopes
 from kfgen.model.symbols.expanded import expanded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterModel:
     """A filter in symbols.
 
@@ -65,12 +66,13 @@ class FilterModel:
         What else its file says that is not in the filter.
     ideal : bool
         Without the errors of its readings.
+    given : NoiseModel or FilterFile, optional
+        What it was built from, which goes beside its code.
 
     Raises
     ------
     InputError
-        Effects of a channel that there is not, a sensor that the motion cannot serve, or a state that could never
-        move from its start.
+        Effects of a channel that there is not, or a sensor that the motion cannot serve.
     """
 
     name: str
@@ -84,6 +86,9 @@ class FilterModel:
     initial: Mapping[str, Initial] = field(default_factory=dict)
     unchecked: tuple[Omission, ...] = ()
     ideal: bool = False
+    given: NoiseModel | FilterFile | None = field(default=None, compare=False)
+
+    __repr__ = described
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
@@ -105,11 +110,8 @@ class FilterModel:
             Known, or a state; known where left out.
         """
         effects, uses = self.noise.get(where, ()), self.uses_at(where)
-        return replace(
-            self,
-            noise={**self.noise, where: (*effects, effect)},
-            uses={**self.uses, where: (*uses, use or Use())},
-        )
+        noise = {**self.noise, where: (*effects, effect)}
+        return replace(self, noise=noise, uses={**self.uses, where: (*uses, use or Use())})
 
     def uses_at(self, where: str) -> tuple[Use, ...]:
         """How each effect of a place is taken."""
@@ -135,9 +137,8 @@ class FilterModel:
     def _effects(self) -> FilterEffects:
         """What the effects of channels are in this filter."""
         uses = {where: self.uses_at(where) for where in self.noise}
-        return FilterEffects(
-            self.name, self.motion, self.sensors, self.noise, uses, self.channel_units, self.ideal
-        )
+        parts = self.name, self.motion, self.sensors, self.noise
+        return FilterEffects(*parts, uses, self.channel_units, self.ideal)
 
     @property
     def omitted(self) -> tuple[Omission, ...]:

@@ -74,3 +74,9 @@ def content_hash(model: FilterModel) -> str:
     parts += [repr(line) for line in model.motion.late]
     parts += [f"{s.play.channel} {sp.srepr(sp.sympify(s.play.width))}" for s in model.sensors if s.play]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def described(model: FilterModel) -> str:
+    """A model in three lines: its title, its states, its sensors."""
+    states, sensors = (", ".join(part.name for part in own) for own in (model.states, model.sensors))
+    return f"{model.name}: {model.title}\n{len(model.states)} states: {states}\nsensors: {sensors}"

@@ -63,6 +63,28 @@ class CoreVerdict:
     cost: InstructionCount
     tolerance: float = 0.0
 
+    @property
+    def row(self) -> list[str]:
+        """Core, values, differing, instructions, stack and code as texts."""
+        counts = ", ".join(f"{r} {n}" for r, n in self.cost.instructions.items())
+        sizes = ["-" if n is None else str(n) for n in (self.cost.stack_bytes, self.cost.text_bytes)]
+        return [self.core, str(self.words), str(self.differing), counts or "not counted", *sizes]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its counts."""
+        return {
+            "words": self.words,
+            "differing": self.differing,
+            "max_ulp": self.max_ulp,
+            "tolerance": self.tolerance,
+            "calls": self.calls,
+            "instructions": self.cost.instructions,
+            "stack_bytes": self.cost.stack_bytes,
+            "text_bytes": self.cost.text_bytes,
+            "stack_bytes_by_routine": self.cost.stacks,
+            "text_bytes_by_routine": self.cost.texts,
+        }
+
 
 class Core(Protocol):
     """A core with a compiled filter on it."""

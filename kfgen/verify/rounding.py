@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.numbers import finite
 from kfgen.emit.routines import Program
 from kfgen.log.log import Log
 from kfgen.run.filter_calls import FilterCalls
@@ -67,6 +69,24 @@ class OnLog:
     refused: Mapping[str, int]
     rounding: Rounding
     warnings: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The log, the calls, and the largest differences from double precision."""
+        r = self.rounding
+        return {
+            "source": self.source,
+            "sha256": self.sha256,
+            "duration_s": self.seconds,
+            "calls": dict(self.calls),
+            "refused": dict(self.refused),
+            "beside_double": {
+                "attitude_rad": r.attitude,
+                "state": r.state,
+                "deviations": finite(r.share),
+                "t_s": r.t,
+                "relative_of_deviation": finite(r.spread),
+            },
+        }
 
 
 def over_log(program: Program, log: Log, start: Mapping[str, float] | None = None) -> tuple[Replay, OnLog]:

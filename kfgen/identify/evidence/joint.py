@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, log_factors, overlapping_variance, pooled
-from kfgen.identify.evidence.record import Evidence, Record
+from kfgen.identify.evidence.record import Evidence, Peaks, Record
 from kfgen.identify.evidence.whittle import Ordinates
 
 Array = NDArray[np.float64]
@@ -95,9 +95,9 @@ class JointRecord(Evidence):
         """The same at octaves."""
         return pooled([r.octaves for r in self.records])
 
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+    def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
         """The ordinates of all records together: they are independent."""
-        parts = [r.ordinates(effects) for r in self.records]
+        parts = [r.ordinates(effects, peaks) for r in self.records]
         first = parts[0]
         return replace(
             first,

@@ -30,7 +30,7 @@ from kfgen.core import linear
 from kfgen.effects import Effect, LinearSystem
 from kfgen.identify.evidence.allan import AllanCurve
 from kfgen.identify.evidence.independent import Haar
-from kfgen.identify.evidence.record import Evidence, Likelihood, means_of
+from kfgen.identify.evidence.record import Evidence, Likelihood, Peaks, means_of
 from kfgen.identify.evidence.whittle import Key, Ordinates, SpectralFit, least_squares
 from kfgen.identify.fit.bounds import fisher
 
@@ -298,11 +298,11 @@ class Exact(Evidence):
         """Of the even pieces."""
         return self.view.drift_variance(effects)
 
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+    def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
         """Of the even pieces."""
-        return self.view.ordinates(effects)
+        return self.view.ordinates(effects, peaks)
 
-    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+    def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
         """The chain with the regressors of these effects, from an even grid."""
         t = self.t - self.t[0]
         grid = np.arange(0.0, t[-1] + self.period, self.period)

@@ -18,8 +18,9 @@ from kfgen.effects import Effect
 from kfgen.identify.evidence.allan import AllanCurve, curve_from_variance, log_factors, octave_factors
 from kfgen.identify.evidence.clean import Spread, mended
 from kfgen.identify.evidence.independent import Haar, IndependentParts
+from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.phase import Phase
-from kfgen.identify.evidence.record import CELLS, Evidence, Likelihood, Record, means_of
+from kfgen.identify.evidence.record import CELLS, Evidence, Likelihood, Peaks, Record, means_of
 from kfgen.identify.evidence.whittle import Ordinates, coarse_transform, ordinates, transform
 
 Array = NDArray[np.float64]
@@ -142,7 +143,7 @@ class Long(Evidence):
     def _sines(self) -> Array:
         return transform(self.means)
 
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+    def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
         """The binned transform of the block means, with a regressor for each coefficient of the effects."""
         cells = min(CELLS, self.means.size)
         edges = np.asarray(np.arange(cells + 1) * (self.duration / cells), dtype=np.float64)
@@ -150,14 +151,15 @@ class Long(Evidence):
         columns = [
             coarse_transform(x, self.means.size - 1) for e in effects for x in e.regressors(edges, drive)
         ]
-        return ordinates([self._sines, *columns], self.period, self.block, skip=self.skip)
+        narrow = spectral_peaks(effects) if peaks is None else peaks
+        return ordinates([self._sines, *columns], self.period, self.block, skip=self.skip, peaks=narrow)
 
-    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
+    def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
         """Block means, and what is inside the blocks: of all of it, or, with bands left out, of the beginning."""
-        main = self.ordinates(shapes)
+        main = self.ordinates(shapes, peaks)
         if self.skip:
             top = 0.5 / (self.period * self.block)
-            return IndependentParts((main, self.head.leaving_out((0.0, top)).ordinates(())))
+            return IndependentParts((main, self.head.leaving_out((0.0, top)).ordinates((), peaks)))
         m = 2 ** np.arange(int(np.log2(self.block)))
         inside = self.octaves
         count = np.asarray(self.samples / (2.0 * m), dtype=np.float64)

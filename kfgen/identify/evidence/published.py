@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, Look
 from kfgen.identify.evidence.allan import AllanCurve, degrees_of_freedom
-from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.evidence.record import Evidence, Peaks
 from kfgen.identify.evidence.whittle import Ordinates
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ class Published(Evidence):
                 chosen.append(i)
         return np.array(chosen)
 
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+    def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
         """Raises `InputError`: a curve has no samples."""
         raise InputError(
             "an Allan curve has no samples", remedy="Fit it with --method allan, or give the log"

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, Look
 from kfgen.effects.series import DetectedFault
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
+from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks
 from kfgen.identify.evidence.whittle import (
-    PER_DECADE,
+    BINS_PER_DECADE,
     Key,
     Ordinates,
     SpectralFit,
@@ -30,6 +31,7 @@ from kfgen.identify.evidence.whittle import (
 )
 
 Array = NDArray[np.float64]
+Peaks = tuple[SpectralPeak, ...]
 
 CELLS = 1 << 14
 """Stretches of a record between which a smooth regressor of searched shape is differenced."""
@@ -37,8 +39,8 @@ FASTEST = 10.0
 """Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
 LOWEST_CORNER = 0.005
 """Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
-KEPT = 8
-"""Likelihoods that are kept, one for each set of regressors."""
+MAX_KEPT_LIKELIHOODS = 8
+"""Likelihoods that are kept, one for each set of regressors and bins."""
 
 
 class Likelihood(Protocol):
@@ -108,26 +110,34 @@ class Evidence(ABC):
         """Mean of each recorded driver that changes [SI]."""
 
     @abstractmethod
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
-        """The binned transform, with a regressor for each coefficient of the effects in order."""
+    def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
+        """The binned transform, with a regressor for each coefficient of the effects in order.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+        peaks : sequence of SpectralPeak, optional
+            About which bins are finer; the narrow peaks of `effects` when left out.
+        """
 
     @cached_property
-    def _known(self) -> dict[tuple[Effect, ...], Likelihood]:
+    def _known(self) -> dict[tuple[tuple[Effect, ...], Peaks], Likelihood]:
         return {}
 
     def likelihood(self, effects: Sequence[Effect]) -> Likelihood:
-        """The likelihood with the regressors of these effects; kept while their shapes do not change."""
+        """The likelihood with the regressors of these effects; kept while their shapes and peaks do not change."""
         shapes = tuple(e.shape for e in effects if e.coefficients())
+        peaks = tuple(p.rounded() for p in spectral_peaks(effects))
         known = self._known
-        if shapes not in known:
-            if len(known) > KEPT:
+        if (shapes, peaks) not in known:
+            if len(known) > MAX_KEPT_LIKELIHOODS:
                 known.clear()
-            known[shapes] = self.measure(shapes)
-        return known[shapes]
+            known[shapes, peaks] = self.measure(shapes, peaks)
+        return known[shapes, peaks]
 
-    def measure(self, shapes: Sequence[Effect]) -> Likelihood:
-        """A new likelihood with the regressors of these effects."""
-        return self.ordinates(shapes)
+    def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
+        """A new likelihood with the regressors of these effects, and bins for these peaks."""
+        return self.ordinates(shapes, peaks)
 
     def drift_variance(self, effects: Sequence[Effect]) -> Array:
         """The Allan variance [U^2] that deterministic effects give the curve, shape of its ``tau``."""
@@ -198,7 +208,7 @@ class Record(Evidence):
     block: int = 1
     skip: tuple[tuple[float, float], ...] = ()
     origin: float | None = None
-    per_decade: int = PER_DECADE
+    per_decade: int = BINS_PER_DECADE
     faults: tuple[DetectedFault, ...] = ()
 
     @property
@@ -275,11 +285,16 @@ class Record(Evidence):
                 other.__dict__[name] = self.__dict__[name]
         return other
 
-    def ordinates(self, effects: Sequence[Effect]) -> Ordinates:
+    def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
         """The binned transform, with a regressor for each coefficient of the effects in order."""
         columns = [x for e in effects for x in self._regressors(e)]
         return ordinates(
-            [self.sines, *columns], self.dt, self.block, skip=self.skip, per_decade=self.per_decade
+            [self.sines, *columns],
+            self.dt,
+            self.block,
+            skip=self.skip,
+            per_decade=self.per_decade,
+            peaks=spectral_peaks(effects) if peaks is None else peaks,
         )
 
     @cached_property

@@ -29,18 +29,18 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, filtered, sampled_spectrum
 from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE
+from kfgen.identify.evidence.peaks import SpectralPeak, split_edges
 
 Array = NDArray[np.float64]
 
-SINGLE = 96
-"""Ordinates at the bottom that stand alone."""
-PER_DECADE = 48
-"""Bins above them."""
-NUDGE = 1e-5
+SINGLE_ORDINATES = 96
+"""Ordinates at the bottom that stand alone, without a bin."""
+BINS_PER_DECADE = 48
+"""Bins of ordinates above those that stand alone."""
+LOG_STEP_OF_DERIVATIVE = 1e-5
 """Step in a logarithm over which a density is differentiated."""
-
-SHAPES = 512
-"""Of them that are kept."""
+MAX_KEPT_SHAPES = 512
+"""Shapes of effects that are kept."""
 
 Key = tuple[int, str]
 """A parameter: index of its effect, name."""
@@ -75,7 +75,7 @@ class Shapes:
             return self._compute(effect)
         shape = replace(effect, **{sizes[0]: 1.0})
         if shape not in self._known:
-            if len(self._known) > SHAPES:
+            if len(self._known) > MAX_KEPT_SHAPES:
                 self._known.clear()
             self._known[shape] = self._compute(shape)
         return np.asarray(float(getattr(effect, sizes[0])) ** 2 * self._known[shape])
@@ -107,8 +107,11 @@ class Shapes:
     def _difference(self, effect: Effect, name: str, effects: Sequence[Effect]) -> Array | float:
         """Derivative of what is passed in a number of one that filters."""
         others = [e for e in effects if e.is_filter and e is not effect]
-        up, down = (self.factor([*others, effect.shifted(name, h)]) for h in (NUDGE, -NUDGE))
-        return (up - down) / (2.0 * NUDGE)
+        up, down = (
+            self.factor([*others, effect.shifted(name, h)])
+            for h in (LOG_STEP_OF_DERIVATIVE, -LOG_STEP_OF_DERIVATIVE)
+        )
+        return (up - down) / (2.0 * LOG_STEP_OF_DERIVATIVE)
 
     def _slope(self, effect: Effect, name: str) -> Array:
         if effect.coefficients():  # the shape of a regressor
@@ -116,8 +119,10 @@ class Shapes:
         sizes = effect.sizes()
         if sizes == (name,):
             return 2.0 * self.of(effect)
-        up, down = (self.of(effect.shifted(name, h)) for h in (NUDGE, -NUDGE))
-        return np.asarray((up - down) / (2.0 * NUDGE))
+        up, down = (
+            self.of(effect.shifted(name, h)) for h in (LOG_STEP_OF_DERIVATIVE, -LOG_STEP_OF_DERIVATIVE)
+        )
+        return np.asarray((up - down) / (2.0 * LOG_STEP_OF_DERIVATIVE))
 
 
 @dataclass(frozen=True)
@@ -269,7 +274,8 @@ def ordinates(
     block: int = 1,
     *,
     skip: Sequence[tuple[float, float]] = (),
-    per_decade: int = PER_DECADE,
+    per_decade: int = BINS_PER_DECADE,
+    peaks: Sequence[SpectralPeak] = (),
 ) -> Ordinates:
     """Bin the sine coefficients of a record and its regressors.
 
@@ -286,9 +292,11 @@ def ordinates(
         Bands [Hz] to leave out.
     per_decade : int
         Bins above the lowest ordinates, which stand alone.
+    peaks : sequence of SpectralPeak
+        Narrow peaks of the densities that will be compared with it: bins about them are finer.
     """
     n = columns[0].size
-    edges = _edges(n, per_decade)
+    edges = split_edges(_edges(n, per_decade), peaks, dt * block, n)
     to_omega = 2.0 * np.pi * dt * block
     keep = np.ones(n)
     for lo, hi in skip:
@@ -307,10 +315,10 @@ def ordinates(
 
 
 def _edges(n: int, per_decade: int) -> NDArray[np.int64]:
-    if n <= SINGLE:
+    if n <= SINGLE_ORDINATES:
         return np.arange(n + 1)
-    top = np.geomspace(SINGLE, n, max(2, int(np.log10(n / SINGLE) * per_decade) + 1))
-    return np.unique(np.concatenate([np.arange(SINGLE), np.round(top)]).astype(np.int64))
+    top = np.geomspace(SINGLE_ORDINATES, n, max(2, int(np.log10(n / SINGLE_ORDINATES) * per_decade) + 1))
+    return np.unique(np.concatenate([np.arange(SINGLE_ORDINATES), np.round(top)]).astype(np.int64))
 
 
 def density_of_differences(effects: Sequence[Effect], omega: Array, dt: float, block: int) -> Array:

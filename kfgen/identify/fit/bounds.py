@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks, split_edges
 from kfgen.identify.evidence.whittle import Key, density_of_differences
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ def fisher(
     keys : tuple of Key
     J : ndarray, shape (k, k)
     """
-    omega, weight = nominal(lengths, dt, skip)
+    omega, weight = nominal(lengths, dt, skip, spectral_peaks(effects))
     keys = tuple((i, p.name) for i, e in enumerate(effects) if not e.coefficients() for p in e.estimated())
 
     def log_density(key: Key, shift: float) -> Array:
@@ -61,20 +62,42 @@ def fisher(
     return keys, 0.5 * (slopes * weight) @ slopes.T
 
 
-def nominal(lengths: Sequence[int], dt: float, skip: Bands = ()) -> tuple[Array, Array]:
-    """Ordinates of records of so many samples, by bins: angular frequencies and how many each stands for."""
-    parts = [_grid(n, dt, skip) for n in lengths]
+def nominal(
+    lengths: Sequence[int], dt: float, skip: Bands = (), peaks: Sequence[SpectralPeak] = ()
+) -> tuple[Array, Array]:
+    """Ordinates of records, by bins.
+
+    Parameters
+    ----------
+    lengths : sequence of int
+        Samples of each record.
+    dt : float
+        Sampling period [s].
+    skip : sequence of (lo, hi)
+        Bands [Hz] that are not looked at.
+    peaks : sequence of SpectralPeak
+        About which bins are finer.
+
+    Returns
+    -------
+    omega : ndarray, shape (m,)
+        Angular frequencies [rad per sample].
+    count : ndarray, shape (m,)
+        How many ordinates each stands for.
+    """
+    parts = [_grid(n, dt, skip, peaks) for n in lengths]
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
-def _grid(n: int, dt: float, skip: Bands) -> tuple[Array, Array]:
+def _grid(n: int, dt: float, skip: Bands, peaks: Sequence[SpectralPeak]) -> tuple[Array, Array]:
     edges = np.unique(np.concatenate([np.arange(min(n, 65)), np.geomspace(64, n, 400)]).round())
-    edges = edges[edges <= n]
+    edges = split_edges(edges[edges <= n].astype(np.int64), peaks, dt, n)
     weight = np.diff(edges)
     for lo, hi in skip:
         band = np.minimum(np.array([lo, hi]) * (2.0 * dt * (n + 1)), n)  # as numbers of ordinates
         weight = weight - np.diff(np.clip(edges, *band))
-    return (0.5 * (edges[1:] + edges[:-1] + 1.0)) * (np.pi / (n + 1)), np.maximum(weight, 0.0)
+    omega = np.asarray(0.5 * (edges[1:] + edges[:-1] + 1.0) * (np.pi / (n + 1)), dtype=np.float64)
+    return omega, np.asarray(np.maximum(weight, 0.0), dtype=np.float64)
 
 
 def relative_bound(effects: Sequence[Effect], dt: float, *lengths: int, skip: Bands = ()) -> dict[Key, float]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.identify.evidence.peaks import grid_with_peaks, oscillations
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import density_of_differences, frequencies
 
@@ -33,6 +34,10 @@ MARGIN = 6
 """Ordinates beside a line that are left out with it."""
 BROADEST = 400
 """Ordinates beyond which it is a resonance and no line."""
+
+
+LINE_REACH_HALF_WIDTHS = 8.0
+"""From an effect's frequency to a line that is still of it."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
     X = record.sines
     n = X.size
     omega = frequencies(n)
-    grid = np.geomspace(omega[0], omega[-1], 512)
+    grid = grid_with_peaks(np.geomspace(omega[0], omega[-1], 512), effects, record.dt * record.block)
     S = np.exp(
         np.interp(
             np.log(omega),
@@ -79,6 +84,26 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
             )
         )
     return lines
+
+
+def is_of(line: PeriodicLine, effects: Sequence[Effect]) -> bool:
+    """Whether a line belongs to one of the effects that are fitted: then it is not taken out.
+
+    Parameters
+    ----------
+    line : PeriodicLine
+        As it was found beside the fit.
+    effects : sequence of Effect
+        Those that oscillate, random or not, have their frequency and its half width.
+    """
+    lo, hi = line.band
+    peaks = [p for e in effects for p in oscillations(e)]
+    return any(
+        lo - LINE_REACH_HALF_WIDTHS * p.half_width
+        <= p.frequency
+        <= hi + LINE_REACH_HALF_WIDTHS * p.half_width
+        for p in peaks
+    )
 
 
 def without_line(t: Array, y: Array, line: PeriodicLine) -> Array:

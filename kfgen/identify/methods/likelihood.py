@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
+from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.evidence.whittle import SpectralFit
 from kfgen.identify.fit.bounds import nominal
 from kfgen.identify.fit.choice import SHAPED, EffectSet, choose, combined, fast_effects, slow_effects
+from kfgen.identify.fit.detected import is_started, with_detected
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, inverse, maximise
 from kfgen.identify.fit.interval import NORMAL, interval95, intervals95, linear_intervals
@@ -43,8 +45,8 @@ RESOLVED = 12
 def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
     """Maximum likelihood with profile intervals, for the best set of effects or exactly the wanted ones."""
     if wanted:
-        best, problem = _exactly(record, wanted)
-        intervals = _open_intervals(problem, best)
+        best, problem, searched = _exactly(record, wanted)
+        intervals = _open_intervals(problem, best) | searched
         intervals |= {key: interval95(problem, best, key) for key in best.free if key not in intervals}
         return Estimate(best, frozenset(), intervals | linear_intervals(best), (), covariance(problem, best))
     found = choose(record, best_of)
@@ -70,7 +72,7 @@ def by_curve(
     covariances: dict[tuple[Effect, ...], Array] = {}
     worst: dict[tuple[Effect, ...], float] = {}
     if wanted:
-        _check_wanted(record, wanted)
+        _check_wanted(record, wanted, wanted)
         found = fitted(record, combined(record, wanted))
     else:
         found = choose(record, fitted, drifting=False)
@@ -136,14 +138,15 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
     often than once in twenty), so that below its threshold only a limit holds.
     """
     found: dict[Key, tuple[float, float]] = {}
+    record = problem.record
     for i, effect in enumerate(best.effects):
         times = [p.name for p in effect.searched() if p.kind == "time"]
         others = tuple(e for k, e in enumerate(best.effects) if k != i)
-        if not times or effect.coefficients() or not others:
+        if not times or effect.coefficients() or not others or not is_started(effect.name, record):
             continue
-        without = maximise(Problem(problem.record, others))
+        without = maximise(Problem(record, others))
         if 2.0 * (best.value - without.value) < SHAPED:
-            most = limit(problem.record, others, effect.name)
+            most = limit(record, others, effect.name)
             found[i, most.parameter] = (0.0, most.upper95)
             found |= {(i, name): (0.0, float("inf")) for name in times}
     return found
@@ -151,7 +154,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
 
 def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
     """The slow terms that dominate too few ordinates to be told from one another."""
-    omega, count = nominal(record.lengths, record.dt, record.skip)
+    omega, count = nominal(record.lengths, record.dt, record.skip, spectral_peaks(best.effects))
     parts = [e.sampled_density(omega, record.dt, 1) for e in best.effects]
     total = np.sum(parts, axis=0)
     return frozenset(
@@ -170,17 +173,25 @@ def best_of(record: Evidence, choices: Sequence[tuple[Effect, ...]]) -> EffectSe
     return EffectSet(fits[best], problems[best], 2.0 * fits[best].value)
 
 
-def _exactly(record: Evidence, wanted: Sequence[str]) -> tuple[Fit, Problem]:
-    _check_wanted(record, wanted)
-    found = best_of(record, combined(record, wanted))
-    return found.fit, found.problem
+def _exactly(record: Evidence, wanted: Sequence[str]) -> tuple[Fit, Problem, dict[Key, tuple[float, float]]]:
+    """The wanted effects fitted, and the intervals of what was looked for before the fit."""
+    started = [name for name in wanted if is_started(name, record)]
+    _check_wanted(record, wanted, started)
+    found, searched = best_of(record, combined(record, started)), dict[Key, tuple[float, float]]()
+    for name in (n for n in wanted if n not in started):
+        at = len(found.fit.effects)
+        more = with_detected(record, found.fit.effects, name, best_of)
+        found = more.found
+        searched |= {(at, parameter): ci for parameter, ci in more.ci95.items()}
+    return found.fit, found.problem, searched
 
 
-def _check_wanted(record: Evidence, wanted: Sequence[str]) -> None:
+def _check_wanted(record: Evidence, wanted: Sequence[str], started: Sequence[str]) -> None:
+    """No effect twice that is one of its kind, and noise among those that have start values."""
     twice = [name for name in wanted if wanted.count(name) > 1 and not effect_named(name).repeatable]
     if twice:
         raise InputError(f"{twice[0]} is wanted twice", where="--effects", remedy="Name it once")
-    if all(e.coefficients() for e in combined(record, wanted)[0]):
+    if all(e.coefficients() for e in combined(record, started)[0]):
         raise InputError(
             f"{', '.join(wanted)} alone is no noise", where="--effects", remedy="Add white_noise"
         )

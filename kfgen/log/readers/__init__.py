@@ -19,7 +19,12 @@ from kfgen.core.errors import InputError
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
-__all__ = ["ColumnMap", "read_log", "read_long", "readers", "write_log"]
+__all__ = ["ColumnMap", "LogOrPath", "log_of", "read_log", "read_long", "readers", "write_log"]
+
+LogOrPath = Log | str | Path
+"""A log, or the path of its file."""
+Columns = ColumnMap | str
+"""Which column is which channel, or the text that says so: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``."""
 
 MAX_SAMPLES_IN_MEMORY = 20_000_000
 """Samples of a channel beyond which a mapped file is not read into memory."""
@@ -38,7 +43,7 @@ def readers() -> dict[str, ModuleType]:
     return found
 
 
-def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap | None = None) -> Log:
+def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | None = None) -> Log:
     """Read a log of any known format.
 
     Parameters
@@ -47,8 +52,8 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
         The file.
     rate : float, optional
         Sampling rate [Hz]; replaces the file's own time.
-    columns : ColumnMap, optional
-        Which column is which channel, and its unit.
+    columns : ColumnMap or str, optional
+        Which column is which channel, and its unit: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``.
 
     Returns
     -------
@@ -60,11 +65,11 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: ColumnMap 
         The file is missing, empty, of an unknown format or broken; the message names the place.
     """
     table, sha256 = _table(Path(path), rate)
-    return assemble(table, columns, rate, sha256)
+    return assemble(table, _map_of(columns), rate, sha256)
 
 
 def read_long(
-    path: str | Path, *, rate: float | None = None, columns: ColumnMap | None = None
+    path: str | Path, *, rate: float | None = None, columns: Columns | None = None
 ) -> Log | StoredLog:
     """Read a log of any known format; one that is mapped and too long for memory stays in its file.
 
@@ -92,7 +97,19 @@ def read_long(
         isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
         for c in table.columns.values()
     )
-    return (stored if long else assemble)(table, columns, rate, sha256)
+    return (stored if long else assemble)(table, _map_of(columns), rate, sha256)
+
+
+def _map_of(columns: Columns | None) -> ColumnMap | None:
+    return ColumnMap.parse(columns) if isinstance(columns, str) else columns
+
+
+def log_of(log: LogOrPath) -> Log:
+    """A log over time, read where a path is given; raises `InputError` for an Allan curve."""
+    found = log if isinstance(log, Log) else read_log(log)
+    if found.axis != "t":
+        raise InputError("it is an Allan curve and no log", where=found.source, remedy="Give the log itself")
+    return found
 
 
 def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
@@ -125,7 +142,7 @@ def write_log(log: Log, path: str | Path) -> None:
     ----------
     log : Log
     path : path-like
-        Ends in the suffix of a format that can be written: ``.csv`` or ``.npz``.
+        With the suffix ``.csv`` or ``.npz``; an older file is replaced.
 
     Raises
     ------

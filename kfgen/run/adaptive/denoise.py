@@ -8,6 +8,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,11 +93,16 @@ class Denoised:
     ----------
     values : ndarray, shape (n,)
         Filtered samples [U], its mean at rest put back.
-    rest : Rest
-    model : LinearModel
+    rest : RestStatistics
+        The channel at rest.
+    model : ScalarModel
+        What is filtered with.
     filtered : Filtered
+        Estimate, gain and innovations.
     before, after : Noise
-    cost : Cost
+        Read off the Allan deviation.
+    cost : FilterCost
+        What becomes of a true rate.
     """
 
     values: Array
@@ -106,6 +112,31 @@ class Denoised:
     before: Noise
     after: Noise
     cost: FilterCost
+
+    def to_dict(self, unit: str) -> dict[str, Any]:
+        """The numbers of the JSON, for a channel in `unit` (SI)."""
+        c, used, tests = self.cost, self.filtered.nis > 0.0, self.rest.tests
+        process = self.rest.process
+        return {
+            "unit": unit,
+            "process": {"phi": process.phi, "theta": process.theta, "sigma": process.sigma},
+            "level": self.rest.level,
+            "before": {"N": self.before.N, "B": self.before.B, "drift": self.before.drift},
+            "after": {"N": self.after.N, "B": self.after.B, "drift": self.after.drift},
+            "cost": {
+                "dc": c.dc,
+                "dc_hidden": c.hidden,
+                "delay_s": c.delay,
+                "bandwidth_hz": c.bandwidth,
+                "attenuation": c.attenuation,
+                "sentence": c.words,
+            },
+            "mean_nis": float(np.mean(self.filtered.nis[used])) if used.any() else None,
+            "tests": {v.name: {"p": v.p, "rejected": v.rejected} for v in tests.verdicts},
+            "aic": {f"{o.model.order[0]},{o.model.order[1]}": o.aic for o in self.rest.orders},
+            "skewness": tests.skewness,
+            "kurtosis": tests.kurtosis,
+        }
 
 
 def at_rest(y: Array, settings: Settings) -> RestStatistics:
@@ -117,6 +148,12 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
     ----------
     y : ndarray, shape (n,)
         Samples [U]; those that are no numbers are left out.
+    settings : Settings
+        Order and estimator of the process.
+
+    Returns
+    -------
+    RestStatistics
 
     Raises
     ------
@@ -154,8 +191,8 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
     return RestStatistics(level, process, tests, correlations(series), tried, tuple(said))
 
 
-def denoise(y: Array, dt: float, settings: Settings, rest: RestStatistics | None = None) -> Denoised:
-    """Filter a channel.
+def denoise_samples(y: Array, dt: float, settings: Settings, rest: RestStatistics | None = None) -> Denoised:
+    """Filter the samples of a channel.
 
     Parameters
     ----------
@@ -164,8 +201,12 @@ def denoise(y: Array, dt: float, settings: Settings, rest: RestStatistics | None
     dt : float
         Sampling period [s].
     settings : Settings
-    rest : Rest, optional
+    rest : RestStatistics, optional
         The channel at rest; of these samples where left out.
+
+    Returns
+    -------
+    Denoised
 
     Raises
     ------

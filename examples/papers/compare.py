@@ -14,8 +14,8 @@ from kfgen.identify.fit.bounds import fisher
 from kfgen.identify.identify import identify
 from kfgen.identify.methods.asymptotes import read_asymptotes
 from kfgen.identify.methods.saini import TERMS
-from kfgen.papers.hemerly import POINT, SAMPLES, T, record
 from kfgen.report.page import columns
+from papers.hemerly import POINT, SAMPLES, T, record
 
 Array = NDArray[np.float64]
 

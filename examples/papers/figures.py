@@ -9,9 +9,9 @@ from kfgen.effects import make
 from kfgen.identify.evidence.allan import allan_curve
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.methods.asymptotes import Asymptote, read_asymptotes
-from kfgen.papers.hemerly import POINT, T, as_deviation, record
 from kfgen.report.page import PagePart, figure
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Map, allan_picture, maps_picture
+from papers.hemerly import POINT, T, as_deviation, record
 
 TAUS, STEPS = np.geomspace(1.0, 1000.0, 13), np.geomspace(0.01, 1.0, 11)
 HOURS = 3.0

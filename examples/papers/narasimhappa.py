@@ -19,10 +19,10 @@ from kfgen.arma.process import Arma
 from kfgen.effects import make
 from kfgen.effects.process.stochastic import FLICKER_FLOOR_OVER_B
 from kfgen.log.log import Log
-from kfgen.papers.row import Row, exact
 from kfgen.report.page import columns
-from kfgen.run.adaptive.denoise import Denoised, Settings, at_rest, denoise
+from kfgen.run.adaptive.denoise import Denoised, Settings, at_rest, denoise_samples
 from kfgen.run.adaptive.rules import rules
+from papers.row import Row, exact
 
 Array = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ class Static:
     def of(y: Array, dt: float, names: Sequence[str] = ()) -> Static:
         """The filters by name (all when left out) on samples [U], shape (n,), `dt` [s] apart."""
         rest = at_rest(y, Settings())
-        return Static({n: denoise(y, dt, Settings(n), rest) for n in names or rules()})
+        return Static({n: denoise_samples(y, dt, Settings(n), rest) for n in names or rules()})
 
     def table(self, scale: float = 1.0, unit: str = "") -> str:
         """Tables 4 to 6: N, B and drift before and after, each filter's share of a true rate beside."""
@@ -180,6 +180,6 @@ def under_motion(log: Log, still: Log, names: Sequence[str] = ()) -> str:
     rows.append(["the motion itself", f"{np.degrees(size):.4g}", "1"])
     rows.append(["raw gyro", f"{np.degrees(error(raw)):.4g}", f"{error(raw) / size:.3g}"])
     for name in names or rules():
-        e = error(denoise(raw, dt, Settings(name), rest).values)
+        e = error(denoise_samples(raw, dt, Settings(name), rest).values)
         rows.append([name, f"{np.degrees(e):.4g}", f"{e / size:.3g}"])
     return columns(rows)

@@ -21,7 +21,7 @@ from kfgen.identify.methods.arma import ArmaSolution, solve, unit_variance
 from kfgen.identify.methods.asymptotes import read_asymptotes, short_white
 from kfgen.identify.methods.ekf import run_ekf
 from kfgen.identify.methods.saini import Parameters
-from kfgen.papers.row import Row, exact, over_seeds
+from papers.row import Row, exact, over_seeds
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,209 @@
+"""`identify`: from logs of a sensor at rest to the noise of its channels, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+from kfgen.effects import effect_named
+from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.identify.channels import BAND_ENDS, checked, default_channels, recorded_drivers
+from kfgen.identify.evidence.joint import JointRecord
+from kfgen.identify.evidence.long import Stream, condense
+from kfgen.identify.evidence.published import Published
+from kfgen.identify.evidence.record import Evidence, Record
+from kfgen.identify.evidence.sampling import evidence
+from kfgen.identify.identification import Identification, IdentifiedChannel
+from kfgen.identify.identify import identify as identify_record
+from kfgen.log.log import Channel, Log, StoredLog
+from kfgen.log.readers import read_long
+
+AnyLog = Log | StoredLog
+
+
+def identify(
+    logs: AnyLog | str | Path | Sequence[AnyLog | str | Path],
+    *,
+    channels: Sequence[str] | str | None = None,
+    effects: Sequence[str] | str | None = None,
+    method: str | None = None,
+) -> Identification:
+    """Identify the noise of a sensor at rest.
+
+    Parameters
+    ----------
+    logs : Log, StoredLog or path, or a sequence of them
+        One log; several of one sensor, which are fitted together; or a published Allan curve (axis ``tau``).
+    channels : sequence of str, or str with commas, optional
+        The channels to identify; the sensor channels of the log when left out.
+    effects : sequence of str, or str with commas, optional
+        Exactly these effects; chosen by the data when left out.
+    method : str, optional
+        A key of `kfgen.identify.methods.likelihood.METHODS`; ``ml`` when left out, ``allan`` for a curve.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        There is nothing to identify, an effect or a method is unknown, or a channel cannot be identified; the log
+        and the channel are said.
+    """
+    given = [logs] if isinstance(logs, (Log, StoredLog, str, Path)) else logs
+    data = [read_long(log) if isinstance(log, (str, Path)) else log for log in given]
+    if not data:
+        raise InputError("there is no log to identify", remedy="Give one")
+    first = data[0]
+    curve = next((d for d in data if d.axis == "tau"), None)
+    if curve is not None and len(data) > 1:
+        raise InputError("an Allan curve is identified alone", where=curve.source)
+    method = method or ("ml" if curve is None else "allan")
+    wanted = checked(effects)
+    for name in wanted or ():
+        effect_named(name, where="--effects")
+    names, said = checked(channels), list[str]()
+    if names is None:
+        names, said = default_channels(first)
+    found = {name: _identify_channel(data, name, wanted, method) for name in names}
+    warnings = [
+        *(w for d in data for w in d.warnings),
+        *said,
+        *(f"{name}: {w}" for name, c in found.items() for w in c.warnings),
+    ]
+    return Identification(found, tuple((d.source, d.sha256) for d in data), method, tuple(warnings))
+
+
+def identify_samples(
+    y: ArrayLike | Mapping[str, ArrayLike],
+    *,
+    rate: float,
+    unit: str,
+    effects: Sequence[str] | str | None = None,
+    method: str | None = None,
+) -> Identification:
+    """Identify the noise of evenly sampled numbers.
+
+    Parameters
+    ----------
+    y : array_like, shape (n,), or mapping of str to such
+        Samples in `unit`, not a number where one is missing: of one channel, which is called ``y``, or of channels
+        by name. A name of `kfgen.effects.driven.proportional.DRIVERS` is a driver of the others, in its SI unit.
+    rate : float
+        Sampling rate [Hz].
+    unit : str
+        Unit of the samples, ``deg/s`` for example.
+    effects, method
+        As in `identify`.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        The samples are no row of numbers, the rate is not positive, or they cannot be identified.
+    """
+    given = y if isinstance(y, Mapping) else {"y": y}
+    samples = {name: np.asarray(v, dtype=np.float64) for name, v in given.items()}
+    for name, v in samples.items():
+        if v.ndim != 1:
+            raise InputError(
+                f"{name} of shape {v.shape} is no row of numbers",
+                remedy="Give one channel, shape (n,), or a mapping of names to channels",
+            )
+    if not 0.0 < rate < float("inf"):
+        raise InputError(f"rate must be positive (got {rate:g})", remedy="Give the sampling rate in hertz")
+    channels = {k: Channel.of(v, DRIVERS[k].unit if k in DRIVERS else unit) for k, v in samples.items()}
+    t = np.arange(max((v.size for v in samples.values()), default=0)) / rate
+    names = [name for name in channels if name not in DRIVERS]
+    return identify(Log(t, channels, "samples"), channels=names, effects=effects, method=method)
+
+
+def _identify_channel(
+    logs: Sequence[AnyLog], name: str, wanted: Sequence[str] | None, method: str
+) -> IdentifiedChannel:
+    """One channel of the logs; errors say the log and the channel."""
+    try:
+        record, said = channel_evidence(logs, name)
+        found = identify_record(record, wanted, method)
+    except InputError as error:
+        where = error.where or f"{logs[0].source}: channel {name}"
+        raise InputError(error.what, where=where, remedy=error.remedy) from None
+    unit = logs[0].channel(name).unit
+    return IdentifiedChannel(name, unit, replace(found, warnings=(*said, *found.warnings)))
+
+
+def channel_evidence(logs: Sequence[AnyLog], name: str) -> tuple[Evidence, list[str]]:
+    """A channel of logs as evidence for a fit.
+
+    Parameters
+    ----------
+    logs : sequence of Log or StoredLog
+        One log, several of one sensor, or a published curve.
+    name : str
+        The channel.
+
+    Returns
+    -------
+    evidence : Evidence
+    warnings : list of str
+        What is to be said of its sampling.
+
+    Raises
+    ------
+    InputError
+        A log is given twice, lacks the channel or has it in another kind of unit, or cannot be fitted together
+        with others.
+    """
+    first = logs[0]
+    if len(logs) == 1 and isinstance(first, StoredLog):
+        channel = first.channel(name)
+        return condense(Stream(channel.chunks, channel.n, first.dt)), []
+    if isinstance(first, Log) and first.axis == "tau":
+        return _published(first, name), []
+    hashes = [log.sha256 for log in logs if log.sha256]
+    if len(set(hashes)) < len(hashes):
+        raise InputError("a log is given twice", where=first.source, remedy="Give each log once")
+    records, said = [], []
+    for log in logs:
+        _check_alike(log, first, name)
+        if not isinstance(log, Log):
+            raise InputError("a log too long for memory is identified alone", where=log.source)
+        record, words = evidence(log.t, log.channel(name).values, recorded_drivers(log, but=name))
+        said += [f"{log.source}: {w}" if len(logs) > 1 else w for w in words]
+        records.append(record)
+    if len(records) == 1:
+        return records[0], said
+    even = tuple(r for r in records if isinstance(r, Record))
+    if len(even) < len(records):
+        raise InputError(
+            "a log with gaps or uneven time cannot be fitted together with others",
+            remedy="Identify it alone, or cut it at its gaps",
+        )
+    return JointRecord(even), said
+
+
+def _check_alike(log: AnyLog, first: AnyLog, name: str) -> None:
+    """A channel must have the same kind of unit in every log."""
+    unit, expected = log.channel(name).unit, first.channel(name).unit
+    if not parse_unit(unit).same_dimension(parse_unit(expected)):
+        raise InputError(
+            f"channel {name} is in {unit} here, in {expected} in {first.source}", where=log.source
+        )
+
+
+def _published(log: Log, name: str) -> Evidence:
+    """A published Allan curve, with its band where the log has one."""
+    band = [log.channels[name + end].values for end in BAND_ENDS if name + end in log.channels]
+    if len(band) == 1:
+        raise InputError(f"the band of {name} has one end", where=log.source, remedy="Give both, or none")
+    return Published.of(log.t, log.channel(name).values, *band)
