@@ -118,6 +118,9 @@ def test_pages_are_short_and_their_links_lead_somewhere() -> None:
         text = page.read_text(encoding="utf-8")
         for link in re.findall(r"\]\((?!http)([^)#]+)", text):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
+        if page.name != "CHANGELOG.md":
+            cited = re.findall(r"`((?:kfgen|tests|examples|benchmarks|docs)/[\w/.]+)", text)
+            assert [c for c in cited if not (ROOT / c).exists()] == [], page.name
         prose = re.sub(r"```.*?```", "", text, flags=re.S).splitlines()
         long = [line for line in prose if len(line) > 120 and not line.startswith(("|", "!", "    "))]
         assert long == [], page.name
