@@ -22,6 +22,7 @@ from kfgen.manoeuvre.motion import Motion
 from kfgen.manoeuvre.truth import drawn, wandered
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
+from kfgen.model.parts.reading import axes_of
 from kfgen.model.plant.equations import Equations
 from kfgen.model.symbols.blocks import Attitude
 from kfgen.simulate.channels import moved_alone, shown, with_noise
@@ -199,7 +200,7 @@ def _plant_log(
     channels = {d: Channel(v, driver_named(d).unit) for d, v in driven.items()}
     for channel, unit in model.channel_units.items():
         effects: Sequence[Effect] = model.noise.get(channel, ())
-        true = moved_alone(clean[channel], effects, t, driven.get(WARMTH))
+        true = moved_alone(clean[channel], effects, t, driven.get(WARMTH), *axes_of((channel,)))
         noise: Any = sum((e.draw(rng).simulate(t, rng, driven) for e in effects), np.zeros(t.size))
         values = with_noise(true, noise, effects, t, rng, driven)
         channels[channel] = Channel(faulty([values], [effects], t, rng)[0], unit)
