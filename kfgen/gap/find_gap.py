@@ -19,6 +19,7 @@ from kfgen.gap.core.noise_scale import scaled
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
+from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing
 from kfgen.gap.motion.scene import motion_scene
@@ -81,6 +82,11 @@ def find_gap(
     if isinstance(assumed, UserModel):
         _refuse(others, name)
         return _plant(assumed, data[0])
+    if isinstance(assumed, FilterModel):
+        flown = _flown(name, assumed, data[0], wanted)
+        if flown is not None:
+            _refuse(others, data[0].source)
+            return flown
     noise, warnings = _common(name, _noise(assumed, data[0]), data[0])
     noise = noise.extended_band(data[0].dt, data[0].duration)
     names = list(wanted or noise.channels)
@@ -175,6 +181,19 @@ def _plant(assumed: UserModel, log: Log) -> GapResult:
     noises = _rescaled({n: m.noise for n, m in after.measurements.items()}, found)
     measurements = {n: replace(m, noise=noises[n]) for n, m in after.measurements.items()}
     return _of_scene(log, found, assumed, replace(after, measurements=measurements))
+
+
+def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None) -> GapResult | None:
+    """Of the sensors of a filter along a motion that references say; None where they do not."""
+    found = filter_scene(log, model, names)
+    if found is None:
+        return None
+    scene, noise = found
+    _, warnings = _common(
+        name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
+    )
+    gap = scene_gap(scene, units_of(log))
+    return _of_scene(log, gap, noise, _with_findings(noise, gap), warnings)
 
 
 def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:

@@ -51,6 +51,8 @@ class TrueScene:
         Drivers of effects [SI].
     shaken : Vibration, optional
         Where no velocity of the model takes it up, the accelerometers show it.
+    samples_are : str
+        What a sample of the inputs stands for, where it is not as the model has it.
     """
 
     discrete: DiscreteModel
@@ -60,6 +62,7 @@ class TrueScene:
     rates: Mapping[str, float]
     drive: Mapping[str, Array]
     shaken: Vibration | None = None
+    samples_are: str = ""
 
     @property
     def model(self) -> FilterModel:
@@ -89,7 +92,7 @@ class TrueScene:
     @property
     def samples(self) -> str:
         """What a sample of the inputs stands for."""
-        return str(self.model.motion.chosen.get("samples", AFTER))
+        return self.samples_are or str(self.model.motion.chosen.get("samples", AFTER))
 
     @cached_property
     def fine(self) -> Array:

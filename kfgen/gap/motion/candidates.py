@@ -35,6 +35,7 @@ from kfgen.gap.motion.truth import Truth
 
 Array = NDArray[np.float64]
 
+INERTIAL = ("gyro", "accel")
 SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
 SOME = 4000
@@ -97,12 +98,12 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
     found: list[list[Placed]] = []
     sensors = list(dict.fromkeys(s for _, s, _ in bench.moved))
     for name, sensor, axis in bench.moved:
-        if sensor != "mag":
+        if sensor in INERTIAL:
             found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
         found += _in_time(bench, name, sensor)
     for name, sensor, axis in bench.still:
         if sensor in sensors:
-            found += [] if sensor == "mag" else _rows(bench, name, sensor, axis)
+            found += _rows(bench, name, sensor, axis) if sensor in INERTIAL else []
             found += _in_time(bench, name, sensor)
     for sensor in sensors:
         found += _lags(bench, sensor)

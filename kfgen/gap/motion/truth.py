@@ -83,6 +83,8 @@ class Truth:
         The noise of the rate that was taken from it.
     words : tuple of str
         What was decided.
+    places : mapping of str to (str, int)
+        Sensor and axis of channels whose names do not say them.
     """
 
     t: Array
@@ -99,6 +101,11 @@ class Truth:
     angle: float = 0.0
     floor: Floor = Floor()
     words: tuple[str, ...] = ()
+    places: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+
+    def place(self, name: str) -> tuple[str, int]:
+        """The sensor and the axis of a channel."""
+        return self.places[name] if name in self.places else place(name)
 
     @property
     def dt(self) -> float:
