@@ -24,6 +24,9 @@ Paper letters
     ``F`` dynamics, ``G`` noise input, ``H`` measurement, ``P`` covariance, ``Phi``
     transition, ``Qd`` discrete process noise, ``R`` measurement noise,
     ``S`` innovation covariance, ``K`` gain; ``n`` samples, ``dt`` sampling period.
+Verbs
+    ``import kfgen as kf``: ``kf.identify``, ``kf.build``, ``kf.emit`` ... are functions, each in its own room; what
+    they give back is frozen, with a short ``repr``, ``to_dict()`` (the JSON of the command) and ``plot()``.
 """
 
 from __future__ import annotations
@@ -77,7 +80,10 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """`kfgen` itself, in which a verb is not hidden by the package of the same name (``kfgen.audit``)."""
+    """`kfgen` itself, in which a verb is not hidden by the package of the same name (``kfgen.audit``).
+
+    Modules of such a package are imported as ``from kfgen.audit import degree``.
+    """
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not (name in VERBS and isinstance(value, ModuleType)):  # what the import system binds

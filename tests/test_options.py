@@ -97,7 +97,8 @@ def test_simulate_and_run_take_the_same_options(kfgen: Kfgen, tmp_path: Path) ->
     assert done.exit_code == 0, done.output
     data = json.loads((tmp_path / "run.json").read_text())
     assert set(data["sensors"]) == {"gnss_position", "heading"}
-    assert data["sensors"]["gnss_position"]["mean_nis"] == pytest.approx(3.0, abs=0.6)
+    # Three rows of 50 updates at 5 Hz: a standard deviation of 0.35.
+    assert data["sensors"]["gnss_position"]["mean_nis"] == pytest.approx(3.0, abs=1.4)
     assert data["attitude_error"]["inclination_rmse"] < 0.1
 
 
