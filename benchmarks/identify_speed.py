@@ -39,11 +39,7 @@ FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 COLD = """
 import time, sys
 import numpy as np
-<<<<<<< HEAD
 import kfgen.identify.evidence.running_allan as phase
-=======
-from kfgen.identify.evidence import phase
->>>>>>> verbs
 start = time.perf_counter()
 import numba
 imported = time.perf_counter()
