@@ -24,8 +24,8 @@ def static(n: int = 1_000_000) -> tuple[int, list[str], float]:
     """White noise and a Gauss-Markov bias, 100 Hz, a thermometer, a hidden temperature term and a line."""
     from scipy.signal import lfilter
 
+    from kfgen.gap.rest.channel_gap import channel_gap
     from kfgen.gap.rest.even_record import drivers_of, regular
-    from kfgen.gap.rest.workflow import find_gap
 
     rng = np.random.default_rng(1)
     t = np.arange(n) / 100.0
@@ -45,7 +45,7 @@ def static(n: int = 1_000_000) -> tuple[int, list[str], float]:
     )
     start = time.perf_counter()
     record, stamps, _ = regular(log, "gyro_x", drive=drivers_of(log)[0])
-    found = find_gap("gyro_x", record, noise, stamps)
+    found = channel_gap("gyro_x", record, noise, stamps)
     return n, [f.effect.name for f in found.findings], time.perf_counter() - start
 
 
@@ -72,7 +72,7 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
     """A driven pendulum at 100 Hz with hidden dry friction."""
     from scipy.integrate import solve_ivp
 
-    from kfgen.gap.core.outcome import find_scene_gap
+    from kfgen.gap.core.scene_gap import scene_gap
     from kfgen.gap.plant.scene import PlantScene
     from kfgen.model.plant.file import parse_model
 
@@ -90,13 +90,13 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
     model = parse_model(PENDULUM, "pendulum.toml")
     PlantScene.of(model, log.cut(0, 500))  # the kernel from its cache
     start = time.perf_counter()
-    found = find_scene_gap(PlantScene.of(model, log))
-    return n, [f.placed.effect.name for f in found.findings], time.perf_counter() - start
+    found = scene_gap(PlantScene.of(model, log))
+    return n, [f.effect.name for f in found.findings], time.perf_counter() - start
 
 
 def motion(n: int = 100_000) -> tuple[int, list[str], float]:
     """Gyros, accelerometers and magnetometers on a moving body at 100 Hz, references of each; a hidden misalignment."""
-    from kfgen.gap.core.outcome import find_scene_gap
+    from kfgen.gap.core.scene_gap import scene_gap
     from kfgen.gap.motion.scene import motion_scene
 
     rng = np.random.default_rng(3)
@@ -120,8 +120,8 @@ def motion(n: int = 100_000) -> tuple[int, list[str], float]:
     start = time.perf_counter()
     scene = motion_scene(Log(t, channels), NoiseModel(noise))
     assert scene is not None
-    found = find_scene_gap(scene)
-    return n, [f.placed.effect.name for f in found.findings], time.perf_counter() - start
+    found = scene_gap(scene)
+    return n, [f.effect.name for f in found.findings], time.perf_counter() - start
 
 
 WORLDS: dict[str, Callable[[], tuple[int, list[str], float]]] = {

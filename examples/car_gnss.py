@@ -8,7 +8,7 @@ import numpy as np
 
 from kfgen.emit.routines import Program
 from kfgen.log.log import Channel, Log
-from kfgen.manoeuvre.truth import MotionProfile
+from kfgen.manoeuvre.motion import MotionProfile
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.model.parts.motion import GYRO

@@ -12,7 +12,7 @@ from pathlib import Path
 from recordings.fixed_wing import flight
 from recordings.fixed_wing import model as flying
 
-from kfgen.emit.folder import Emitted, write_folder
+from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
@@ -35,7 +35,7 @@ def said(model: FilterModel, log: Log, start: dict[str, float]) -> str:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "c"
         write_folder(program, "c", None, folder)
-        (verdict,) = verify(Emitted(program, "c", folder), ["host"], played=played)
+        (verdict,) = verify(EmittedFilter(program, "c", folder), ["host"], played=played)
     words = f"{model.name}, C: {verdict.differing} of {verdict.words} words differ."
     return "\n  ".join([words, *on_log_sentences(found)])
 

@@ -6,10 +6,11 @@ Three seeds without arguments, in seconds; from thirty on also figure 3 and all 
 
 import sys
 
-from kfgen.papers.compare import compare, table
-from kfgen.papers.figures import figure_1, figure_2
-from kfgen.papers.hemerly import sections
-from kfgen.papers.row import page_of, text_of
+from papers.compare import compare, table
+from papers.figures import figure_1, figure_2
+from papers.hemerly import sections
+from papers.row import page_of, text_of
+
 from kfgen.report.page import write_page
 
 seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 3

@@ -9,9 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
-from kfgen.log.readers import ColumnMap, read_log
-from kfgen.papers.narasimhappa import (
+from papers.narasimhappa import (
     DEGREE_PER_HOUR,
     Static,
     printed_numbers,
@@ -19,7 +17,9 @@ from kfgen.papers.narasimhappa import (
     static_sensor,
     under_motion,
 )
-from kfgen.papers.row import text_of
+from papers.row import text_of
+
+from kfgen.log.readers import ColumnMap, read_log
 
 seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
 full = seconds >= 3600.0

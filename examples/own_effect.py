@@ -9,17 +9,17 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kfgen.effects import Effect, LinearSystem, Look, State, make
-from kfgen.effects.effect import parameter
+from kfgen.effects import LinearSystem, Look, State, make
+from kfgen.effects.effect import LinearProcess, parameter
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.words import finding_sentence
 from kfgen.identify.evidence.record import Record
 from kfgen.model.library import build
-from kfgen.report.gap_words import finding_sentence
 
 
 @dataclass(frozen=True)
-class SupplySquared(Effect):
+class SupplySquared(LinearProcess):
     """``y = coefficient (voltage - reference)^2``."""
 
     coefficient: Any = parameter("U/V^2", "signed")
@@ -50,7 +50,7 @@ white, hidden = make("white_noise", N=1e-4), SupplySquared(coefficient=5e-3)
 y = white.simulate(t, rng) + hidden.simulate(t, rng, {"voltage": voltage})
 
 believed = ChannelNoise("deg/s", (Term(white),))
-gap = find_gap("gyro_x", Record(t, y, {"voltage": voltage}), believed)
+gap = channel_gap("gyro_x", Record(t, y, {"voltage": voltage}), believed)
 for finding in gap.findings:
     print(finding_sentence(gap, finding))
 assert [f.effect.name for f in gap.findings] == ["supply_squared"]

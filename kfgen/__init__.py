@@ -26,6 +26,62 @@ Paper letters
     ``S`` innovation covariance, ``K`` gain; ``n`` samples, ``dt`` sampling period.
 """
 
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import Any
+
 __version__ = "0.1.0"
 
-__all__ = ["__version__"]
+VERBS = {
+    "audit": "kfgen.run.audit",
+    "build": "kfgen.model.build",
+    "convert": "kfgen.consumers",
+    "denoise": "kfgen.run.adaptive.denoise_log",
+    "derive": "kfgen.model.derive",
+    "emit": "kfgen.emit.emit",
+    "find_gap": "kfgen.gap.find_gap",
+    "fleet": "kfgen.fleet.fleet",
+    "identify": "kfgen.identify.identify_log",
+    "list_all": "kfgen.catalogue",
+    "load": "kfgen.model.files",
+    "plan": "kfgen.identify.plan",
+    "read_log": "kfgen.log.readers",
+    "run": "kfgen.run.run",
+    "save": "kfgen.model.files",
+    "simulate": "kfgen.simulate.simulate_log",
+    "verify": "kfgen.verify.compare",
+    "write_log": "kfgen.log.readers",
+}
+"""Verbs, and the module of each; a module is imported when its verb is first named."""
+TYPES = {"Channel": "kfgen.log.log", "Log": "kfgen.log.log", "NoiseModel": "kfgen.effects.noise_model"}
+"""The types that a caller makes, and the module of each."""
+
+__all__ = ["__version__", *sorted(VERBS | TYPES)]  # noqa: PLE0604 - from the tables
+
+
+def __getattr__(name: str) -> Any:
+    """A verb or type, imported when it is first named (PEP 562): ``import kfgen`` alone is light."""
+    home = (VERBS | TYPES).get(name)
+    if home is None:
+        raise AttributeError(f"module 'kfgen' has no attribute '{name}'")
+    found = getattr(importlib.import_module(home), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """`kfgen` itself, in which a verb is not hidden by the package of the same name (``kfgen.audit``)."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in VERBS and isinstance(value, ModuleType)):  # what the import system binds
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -1,42 +1,40 @@
 """The demonstration: a simulated gyro with two effects that its model does not know.
 
 A bench log at constant temperature gives the noise file. A field log, warmed by the sun and shaken by a
-fan, disagrees with it. Both effects are named, the model mended, and the mended filter emitted and proven.
+fan, disagrees with it. Both effects are named, the model updated, and the updated filter emitted and proven.
 """
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from kfgen.audit.audit import audit
 from kfgen.effects import Effect, make
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.noise_model import NoiseModel, write_noise
-from kfgen.emit.folder import read_folder, write_folder
-from kfgen.emit.routines import Program
-from kfgen.gap.rest.even_record import drivers_of, regular
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.emit.emit import emit
+from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import write_log
-from kfgen.model.discretise import DiscreteModel
-from kfgen.model.library import build
+from kfgen.model.build import build
+from kfgen.model.derive import Derivation
 from kfgen.report.audit import audit_answer
-from kfgen.report.filter import OPERATIONS, operation_rows
-from kfgen.report.gap import gap_answer, mended_model
+from kfgen.report.gap import gap_answer
 from kfgen.report.identify import identify_answer
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
-from kfgen.report.page import Answer, Page, heading, sentence, table, text, write_page
-from kfgen.report.proof import VERDICT_HEAD, verdict_rows, verify_answer, verify_sentence
+from kfgen.report.page import Answer, Page, heading, table, text, write_page
+from kfgen.report.proof import verify_answer
+from kfgen.run.audit import audit
 from kfgen.verify.compare import verify
 
 SEED = 20261121
-RATE = 50.0
-HOURS = 2.0
+RATE_HZ = 50.0
+RECORD_HOURS = 2.0
 CHANNEL = "gyro_x"
 
 
@@ -56,7 +54,20 @@ def hidden() -> tuple[Effect, ...]:
 def record_log(
     source: str, effects: tuple[Effect, ...], temperature: np.ndarray, t: np.ndarray, rng: np.random.Generator
 ) -> Log:
-    """A simulated log of one gyro axis at rest with its thermometer."""
+    """A simulated log of one gyro axis at rest with its thermometer.
+
+    Parameters
+    ----------
+    source : str
+        Its name.
+    effects : tuple of Effect
+        What acts on the gyro.
+    temperature : ndarray, shape (n,)
+        Of the sensor [K].
+    t : ndarray, shape (n,)
+        Times [s].
+    rng : numpy.random.Generator
+    """
     drive: Mapping[str, np.ndarray] = {"temperature": temperature}
     y = sum((e.simulate(t, rng, drive) for e in effects), np.zeros(t.size))
     measured = temperature + 0.02 * rng.standard_normal(t.size)
@@ -64,87 +75,84 @@ def record_log(
 
 
 def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
-    """Run the chain into a folder; the answer's text ends with the path of the report."""
+    """Run the chain into a folder; the answer's text ends with the path of the report.
+
+    Parameters
+    ----------
+    out : Path
+        The folder; made where there is none.
+    say : callable
+        Takes a line when a step begins.
+    """
     out.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(SEED)
-    t = np.arange(int(HOURS * 3600 * RATE)) / RATE
+    t = np.arange(int(RECORD_HOURS * 3600 * RATE_HZ)) / RATE_HZ
     bench = record_log("bench.npz", sensor(), np.full(t.size, 298.15), t, rng)
     field = record_log("field.npz", (*sensor(), *hidden()), DRIVERS["temperature"].course(t), t, rng)
     for log in (bench, field):
         write_log(log, out / log.source)
     say("1 identify the bench log")
     found = identify(bench)
-    believed = found.noise
-    write_noise(believed, out / "noise.toml")
-    say("2 compare the field log with it")
-    record, stamps, _ = regular(field, CHANNEL, believed.channel(CHANNEL).effects, drivers_of(field)[0])
-    gaps = {CHANNEL: find_gap(CHANNEL, record, believed.channel(CHANNEL), stamps)}
-    gap = gap_answer(field, believed, gaps)
-    mended = mended_model(believed, gaps)
-    write_noise(mended, out / "improved.toml")
-    say("3 emit the mended filter and prove it")
-    proof, filter_page = _filter(out, mended)
+    assumed = found.noise
+    write_noise(assumed, out / "noise.toml")
     identified = identify_answer(found)
-    page = (
-        Page(
-            "A gyro whose model did not know the temperature and a fan",
-            (
-                *gap.page.parts[1:4],
-                text(
-                    "How it was found: a bench log at constant temperature gave the model; a field "
-                    "log disagreed with it; every effect that kfgen knows competed to explain why."
-                ),
-                *gap.page.parts[4:],
-            ),
-        )
-        + filter_page
-        + Page("", (heading("The bench log"), *identified.page.parts[1:]))
+    say("2 compare the field log with it")
+    compared = find_gap(field, assumed)
+    gap, updated = gap_answer(compared), compared.updated
+    assert isinstance(updated, NoiseModel)
+    write_noise(updated, out / "improved.toml")
+    say("3 emit the updated filter and prove it")
+    proof, filter_page = _filter(out, updated)
+    return _told(out / "report.html", identified, gap, proof, filter_page)
+
+
+def _told(report: Path, identified: Answer, gap: Answer, proof: Answer, filter_page: Page) -> Answer:
+    """The answers of the steps as one, with its page."""
+    how = text(
+        "How it was found: a bench log at constant temperature gave the model; a field log disagreed with it; "
+        "every effect that kfgen knows competed to explain why."
     )
-    report = out / "report.html"
+    parts = (*gap.page.parts[1:4], how, *gap.page.parts[4:], *filter_page.parts)
+    page = Page(
+        "A gyro whose model did not know the temperature and a fan",
+        (*parts, heading("The bench log"), *identified.page.parts[1:]),
+    )
     write_page(page, report)
-    words = "\n\n".join(
-        [
-            "The bench log",
-            identified.text,
-            "The field log",
-            gap.text,
-            "The mended filter",
-            proof.text,
-            f"report: {report.resolve()}",
-        ]
-    )
+    path = str(report.resolve())
+    steps = {"The bench log": identified, "The field log": gap, "The updated filter": proof}
+    words = "\n\n".join([*(f"{title}\n\n{a.text}" for title, a in steps.items()), f"report: {path}"])
     data = {
         "format": "kfgen-demo-1",
         "identify": identified.data,
         "gap": gap.data,
         "verify": proof.data,
-        "report": str(report.resolve()),
+        "report": path,
     }
     return Answer(words, data, page, ok=proof.ok and gap.data["verdict"] == "effects_found")
 
 
 def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
-    """Audit, emission and proof of the mended filter."""
-    program = Program(DiscreteModel.at_rate(build("gyro-static", noise), RATE))
-    for target in ("c", "filterpy"):
-        write_folder(program, target, noise, out / target)
-    cores = ["host", "m4f"] if _emulator() else ["host"]
-    verdicts = verify(read_folder(out / "c"), cores) + verify(read_folder(out / "filterpy"), ["host"])
-    hidden_states = audit_answer(audit(program.discrete.model))
+    """Audit, emission and proof of the updated filter."""
+    model = build("gyro-static", noise)
+    emitted = emit(model, out / "c", rate=RATE_HZ)
+    module = emit(model, out / "filterpy", "filterpy", rate=RATE_HZ)
+    proof = verify(emitted, ["host", "m4f"] if _emulator() else ["host"])
+    proof = replace(proof, verdicts=(*proof.verdicts, *verify(module).verdicts))
+    derived = Derivation(emitted.program.discrete)
+    proven = verify_answer(proof)
     page = Page(
         "",
         (
-            heading("The mended filter"),
-            table(STATE_HEAD, state_rows(program.discrete)),
-            *hidden_states.page.parts[1:],
-            *equation_parts(program.discrete, ("F", "H", "Phi")),
-            table(OPERATIONS, operation_rows(program)),
+            heading("The updated filter"),
+            table(STATE_HEAD, state_rows(derived.discrete)),
+            *audit_answer(audit(model, rate=RATE_HZ)).page.parts[1:],
+            *equation_parts(derived, ("F", "H", "Phi")),
+            table(*emitted.short_table()),
             heading("The proof"),
-            sentence(verify_sentence(verdicts) + "."),
-            table(VERDICT_HEAD, verdict_rows(verdicts)),
+            *proven.page.parts,
         ),
     )
-    return verify_answer(program.discrete.hash, verdicts), page
+    return proven, page
 
 
 def _emulator() -> bool:

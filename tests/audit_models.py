@@ -9,13 +9,14 @@ from typing import Any
 
 import sympy as sp
 
-from kfgen.audit.exact.chain import Hidden, along
+from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.plan import Plan
 from kfgen.core.expression import read_expression
 from kfgen.effects import make
-from kfgen.manoeuvre.manoeuvre import NAMES, Manoeuvre, Segment
+from kfgen.manoeuvre.manoeuvre import EXPRESSION_NAMES, Manoeuvre, Segment
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, Constant, MotionModel, Rotating, Strapdown
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO, NED, MotionModel, Rotating, Strapdown
 from kfgen.model.parts.sensors import (
     FIELD,
     GnssPosition,
@@ -193,7 +194,7 @@ def part(
     duration: str = "T", rate: Any = (0, 0, 0), a: Any = (0, 0, 0), body: Any = (0, 0, 0), **inputs: str
 ) -> Segment:
     def read(row: Any) -> Any:
-        return tuple(read_expression(str(e), NAMES) for e in row)
+        return tuple(read_expression(str(e), EXPRESSION_NAMES) for e in row)
 
     return Segment(
         read((duration,))[0], read(rate), read(a), read(body), {n: read((e,))[0] for n, e in inputs.items()}
@@ -204,12 +205,12 @@ def flown(*segments: Segment, **start: Any) -> Manoeuvre:
     return Manoeuvre("test", "a test", segments, **start)
 
 
-def hidden(m: FilterModel, manoeuvre: Manoeuvre) -> Hidden:
+def hidden(m: FilterModel, manoeuvre: Manoeuvre) -> NullSpace:
     (h,) = along(Plan(m, m.sensors), [manoeuvre])
     return h
 
 
-def holds(m: FilterModel, h: Hidden, **direction: Any) -> bool:
+def holds(m: FilterModel, h: NullSpace, **direction: Any) -> bool:
     """Whether a direction, given by state, is hidden."""
     assert set(direction) <= {s.name for s in m.states}
     vector = [h.ring.of(Fraction(direction.get(s.name, 0))) for s in m.states]

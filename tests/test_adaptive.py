@@ -29,7 +29,7 @@ from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.run.adaptive.cost import bandwidth, cost_of, response
-from kfgen.run.adaptive.denoise import Settings, at_rest, denoise
+from kfgen.run.adaptive.denoise import Settings, at_rest, denoise_samples
 from kfgen.run.adaptive.loop import WINDOW, ScalarModel, run_filter
 from kfgen.run.adaptive.rules import Bounds, Factors, Seen, bounded, rule_named, rules
 from kfgen.run.adaptive.wrapper import adapted
@@ -205,12 +205,12 @@ def test_the_emitted_filter_returns_to_its_band() -> None:
     program, _ = emitted(dt, N)
     log = noisy_log(7, 5000, dt, N)
     plain = run(program, log).sensors["rest"].nis
-    same = run(program, log, lambda c: adapted(c, rule_named("kf"))).sensors["rest"].nis
+    same = run(program, log, wrap=lambda c: adapted(c, rule_named("kf"))).sensors["rest"].nis
     assert same == pytest.approx(plain, rel=1e-12)
     assert BAND[0] < plain[1500:2500].mean() < BAND[1]
     assert plain[-1000:].mean() > 50.0
     for name in R_RULES:
-        nis = run(program, log, lambda c, n=name: adapted(c, rule_named(n))).sensors["rest"].nis
+        nis = run(program, log, wrap=lambda c, n=name: adapted(c, rule_named(n))).sensors["rest"].nis
         assert BAND[0] < nis[-1000:].mean() < BAND[1], name
 
 
@@ -235,7 +235,7 @@ def test_both_filters_adapt_alike(name: str) -> None:
     trace = float(model.A[0, 0] ** 2 * (model.Q[0, 0] + model.R) + model.Q[0, 0])
     states = [s.name for s in program.discrete.model.states]
     ours = run_filter(log.values("gyro_x"), model, rule_named(name))
-    theirs = run(program, log, wrap).sensors["rest"].nis
+    theirs = run(program, log, wrap=wrap).sensors["rest"].nis
     assert theirs == pytest.approx(ours.nis, rel=1e-3, abs=1e-6)
 
 
@@ -263,7 +263,7 @@ def test_bad_models() -> None:
 def test_holes_leave_no_holes() -> None:
     y = np.random.default_rng(0).standard_normal(3000)
     y[100:130] = np.nan
-    found = denoise(y, 0.01, Settings("sage-husa"))
+    found = denoise_samples(y, 0.01, Settings("sage-husa"))
     assert np.isfinite(found.values).all()
 
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from kfgen.arma.equivalent import THREE, Equivalent, condition
+from kfgen.arma.equivalent import MARKOV_WHITE_WALK, Equivalent, condition
 from kfgen.arma.estimate import estimate, estimators, kind
 from kfgen.arma.process import Arma, autocovariance_of, spectral_factor
-from kfgen.arma.series import LEVEL, correlations, orders, series_tests
+from kfgen.arma.series import FALSE_ALARM_RATE, correlations, orders, series_tests
 from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def test_equation_15_by_writing_the_process_out() -> None:
         a * s2**2,
         0,
     ]
-    ours = [*(sp.Matrix(THREE.rows(a)) * sp.Matrix([s1**2, s2**2, s3**2])), 0]
+    ours = [*(sp.Matrix(MARKOV_WHITE_WALK.rows(a)) * sp.Matrix([s1**2, s2**2, s3**2])), 0]
     for counted, equation, derived in zip(gamma, printed, ours):
         assert zero(counted - equation)
         assert zero(counted - derived)
@@ -84,7 +84,7 @@ def test_equation_15_by_writing_the_process_out() -> None:
 
 def test_equation_16_has_a_sign_error_as_printed() -> None:
     """With - (1+alpha)^2 sigma_2^2 in its first row it follows from (15), with + it misses by twice that."""
-    gamma = sp.Matrix(THREE.rows(a)) * sp.Matrix([s1**2, s2**2, s3**2])
+    gamma = sp.Matrix(MARKOV_WHITE_WALK.rows(a)) * sp.Matrix([s1**2, s2**2, s3**2])
     e1_sum, squares = gamma[1], gamma[0]  # e1 (e0 + e2), and e0^2 + e1^2 + e2^2
     M = sp.Matrix([[1, a], [2, 1 + a**2]])
     left = M * sp.Matrix([s1**2, s3**2])
@@ -115,13 +115,13 @@ def test_moving_average_of_section_2_2() -> None:
     """Its factor has the autocovariance of (15) and zeros .99983973 and .99990235; the way back ends at the start."""
     alpha, T = 0.9999, 0.01
     variances = [1.55e-2**2 * 0.01 * (1 - alpha**2) / 2, 5.75e-2**2 / T, 9e-4**2 * T]
-    e = THREE.moving_average(alpha, variances)
+    e = MARKOV_WHITE_WALK.moving_average(alpha, variances)
     numbers = [float(v) for v in e]
     assert numbers == pytest.approx([0.575045407918682, -1.149942502001154, 0.574897103082022], rel=1e-8)
     assert sorted(np.abs(np.roots(numbers))) == pytest.approx([0.99983973, 0.99990235], abs=2e-8)
-    assert THREE.variances(alpha, e) == pytest.approx(variances, rel=1e-12)
+    assert MARKOV_WHITE_WALK.variances(alpha, e) == pytest.approx(variances, rel=1e-12)
     slightly = [numbers[0] * (1 + 1e-8), *numbers[1:]]
-    assert abs(THREE.variances(alpha, slightly)[0] / variances[0] - 1) > 1.0
+    assert abs(MARKOV_WHITE_WALK.variances(alpha, slightly)[0] / variances[0] - 1) > 1.0
 
 
 @pytest.mark.parametrize("names", [
@@ -236,7 +236,7 @@ def test_false_alarms() -> None:
     """Of 60 white series each test of a true null rejects about 1 %: at most 5 (99.99 % of the binomial)."""
     names = ["runs", "Ljung-Box", "zero mean", "normality", "reverse arrangements", "runs of power"]
     found = [series_tests(np.random.default_rng(k).standard_normal(500)) for k in range(60)]
-    most = binom.ppf(0.9999, 60, LEVEL)
+    most = binom.ppf(0.9999, 60, FALSE_ALARM_RATE)
     counts = {n: sum(t.named(n).rejected for t in found) for n in names}
     assert max(counts.values()) <= most, counts
     assert all(not t.unit_root for t in found)

@@ -1,6 +1,6 @@
 """Proves what an audit says: the known answers of the literature, exactly, with names, units and words.
 
-Row numbers are those of ``observability.md``. Counts are compared with numpy's rank of observability
+Row numbers are those of ``docs/observability.md``. Counts are compared with numpy's rank of observability
 matrices that are built here from textbook F and H, at random numbers.
 """
 
@@ -68,8 +68,8 @@ def test_row_4_ins_at_rest_hides_four_directions() -> None:
 def test_row_4_in_words() -> None:
     sentences = {d.sentence for d in audit(build("ins15")).first.directions}
     assert sentences == {
-        "Heading changes no measurement",
-        "Down gyro bias changes no measurement",
+        "Heading is unobservable: no measurement depends on it",
+        "Down gyro bias is unobservable: no measurement depends on it",
         "1 mrad of east tilt is hidden by -9.807 mm/s^2 of north accelerometer bias",
         "1 mrad of north tilt is hidden by 9.807 mm/s^2 of east accelerometer bias",
     }
@@ -323,10 +323,10 @@ def test_gauges_are_named() -> None:
 
     answer = audit(model(With(Strapdown(), FEATURE), camera), (LIBRARY["generic"],)).first
     assert [d.sentence for d in answer.directions] == [
-        "Moving everything north changes no measurement",
-        "Moving everything east changes no measurement",
-        "Moving everything down changes no measurement",
-        "Turning everything about the vertical changes no measurement",
+        "Moving everything north is unobservable: it changes no measurement",
+        "Moving everything east is unobservable: it changes no measurement",
+        "Moving everything down is unobservable: it changes no measurement",
+        "Turning everything about the vertical is unobservable: it changes no measurement",
     ]
     turning = answer.directions[-1].vector
     assert turning == pytest.approx({"phi_D": 1.0, "f1_N": -5.0, "f1_E": 30.0})

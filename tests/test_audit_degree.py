@@ -240,7 +240,9 @@ effects = [ { effect = "white_noise", N = "0.01 m/sqrt(Hz)" } ]
 
 def test_state_that_nothing_shows_is_said() -> None:
     answer = audit(plant(IDLE))
-    assert [d.sentence for d in answer.first.directions] == ["state spare changes no measurement"]
+    assert [d.sentence for d in answer.first.directions] == [
+        "state spare is unobservable: no measurement depends on it"
+    ]
     assert [n for n in answer.lint if n.startswith("spare has no noise")]
 
 
@@ -418,7 +420,7 @@ def test_log_says_what_its_motion_has_shown(kfgen: Callable[..., Any], tmp_path:
     assert {"ba_x", "bg_z"} < set(verdicts["s-turn"])
     done = kfgen("audit", "ahrs6", "--sensor", "accel", "--log", tmp_path / "s-turn.npz")
     assert "1 of 6 hidden whatever is flown" in done.stdout
-    assert "Heading changes no measurement" in done.stdout
+    assert "Heading is unobservable: no measurement depends on it" in done.stdout
     assert kfgen("audit", "ahrs6", "--log", tmp_path / "gone.npz").exit_code == 2
     assert kfgen("audit", "ahrs6", "--log", log, "--manoeuvre", "static").exit_code == 2
 

@@ -1,4 +1,4 @@
-"""Proves the exact engine on the known answers of ``observability.md``: the count of each row, and its directions."""
+"""Proves the exact engine on the known answers of ``docs/observability.md``: the count of each row, and its directions."""
 
 from __future__ import annotations
 

@@ -14,13 +14,14 @@ import sympy as sp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from kfgen.audit.audit import hidden_directions
+from kfgen.audit.audit import unobservable_directions
 from kfgen.emit.routines import Program
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import read_log
 from kfgen.manoeuvre.truth import numeric, wandered
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
+from kfgen.model.register import DT
 from kfgen.run.run import attitude_error, run
 
 ALARM = 1e-3
@@ -75,7 +76,7 @@ def test_no_heading_is_read_into_an_unknown_acceleration() -> None:
 def test_at_rest_acceleration_is_told_from_tilt() -> None:
     """One stays and the other decays: hidden are what gyros show in turns only, the delay, and heading behind east iron."""
     model = build("ahrs25")
-    found = {tuple(d.vector): d.vector for d in hidden_directions(model)}
+    found = {tuple(d.vector): d.vector for d in unobservable_directions(model)}
     unturned = [(s.name,) for s in model.states if s.name[:2] in ("sg", "mg", "tm")]
     assert set(found) == {*unturned, ("phi_D", "b_mag_y")}
     heading = found["phi_D", "b_mag_y"]

@@ -22,18 +22,18 @@ from kfgen.model.library import build
 
 MAG = {"sensors": "gnss_position,gnss_velocity,mag"}
 TARGETS = {("ins15", "p"): 950, ("ins23", "p"): 1400, ("ins15", "ud"): 1060 + 36, ("ins23", "ud"): 1400}
-COVARIANCE = {("ins15", "p"): 905, ("ins23", "p"): 1337, ("ins15", "ud"): 919, ("ins23", "ud"): 1171}
+COVARIANCE = {("ins15", "p"): 924, ("ins23", "p"): 1356, ("ins15", "ud"): 938, ("ins23", "ud"): 1190}
 ROUTINES = {
     ("ahrs6", "p"): {"predict": 241, "update_accel": 423, "update_mag": 484},
     ("ahrs6", "ud"): {"predict": 177, "update_accel": 573, "update_mag": 613},
-    ("ins15", "p"): {"predict": 1010, "update_gnss_position": 1053, "update_gnss_velocity": 1053},
-    ("ins15", "ud"): {"predict": 1024, "update_gnss_position": 1859, "update_gnss_velocity": 1697},
+    ("ins15", "p"): {"predict": 1026, "update_gnss_position": 1053, "update_gnss_velocity": 1053},
+    ("ins15", "ud"): {"predict": 1040, "update_gnss_position": 1859, "update_gnss_velocity": 1697},
     ("ins23", "p"): {
-        "predict": 1442, "update_gnss_position": 2117, "update_gnss_velocity": 2117, "update_mag": 3080,
+        "predict": 1458, "update_gnss_position": 2117, "update_gnss_velocity": 2117, "update_mag": 3080,
         "update_airspeed": 998,
     },
     ("ins23", "ud"): {
-        "predict": 1276, "update_gnss_position": 3931, "update_gnss_velocity": 3769, "update_mag": 4169,
+        "predict": 1292, "update_gnss_position": 3931, "update_gnss_velocity": 3769, "update_mag": 4169,
         "update_airspeed": 1489,
     },
 }  # fmt: skip

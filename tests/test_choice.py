@@ -73,7 +73,7 @@ def holds(found: Identified, effect: str, parameter: str, truth: float, times_as
 
 
 def test_thresholds_are_quantiles_of_what_is_gained_by_chance() -> None:
-    """Half a chi-square of one degree at 5 %, and identification.md 2.4: 6.3 to 7.3 for a searched time."""
+    """Half a chi-square of one degree at 5 %, and docs/identification.md, 2.4: 6.3 to 7.3 for a searched time."""
     assert chi2.isf(2 * 0.05, 1) == pytest.approx(GAIN_OF_A_SIZE, abs=0.01)
     assert GAIN_OF_A_SEARCHED_TIME > 7.3
     assert chi2.isf(2 * 5e-4, 1) == pytest.approx(GAIN_OF_QUANTISATION, abs=0.05)

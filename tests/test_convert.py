@@ -30,7 +30,7 @@ from kfgen.effects.noise_model import (
     parse_noise,
     write_noise,
 )
-from kfgen.effects.process.stochastic import FLICKER_FLOOR, GaussMarkov, gauss_markov_peak
+from kfgen.effects.process.stochastic import FLICKER_FLOOR_OVER_B, GaussMarkov, gauss_markov_peak
 
 Cli = Callable[..., Result]
 
@@ -70,8 +70,8 @@ def test_the_constants_follow_from_their_definitions() -> None:
     assert gauss_markov_peak()[1] == pytest.approx(height, rel=1e-11)
     assert (t, height) == pytest.approx((1.892618, 0.617364), rel=1e-6)
     floor = mp.sqrt(2 * mp.log(2) / mp.pi)
-    assert pytest.approx(float(floor), rel=1e-14) == FLICKER_FLOOR
-    assert pytest.approx(0.664282, rel=1e-6) == FLICKER_FLOOR
+    assert pytest.approx(float(floor), rel=1e-14) == FLICKER_FLOOR_OVER_B
+    assert pytest.approx(0.664282, rel=1e-6) == FLICKER_FLOOR_OVER_B
 
 
 SIGMA = {  # of 1 U (or U/sqrt(s), U/sqrt(Hz)) at TAU

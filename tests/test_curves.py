@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 TAU = np.geomspace(0.01, 3000.0, 92)
 
 
-# Formulas of IEEE Std 952 (noise.md): Allan variances.
+# Formulas of IEEE Std 952 (docs/noise.md): Allan variances.
 
 
 def white(tau: Array, N: float) -> Array:

@@ -20,11 +20,12 @@ from scipy.spatial.transform import Rotation
 from kfgen.core import linear
 from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.model.parts.motion import AtRestMotion
 from kfgen.model.parts.sensors import AtRest
+from kfgen.model.register import DT
 
 LIMIT = 2.2
 """beta*dt up to here is allowed: (2 x)^24 / 24! falls below 2^-27 at x = 2.26."""

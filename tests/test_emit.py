@@ -36,11 +36,12 @@ from kfgen.emit.scenario import scenario, split
 from kfgen.emit.targets.c import files
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.plain import module as numpy_module
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.model.plant.equations import filter_model
 from kfgen.model.plant.file import parse_model
+from kfgen.model.register import DT
 from kfgen.run.run import load
 from kfgen.verify.compare import verify
 from kfgen.verify.host import Host
@@ -756,7 +757,7 @@ def test_the_banner_names_what_no_measurement_shows() -> None:
     text = files(program("ins15"))["ins15.h"]
     banner = text[: text.index("*/")]
     assert "1 mrad of north tilt is hidden by 9.807 mm/s^2 of east accelerometer bias" in banner
-    assert "Heading changes no measurement" in banner
+    assert "Heading is unobservable: no measurement depends on it" in banner
 
 
 BAD_MODELS = [

@@ -15,6 +15,7 @@ import pytest
 import sympy as sp
 
 from kfgen.core.errors import InputError
+from kfgen.core.expression import read_expression
 from kfgen.effects.noise_model import parse_noise
 from kfgen.emit.folder import read_folder, write_folder
 from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Una
@@ -139,7 +140,7 @@ NUMPY: dict[str, tuple[Callable[[Any], Any], float]] = {  # with the largest arg
     "exp": (np.exp, 20.0),
     "tanh": (np.tanh, 12.0),
     "atan": (np.arctan, 50.0),
-    "Abs": (np.abs, 9.0),
+    "abs": (np.abs, 9.0),
     "sign": (np.sign, 9.0),
 }
 
@@ -159,11 +160,11 @@ def interpreted(e: Expr, env: dict[str, Any], real: Any) -> Any:
 
 
 @pytest.mark.parametrize(("real", "tolerance"), [(np.float64, 1e-12), (np.float32, 4e-6)])
-@pytest.mark.parametrize("function", list(FUNCTIONS), ids=str)
-def test_elementary_functions_are_those_of_numpy(function: Any, real: Any, tolerance: float) -> None:
-    wanted, largest = NUMPY[function.__name__]
+@pytest.mark.parametrize("name", sorted(FUNCTIONS.keys() - {"atan2"}))
+def test_elementary_functions_are_those_of_numpy(name: str, real: Any, tolerance: float) -> None:
+    wanted, largest = NUMPY[name]
     x = np.linspace(-largest, largest, 4001).astype(real)
-    (value,), body = Lowering({"x": Ref("x")}).many([function(sp.Symbol("x", real=True))])
+    (value,), body = Lowering({"x": Ref("x")}).many([read_expression(f"{name}(x)", ["x"]).value])
     env: dict[str, Any] = {"x": x}
     for s in body:
         assert isinstance(s, Let)
@@ -171,8 +172,8 @@ def test_elementary_functions_are_those_of_numpy(function: Any, real: Any, toler
     found = interpreted(value, env, real)
     exact = wanted(x.astype(np.float64))
     size = np.maximum(np.abs(exact), 1.0)
-    assert np.abs(found - exact).max() <= np.max(tolerance * size * (8.0 if function is sp.exp else 1.0))
-    assert np.abs((found - exact) / size).max() <= tolerance * (8.0 if function is sp.exp else 1.0)
+    assert np.abs(found - exact).max() <= np.max(tolerance * size * (8.0 if name == "exp" else 1.0))
+    assert np.abs((found - exact) / size).max() <= tolerance * (8.0 if name == "exp" else 1.0)
 
 
 def test_spellings() -> None:

@@ -17,7 +17,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kfgen.core.errors import InputError
-from kfgen.core.expression import DEEPEST, FUNCTIONS, LONGEST, read_expression, symbol
+from kfgen.core.expression import (
+    FUNCTIONS,
+    MAX_FORMULA_CHARACTERS,
+    MAX_NESTING_LEVELS,
+    read_expression,
+    symbol,
+)
 from kfgen.core.tape import tape
 
 X, Y = 0.7, -1.3
@@ -123,9 +129,9 @@ def test_what_would_take_long_is_refused_at_once(text: str) -> None:
 
 
 def test_limits_are_wide_enough() -> None:
-    assert value("(" * (DEEPEST - 1) + "x" + ")" * (DEEPEST - 1)) == X
-    long = "+".join(["x"] * (LONGEST // 2))
-    assert value(long) == pytest.approx(LONGEST // 2 * X, rel=1e-12)
+    assert value("(" * (MAX_NESTING_LEVELS - 1) + "x" + ")" * (MAX_NESTING_LEVELS - 1)) == X
+    long = "+".join(["x"] * (MAX_FORMULA_CHARACTERS // 2))
+    assert value(long) == pytest.approx(MAX_FORMULA_CHARACTERS // 2 * X, rel=1e-12)
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:

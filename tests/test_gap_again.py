@@ -51,7 +51,9 @@ def test_what_comes_again_closes_and_what_does_not_opens(
 def test_a_plant_has_no_other_recording(tmp_path: Path, kfgen: Callable[..., Result]) -> None:
     first = recording_at(tmp_path / "first.csv", 0, temperature=0.0, step=0.0)
     model = tmp_path / "plant.toml"
-    model.write_text('format = "kfgen-model-1"\nname = "p"\n[states]\nx = "rad"\n[dynamics]\nx = "0"\n')
+    text = 'format = "kfgen-model-1"\nname = "p"\n[states]\nx = "rad"\n[dynamics]\nx = "0"\n'
+    text += '[measurements.gyro_x]\nunit = "deg/s"\nexpression = "x"\n'
+    model.write_text(text + 'effects = [ { effect = "white_noise", N = "0.0035 deg/s/sqrt(Hz)" } ]\n')
     done = kfgen("gap", first, "--model", model, "--proof", first)
     assert done.exit_code == 2
     assert "at rest only" in str(done.exception) + done.output

@@ -15,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import PlacedFinding, find_scene_gap
+from kfgen.gap.core.result import Finding
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.gap.motion.wiener import noiseless
+from kfgen.gap.words import finding_sentence
 from kfgen.log.log import Channel, Log
-from kfgen.report.scene import finding_words
 
 Array = NDArray[np.float64]
 
@@ -33,10 +34,14 @@ def believed(sensor: str, unit: str, sd: float) -> NoiseModel:
     return NoiseModel({f"{sensor}_{a}": ChannelNoise(unit, (term,)) for a in AXES})
 
 
-def found_in(channels: dict[str, tuple[Array, str]], noise: NoiseModel) -> tuple[PlacedFinding, ...]:
+def compared(channels: dict[str, tuple[Array, str]], noise: NoiseModel) -> SceneGap:
     scene = motion_scene(Log(T, {k: Channel.of(v, u) for k, (v, u) in channels.items()}), noise)
     assert scene is not None
-    return find_scene_gap(scene).findings
+    return scene_gap(scene)
+
+
+def found_in(channels: dict[str, tuple[Array, str]], noise: NoiseModel) -> tuple[Finding, ...]:
+    return compared(channels, noise).findings
 
 
 def triad(name: str, x: Array, unit: str) -> dict[str, tuple[Array, str]]:
@@ -82,8 +87,8 @@ def test_g_sensitivity_beside_a_shaken_accelerometer(seed: int) -> None:
     channels = triad("gyro", read, "rad/s") | triad("ref_gyro", rate, "rad/s")
     channels |= triad("accel", force + 1.0 * rng.standard_normal((N, 3)), "m/s^2")
     first = found_in(channels, believed("gyro", "rad/s", sd))[0]
-    assert "g_sensitivity" in (first.placed.effect.name, *first.indistinguishable)
-    if first.placed.effect.name == "g_sensitivity" and first.placed.effect.xz == 0.0:
+    assert "g_sensitivity" in (first.effect.name, *first.indistinguishable)
+    if first.effect.name == "g_sensitivity" and first.effect.xz == 0.0:
         lo, hi = first.ci95["xy"]
         assert abs(0.5 * (lo + hi) - g) < 4.5 / 1.96 * 0.5 * (hi - lo)
 
@@ -98,7 +103,7 @@ def test_a_hard_iron_along_one_axis_is_no_warm_up(seed: int) -> None:
     m[:, 1] += 5.5e-8
     q = body.as_quat(scalar_first=True)
     channels = triad("mag", m, "T") | {f"ref_q_{c}": (q[:, i], "") for i, c in enumerate("wxyz")}
-    names = [f.placed.effect.name for f in found_in(channels, believed("mag", "T", sd))]
+    names = [f.effect.name for f in found_in(channels, believed("mag", "T", sd))]
     assert "warm_up" not in names
 
 
@@ -109,10 +114,11 @@ def test_lags_that_are_one_are_said_to_be() -> None:
     f, p = rng.uniform(0.1, 2.0, (3, 4)), rng.uniform(0, 6, (3, 4))
     rate, late = (0.4 * np.sin(2 * np.pi * f * (T - d)[:, None, None] + p).sum(axis=2) for d in (0.0, delay))
     channels = triad("gyro", late + sd * rng.standard_normal((N, 3)), "rad/s")
-    first = found_in(channels | triad("ref_gyro", rate, "rad/s"), believed("gyro", "rad/s", sd))[0]
-    assert {first.placed.effect.name, *first.indistinguishable} == {"time_delay", "bandwidth"}
-    words = finding_words(first, lambda placed: "rad/s")
-    assert "(cos2 1.00)" in words
+    gap = compared(channels | triad("ref_gyro", rate, "rad/s"), believed("gyro", "rad/s", sd))
+    first = gap.findings[0]
+    assert {first.effect.name, *first.indistinguishable} == {"time_delay", "bandwidth"}
+    words = finding_sentence(gap, first)
+    assert "(cos2 1.00," in words
     said = re.search(r"motion at (\S+) Hz", words)
     assert said is not None
     assert float(said.group(1)) == pytest.approx(265.0, rel=0.2)

@@ -7,14 +7,17 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from kfgen.effects import Effect, catalogue, make
+from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.rest.distinguishability import Distinguishability, apart, divergence
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.result import Comparison, Finding
+from kfgen.gap.core.search import Distinguishability
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.distinguishability import divergence, told_apart
 from kfgen.gap.rest.evidence import Candidate
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.words import finding_sentence
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.fit import Problem, maximise
-from kfgen.report.gap_words import finding_sentence
 
 N, DT = 400, 0.1
 
@@ -53,7 +56,7 @@ def test_a_shape_counts_by_its_energy() -> None:
     ramp, none = as_written(white, make("rate_ramp", R=0.02), y=0.02 * t), as_written(white)
     shape = 0.02 * (t - t.mean())
     assert divergence(ramp, none) == pytest.approx(0.5 * float(shape @ shape), rel=0.02)
-    itself = apart(ramp, ramp, none)
+    itself = told_apart(ramp, ramp, none)
     assert (itself.cos2, itself.nats) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-9))
 
 
@@ -63,19 +66,32 @@ def test_what_would_tell_is_said() -> None:
     a = np.exp(-DT / tau)
     slow = lfilter([1.0], [1.0, -a], 0.12 * np.sqrt(1.0 - a * a) * rng.standard_normal(n))
     record = Record(np.arange(n) * DT, rng.standard_normal(n) + slow)
-    gap = find_gap("gyro", record, ChannelNoise("", (Term(make("white_noise", N=np.sqrt(DT))),)))
+    gap = channel_gap("gyro", record, ChannelNoise("", (Term(make("white_noise", N=np.sqrt(DT))),)))
     (found,) = gap.findings
     assert found.others
-    assert {o.other for o in found.others} == set(found.indistinguishable)
+    assert {o.effect for o in found.others} == set(found.indistinguishable)
     for other in found.others:
         assert 0.0 <= other.cos2 <= 1.0
-        assert f"{other.other} (cos2 {other.cos2:.2f}" in finding_sentence(gap, found)
+        assert f"{other.effect} (cos2 {other.cos2:.2f}" in finding_sentence(gap, found)
     assert "record" in finding_sentence(gap, found)
 
 
 def test_a_record_that_is_long_enough_is_not_made_longer() -> None:
-    assert Distinguishability("rate_ramp", 0.2, 30.0).longer == 1.0
-    assert Distinguishability("rate_ramp", 0.9, 1.5).longer == pytest.approx(2.0)
-    assert "a record 2 times as long" in Distinguishability("rate_ramp", 0.9, 1.5).words(
-        catalogue()["gauss_markov"]
+    assert Distinguishability("rate_ramp", "", 0.2, 30.0).record_factor == 1.0
+    near = Distinguishability("rate_ramp", "", 0.9, 1.5)
+    assert near.record_factor == pytest.approx(2.0)
+    alternatives = (("rate_ramp", "", 0.3),)
+    found = Finding(
+        make("gauss_markov", sigma=1.0, tau=1.0), "gyro", alternatives=alternatives, others=(near,)
     )
+    nothing = Gap(0.0, 0.0, 0.0, (0.0, 0.0))
+    whole = Comparison(
+        channels=("gyro",),
+        verdict="effects_found",
+        findings=(found,),
+        before=(),
+        after=(),
+        gap=nothing,
+        span_s=(0.0, 1.0),
+    )
+    assert "a record 2 times as long" in finding_sentence(whole, found)

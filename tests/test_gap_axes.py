@@ -12,7 +12,7 @@ from click.testing import Result
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.log.log import Channel, Log
 
@@ -35,12 +35,12 @@ def gap_of(y: np.ndarray, seed: int = 0) -> SceneGap:
     log = Log(np.arange(x.shape[0]) * DT, channels)
     scene = motion_scene(log, NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
     assert scene is not None
-    return find_scene_gap(scene)
+    return scene_gap(scene)
 
 
 def names(gap: SceneGap) -> set[tuple[str, str]]:
     """Effects and places."""
-    return {(f.placed.effect.name, f.placed.where) for f in gap.findings}
+    return {(f.effect.name, f.where) for f in gap.findings}
 
 
 def test_an_axis_that_is_turned_round() -> None:
@@ -59,7 +59,7 @@ def test_degrees_for_radians() -> None:
     gap = gap_of(truth() * np.degrees(1.0))
     assert gap.verdict == "bad_data"
     assert names(gap) == {("unit_error", f"gyro_{a}") for a in "xyz"}
-    factor = gap.findings[0].placed.effect
+    factor = gap.findings[0].effect
     assert float(factor.factor) == pytest.approx(180.0 / np.pi)  # type: ignore[attr-defined]
 
 

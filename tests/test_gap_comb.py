@@ -7,10 +7,10 @@ import pytest
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comb import comb_of
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
-from kfgen.report.gap_words import sentences
+from kfgen.report.gap import sentences
 
 T = 300.0
 
@@ -37,7 +37,7 @@ def test_ticks_are_called_unknown_with_their_period() -> None:
     rng, n, dt = np.random.default_rng(3), 9000, 1.0 / 30.0
     y = rng.standard_normal(n) + 2.2 * (np.arange(n) % 46 == 7)
     believed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
-    gap = find_gap("gyro_x", Record(np.arange(n) * dt, y), believed)
+    gap = channel_gap("gyro_x", Record(np.arange(n) * dt, y), believed)
     assert gap.verdict == "unknown_effect"
     said = next(s for s in sentences(gap) if "harmonics" in s)
     assert f"{46 * dt:.3g}"[:4] in said

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise, write_noise
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.cross_axis import with_pairs
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -35,19 +35,19 @@ def pair(rho: float, seed: int) -> Array:
 @pytest.fixture(scope="module")
 def quiet() -> ChannelGap:
     """The answer for one channel without a gap, to be given other white series."""
-    gap = find_gap("gyro_x", Record(T, pair(0.0, 1)[0]), BELIEVED)
+    gap = channel_gap("gyro_x", Record(T, pair(0.0, 1)[0]), BELIEVED)
     assert gap.verdict == "no_gap"
     return gap
 
 
 def answers(quiet: ChannelGap, series: Array) -> dict[str, ChannelGap]:
-    return {f"gyro_{a}": replace(quiet, channel=f"gyro_{a}", white=x) for a, x in zip("xyz", series)}
+    return {f"gyro_{a}": replace(quiet, channels=(f"gyro_{a}",), white=x) for a, x in zip("xyz", series)}
 
 
 @pytest.mark.parametrize("rho", [0.12, -0.12, 0.6])
 def test_shared_noise_is_named_once(rho: float) -> None:
     """Through the whole workflow: what it leaves of two channels correlates as they do."""
-    gaps = {f"gyro_{a}": find_gap(f"gyro_{a}", Record(T, y), BELIEVED) for a, y in zip("xy", pair(rho, 2))}
+    gaps = {f"gyro_{a}": channel_gap(f"gyro_{a}", Record(T, y), BELIEVED) for a, y in zip("xy", pair(rho, 2))}
     assert [g.verdict for g in gaps.values()] == ["no_gap", "no_gap"]
     out = with_pairs(gaps)
     (found,) = out["gyro_x"].findings
@@ -60,14 +60,14 @@ def test_shared_noise_is_named_once(rho: float) -> None:
     assert out["gyro_x"].verdict == "effects_found"
     assert (out["gyro_y"].verdict, out["gyro_y"].findings) == ("no_gap", ())
     for g in out.values():
-        assert [e.name for e in g.mended.effects] == ["white_noise", "cross_axis_noise"]
+        assert [e.name for e in g.updated.effects] == ["white_noise", "cross_axis_noise"]
 
 
 def test_only_the_pair_that_shares_is_named(quiet: ChannelGap) -> None:
     x, y = pair(0.3, 3)
     out = with_pairs(answers(quiet, np.array([x, pair(0.0, 4)[0], y])))
     assert [len(g.findings) for g in out.values()] == [1, 0, 0]
-    assert [len(g.mended.terms) for g in out.values()] == [2, 1, 2]
+    assert [len(g.updated.terms) for g in out.values()] == [2, 1, 2]
 
 
 def test_independent_channels_share_nothing(quiet: ChannelGap) -> None:
@@ -86,9 +86,9 @@ def test_channels_of_other_lengths_are_not_compared(quiet: ChannelGap) -> None:
 
 def test_what_is_believed_is_not_said_again_and_goes_through_a_file(quiet: ChannelGap, tmp_path) -> None:  # type: ignore[no-untyped-def]
     out = with_pairs(answers(quiet, pair(0.3, 6)))
-    write_noise(NoiseModel({n: g.mended for n, g in out.items()}), tmp_path / "n.toml")
+    write_noise(NoiseModel({n: g.updated for n, g in out.items()}), tmp_path / "n.toml")
     back = read_noise(tmp_path / "n.toml")
     again = {
-        n: find_gap(n, Record(T, y), back.channel(n)) for n, y in zip(("gyro_x", "gyro_y"), pair(0.3, 6))
+        n: channel_gap(n, Record(T, y), back.channel(n)) for n, y in zip(("gyro_x", "gyro_y"), pair(0.3, 6))
     }
     assert all(g.findings == () for g in with_pairs(again).values())

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.gap.motion.truth import body_rate
@@ -62,7 +62,7 @@ def gap_of(read: Array, references: dict[str, Channel], seed: int) -> SceneGap:
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=N)),))
     scene = motion_scene(Log(T, channels | references), NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
     assert scene is not None
-    return find_scene_gap(scene)
+    return scene_gap(scene)
 
 
 def table(x: Array) -> dict[str, Channel]:
@@ -71,14 +71,14 @@ def table(x: Array) -> dict[str, Channel]:
 
 
 def names(gap: SceneGap) -> list[str]:
-    return [f.placed.effect.name for f in gap.findings]
+    return [f.effect.name for f in gap.findings]
 
 
 @pytest.mark.parametrize("delay", [0.012, -0.1])
 def test_a_delay_in_the_midst_of_motion_is_all(delay: float) -> None:
     gap = gap_of(rate(T - delay), table(rate(T)), 1)
     assert (gap.verdict, names(gap)) == ("effects_found", ["time_delay"])
-    assert float(gap.findings[0].placed.effect.delay) == pytest.approx(delay, abs=2e-5)  # type: ignore[attr-defined]
+    assert float(gap.findings[0].effect.delay) == pytest.approx(delay, abs=2e-5)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3])

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import OF_A_COEFFICIENT
-from kfgen.gap.core.engine import evidence, explained, ranked
 from kfgen.gap.core.newton import TRUST, coordinates, fitted, levels_of, log_posterior, moved
-from kfgen.gap.core.outcome import find_scene_gap
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.core.scene_evidence import evidence
+from kfgen.gap.core.scene_gap import scene_gap
+from kfgen.gap.core.scene_search import explained, ranked
 from kfgen.gap.core.screen import screen
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.log.log import Channel, Log
@@ -170,9 +171,9 @@ def test_a_free_number_of_the_world_is_fitted_and_costs_no_effect() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_two_effects_are_found_with_their_intervals(seed: int) -> None:
     scene = hidden(seed, 9.0, 1.5)
-    found = find_scene_gap(scene)
+    found = scene_gap(scene)
     assert found.verdict == "effects_found"
-    placed = {(f.placed.effect.name, f.placed.where): f for f in found.findings}
+    placed = {(f.effect.name, f.where): f for f in found.findings}
     assert set(placed) == {("scale_factor", "a"), ("sensor_lag", "b")}
     line, lag = placed["scale_factor", "a"], placed["sensor_lag", "b"]
     lo, hi = line.ci95["coefficient"]
@@ -191,10 +192,11 @@ def test_what_is_alike_has_its_angle() -> None:
     """cos^2 of the directions that the scene was made of, whatever the noise; across channels none."""
     scene = hidden(5, 12.0)
     (added, *_) = explained(scene).added
-    assert added.trial.label == ("scale_factor", "a")
-    assert added.alike["scale_factor", "a2"] == pytest.approx(np.cos(ANGLE) ** 2, rel=1e-3)
-    assert added.alike.get(("scale_factor", "b"), 0.0) < 1e-6
-    assert sum(added.shares.values()) == pytest.approx(1.0)
+    assert added.label == ("scale_factor", "a")
+    cos2 = {(o.effect, o.where): o.cos2 for o in added.others}
+    assert cos2["scale_factor", "a2"] == pytest.approx(np.cos(ANGLE) ** 2, rel=1e-3)
+    assert cos2.get(("scale_factor", "b"), 0.0) < 1e-6
+    assert sum(added.probabilities.values()) == pytest.approx(1.0)
 
 
 def test_directions_that_are_the_same_cannot_be_told_apart() -> None:
@@ -219,7 +221,7 @@ def test_directions_that_are_the_same_cannot_be_told_apart() -> None:
 
 
 def test_nothing_is_found_where_there_is_nothing() -> None:
-    found = [find_scene_gap(Lines(noise(100 + seed))) for seed in range(20)]
+    found = [scene_gap(Lines(noise(100 + seed))) for seed in range(20)]
     assert sum(bool(f.findings) for f in found) <= 3
     assert sum(f.verdict == "unknown_effect" for f in found) <= 1
     assert all(f.gap.before < 0.02 for f in found)
@@ -228,9 +230,9 @@ def test_nothing_is_found_where_there_is_nothing() -> None:
 def test_what_no_candidate_explains_is_unknown() -> None:
     y = noise(7)
     y[0] += np.linspace(-2.0, 2.0, N) ** 2
-    found = find_scene_gap(Lines(y))
+    found = scene_gap(Lines(y))
     assert found.verdict == "unknown_effect"
-    assert {c for c, t in found.after if t.significant} == {"a"}
+    assert {t.channel for t in found.after if t.significant} == {"a"}
 
 
 def off(p: Placed) -> Placed:

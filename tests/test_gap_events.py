@@ -18,9 +18,9 @@ from scipy.stats import kstest
 from kfgen.effects import Effect, catalogue, make
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.series import WhiteSeries
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.evidence import believed, series_of
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def record_of(name: str, seed: int = 3) -> Record:
 
 
 def gap_of(record: Record, *more: Effect) -> ChannelGap:
-    return find_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in (WHITE, *more))))
+    return channel_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in (WHITE, *more))))
 
 
 @pytest.mark.parametrize("name", EVENTS)
@@ -113,7 +113,7 @@ def test_what_is_believed_of_an_event_is_no_gap(name: str) -> None:
     effect = make(name, **EVENTS[name][1])
     gap = gap_of(record_of(name), effect)
     assert gap.verdict == "no_gap"
-    assert effect in gap.mended.effects
+    assert effect in gap.updated.effects
 
 
 def test_a_believed_step_is_no_gap() -> None:
@@ -190,7 +190,7 @@ def test_a_constant_is_no_noise_that_changes() -> None:
     rng = np.random.default_rng(11)
     t = np.arange(n) * dt
     y = 9.8 + 0.01 * rng.standard_normal(n) * np.where(t < 90.0, 1.0, 0.8)
-    gap = find_gap(
+    gap = channel_gap(
         "accel_z", Record(t, y), ChannelNoise("m/s^2", (Term(make("white_noise", N=0.01 * np.sqrt(dt))),))
     )
     assert [f.effect.name for f in gap.findings] == ["noise_change"]

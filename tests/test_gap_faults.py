@@ -16,9 +16,9 @@ from kfgen.core.errors import InputError
 from kfgen.effects import catalogue, make
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.even_record import regular
 from kfgen.gap.rest.faults import spotted_in
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
 from kfgen.log.log import Channel, Log
 
@@ -62,11 +62,11 @@ SPOIL: dict[str, tuple[Callable[[Array], Array], str, float]] = {
 @pytest.mark.parametrize("name", SPOIL)
 def test_a_fault_that_spoils_is_said_and_nothing_is_fitted(name: str) -> None:
     wrong, parameter, value = SPOIL[name]
-    gap = find_gap("gyro_x", Record(T, wrong(white(2))), believed())
+    gap = channel_gap("gyro_x", Record(T, wrong(white(2))), believed())
     assert gap.verdict == "bad_data"
     assert gap.findings[0].effect.name == name
     assert float(getattr(gap.findings[0].effect, parameter)) == pytest.approx(value, rel=0.15)
-    assert gap.mended.terms == believed().terms
+    assert gap.updated.terms == believed().terms
     assert gap.limits == ()
 
 
@@ -78,7 +78,7 @@ def test_jitter_is_said_and_the_samples_are_used() -> None:
     """Steps differ by sqrt 2 of the stamps' 10 %; what is left of the record is white."""
     log = Log(jitter(T), {"gyro_x": Channel.of(white(3), "rad/s")})
     record, stamps, _ = regular(log, "gyro_x")
-    gap = find_gap("gyro_x", record, believed(), stamps)
+    gap = channel_gap("gyro_x", record, believed(), stamps)
     assert [f.effect.name for f in gap.findings] == ["timestamp_jitter"]
     assert gap.verdict == "effects_found"
     sigma = gap.findings[0].effect.sigma  # type: ignore[attr-defined]
@@ -110,7 +110,7 @@ def test_many_dropped_samples_spoil() -> None:
     keep = lost(5, 0.3)
     log = Log(T[keep], {"gyro_x": Channel.of(white(5)[keep], "rad/s")})
     record, stamps, _ = regular(log, "gyro_x")
-    assert find_gap("gyro_x", record, believed(), stamps).verdict == "bad_data"
+    assert channel_gap("gyro_x", record, believed(), stamps).verdict == "bad_data"
 
 
 def test_samples_that_are_no_numbers_are_drawn_over() -> None:

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def worth(shape: Array, nats: float) -> Array:
 def gap_of(part: Array, seed: int, **drive: Array) -> ChannelGap:
     y = np.random.default_rng([seed, 43]).standard_normal(N) + part
     believed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
-    return find_gap("gyro_x", Record(T, y, drive), believed)
+    return channel_gap("gyro_x", Record(T, y, drive), believed)
 
 
 @pytest.mark.parametrize(
@@ -54,10 +54,10 @@ def test_a_lag_behind_a_driver_is_named_with_its_time(channel: str, name: str, c
     lo, hi = gap.findings[0].ci95["lag"]
     assert lo < 25.0 < hi
     assert hi / lo < 2.5
-    model = NoiseModel({"gyro_x": gap.mended})
+    model = NoiseModel({"gyro_x": gap.updated})
     read = parse_noise(noise_text(model), "improved.toml").channel("gyro_x").effects
-    assert [type(e) for e in read] == [type(e) for e in gap.mended.effects]
-    assert read[-1].lag == pytest.approx(gap.mended.effects[-1].lag, rel=1e-6)  # type: ignore[attr-defined]
+    assert [type(e) for e in read] == [type(e) for e in gap.updated.effects]
+    assert read[-1].lag == pytest.approx(gap.updated.effects[-1].lag, rel=1e-6)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("channel", ["temperature", "load"])

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import catalogue, effect_named, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise, write_noise
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.evidence import believed, series_of
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def record_of(name: str, seed: int) -> Record:
 
 def gap_of(record: Record, *more: object) -> ChannelGap:
     effects = (WHITE, *more)
-    return find_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in effects)))  # type: ignore[arg-type]
+    return channel_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in effects)))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", SLOPES)

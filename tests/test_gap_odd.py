@@ -7,9 +7,9 @@ import pytest
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.even_record import regular
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.log.log import Channel, Log
 
 DT, N = 0.01, 12_000
@@ -19,7 +19,7 @@ WHITE = make("white_noise", N=0.1 * np.sqrt(DT))
 
 def gap_of(y: np.ndarray) -> tuple[ChannelGap, list[str]]:
     record, stamps, said = regular(Log(T, {"gyro_x": Channel.of(y, "rad/s")}), "gyro_x", (WHITE,))
-    return find_gap("gyro_x", record, ChannelNoise("rad/s", (Term(WHITE),)), stamps), said
+    return channel_gap("gyro_x", record, ChannelNoise("rad/s", (Term(WHITE),)), stamps), said
 
 
 def noise(seed: int) -> np.ndarray:
@@ -49,7 +49,7 @@ def test_one_wild_sample_is_an_outlier(size: float) -> None:
     gap, _ = gap_of(y)
     assert [f.effect.name for f in gap.findings] == ["outliers"]
     assert gap.verdict == "effects_found"
-    (white,) = (t.effect for t in gap.mended.terms if t.effect.name == "white_noise")
+    (white,) = (t.effect for t in gap.updated.terms if t.effect.name == "white_noise")
     assert pytest.approx(WHITE.N, rel=0.03) == white.N  # type: ignore[attr-defined]
 
 

@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def line(amplitude: float, frequency: float, phase: float) -> Array:
 
 
 def gap_of(y: Array, *more: Effect) -> ChannelGap:
-    return find_gap("gyro_x", Record(T, y), ChannelNoise("rad/s", tuple(Term(e) for e in (WHITE, *more))))
+    return channel_gap("gyro_x", Record(T, y), ChannelNoise("rad/s", tuple(Term(e) for e in (WHITE, *more))))
 
 
 def bound(amplitude: float) -> dict[str, float]:
@@ -82,7 +82,7 @@ def test_a_believed_line_is_no_gap() -> None:
     assert gap_of(y, believed).verdict == "no_gap"
     more = gap_of(y + line(0.15, 1.3, 0.0), believed)
     assert [f.effect.name for f in more.findings] == ["sinusoid"]
-    assert len([e for e in more.mended.effects if e.name == "sinusoid"]) == 2
+    assert len([e for e in more.updated.effects if e.name == "sinusoid"]) == 2
 
 
 def resonant(frequency: float, damping: float, rms: float, seed: int) -> Array:

@@ -74,7 +74,7 @@ def test_turns_give_the_scale(said: Callable[..., str]) -> None:
 def test_gps_is_late(said: Callable[..., str]) -> None:
     """230 ms by the author of the recording, 250 to 300 ms by cross-correlation of the same accelerations."""
     text = said("flight", "flight", "dynamic/inertialnav_swisslog1.npz")
-    assert "time delay" in line_of(text, "gps misses", "delay")
+    assert "time delay" in line_of(text, "model of gps is missing", "delay")
     assert 0.2 < number(text, "in all ") < 0.35
 
 
@@ -141,5 +141,5 @@ def test_no_magnet(said: Callable[..., str], case: str, file: str) -> None:
 def test_a_propeller_is_quadratic(said: Callable[..., str]) -> None:
     """The published model with its square comes to 4.1 deg in a free run, one without to 11.5."""
     text = said("quarter_drone", "steps", "systems/quarter_drone_sinal2_degraus_malha_fechada.npz")
-    assert "u misses an effect of the model: nonlinear actuator" in text.splitlines()[2]
+    assert "The model of u is missing an effect: nonlinear actuator" in text.splitlines()[2]
     assert number(text, "deg, then by ") < 4.1

@@ -19,8 +19,8 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
 from kfgen.gap.core.cache import RecentResults
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
 from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.reference import heard
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.gap.rest.faults import spotted_moving
@@ -41,7 +41,7 @@ def gap_of(log: Log) -> SceneGap:
     noise = ChannelNoise("rad/s", (Term(WHITE[0]),))
     scene = motion_scene(log, NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
     assert scene is not None
-    return find_scene_gap(scene)
+    return scene_gap(scene)
 
 
 def quaternion(q: Array) -> dict[str, Channel]:
@@ -84,8 +84,8 @@ def test_another_convention_is_said(change: Callable[[Array], Array], expected: 
 def test_a_sensor_that_is_dead_has_no_bandwidth() -> None:
     """A corner below the lowest frequency of the log is none: it reads nothing of what it should."""
     gap = gap_of(log_of(rate(T) * [1.0, 0.0, 1.0], table(rate(T)), 15))
-    assert [(f.placed.effect.name, f.placed.where) for f in gap.findings] == [("scale_factor", "gyro_y")]
-    assert float(gap.findings[0].placed.effect.coefficient) == pytest.approx(-1.0, abs=1e-3)  # type: ignore[attr-defined]
+    assert [(f.effect.name, f.where) for f in gap.findings] == [("scale_factor", "gyro_y")]
+    assert float(gap.findings[0].effect.coefficient) == pytest.approx(-1.0, abs=1e-3)  # type: ignore[attr-defined]
 
 
 def test_some_columns_of_an_attitude_are_no_attitude() -> None:
@@ -105,7 +105,7 @@ def test_a_stuck_reference_is_left_out() -> None:
     x[1500:2100] = x[1500]
     gap = gap_of(log_of(rate(T), table(x), 6))
     assert names(gap) == ["stuck_reference"]
-    assert float(gap.findings[0].placed.effect.share) == pytest.approx(599 / 4000, abs=2e-3)  # type: ignore[attr-defined]
+    assert float(gap.findings[0].effect.share) == pytest.approx(599 / 4000, abs=2e-3)  # type: ignore[attr-defined]
 
 
 def test_a_table_that_rests_is_not_stuck() -> None:
@@ -125,7 +125,7 @@ def test_a_held_reference_is_interpolated(every: int) -> None:
     """Motion of up to 1.7 Hz at 10 Hz and more."""
     gap = gap_of(log_of(rate(T), table(np.repeat(rate(T)[::every], every, axis=0)[: T.size]), 8))
     assert names(gap) == ["held_reference"]
-    assert float(gap.findings[0].placed.effect.period) == pytest.approx(every * DT)  # type: ignore[attr-defined]
+    assert float(gap.findings[0].effect.period) == pytest.approx(every * DT)  # type: ignore[attr-defined]
     assert gap.verdict == "effects_found"
 
 
@@ -135,7 +135,7 @@ def test_clipped_samples_are_named_and_left_out() -> None:
     log = Log(T, {f"gyro_{a}": Channel(y[:, k], "rad/s") for k, a in enumerate("xyz")} | table(rate(T)))
     gap = gap_of(log)
     assert set(names(gap)) == {"clipping"}
-    assert {(f.placed.where, float(f.placed.effect.limit)) for f in gap.findings} == {  # type: ignore[attr-defined]
+    assert {(f.where, float(f.effect.limit)) for f in gap.findings} == {  # type: ignore[attr-defined]
         (f"gyro_{a}", limit) for a in "xyz" for limit in (-0.9, 1.0)
     }
     assert gap.verdict == "effects_found"
@@ -158,12 +158,12 @@ def test_frozen_samples_are_named_and_left_out() -> None:
     log = Log(T, {f"gyro_{a}": Channel(y[:, k], "rad/s") for k, a in enumerate("xyz")} | table(rate(T)))
     gap = gap_of(log)
     (found,) = gap.findings
-    assert (gap.verdict, found.placed.effect.name, found.placed.where) == (
+    assert (gap.verdict, found.effect.name, found.where) == (
         "effects_found",
         "repeated_samples",
         "gyro_x",
     )
-    assert float(found.placed.effect.share) == pytest.approx(700 / 4000, abs=1e-6)  # type: ignore[attr-defined]
+    assert float(found.effect.share) == pytest.approx(700 / 4000, abs=1e-6)  # type: ignore[attr-defined]
 
 
 def repeated(y: Array) -> Array:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.reference import heard
 from kfgen.gap.motion.rounded_reference import step_of
 from kfgen.gap.motion.scene import motion_scene
@@ -55,11 +55,11 @@ def gap_of(sensor: str, log: Log) -> SceneGap:
     noise = ChannelNoise(unit, (Term(make("white_noise", N=sd * DT**0.5)),))
     scene = motion_scene(log, NoiseModel({f"{sensor}_{a}": noise for a in "xyz"}))
     assert scene is not None
-    return find_scene_gap(scene)
+    return scene_gap(scene)
 
 
 def names(found: SceneGap) -> Sequence[str]:
-    return [f.placed.effect.name for f in found.findings]
+    return [f.effect.name for f in found.findings]
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
@@ -68,7 +68,7 @@ def test_two_digits_are_too_few(sensor: str) -> None:
     found = gap_of(sensor, log_of(sensor, 2))
     assert found.verdict == "bad_data"
     assert names(found) == ["rounded_reference"]
-    assert found.findings[0].placed.effect.step == pytest.approx(0.01)
+    assert found.findings[0].effect.step == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize(("sensor", "digits"), [("gyro", 4), ("accel", 3), ("mag", 3)])

@@ -8,17 +8,32 @@ from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects import make
 from kfgen.effects.faults.samples import UnitError
 from kfgen.effects.inertial.magnetic import SoftIron
-from kfgen.gap.core.outcome import PlacedFinding
-from kfgen.gap.core.scene import Placed
-from kfgen.report.scene import finding_words
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.result import Comparison, Finding
+from kfgen.gap.words import finding_sentence
 
 FIELD = ("field along 1_n", "field along 2_n", "field along 3_n")
 
 
-def soft_iron(*entries: str) -> PlacedFinding:
+def soft_iron(*entries: str) -> Finding:
     values = dict.fromkeys(entries, 0.003)
     ci95 = dict.fromkeys(entries, (0.002, 0.004))
-    return PlacedFinding(Placed(SoftIron(**values), "mag"), ci95, 0.99, 30.0, (), {})
+    return Finding(SoftIron(**values), "mag", "uT", ci95, 0.99, 30.0)
+
+
+def said_of(found: Finding, unknowns: tuple[str, ...] = ()) -> str:
+    """Its sentence in the answer of a world in which these numbers are unknown."""
+    whole = Comparison(
+        channels=("mag",),
+        verdict="effects_found",
+        findings=(found,),
+        before=(),
+        after=(),
+        gap=Gap(0.0, 0.0, 0.0, (0.0, 0.0)),
+        span_s=(0.0, 1.0),
+        unknowns=dict.fromkeys(unknowns, ("uT", 0.0)),
+    )
+    return finding_sentence(whole, found)
 
 
 @pytest.mark.parametrize(
@@ -35,14 +50,14 @@ def test_scales_of_soft_iron_that_are_taken_to_be_zero(
     entries: tuple[str, ...], unknowns: tuple[str, ...], said: str
 ) -> None:
     """(1 + e) times a matrix in a field is the matrix in a field 1 + e times as large."""
-    words = finding_words(soft_iron(*entries), lambda _: "uT", unknowns)
+    words = said_of(soft_iron(*entries), unknowns)
     assert said in words if said else "taken to be zero" not in words
 
 
 def test_another_fault_of_the_same_name_is_not_said() -> None:
     others = (("unit_error", "u", 0.3), ("unit_error", "u", 0.3), ("sign_error", "u", 0.3))
-    found = PlacedFinding(Placed(UnitError(1000.0), "u"), {}, 0.1, 0.0, others, {})
-    assert finding_words(found, lambda _: "V").endswith("Just as well it is sign_error of u")
+    found = Finding(UnitError(1000.0), "u", "V", probability=0.1, alternatives=others)
+    assert said_of(found).endswith("Just as well it is sign_error of u")
 
 
 @pytest.mark.parametrize(
@@ -56,6 +71,6 @@ def test_a_number_has_no_unit(template: str, meant: str, unit: str) -> None:
 
 
 def test_an_effect_of_a_dimensionless_input_is_said_in_plain_numbers() -> None:
-    placed = Placed(make("input_nonlinearity", k2=0.01, k3=0.0), "u")
-    words = finding_words(PlacedFinding(placed, {"k2": (0.009, 0.011)}, 0.99, 30.0, (), {}), lambda _: "")
+    effect = make("input_nonlinearity", k2=0.01, k3=0.0)
+    words = said_of(Finding(effect, "u", "", {"k2": (0.009, 0.011)}, 0.99, 30.0))
     assert "k2 = 0.01 (95 %: 0.009 to 0.011)" in words

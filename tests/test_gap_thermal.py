@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.driven.history import play, rate_of
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.even_record import drivers_of, regular, smoothed
-from kfgen.gap.rest.finding import ChannelGap
-from kfgen.gap.rest.workflow import find_gap
 from kfgen.identify.evidence.record import Record
 from kfgen.log.log import Channel, Log
 
@@ -65,7 +65,7 @@ CASES: dict[str, tuple[Array, float]] = {
 def test_an_effect_of_the_temperature_is_named_with_its_coefficient(name: str) -> None:
     """Its proof is the third of the record where it is warmest, which the coefficient did not see."""
     part, coefficient = CASES[name]
-    gap = find_gap("gyro_x", Record(T, noise(1) + part, {"temperature": HEAT}), believed())
+    gap = channel_gap("gyro_x", Record(T, noise(1) + part, {"temperature": HEAT}), believed())
     assert names(gap) == [name]
     assert gap.verdict == "effects_found"
     assert not any(t.significant for t in gap.after)
@@ -114,7 +114,7 @@ def test_a_noisy_thermometer_names_the_same_effect() -> None:
     drive, said = drivers_of(log)
     record, _, words = regular(log, "gyro_x", drive=drive)
     assert [*said, *words] == []
-    gap = find_gap("gyro_x", record, believed())
+    gap = channel_gap("gyro_x", record, believed())
     assert names(gap) == ["temperature"]
     lo, hi = gap.findings[0].ci95["coefficient"]
     assert abs(0.15 - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
@@ -134,10 +134,10 @@ def test_a_thermometer_without_numbers_is_said_and_not_blamed(temperature: Array
     drive, said = drivers_of(log)
     assert any(words in s for s in said)
     record, _, _ = regular(log, "gyro_x", drive=drive)
-    gap = find_gap("gyro_x", record, believed())
+    gap = channel_gap("gyro_x", record, believed())
     assert names(gap) == ["rate_ramp"]
-    assert not DRIVEN & {n for f in gap.findings for n, _ in f.alternatives}
-    assert not DRIVEN & {e.name for e, _, _ in gap.limits}
+    assert not DRIVEN & {n for f in gap.findings for n, _, _ in f.alternatives}
+    assert not DRIVEN & {m.effect.name for m in gap.limits}
 
 
 def test_a_believed_effect_without_its_channel_is_refused() -> None:
@@ -148,7 +148,7 @@ def test_a_believed_effect_without_its_channel_is_refused() -> None:
     for effect in wrong:
         noise_ = ChannelNoise("rad/s", (*believed().terms, Term(effect)))
         with pytest.raises(InputError, match="no channel 'temperature'"):
-            find_gap("gyro_x", Record(T, noise(6)), noise_)
+            channel_gap("gyro_x", Record(T, noise(6)), noise_)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -157,5 +157,5 @@ def test_a_believed_effect_of_the_temperature_is_no_gap(name: str) -> None:
     more = {"width": 0.2 * SPAN} if name == "thermal_hysteresis" else {}
     effect = make(name, coefficient=coefficient, **more)
     noise_ = ChannelNoise("rad/s", (*believed().terms, Term(effect)))
-    gap = find_gap("gyro_x", Record(T, noise(7) + part, {"temperature": HEAT}), noise_)
+    gap = channel_gap("gyro_x", Record(T, noise(7) + part, {"temperature": HEAT}), noise_)
     assert (gap.verdict, gap.findings) == ("no_gap", ())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.rest.several_recordings import JointGap, Recording, find_together
+from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def together(kind: str, seed: int) -> JointGap:
         elif kind == "step" and k == 1:
             y += 0.6 * (T > 170.0)
         parts.append(Recording(f"log {k}", Record(T, y)))
-    return find_together("gyro_x", parts, ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),)))
+    return joint_gap("gyro_x", parts, ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),)))
 
 
 def test_a_walk_that_goes_another_way_each_time_is_a_walk() -> None:
@@ -60,8 +60,8 @@ def test_a_step_in_one_is_said_of_that_one() -> None:
     """And is no part of the model."""
     found = together("step", 3)
     assert found.gap.findings == ()
-    assert found.gap.mended.terms == (found.gap.mended.terms[0],)
-    assert [(name, f.effect.name) for name, _, f in found.once] == [("log 1", "bias_step")]
+    assert found.gap.updated.terms == (found.gap.updated.terms[0],)
+    assert [(n, f.name) for n, g in found.alone for f in g.findings if f.once] == [("log 1", "bias_step")]
 
 
 def files(folder: Path, unit: str = "rad/s") -> tuple[list[Path], Path]:

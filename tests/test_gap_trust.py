@@ -12,12 +12,14 @@ import pytest
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.rest.checks import Checks
+from kfgen.gap.core.result import Checks
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.even_record import regular
-from kfgen.gap.rest.workflow import ChannelGap, find_gap
+from kfgen.gap.words import check_sentences
 from kfgen.identify.evidence.record import Record
 from kfgen.log.log import Channel, Log
-from kfgen.report.gap_words import sentences
+from kfgen.report.gap import sentences
 from kfgen.report.page import Page, figure, page_html
 from kfgen.report.plots import bars_picture
 
@@ -29,7 +31,7 @@ HEAT = 300.0 + 5.0 * np.sin(2 * np.pi * T / 150.0)
 
 def answer(y: np.ndarray, *effects: object) -> ChannelGap:
     noise = ChannelNoise("deg/s", tuple(Term(e) for e in effects))  # type: ignore[arg-type]
-    return find_gap("gyro_x", Record(T, y, {"temperature": HEAT}), noise)
+    return channel_gap("gyro_x", Record(T, y, {"temperature": HEAT}), noise)
 
 
 def noise(seed: int, scale: float = 1.0) -> np.ndarray:
@@ -40,7 +42,7 @@ def noise(seed: int, scale: float = 1.0) -> np.ndarray:
 def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
     g = answer(noise(1, factor), make("white_noise", N=N))
     assert (g.verdict, g.retuned, g.findings) == ("effects_found", True, ())
-    assert pytest.approx(factor * N, rel=0.03) == g.mended.effects[0].N  # type: ignore[attr-defined]
+    assert pytest.approx(factor * N, rel=0.03) == g.updated.effects[0].N  # type: ignore[attr-defined]
     assert g.gap.before > 0.02
     assert g.gap.closed > 0.95
 
@@ -67,7 +69,7 @@ def test_a_believed_time_longer_than_half_the_record_stays() -> None:
     y = noise(23) + truth.simulate(T, np.random.default_rng(24))
     g = answer(y, make("white_noise", N=N), truth)
     assert (g.verdict, g.findings, g.retuned) == ("no_gap", (), False)
-    (mended,) = (e for e in g.mended.effects if e.name == "gauss_markov")
+    (mended,) = (e for e in g.updated.effects if e.name == "gauss_markov")
     assert 1000.0 < mended.tau < 4000.0  # type: ignore[attr-defined]
 
 
@@ -83,13 +85,14 @@ def test_noise_that_is_louder_where_it_is_warm_fails_the_test_of_its_level() -> 
 
 
 def test_checks_that_fail_say_so() -> None:
-    sound = Checks(0.0, {"bias_step": True}, ("bias_step",), ("bias_step",)).words
-    assert "not bias_step" not in " ".join(sound)
-    other = Checks(1.5, {"bias_step": False}, ("rate_ramp",), ("bias_step",)).words
+    sound = check_sentences(Checks(0.0, {"bias_step": True}, ("bias_step",), ("bias_step",)))
+    assert all(s.startswith("Check passed") for s in sound)
+    other = check_sentences(Checks(1.5, {"bias_step": False}, ("rate_ramp",), ("bias_step",)))
+    assert all(s.startswith("Check failed") for s in other)
     assert "changes the likelihood by 1.5 nats" in other[0]
     assert "does not bound the size of bias_step" in other[1]
     assert "finds rate_ramp, not bias_step" in other[2]
-    assert "finds nothing" in Checks(0.0, {}, (), ("bias_step",)).words[2]
+    assert "finds nothing" in check_sentences(Checks(0.0, {}, (), ("bias_step",)))[2]
 
 
 @pytest.mark.parametrize("believed", [0.0, 2e-3, -2e-3])
@@ -97,7 +100,7 @@ def test_a_coefficient_that_is_wrong_is_mended(believed: float) -> None:
     y = noise(2) + 2e-4 * (HEAT - 300.0)
     g = answer(y, make("white_noise", N=N), make("temperature", coefficient=believed, reference=300.0))
     assert [f.effect.name for f in g.findings] == ["temperature"]
-    (mended,) = (e for e in g.mended.effects if e.name == "temperature")
+    (mended,) = (e for e in g.updated.effects if e.name == "temperature")
     assert mended.coefficient == pytest.approx(2e-4, rel=0.05)  # type: ignore[attr-defined]
 
 
@@ -120,7 +123,7 @@ def test_missing_samples_are_no_effect(holes: str) -> None:
         y[np.random.default_rng(9).random(T.size) < 0.25] = np.nan
     effects = (make("white_noise", N=N),)
     record, _, said = regular(Log(T, {"gyro_x": Channel(y, "deg/s")}), "gyro_x", effects)
-    g = find_gap("gyro_x", record, ChannelNoise("deg/s", tuple(Term(e) for e in effects)))
+    g = channel_gap("gyro_x", record, ChannelNoise("deg/s", tuple(Term(e) for e in effects)))
     assert (g.verdict, g.findings) == ("no_gap", ())
     assert any("are missing" in words for words in said)
 

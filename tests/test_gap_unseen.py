@@ -20,7 +20,7 @@ from scipy.stats import chi2
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.noise_scale import scaled
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.core.scene_holdout import band_edges, every_other, gap_of, tail
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.log.log import Channel, Log
@@ -50,7 +50,7 @@ def answer(wrong: Array, seed: int, loud: tuple[float, ...] = (1.0, 1.0, 1.0)) -
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
     scene = motion_scene(Log(DT * np.arange(N), channels), NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
     assert scene is not None
-    return find_scene_gap(scene)
+    return scene_gap(scene)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -81,7 +81,7 @@ def test_a_drift_goes_on_in_the_tail() -> None:
     wrong[:, 2] = 0.0012 * DT * np.arange(N)
     g = answer(wrong, 9)
     (found,) = g.findings
-    assert found.placed.effect.name == "rate_ramp"
+    assert found.effect.name == "rate_ramp"
     s, k = wrong[:, 2], int(0.7 * N)
     nats = 0.5 * float(np.sum((s[k:] - s[:k].mean()) ** 2)) / SD**2
     # What is seen says where the mean of the tail is, to a deviation of sqrt(1 + 3/7) of its own.
@@ -95,7 +95,7 @@ def test_what_is_over_before_the_tail_is_judged_on_every_other_block() -> None:
     wrong[:, 1] = 0.15 * np.exp(-t / 2.0)
     g = answer(wrong, 6)
     (found,) = g.findings
-    assert found.placed.effect.name == "warm_up"
+    assert found.effect.name == "warm_up"
     assert g.gap.held_out == "every other block of the log"
     unseen = every_other((N,)).unseen[0]
     s = wrong[:, 1]

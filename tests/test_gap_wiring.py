@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from kfgen.gap.core.outcome import find_scene_gap
+from kfgen.gap.core.scene_gap import scene_gap
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.rest.faults import by_chance, stuck_spans
 from kfgen.log.log import Channel, Log
@@ -91,9 +91,9 @@ def test_a_wrong_column_is_said_and_nothing_else(case: str, seed: int) -> None:
     spoil, said = SPOILT[case]
     scene = plant_scene(parse_model(SERVO, "servo.toml"), log_of(*spoil(*columns(seed))))
     assert {(p.effect.name, p.where) for p in (*scene.spoilt, *scene.either)} == said
-    gap = find_scene_gap(scene)
+    gap = scene_gap(scene)
     assert gap.verdict == "bad_data"
-    assert (gap.findings[0].placed.effect.name, gap.findings[0].placed.where) in said
+    assert (gap.findings[0].effect.name, gap.findings[0].where) in said
 
 
 LEFT_OUT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], set[str]]] = {
@@ -119,9 +119,9 @@ def test_samples_at_fault_are_left_out_and_said(case: str) -> None:
 
 def test_a_stuck_span_is_where_it_is_and_is_no_effect() -> None:
     u, y = columns(4)
-    gap = find_scene_gap(plant_scene(parse_model(SERVO, "servo.toml"), log_of(u, held_from(y, 1000, 1600))))
+    gap = scene_gap(plant_scene(parse_model(SERVO, "servo.toml"), log_of(u, held_from(y, 1000, 1600))))
     (found,) = gap.findings
-    assert (found.placed.effect.time, found.placed.effect.lasting) == pytest.approx((10.0, 5.99))  # type: ignore[attr-defined]
+    assert (found.effect.time, found.effect.lasting) == pytest.approx((10.0, 5.99))  # type: ignore[attr-defined]
     assert gap.verdict == "effects_found"  # the tests of what is left find nothing more
 
 

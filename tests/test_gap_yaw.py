@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kfgen.effects import effect_named
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.on_off_times import best_span
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.log.log import Channel, Log
@@ -44,7 +44,7 @@ def answer(added: Array, seed: int) -> SceneGap:
     white = ChannelNoise("uT", (Term(effect_named("white_noise")(1e-6 * SD * np.sqrt(DT))),))
     scene = motion_scene(log, NoiseModel({f"mag_{a}": white for a in "xyz"}))
     assert scene is not None
-    return find_scene_gap(scene)
+    return scene_gap(scene)
 
 
 @pytest.mark.parametrize(("start", "stop"), [(16.0, 24.0), (28.0, 40.0), (0.0, 11.0)])
@@ -58,7 +58,7 @@ def test_a_field_that_comes_and_goes_is_found_in_a_turn_about_the_vertical(
     g = answer(added, 3)
     assert g.verdict == "effects_found"
     (found,) = g.findings
-    effect = found.placed.effect
+    effect = found.effect
     assert isinstance(effect, HardIron if in_body else MagneticDisturbance)
     got, k = 1e6 * np.array([effect.x, effect.y, effect.z], dtype=float), inside.sum()
     if not in_body and abs(effect.time - start) > 1.0:
@@ -79,7 +79,7 @@ def test_soft_iron_of_an_axis_that_stands_still_is_found() -> None:
     added = np.zeros((N, 3))
     added[:, 2] = 0.004 * u[:, 0]
     (found,) = answer(added, 5).findings
-    effect = found.placed.effect
+    effect = found.effect
     assert isinstance(effect, SoftIron)
     u_x = u[:, 0] - u[:, 0].mean()
     assert effect.zx == pytest.approx(0.004, abs=4.0 * SD / float(np.linalg.norm(u_x)))

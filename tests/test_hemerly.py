@@ -32,8 +32,9 @@ from kfgen.identify.methods.arma import solve
 from kfgen.identify.methods.asymptotes import read_asymptotes, short_white
 from kfgen.identify.methods.ekf import run_ekf
 from kfgen.identify.methods.saini import Parameters
-from kfgen.model.discretise import DT, DiscreteModel
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
+from kfgen.model.register import DT
 from kfgen.run.run import load
 
 Array = NDArray[np.float64]
@@ -41,7 +42,7 @@ Call = Callable[..., Result]
 
 x1, x2, B, K, beta = ss.STATES
 r = sp.sqrt(K**2 + beta**2 * B**2)
-T = ss.PERIOD
+T = ss.SAMPLING_PERIOD
 A_22 = sp.Matrix([
     [1, T, 0, 0, 0], [0, 1 - T * beta, 0, 0, -T * x2], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1],
 ])  # fmt: skip

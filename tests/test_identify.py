@@ -1,7 +1,7 @@
 """Proves that identification is as exact, as sharp and as modest as statistics allow.
 
 Exactness: the sine transform diagonalises white noise with a random walk (matrices, no chance). Sharpness: the
-Cramer-Rao bounds of identification.md, table 2.1. Modesty: Monte Carlo with records made in plain numpy and fixed
+Cramer-Rao bounds of docs/identification.md, 2.1. Modesty: Monte Carlo with records made in plain numpy and fixed
 seeds. The accepted counts hold at least 99 % of the binomial at the nominal rate: N of white noise in 200 records,
 95 % intervals (two-sided, 0.2 % outside); N, sigma and tau in 30 records, each at least 25 of 30 (0.3 % below) and
 at least 80 of all 90 (0.8 % below, as if independent); a resolved Gauss-Markov process in at most 3 of 16
@@ -110,7 +110,7 @@ def effects(N: float, sigma: float, K: float, tau: float) -> list[Effect]:
 
 
 TABLE = [
-    # sigma, samples, rate, printed (identification.md 2.1, exact); tau has the bound of beta
+    # sigma, samples, rate, printed (docs/identification.md, 2.1, exact); tau has the bound of beta
     (B0, 10**6, 100.0, {"N": ".0007", "sigma": ".214", "K": ".289", "tau": ".509"}),
     (B0, 10**7, 100.0, {"N": ".0002", "sigma": ".066", "K": ".089", "tau": ".158"}),
     (B0, 10**6, 10.0, {"N": ".00071", "sigma": ".0663", "K": ".0887", "tau": ".158"}),
@@ -240,7 +240,7 @@ def test_a_day_of_all_three_is_at_the_bound() -> None:
         e = found.fit.effects
         errors.append(np.log([e[0].N / N0, e[1].sigma / B0, e[1].tau / TAU0, e[2].K / K0]))
         right += set(shown(identify(record(y, 1.0)))) == set(names)
-    bound = np.array([0.00225, 0.066, 0.159, 0.089])  # identification.md, remark 2.3
+    bound = np.array([0.00225, 0.066, 0.159, 0.089])  # docs/identification.md, 2.3
     assert (np.sum(np.square(errors) / bound**2, axis=0) < chi2.ppf(0.998, runs)).all()
     assert inside.min() >= binom.ppf(0.002, runs, 0.95)
     assert right >= binom.ppf(0.002, runs, 0.9)

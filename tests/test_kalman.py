@@ -204,7 +204,7 @@ def test_means_of_blocks_have_their_dense_likelihood(
 
 
 def allan(e: Effect, tau: float) -> float:
-    """Table of noise.md."""
+    """Table of docs/noise.md."""
     p: Any = e
     if e.name == "white_noise":
         return float(p.N**2 / tau)

@@ -1,6 +1,6 @@
 """Proves that linear systems are discretised exactly, at any step against any time constant.
 
-References are mpmath at 60 to 100 digits: closed forms of noise.md (whose float64 versions cancel), polynomials
+References are mpmath at 60 to 100 digits: closed forms of docs/noise.md (whose float64 versions cancel), polynomials
 of integrated chains, and ``Qd = P - Phi P Phi'`` with ``P`` from a Kronecker solve, itself checked by quadrature.
 Rounding tolerances: 1e-12 relative for each entry of Qd, 1e-13 absolute for Phi of a stable system.
 The two Monte Carlo checks alarm falsely in 1e-6 of the seeds each; seeds are fixed.
@@ -46,7 +46,7 @@ def lyapunov(A: mp.matrix, W: mp.matrix) -> mp.matrix:
 
 
 def angle_and_bias(N: float, q: float, beta: float, dt: float) -> Array:
-    """noise.md, exact Qd of an angle that integrates white noise and a Gauss-Markov bias."""
+    """docs/noise.md, exact Qd of an angle that integrates white noise and a Gauss-Markov bias."""
     with mp.workdps(60):
         N, q, b, t = mp.mpf(N), mp.mpf(q), mp.mpf(beta), mp.mpf(dt)
         e = mp.exp(-b * t)

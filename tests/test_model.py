@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
+from kfgen.effects.filter_role import Use
 from kfgen.effects.noise_model import read_noise
-from kfgen.emit.folder import Emitted, write_folder
+from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.model.discretise import DiscreteModel
@@ -61,7 +62,7 @@ def model_of(name: str, loaded: bool) -> FilterModel:
             make("rate_ramp", R=1e-6),
             make("temperature", coefficient=1e-5, reference=REFERENCE),
         ):
-            model = model.augment(channel, effect)
+            model = model.augment(channel, effect, Use(known=False))
     return model
 
 
@@ -379,7 +380,7 @@ def test_new_sensor_needs_one_class_and_nothing_else(invented: Any, tmp_path: Pa
     from kfgen.verify.compare import verify
 
     write_folder(program, "c", None, tmp_path / "c")
-    (verdict,) = verify(Emitted(program, "c", tmp_path / "c"), ["host"])
+    (verdict,) = verify(EmittedFilter(program, "c", tmp_path / "c"), ["host"])
     assert verdict.differing == 0
     assert verdict.words > 10_000
 

@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import Parameter, make
-from kfgen.effects.inertial.errors import Signals, free
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import free
+from kfgen.effects.inertial.vibration import running_variance
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import find_scene_gap
 from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.core.scene_gap import scene_gap
 from kfgen.gap.motion.on_off_times import best_span, vibrations
 from kfgen.gap.motion.scene import MotionScene, motion_scene
-from kfgen.gap.motion.truth import body_rate, running_variance, truth_of
+from kfgen.gap.motion.truth import body_rate, truth_of
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import read_log
 
@@ -214,8 +216,8 @@ def test_products_of_forces_are_no_forces(pair: str) -> None:
     read = moved(w, 1, 1e-5 * product) + white(6, N_GYRO)
     scene = motion_scene(table_log(w, read, **{f"accel_{a}": f[:, i] for i, a in enumerate(AXES)}), GYRO)
     assert scene is not None
-    first = find_scene_gap(scene).findings[0]
-    assert (first.placed.effect.name, first.placed.where) == ("g_squared", "gyro_y")
+    first = scene_gap(scene).findings[0]
+    assert (first.effect.name, first.where) == ("g_squared", "gyro_y")
     lo, hi = first.ci95[pair]
     assert abs(1e-5 - 0.5 * (lo + hi)) < LIMIT / 1.96 * 0.5 * (hi - lo)
 
@@ -226,8 +228,8 @@ def test_a_scale_that_follows_the_temperature() -> None:
     log = Log(log.t, {**log.channels, "temperature": Channel.of(heat, "K")})
     scene = motion_scene(log, GYRO)
     assert scene is not None
-    (found,) = find_scene_gap(scene).findings
-    assert (found.placed.effect.name, found.placed.where) == ("scale_temperature", "gyro_z")
+    (found,) = scene_gap(scene).findings
+    assert (found.effect.name, found.where) == ("scale_temperature", "gyro_z")
     lo, hi = found.ci95["coefficient"]
     assert abs(1e-3 - 0.5 * (lo + hi)) < LIMIT / 1.96 * 0.5 * (hi - lo)
 
@@ -541,8 +543,8 @@ def test_a_rate_table_shows_a_misalignment_in_the_axis_that_does_not_turn() -> N
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=N)),))
     scene = motion_scene(Log(t, channels), NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
     assert scene is not None
-    (found,) = find_scene_gap(scene).findings
-    assert (found.placed.effect.name, found.placed.where) == ("misalignment", "gyro_y")
+    (found,) = scene_gap(scene).findings
+    assert (found.effect.name, found.where) == ("misalignment", "gyro_y")
     lo, hi = found.ci95["yx"]
     assert lo < 2e-3 < hi
 

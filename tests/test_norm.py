@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
-from kfgen.effects.inertial.errors import free
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.motion.known_length import NormScene, norm_scene, poses

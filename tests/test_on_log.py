@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from kfgen.core.errors import InputError
-from kfgen.emit.folder import Emitted, write_folder
+from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import read_log
@@ -54,7 +54,7 @@ def proven(program: Program, log: Log, start: dict[str, float], folder: Path, co
     """No word differs on a core; what single precision costs."""
     played, found = over_log(program, log, start)
     write_folder(program, "c", None, folder)
-    (verdict,) = verify(Emitted(program, "c", folder), [core], played=played)
+    (verdict,) = verify(EmittedFilter(program, "c", folder), [core], played=played)
     assert verdict.calls == len(played.calls) == sum(found.calls.values())
     assert verdict.words == verdict.calls * program.word_count
     assert (verdict.differing, verdict.max_ulp) == (0, 0)

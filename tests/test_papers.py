@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-
-from kfgen.log.log import Channel, Log
-from kfgen.papers.compare import bound, table
-from kfgen.papers.compare import compare as scores
-from kfgen.papers.figures import figure_1, figure_2
-from kfgen.papers.hemerly import figure_1 as rows_of_figure_1
-from kfgen.papers.hemerly import section_4, table_1
-from kfgen.papers.narasimhappa import (
+from papers.compare import bound, table
+from papers.compare import compare as scores
+from papers.figures import figure_1, figure_2
+from papers.hemerly import figure_1 as rows_of_figure_1
+from papers.hemerly import section_4, table_1
+from papers.narasimhappa import (
     Static,
     reference_rate,
     static_sensor,
     under_motion,
     white_state_variance,
 )
-from kfgen.papers.row import over_seeds, page_of, text_of
+from papers.row import over_seeds, page_of, text_of
+from scipy.spatial.transform import Rotation
+
+from kfgen.log.log import Channel, Log
 from kfgen.report.page import page_html
 
 

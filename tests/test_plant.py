@@ -23,7 +23,7 @@ from kfgen.effects.plant.terms import PlantEffect, StateTerm
 from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.plant.candidates import moving
 from kfgen.gap.plant.scene import PlantScene
-from kfgen.gap.plant.updated_model import mended
+from kfgen.gap.plant.updated_model import updated_model
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import model_text, parse_model
 from kfgen.model.plant.plant import Batch, Plant, simulate
@@ -448,7 +448,7 @@ def test_a_missing_term_is_recovered(name: str, values: dict[str, float]) -> Non
     assert abs(x[0] - wanted) < 4.5 * sd[0] + slack
     assert sd[0] < 0.1 * abs(wanted)
     white(r)
-    found = mended(scene.model, moved(scene.believed([start]), x).placed)
+    found = updated_model(scene.model, moved(scene.believed([start]), x).placed)
     again = parse_model(model_text(found), "again.toml")
     assert again.dynamics_effects[0].where == "omega"
     white(gauss_newton(PlantScene.of(again, scene.log), PlantScene.of(again, scene.log).believed())[2])
@@ -503,7 +503,7 @@ def test_a_wrong_parameter_is_recovered_and_mended_in_its_place() -> None:
     x, sd, r = gauss_newton(scene, scene.believed([start]))
     assert abs(x[0] - 1.1) < 4.5 * sd[0]
     white(r)
-    found = mended(scene.model, moved(scene.believed([start]), x).placed)
+    found = updated_model(scene.model, moved(scene.believed([start]), x).placed)
     assert found.parameters["g_over_l"].value == pytest.approx(18.5 + x[0])
     assert not found.dynamics_effects
 
@@ -517,7 +517,7 @@ def test_a_parameter_that_is_not_trusted_is_an_unknown() -> None:
     x, sd, r = gauss_newton(scene, scene.believed())
     assert abs(x[-1] - 25.0) < 4.5 * sd[-1]
     white(r)
-    assert mended(scene.model, [], {"gain": 25.1}).parameters["gain"].value == 25.1
+    assert updated_model(scene.model, [], {"gain": 25.1}).parameters["gain"].value == 25.1
 
 
 def test_candidates_are_at_sensible_places_once() -> None:

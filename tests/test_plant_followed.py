@@ -10,9 +10,9 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects.plant.sensor import SensorLag
-from kfgen.gap.core.engine import ranked
 from kfgen.gap.core.newton import fitted
 from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.core.scene_search import ranked
 from kfgen.gap.core.screen import Screened
 from kfgen.gap.plant.recorded_channel import check_near
 from kfgen.gap.plant.scene import PlantScene

@@ -1,6 +1,7 @@
-"""The README's console session and the examples run, and say what the README shows.
+"""The console sessions of the README and of the pages in docs run and print what is shown; so do the examples.
 
-Numbers may differ in their last digits between machines: they are compared by their first two.
+Numbers may differ in their last digits between machines: they are compared by their first two. All sessions share one
+folder: the README's comes first, and its files are those that the pages speak of.
 """
 
 from __future__ import annotations
@@ -13,16 +14,32 @@ from pathlib import Path
 
 import pytest
 
+import kfgen
+
 ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+VERBS = ("read_log", "identify", "build", "emit", "find_gap")
+
+
+def has_verbs() -> bool:
+    """Whether the package has the verbs that the README's Python calls."""
+    try:
+        return all(callable(getattr(kfgen, verb, None)) for verb in VERBS)
+    except ImportError:
+        return False
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """The fenced blocks of a page in a language, in order."""
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
 
 
 def session() -> list[tuple[str, list[str]]]:
-    """Commands of the README in order, each with the lines that it shows."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    """Commands of all pages in order, each with the lines that are shown of it."""
     found: list[tuple[str, list[str]]] = []
-    for block in re.findall(r"```console\n(.*?)```", text, re.S):
-        for line in block.splitlines():
+    for page in PAGES:
+        for line in "".join(blocks(page, "console")).splitlines():
             if line.startswith("$ "):
                 found.append((line[2:], []))
             else:
@@ -41,20 +58,58 @@ def close(a: str, b: str) -> bool:
     return all(abs(float(x) - float(y)) <= 0.03 * max(abs(float(x)), abs(float(y))) for x, y in pairs)
 
 
-def test_console_session(tmp_path: Path) -> None:
+def test_console_sessions(tmp_path: Path) -> None:
     commands = session()
-    assert len(commands) >= 8
+    assert len(commands) >= 12
+    printed: dict[str, list[str]] = {}
     for command, shown in commands:
-        words = [sys.executable, "-m", *command.split()]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{command}: {done.stderr}"
-        printed = done.stdout.splitlines()
+        if command not in printed:
+            words = [sys.executable, "-m", *command.split()]
+            done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, f"{command}: {done.stderr}"
+            printed[command] = done.stdout.splitlines()
         for line in shown:
             if "..." in line:
                 continue
-            alike = [p for p in printed if shape(p) == shape(line)]
+            alike = [p for p in printed[command] if shape(p) == shape(line)]
             assert alike, f"{command} no longer prints: {line}"
             assert any(close(p, line) for p in alike), f"{command}: {line} has become {alike}"
+
+
+@pytest.mark.skipif(not has_verbs(), reason="the verbs of kfgen are not all there")
+def test_python_of_the_readme(tmp_path: Path) -> None:
+    demo = [sys.executable, "-m", "kfgen", "demo", "--out", "out"]
+    subprocess.run(demo, cwd=tmp_path, capture_output=True, check=True)
+    for code in blocks(ROOT / "README.md", "python"):
+        assert code.count("\n") <= 12
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert "temperature" in done.stdout
+
+
+def test_pages_are_short_and_their_links_lead_somewhere() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert readme.count("\n") <= 150
+    for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
+        text = page.read_text(encoding="utf-8")
+        for link in re.findall(r"\]\((?!http)([^)#]+)", text):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
+        prose = re.sub(r"```.*?```", "", text, flags=re.S).splitlines()
+        long = [line for line in prose if len(line) > 120 and not line.startswith(("|", "!", "    "))]
+        assert long == [], page.name
+
+
+def test_what_tests_cite_is_there() -> None:
+    """A page that a test names, and the section of it, exist."""
+    for test in sorted((ROOT / "tests").rglob("*.py")):
+        for name, number in re.findall(r"([\w/]+\.md)(?:, (\d\.\d))?", test.read_text(encoding="utf-8")):
+            if name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"):
+                continue
+            assert name.startswith("docs/"), f"{test.name} cites {name}"
+            text = (ROOT / name).read_text(encoding="utf-8")
+            assert not number or f"### {number} " in text, f"{test.name} cites {name}, {number}"
 
 
 @pytest.mark.parametrize("example", sorted(p.name for p in (ROOT / "examples").glob("*.py")))
@@ -71,7 +126,9 @@ def test_example_runs(example: str, tmp_path: Path) -> None:
     assert done.stdout.strip()
     if example == "gallery.py":
         shown = [
-            line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if " | " in line
+            line
+            for line in (ROOT / "docs/benchmarks.md").read_text(encoding="utf-8").splitlines()
+            if " | " in line
         ]
         for row in (line for line in done.stdout.splitlines() if line.startswith("|")):
             alike = [line for line in shown if shape(line) == shape(row)]

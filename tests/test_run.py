@@ -25,6 +25,7 @@ from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.run.run import FilterRun, attitude_error, load, run
+from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.simulate import simulate
 
 ALARM = 1e-3
@@ -42,7 +43,10 @@ def program() -> Program:
 
 @cache
 def log_of(seed: int) -> Log:
-    return simulate(program().discrete, "generic", DURATION, np.random.default_rng(seed))
+    discrete = program().discrete
+    return simulate(
+        discrete, "generic", DURATION, np.random.default_rng(seed), rates=at_every_sample(discrete)
+    )
 
 
 def truth_at(log: Log, k: int) -> dict[str, Any]:
@@ -59,7 +63,7 @@ def biases(seed: int) -> tuple[np.ndarray, Log]:
     bias = {s.name: SMALL * s.prior * rng.normal() for s in model.states[9:]}
     noise = {c: tuple(e for e in es if e.name != "bias") for c, es in model.noise.items()}
     silent = DiscreteModel(replace(model, noise=noise), order=2, rate=RATE)
-    log = simulate(silent, "generic", DURATION, rng)
+    log = simulate(silent, "generic", DURATION, rng, rates=at_every_sample(silent))
     channels = dict(log.channels)
     for letter, triad in (("bg", "gyro"), ("ba", "accel")):
         for a in "xyz":

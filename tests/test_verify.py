@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kfgen.emit.folder import Emitted, write_folder
+from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario
 from kfgen.model.discretise import DiscreteModel
@@ -80,7 +80,7 @@ def verdicts(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., CoreVerd
         need(core)
         folder = tmp_path_factory.mktemp("emitted") / "c"
         write_folder(program(name, form), "c", None, folder)
-        (verdict,) = verify(Emitted(program(name, form), "c", folder), [core])
+        (verdict,) = verify(EmittedFilter(program(name, form), "c", folder), [core])
         return verdict
 
     return find
@@ -127,7 +127,7 @@ def test_no_word_differs_on_any_core(core: str, tmp_path: Path) -> None:
     for k, option in enumerate(options):
         p = Program(d, *option)
         write_folder(p, "c", None, tmp_path / f"{k}")
-        (v,) = verify(Emitted(p, "c", tmp_path / f"{k}"), [core])
+        (v,) = verify(EmittedFilter(p, "c", tmp_path / f"{k}"), [core])
         assert v.words > 20_000
         assert (v.differing, v.max_ulp) == (0, 0)
 
@@ -138,7 +138,9 @@ def test_fused_products_stay_within_the_tolerance(core: str, tmp_path: Path) -> 
     need("m4f")
     p = Program(DiscreteModel(build("ahrs6")), "ud")
     write_folder(p, "c", None, tmp_path / "c")
-    exact, fused = (verify(Emitted(p, "c", tmp_path / "c"), [core], contract=c)[0] for c in (False, True))
+    exact, fused = (
+        verify(EmittedFilter(p, "c", tmp_path / "c"), [core], contract=c)[0] for c in (False, True)
+    )
     assert (fused.differing, fused.tolerance) == (0, 1e-3)
     assert fused.cost.instructions["predict"] < exact.cost.instructions["predict"]
 
@@ -163,7 +165,7 @@ def test_altered_header_is_found(core: str, kfgen: Callable[..., Any], tmp_path:
     altered(folder / "ahrs6.h", "+ 0.250400007f", "+ 0.250400037f")
     done = kfgen("verify", folder, "--core", core, "--json", out)
     assert done.exit_code == 1
-    assert re.search(rf"[1-9]\d* of 21000 words differ on {core}", done.stdout)
+    assert re.search(rf"[1-9]\d* of 21000 values differ on {core}", done.stdout)
     verdict = json.loads(out.read_text())["cores"][core]
     assert 0 < verdict["differing"] <= verdict["words"] == 21000
     assert verdict["max_ulp"] >= 1

@@ -16,9 +16,9 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.emit.folder import Emitted, read_folder, write_folder
+from kfgen.emit.folder import EmittedFilter, read_folder, write_folder
 from kfgen.emit.reference import Machine
-from kfgen.emit.routines import LONGEST_WAIT, Program
+from kfgen.emit.routines import MAX_WAITING_PREDICTIONS, Program
 from kfgen.emit.scenario import scenario, split
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
@@ -110,11 +110,11 @@ def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
     if "m4f" not in cores():
         pytest.skip("the emulator is not installed (pip install 'kfgen[pil]')")
     write_folder(program, "c", None, tmp_path / "c")
-    (verdict,) = verify(Emitted(program, "c", tmp_path / "c"), ["m4f"])
+    (verdict,) = verify(EmittedFilter(program, "c", tmp_path / "c"), ["m4f"])
     assert (verdict.differing, verdict.max_ulp) == (0, 0)
     plain = Program(DiscreteModel(build("ins15")), "ud")
     write_folder(plain, "c", None, tmp_path / "e")
-    cheap = verify(Emitted(plain, "c", tmp_path / "e"), ["m4f"])[0].cost.instructions["predict"]
+    cheap = verify(EmittedFilter(plain, "c", tmp_path / "e"), ["m4f"])[0].cost.instructions["predict"]
     assert verdict.cost.instructions["predict"] > 2 * cheap
 
 
@@ -126,5 +126,5 @@ def test_noise_that_waits_for_longer_than_the_first_500_steps_is_met() -> None:
 
 def test_noise_does_not_wait_for_longer_than_the_proof() -> None:
     with pytest.raises(InputError, match="misses 3000 predictions"):
-        waits(1.5 * LONGEST_WAIT / 100.0)
-    assert np.isfinite(waits(LONGEST_WAIT / 100.0).q_interval)
+        waits(1.5 * MAX_WAITING_PREDICTIONS / 100.0)
+    assert np.isfinite(waits(MAX_WAITING_PREDICTIONS / 100.0).q_interval)

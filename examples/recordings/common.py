@@ -5,23 +5,24 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.outcome import SceneGap, find_scene_gap
+from kfgen.gap.core.result import Comparison, Finding
 from kfgen.gap.core.scene import Scene
-from kfgen.gap.rest.even_record import drivers_of, regular
-from kfgen.gap.rest.workflow import find_gap
+from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
+from kfgen.gap.find_gap import find_gap, units_of
+from kfgen.gap.result import GapResult, LogSource
+from kfgen.gap.words import finding_sentence
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.log.log import Log
 from kfgen.report.gap import gap_answer
-from kfgen.report.gap_words import finding_sentence
 from kfgen.report.page import Answer, write_page
-from kfgen.report.scene import UnitOf, finding_words, scene_answer, units_of_channels
 
 AXES = "xyz"
 Array = NDArray[np.float64]
@@ -49,18 +50,24 @@ def thinned(log: Log, every: int) -> Log:
 
 def of_channel(log: Log, name: str, believed: NoiseModel) -> Case:
     """The gap of one channel at rest."""
-    record, stamps, _ = regular(log, name, believed.channel(name).effects, drivers_of(log)[0])
-    gap = find_gap(name, record, believed.channel(name), stamps, log.stated)
-    said = [f"verdict {gap.verdict}", *(finding_sentence(gap, f).split(". ")[0] for f in gap.findings)]
-    return said, gap_answer(log, believed, {name: gap})
+    found = find_gap(log, believed, channels=[name])
+    (gap,) = found.comparisons
+    return [f"verdict {gap.verdict}", *map(partial(_said, gap), gap.findings)], gap_answer(found)
 
 
 def of_scene(log: Log, scene: Scene | None, unit: UnitOf | None = None) -> tuple[SceneGap, list[str], Answer]:
-    """The gap of a world."""
+    """The gap of a scene."""
     assert scene is not None
-    gap, unit = find_scene_gap(scene), unit or units_of_channels(log)
-    said = [finding_words(f, unit).split(". ")[0] + f" ({100 * f.probability:.0f} %)" for f in gap.findings]
-    return gap, [f"verdict {gap.verdict}", *said], scene_answer(log, gap, unit, ("", ""))
+    gap = scene_gap(scene, unit or units_of(log))
+    nothing = NoiseModel({})
+    found = GapResult((LogSource(log.source, log.sha256),), (gap,), nothing, nothing)
+    said = [f"{_said(gap, f)} ({100 * f.probability:.0f} %)" for f in gap.findings]
+    return gap, [f"verdict {gap.verdict}", *said], gap_answer(found)
+
+
+def _said(gap: Comparison, finding: Finding) -> str:
+    """The first sentence of a finding."""
+    return finding_sentence(gap, finding).split(". ")[0]
 
 
 def main(words: str, cases: Mapping[str, tuple[str, Callable[[Path], Case]]]) -> None:

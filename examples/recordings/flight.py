@@ -51,7 +51,7 @@ def flight(file: Path) -> Case:
     channels |= {f"ref_gps_{x}": Channel.of(felt[:, k], "m/s^2") for k, x in enumerate(AXES)}
     log = Log(np.arange(gps.shape[0]) * dt, channels, source=file.name)
     gap, said, answer = of_scene(log, motion_scene(log, NoiseModel({f"gps_{x}": NOISE for x in AXES})))
-    lag = {f.placed.effect.name: f.placed.effect.row("") for f in gap.findings if f.placed.where == "gps"}
+    lag = {f.effect.name: f.effect.row("") for f in gap.findings if f.where == "gps"}
     late = lag["time_delay"]["delay"][0]
     late += np.arctan(BAND / lag["bandwidth"]["corner"][0]) / (2.0 * np.pi * BAND)
     return [*said, f"in all {late:.2f} s late at {BAND:g} Hz"], answer

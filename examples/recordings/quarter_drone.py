@@ -52,8 +52,7 @@ def drone(file: Path) -> Case:
     scene = PlantScene.of(parse_model(MODEL, "drone.toml"), log)
     gap, said, answer = of_scene(log, scene, scene.unit)
     left = [
-        scene.simulated(f.point).channels["angle"][:, 0] - log.values("angle")
-        for f in (gap.believed, gap.fit)
+        scene.simulated(f.point).channels["angle"][:, 0] - log.values("angle") for f in (gap.assumed, gap.fit)
     ]
     rms = [float(np.degrees(np.sqrt(np.mean(x**2)))) for x in left]
     return [*said, f"free run off by {rms[0]:.2f} deg, then by {rms[1]:.2f} deg"], answer

@@ -1,4 +1,6 @@
-"""The equivalent ARMA model of a sum of noises: one white noise that gives the same autocovariance.
+"""The equivalent ARMA model of a sum of sensor noises, and the sizes of the noises from it.
+
+It is the ARMA process on one white noise that has the same autocovariance as the sum.
 
 Every noise of a sensor is a rational function of the backshift ``q^-1`` on a white noise of its own: white
 noise 1, quantisation of the integral ``1 - q^-1``, a Gauss-Markov process ``q^-1 / (1 - alpha q^-1)``, a
@@ -36,7 +38,15 @@ Poly = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Source:
-    """One noise: numerator, and whether it has the pole of a walk or of a Gauss-Markov process."""
+    """One noise as a rational function of the backshift on a white noise.
+
+    Parameters
+    ----------
+    numerator : tuple
+        Coefficients of powers of the backshift, lowest first.
+    walk, markov : bool
+        Whether it has the pole of a random walk, ``1 - q^-1``, or of a Gauss-Markov process, ``1 - alpha q^-1``.
+    """
 
     numerator: Poly
     walk: bool = False
@@ -53,7 +63,17 @@ SOURCES = {
 
 
 def product(a: Poly, b: Poly) -> Poly:
-    """The product of two polynomials."""
+    """The product of two polynomials in the backshift.
+
+    Parameters
+    ----------
+    a, b : tuple of number or symbol
+        Coefficients, lowest power first.
+
+    Returns
+    -------
+    tuple, (len(a) + len(b) - 1,)
+    """
     out: list[Any] = [0] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
         for j, y in enumerate(b):
@@ -107,7 +127,20 @@ class Equivalent:
         return max(len(c) - 1 - next(i for i, v in enumerate(c) if v) for c in averages)
 
     def average(self, name: str, alpha: Any) -> Poly:
-        """The moving average of one noise over the common denominator, as in eq. (13) of [1]_."""
+        """The moving average of one noise over the common denominator, as in eq. (13) of [1]_.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+        alpha : number or symbol
+            ``exp(-T / tau)`` of the Gauss-Markov process.
+
+        Returns
+        -------
+        tuple
+            Coefficients of powers of the backshift, lowest first.
+        """
         source = SOURCES[name]
         out = source.numerator
         if self.p and not source.markov:
@@ -129,7 +162,11 @@ class Equivalent:
         alpha : number
             ``exp(-T / tau)``; without a Gauss-Markov process of no effect.
         variances : sequence of float
-            Of the white noise inside each of `names`.
+            Of the white noise inside each of `names` [U^2].
+
+        Returns
+        -------
+        list of number, (q + 1,)
         """
         import mpmath
 
@@ -139,7 +176,20 @@ class Equivalent:
         return exact_factor(gamma)
 
     def variances(self, alpha: float, e: Sequence[Any]) -> list[float]:
-        """The variances [U^2] of the noises from a moving average; a negative one is none."""
+        """The variances of the noises from the moving average of their sum: eq. (16) of [1]_ with its sign corrected.
+
+        Parameters
+        ----------
+        alpha : float
+            ``exp(-T / tau)``.
+        e : sequence of number, (q + 1,)
+            Moving average of the sum [U].
+
+        Returns
+        -------
+        list of float
+            Variance [U^2] of the white noise inside each of `names`; a negative one means that there is none.
+        """
         import mpmath
 
         with mpmath.workdps(60):
@@ -148,14 +198,25 @@ class Equivalent:
             return [float(v) for v in s]
 
 
-THREE = Equivalent(("gauss_markov", "white_noise", "rate_random_walk"))
+MARKOV_WHITE_WALK = Equivalent(("gauss_markov", "white_noise", "rate_random_walk"))
 """B, N and K of [1]_, sec. 2.1, in the order of its sigma_1, sigma_2, sigma_3."""
 
 
 def condition(tau: float, T: float) -> float:
-    """Condition number of M in eq. (16) of [1]_, at a correlation time and a sampling time [s].
+    """Condition number of M in eq. (16) of [1]_.
 
     M is what is left of L for the Gauss-Markov process and the walk after the white noise is known.
+
+    Parameters
+    ----------
+    tau : float
+        Correlation time [s].
+    T : float
+        Sampling period [s].
+
+    Returns
+    -------
+    float
     """
-    L = np.array(THREE.rows(float(np.exp(-T / tau))), dtype=np.float64)
+    L = np.array(MARKOV_WHITE_WALK.rows(float(np.exp(-T / tau))), dtype=np.float64)
     return float(np.linalg.cond(L[:2, [0, 2]]))

@@ -25,9 +25,9 @@ from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 
-LEAST = 10
+MIN_SAMPLES_PER_COEFFICIENT = 10
 """Samples for each coefficient."""
-MORE_LAGS = 4
+EQUATIONS_PER_COEFFICIENT = 4
 """Equations for each coefficient in the modified Yule-Walker method."""
 
 
@@ -48,16 +48,57 @@ class Estimator(ABC):
 
     @abstractmethod
     def solve(self, y: Array, p: int, q: int) -> tuple[Array, Array, float]:
-        """Coefficients (p,), (q,) and deviation of the noise, of a series of unit size."""
+        """The process of a given order that fits a series.
+
+        Parameters
+        ----------
+        y : ndarray, shape (n,)
+            The series without its mean, of unit root mean square.
+        p, q : int
+            Orders of the autoregression and of the moving average.
+
+        Returns
+        -------
+        phi : ndarray, shape (p,)
+            Coefficients of the output's past.
+        theta : ndarray, shape (q,)
+            Coefficients of the noise's past.
+        sigma : float
+            Standard deviation of the white noise.
+        """
 
 
 def kind(p: int, q: int) -> str:
-    """``ar``, ``ma`` or ``arma``."""
+    """Which kind of process an order is.
+
+    Parameters
+    ----------
+    p, q : int
+        Orders of the autoregression and of the moving average.
+
+    Returns
+    -------
+    str
+        ``ar``, ``ma`` or ``arma``.
+    """
     return "arma" if p and q else "ma" if q else "ar"
 
 
 def sample_autocovariance(y: Array, lags: int) -> Array:
-    """Biased sample autocovariance [U^2] at lags 0 to `lags`, shape (lags + 1,): positive semidefinite."""
+    """Biased sample autocovariance of a series without mean: positive semidefinite.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples [U].
+    lags : int
+        The largest lag [samples].
+
+    Returns
+    -------
+    ndarray, shape (lags + 1,)
+        At lags 0 to `lags` [U^2].
+    """
     return np.asarray(
         statsmodels("tsa.stattools").acovf(y, nlag=lags, fft=True, demean=False), dtype=np.float64
     )
@@ -145,7 +186,7 @@ class ModifiedYuleWalker(Estimator):
         from scipy.linalg import lstsq
         from scipy.signal import lfilter
 
-        m = MORE_LAGS * p
+        m = EQUATIONS_PER_COEFFICIENT * p
         gamma = sample_autocovariance(y, q + m + p)
         T = np.array([[gamma[abs(q + i - j)] for j in range(1, p + 1)] for i in range(1, m + 1)])
         phi = lstsq(T, gamma[q + 1 : q + m + 1])[0] if p else np.zeros(0)
@@ -175,21 +216,26 @@ def estimators() -> dict[str, type[Estimator]]:
 
 
 def estimate(y: Array, p: int, q: int, method: str = "ml") -> Arma:
-    """Estimate a process.
+    """Estimate an ARMA process from a series.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         The series [U], its mean taken out.
     p, q : int
+        Orders of the autoregression and of the moving average.
     method : str
         A key of `estimators`.
+
+    Returns
+    -------
+    Arma
 
     Raises
     ------
     InputError
         An unknown method or one for other processes, a series too short or constant, or coefficients that
-        nothing stationary obeys.
+        no stationary process has.
     """
     known = estimators()
     if method not in known:
@@ -199,10 +245,10 @@ def estimate(y: Array, p: int, q: int, method: str = "ml") -> Arma:
         raise InputError(
             f"{method} estimates no process of order ({p}, {q})", remedy=f"These do: {', '.join(able)}"
         )
-    if y.size < LEAST * (p + q + 1):
+    if y.size < MIN_SAMPLES_PER_COEFFICIENT * (p + q + 1):
         raise InputError(
             f"{y.size} samples are too few for a process of order ({p}, {q})",
-            remedy=f"Give at least {LEAST * (p + q + 1)}",
+            remedy=f"Give at least {MIN_SAMPLES_PER_COEFFICIENT * (p + q + 1)}",
         )
     scale = float(np.sqrt(np.mean(y**2)))
     if not (np.isfinite(scale) and scale > 0.0):

@@ -1,4 +1,4 @@
-"""The library of time series (the extra ``kfgen[arma]``), imported late."""
+"""Late import of statsmodels, the library of time series (the extra ``kfgen[arma]``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loops over samples, compiled where numba is there (the extra ``kfgen[fast]``), else as they stand."""
+"""Compiles loops over samples where numba is installed (the extra ``kfgen[fast]``); else they stay Python."""
 
 from __future__ import annotations
 

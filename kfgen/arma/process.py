@@ -19,11 +19,11 @@ from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 
-CIRCLE = 1e-6
+UNIT_CIRCLE_MARGIN = 1e-6
 """Distance from the unit circle below which a root is on it."""
-DIGITS = 60
-"""Of the arithmetic of spectral factors: roots near one another and near one lose half of the digits."""
-TINY = 1e-40
+FACTOR_DIGITS = 60
+"""Decimal digits of spectral factors: roots near one another and near one lose half of them."""
+ZERO_RELATIVE_TOLERANCE = 1e-40
 """Relative size of a coefficient that is zero."""
 
 
@@ -38,7 +38,7 @@ class Arma:
     theta : tuple of float, (q,)
         Coefficients of the noise's past.
     sigma : float
-        Deviation of the white noise `w` [U].
+        Standard deviation of the white noise `w` [U].
 
     Raises
     ------
@@ -57,7 +57,7 @@ class Arma:
                 "the series determines no ARMA process of this order", remedy="Give a lower order"
             )
         largest = self.largest_pole
-        if largest >= 1.0 - CIRCLE:
+        if largest >= 1.0 - UNIT_CIRCLE_MARGIN:
             raise InputError(
                 f"the ARMA process has a root of size {largest:.6g}, on the unit circle or outside: it is not "
                 "stationary",
@@ -87,7 +87,7 @@ class Arma:
     @property
     def invertible(self) -> bool:
         """Whether the noise can be had back from the output."""
-        return bool(np.abs(np.roots(self.ma)).max(initial=0.0) < 1.0 - CIRCLE)
+        return bool(np.abs(np.roots(self.ma)).max(initial=0.0) < 1.0 - UNIT_CIRCLE_MARGIN)
 
     def density(self, omega: Array) -> Array:
         """Spectral density of the samples ``sigma^2 |ma / ar|^2`` [U^2] at ``omega`` [rad/sample], shape (m,)."""
@@ -114,7 +114,20 @@ class Arma:
 
 
 def autocovariance_of(coefficients: Sequence[Any], lags: int) -> list[Any]:
-    """``gamma_k = sum_i c_i c_(i+k)`` of a moving average, lags 0 to `lags`; of numbers or of symbols."""
+    """Autocovariance ``gamma_k = sum_i c_i c_(i+k)`` of a moving average on unit white noise.
+
+    Parameters
+    ----------
+    coefficients : sequence of number or symbol, (q + 1,)
+        ``c_0 ... c_q`` [U].
+    lags : int
+        The largest lag [samples].
+
+    Returns
+    -------
+    list, (lags + 1,)
+        At lags 0 to `lags` [U^2].
+    """
     c = list(coefficients)
     return [sum((a * b for a, b in zip(c, c[k:])), 0 * c[0]) for k in range(lags + 1)]
 
@@ -140,18 +153,20 @@ def spectral_factor(gamma: Sequence[Any]) -> list[float]:
 
 
 def exact_factor(gamma: Sequence[Any]) -> list[Any]:
-    """As `spectral_factor`, in numbers of mpmath with `DIGITS`."""
+    """As `spectral_factor`, in numbers of mpmath with `FACTOR_DIGITS`."""
     import mpmath
 
-    with mpmath.workdps(DIGITS):
+    with mpmath.workdps(FACTOR_DIGITS):
         g = [mpmath.mpf(v) for v in gamma]
         if not g[0] > 0:
             raise InputError("an autocovariance without variance has no spectral factor")
-        used = max(k for k, v in enumerate(g) if abs(v) > TINY * g[0])
+        used = max(k for k, v in enumerate(g) if abs(v) > ZERO_RELATIVE_TOLERANCE * g[0])
         c = [mpmath.mpf(1)]
         if used:
-            roots = mpmath.polyroots([*g[used:0:-1], *g[: used + 1]], maxsteps=500, extraprec=4 * DIGITS)
-            inside = [z for z in roots if abs(z) < 1 - mpmath.mpf(CIRCLE) ** 2]
+            roots = mpmath.polyroots(
+                [*g[used:0:-1], *g[: used + 1]], maxsteps=500, extraprec=4 * FACTOR_DIGITS
+            )
+            inside = [z for z in roots if abs(z) < 1 - mpmath.mpf(UNIT_CIRCLE_MARGIN) ** 2]
             if len(inside) != used:
                 raise InputError(
                     "the moving average has roots on the unit circle: it has no stable factor",

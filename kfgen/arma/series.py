@@ -23,15 +23,16 @@ from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
 
-SHORTEST = 200
+MIN_TEST_SAMPLES = 200
 """Samples that the tests need."""
-SEGMENTS = 40
-"""Of which the mean squares are compared [2]_."""
-LEVEL = 0.01
+POWER_SEGMENTS = 40
+"""Segments of a series whose mean squares are compared [2]_."""
+FALSE_ALARM_RATE = 0.01
 """False-alarm rate of each test."""
-LAGS = 20
-LONGEST = 100_000
-"""Samples on which the order is chosen; of a longer series its beginning."""
+CORRELATION_LAGS = 20
+"""Lags of the correlation tests [samples]."""
+MAX_ORDER_SAMPLES = 100_000
+"""Samples on which the order is chosen; of a longer series the first so many."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class SeriesVerdict:
         What holds unless it is rejected.
     statistic, p : float
     rejected : bool
-        At `LEVEL`.
+        At `FALSE_ALARM_RATE`.
     """
 
     name: str
@@ -56,7 +57,7 @@ class SeriesVerdict:
     @property
     def rejected(self) -> bool:
         """Whether the null is rejected."""
-        return self.p < LEVEL
+        return self.p < FALSE_ALARM_RATE
 
 
 @dataclass(frozen=True)
@@ -107,28 +108,30 @@ def series_tests(y: Array) -> SeriesTests:
     """
     from scipy import stats
 
-    if y.size < SHORTEST:
-        raise InputError(f"{y.size} samples are too few for tests", remedy=f"Give at least {SHORTEST}")
+    if y.size < MIN_TEST_SAMPLES:
+        raise InputError(
+            f"{y.size} samples are too few for tests", remedy=f"Give at least {MIN_TEST_SAMPLES}"
+        )
     if not np.isfinite(y).all() or not np.ptp(y) > 0.0:
         raise InputError("the series never changes, or is no number", remedy="Check the channel")
     runs = statsmodels("sandbox.stats.runs")
-    segments = np.array_split(y, SEGMENTS)
+    segments = np.array_split(y, POWER_SEGMENTS)
     means = np.array([s.mean() for s in segments])
     power = np.array([np.mean((s - y.mean()) ** 2) for s in segments])
     z, p_runs = runs.runstest_1samp(y, cutoff="median", correction=False)
     z_power, p_power = runs.runstest_1samp(power, cutoff="median", correction=False)
     zero, normal = stats.ttest_1samp(means, 0.0), stats.jarque_bera(y)
-    trend = stats.kendalltau(np.arange(SEGMENTS), power)
+    trend = stats.kendalltau(np.arange(POWER_SEGMENTS), power)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # of what a later release returns
-        root = statsmodels("tsa.stattools").adfuller(y, maxlag=LAGS, autolag=None)
-        _, q, p_q = statsmodels("tsa.stattools").acf(y, nlags=LAGS, fft=True, qstat=True)
+        root = statsmodels("tsa.stattools").adfuller(y, maxlag=CORRELATION_LAGS, autolag=None)
+        _, q, p_q = statsmodels("tsa.stattools").acf(y, nlags=CORRELATION_LAGS, fft=True, qstat=True)
     return SeriesTests(
         (
             SeriesVerdict("runs", "the samples are independent", float(z), float(p_runs)),
             SeriesVerdict(
                 "Ljung-Box",
-                f"no correlation up to lag {LAGS}",
+                f"no correlation up to lag {CORRELATION_LAGS}",
                 float(q[-1]),
                 float(p_q[-1]),
             ),
@@ -149,15 +152,35 @@ def series_tests(y: Array) -> SeriesTests:
 
 @dataclass(frozen=True)
 class Correlations:
-    """Autocorrelation and partial autocorrelation at lags 0 to k, each (k + 1,), and their 95 % band."""
+    """Autocorrelation and partial autocorrelation of a series.
+
+    Parameters
+    ----------
+    acf, pacf : ndarray, shape (k + 1,)
+        At lags 0 to k.
+    band : float
+        Half of the width of the 95 % band of white noise.
+    """
 
     acf: Array
     pacf: Array
     band: float
 
 
-def correlations(y: Array, lags: int = LAGS) -> Correlations:
-    """The sample correlations of a series of n samples, whose 95 % band around zero is ``1.96 / sqrt(n)``."""
+def correlations(y: Array, lags: int = CORRELATION_LAGS) -> Correlations:
+    """The sample correlations of a series, with the 95 % band ``+-1.96 / sqrt(n)`` of white noise.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples [U].
+    lags : int
+        The largest lag [samples].
+
+    Returns
+    -------
+    Correlations
+    """
     tools = statsmodels("tsa.stattools")
     return Correlations(
         np.asarray(tools.acf(y, nlags=lags, fft=True)),
@@ -170,21 +193,41 @@ def correlations(y: Array, lags: int = LAGS) -> Correlations:
 
 @dataclass(frozen=True)
 class Order:
-    """A model that was tried, and Akaike's criterion per sample, ``ln sigma^2 + 2 d / n`` [3]_."""
+    """A model that was tried.
+
+    Parameters
+    ----------
+    model : Arma
+    aic : float
+        Akaike's criterion per sample, ``ln sigma^2 + 2 d / n`` [3]_.
+    """
 
     model: Arma
     aic: float
 
 
 def orders(y: Array, most: tuple[int, int] = (3, 2), method: str = "ml") -> list[Order]:
-    """The stationary models up to an order, the best first; `y` without its mean, shape (n,).
+    """The stationary ARMA models up to an order by Akaike's criterion [3]_, the best first.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        The series [U], its mean taken out; of a long one the first `MAX_ORDER_SAMPLES` are used.
+    most : (int, int)
+        The largest p and q.
+    method : str
+        A key of `kfgen.arma.estimate.estimators`.
+
+    Returns
+    -------
+    list of Order
 
     Raises
     ------
     InputError
         None can be fitted.
     """
-    y = y[:LONGEST]
+    y = y[:MAX_ORDER_SAMPLES]
     found = []
     for p in range(most[0] + 1):
         for q in range(most[1] + 1):

@@ -1,5 +1,6 @@
-"""The equivalent model of bias instability, white noise and random walk in continuous time, in symbols.
+"""Hemerly's augmented system in symbols: B, K and beta of a gyro as states of an extended Kalman filter.
 
+The equivalent model of bias instability, white noise and random walk in continuous time is
 ``y'' + beta y' = sqrt(K^2 + beta^2 B^2) w' + K beta w`` (eq. (18) of [1]_) with a white noise w of unit
 density; B is that of Saini: the Gauss-Markov process obeys ``g' = -beta g + beta B w``. In state space
 ``x1' = x2``, ``x2' = -beta x2 + w``, ``y = K beta x1 + r x2`` with ``r = sqrt(K^2 + beta^2 B^2)``; Euler's step
@@ -21,10 +22,10 @@ from typing import Any
 
 import sympy as sp
 
-NAMES = ("x1", "x2", "B", "K", "beta")
+STATE_NAMES = ("x1", "x2", "B", "K", "beta")
 """The augmented state, eq. (21)."""
-STATES = tuple(sp.Symbol(n, real=True) for n in NAMES)
-PERIOD = sp.Symbol("T", positive=True)
+STATES = tuple(sp.Symbol(n, real=True) for n in STATE_NAMES)
+SAMPLING_PERIOD = sp.Symbol("T", positive=True)
 """Sampling time [s]."""
 
 
@@ -47,7 +48,7 @@ def transition() -> sp.Matrix:
 
 def step() -> sp.Matrix:
     """Euler's step of the augmented state, eq. (19), shape (5, 1)."""
-    return sp.Matrix(STATES) + PERIOD * rates()
+    return sp.Matrix(STATES) + SAMPLING_PERIOD * rates()
 
 
 def output_row() -> sp.Matrix:
@@ -61,7 +62,7 @@ def numbers() -> Callable[..., Any]:
     everything = [
         sp.Float(e) if e.is_number else e for e in (*step(), *transition(), output(), *output_row())
     ]
-    return sp.lambdify((*STATES, PERIOD), tuple(everything), modules="math", cse=True)  # type: ignore[no-any-return]
+    return sp.lambdify((*STATES, SAMPLING_PERIOD), tuple(everything), modules="math", cse=True)  # type: ignore[no-any-return]
 
 
 def frozen_observability() -> sp.Matrix:

@@ -1,27 +1,26 @@
-"""The answer of an audit: rank, hidden directions with names and units, in words; what frees them, and how well states show."""
+"""What a filter cannot know: its unobservable directions with names and units, the manoeuvres that show them, how well the rest shows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.audit.degree import PRACTICAL, Degree, Horizon, degree
-from kfgen.audit.exact.basis import Null, readable
-from kfgen.audit.exact.chain import Hidden, along
+from kfgen.audit.degree import Degree, Horizon, degree
+from kfgen.audit.exact.basis import NullVector, readable
+from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.padic import PRIMES, Degenerate
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.symbolic import at_rest, null_of
 from kfgen.audit.exact.transport import carried
 from kfgen.audit.exact.value_columns import in_numbers
 from kfgen.audit.lint import lint
-from kfgen.audit.numeric import Numeric, numeric
+from kfgen.audit.result import Audit, Audited, Direction, ManoeuvreTable
 from kfgen.audit.words import called, sentence, words
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
@@ -29,118 +28,8 @@ from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.plant.equations import Equations
 
-UNDETERMINED = "unobservable"
-FAINT = "practically_unobservable"
-SEEN = "observable"
 LOOKS = 1000
 """Times at which a manoeuvre is looked at before it is flown."""
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A hidden direction.
-
-    Parameters
-    ----------
-    vector : dict of str to float
-        State (body axes called by the navigation axes that they lie along) to amount [SI].
-    units : dict of str to str
-    sentence : str
-    exact : dict of str to str
-        The amounts as fractions; empty where they depend on durations or on a generic point.
-    formula : dict of str to str
-        The amounts in the model's parameters, where nothing changes with time.
-    freed_by : tuple of str
-        Manoeuvres of the library along which it shows.
-    """
-
-    vector: dict[str, float]
-    units: dict[str, str]
-    sentence: str
-    exact: dict[str, str] = field(default_factory=dict)
-    formula: dict[str, str] = field(default_factory=dict)
-    freed_by: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Audit:
-    """What one manoeuvre hides; `degree` is how well states show, `start` where the model's own blocks start.
-
-    Of a log (`recorded`) the manoeuvre is generic: what that hides, no motion shows.
-    """
-
-    model: FilterModel
-    manoeuvre: Manoeuvre
-    directions: tuple[Direction, ...]
-    hidden_states: frozenset[str]
-    generic: bool
-    start: Mapping[str, float] = field(default_factory=dict)
-    degree: Degree | None = None
-    recorded: bool = False
-
-    @cached_property
-    def numeric(self) -> Numeric:
-        """What floating point says where the manoeuvre starts."""
-        return numeric(self.model, self.manoeuvre, self.start)
-
-    @property
-    def states(self) -> int:
-        """Number of error states."""
-        return len(self.model.states)
-
-    @property
-    def nullity(self) -> int:
-        """Number of hidden directions."""
-        return len(self.directions)
-
-    @property
-    def rank(self) -> int:
-        """Number of visible combinations."""
-        return self.states - self.nullity
-
-    def verdict(self, k: int) -> str:
-        """Of a state: exactly unobservable, practically so, or observable."""
-        if self.model.states[k].name in self.hidden_states:
-            return UNDETERMINED
-        if self.degree is not None and self.degree.sigma[-1, k] > PRACTICAL * self.degree.sigma[0, k]:
-            return FAINT
-        return SEEN
-
-
-@dataclass(frozen=True)
-class ManoeuvreTable:
-    """Which manoeuvre shows which direction of the first one.
-
-    Parameters
-    ----------
-    manoeuvres : tuple of Manoeuvre
-    freed : tuple of tuple of bool or None
-        One row a direction, one column a manoeuvre; None where it is not known.
-    """
-
-    manoeuvres: tuple[Manoeuvre, ...]
-    freed: tuple[tuple[bool | None, ...], ...]
-
-    @property
-    def shortest(self) -> Manoeuvre | None:
-        """The shortest manoeuvre that frees all."""
-        columns = zip(self.manoeuvres, zip(*self.freed)) if self.freed else ()
-        able = [m for m, column in columns if all(column)]
-        return min(able, key=lambda m: m.length, default=None)
-
-
-@dataclass(frozen=True)
-class Audited:
-    """A model's audits, the first one's directions against the library, warnings of the lint."""
-
-    audits: tuple[Audit, ...]
-    table: ManoeuvreTable | None
-    lint: tuple[str, ...]
-
-    @property
-    def first(self) -> Audit:
-        """The first manoeuvre's."""
-        return self.audits[0]
 
 
 def usual(model: FilterModel) -> Manoeuvre:
@@ -163,6 +52,7 @@ def audit(
 
     Parameters
     ----------
+    model : FilterModel
     manoeuvres : sequence of Manoeuvre, optional
         The first one's directions are held against the library; at rest when left out.
     horizon : Horizon, optional
@@ -173,22 +63,23 @@ def audit(
     length = horizon.duration if horizon else None
     for m in manoeuvres:
         m.values(np.linspace(0.0, m.length if length is None else length, LOOKS))
-    generic, found = _hidden(plan, flown, length)
+    generic, found = _null_spaces(plan, flown, length)
     nulls = [readable(plan, m, h, generic=generic) for m, h in zip(flown, found)]
     table = None
-    freed: list[tuple[str, ...]] = [()] * found[0].nullity
+    shown_by: list[tuple[str, ...]] = [()] * found[0].nullity
     if found[0].nullity:
         others = [m for m in candidates(plan) if m.name not in {f.name for f in flown}]
         seen = [along(plan, [m], generic=generic)[0] for m in others] + found[1:]
         columns = (*others, *flown[1:])
         rows = tuple(
-            tuple(_freed(h, carried(plan, v, flown[0], m)) for m, h in zip(columns, seen)) for v in nulls[0]
+            tuple(_observable_along(h, carried(plan, v, flown[0], m)) for m, h in zip(columns, seen))
+            for v in nulls[0]
         )
         table = ManoeuvreTable(columns, rows) if columns else None
-        freed = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
+        shown_by = [tuple(m.name for m, free in zip(columns, row) if free) for row in rows]
     audits = []
     for k, (m, h, vs) in enumerate(zip(flown, found, nulls)):
-        directions = _directions(plan, m, vs, freed if k == 0 else [()] * len(vs), length, generic=generic)
+        directions = _directions(plan, m, vs, shown_by if k == 0 else [()] * len(vs), length, generic=generic)
         names = frozenset(s.name for i, s in enumerate(model.states) if any(v.residues[i] for v in vs))
         run, start = None, plan.numbers(generic=generic)
         if horizon is not None:
@@ -209,7 +100,7 @@ def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDA
     t : ndarray, shape (n,)
         [s]
     deviation : ndarray, shape (n, states)
-        Of the filter [SI].
+        Standard deviations of the filter [SI].
     """
     # How a log starts is not asked: at no special attitude body axes keep their own names.
     motion = replace(LIBRARY["generic"], name=name, title="as recorded", attitude=(3.0, 1.0, -1.0, 2.0))
@@ -220,23 +111,25 @@ def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDA
     return replace(any_motion, audits=(replace(any_motion.first, degree=run, recorded=True),), table=None)
 
 
-def hidden_directions(model: FilterModel) -> tuple[Direction, ...]:
-    """What a model hides at its usual manoeuvre, without asking what would free it."""
+def unobservable_directions(model: FilterModel) -> tuple[Direction, ...]:
+    """What is unobservable at the usual manoeuvre of a model, without asking which other one would show it."""
     plan, m = Plan(model, tuple(model.sensors)), usual(model)
-    generic, (h,) = _hidden(plan, (m,), None)
+    generic, (h,) = _null_spaces(plan, (m,), None)
     vs = readable(plan, m, h, generic=generic)
     return tuple(_directions(plan, m, vs, [()] * len(vs), None, generic=generic))
 
 
-def _freed(h: Hidden, variants: Sequence[Sequence[Fraction]] | None) -> bool | None:
-    """Whether a direction, in none of its variants, is hidden along another manoeuvre; None where it is no fraction."""
+def _observable_along(h: NullSpace, variants: Sequence[Sequence[Fraction]] | None) -> bool | None:
+    """Whether another manoeuvre shows a direction in each of its variants; None where it is no fraction."""
     if variants is None:
         return None
     return not any(h.contains([h.ring.of(e) for e in v], h.ring) for v in variants)
 
 
-def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tuple[bool, list[Hidden]]:
-    """What is hidden, at the declared start where that is no special point, else at a generic one."""
+def _null_spaces(
+    plan: Plan, flown: Sequence[Manoeuvre], length: float | None
+) -> tuple[bool, list[NullSpace]]:
+    """Null spaces at the declared start where that is no special point, else at a generic one, and whether at that."""
     found = along(plan, flown, length, generic=True)
     if not plan.own:
         return False, found
@@ -249,8 +142,8 @@ def _hidden(plan: Plan, flown: Sequence[Manoeuvre], length: float | None) -> tup
 
 def _declared(
     plan: Plan, flown: Sequence[Manoeuvre], length: float | None = None, p: int = PRIMES[0]
-) -> tuple[bool, list[Hidden]]:
-    """What is hidden at the declared start, and True; at a generic one, and False, where the model has no value there."""
+) -> tuple[bool, list[NullSpace]]:
+    """Null spaces at the declared start, and True; at a generic one, and False, where the model has no value there."""
     try:
         return True, along(plan, flown, length, generic=False, p=p)
     except Degenerate:
@@ -258,9 +151,16 @@ def _declared(
 
 
 def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
-    """What a model has too much of; errors of calibration are looked at where they are declared, around zero."""
+    """What a model has too much of; errors of calibration are looked at where they are declared, around zero.
+
+    Parameters
+    ----------
+    plan : Plan
+    horizon : Horizon or None
+        How long is measured; None where that is not known.
+    """
     rich = LIBRARY["generic"]
-    nulls: list[Null] = []
+    nulls: list[NullVector] = []
     if plan.channels:
         at_zero, (h,) = _declared(plan, [rich])
         nulls = readable(plan, rich, h, generic=not at_zero)
@@ -271,8 +171,8 @@ def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
 def _directions(
     plan: Plan,
     manoeuvre: Manoeuvre,
-    nulls: Sequence[Null],
-    freed: Sequence[tuple[str, ...]],
+    nulls: Sequence[NullVector],
+    shown_by: Sequence[tuple[str, ...]],
     length: float | None,
     *,
     generic: bool,
@@ -281,7 +181,7 @@ def _directions(
     constant = at_rest(model, manoeuvre) if nulls and not generic else None
     out = []
     amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
-    for v, free, (values, exact) in zip(nulls, freed, amounts):
+    for v, free, (values, exact) in zip(nulls, shown_by, amounts):
         parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in v.support]
         formula = _formula(constant, v)
         out.append(
@@ -297,7 +197,7 @@ def _directions(
     return tuple(out)
 
 
-def _formula(constant: Any, v: Null) -> Mapping[int, str]:
+def _formula(constant: Any, v: NullVector) -> Mapping[int, str]:
     """The amounts of a direction in symbols."""
     if constant is None:
         return {}

@@ -23,11 +23,14 @@ from kfgen.core.linear import van_loan
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.filter import FilterModel
 
 Array = NDArray[np.float64]
 
-STEPS = 600
-"""Steps of a run at most."""
+MAX_STEPS = 600
+"""Steps of a covariance run."""
+MAX_STEPS_OF_FAST_MODELS = 6000
+"""The same where a time constant is shorter than a step: its samples must not act as one of their mean."""
 PRACTICAL = 0.9
 """Share of its prior that a state keeps which does not show in practice."""
 
@@ -87,8 +90,11 @@ class Degree:
 
     @property
     def condition(self) -> float:
-        """Of the visible directions, scaled."""
-        return float(self.singular[0] / self.singular[-1]) if self.singular.size else 1.0
+        """Of the visible directions, scaled; infinite where the weakest is gone before the first sample."""
+        if not self.singular.size:
+            return 1.0
+        largest, smallest = float(self.singular[0]), float(self.singular[-1])
+        return largest / smallest if smallest > 0.0 else float("inf")
 
     def reaches(self, state: int, wanted: float) -> float | None:
         """When a deviation is first reached [s]; None where it is not."""
@@ -116,7 +122,10 @@ def degree(
     """
     model = discrete.model
     seconds = manoeuvre.length if horizon.duration is None else horizon.duration
-    steps = int(min(STEPS, max(1, np.ceil(seconds * horizon.rate))))
+    samples = max(1, np.ceil(seconds * horizon.rate))
+    steps = int(min(MAX_STEPS, samples))
+    if _fastest(model, manoeuvre, start or {}) * seconds / steps > 1.0:
+        steps = int(min(MAX_STEPS_OF_FAST_MODELS, samples))
     dt = seconds / steps
     t: Array = np.linspace(0.0, seconds, steps + 1)
     flight = Flight(model, manoeuvre, t, start=start or {})
@@ -141,6 +150,12 @@ def degree(
     return Degree(t, np.array(sigma), singular, weakest)
 
 
+def _fastest(model: FilterModel, manoeuvre: Manoeuvre, start: Mapping[str, float]) -> float:
+    """The largest size of an eigenvalue of the dynamics where a manoeuvre starts [1/s]."""
+    F = Flight(model, manoeuvre, np.zeros(1), start=start).matrix(model.F)[0]
+    return float(np.abs(np.linalg.eigvals(F)).max(initial=0.0)) if np.isfinite(F).all() else 0.0
+
+
 def _measurement(discrete: DiscreteModel, flight: Flight, samples: float) -> tuple[Array, Array]:
     """H at every time, shape (n, m, states), and the variance of the mean of a step's samples, shape (m,)."""
     model = discrete.model
@@ -159,10 +174,15 @@ def _updated(P: Array, H: Array, R: Array) -> Array:
 
 
 def _information(O: Array, rank: int) -> tuple[Array, tuple[tuple[int, float], ...]]:
-    """Singular values of the visible directions, and the states of the weakest of these."""
+    """Singular values of the visible directions, and the states of the weakest of these.
+
+    A value within the rounding of the largest is zero: what decays before the first sample leaves nothing.
+    """
     if not rank or not np.isfinite(O).all():
         return np.zeros(0), ()
-    _, values, vectors = np.linalg.svd(O, full_matrices=False)
+    n = O.shape[1]
+    _, values, vectors = np.linalg.svd(np.vstack([O, np.zeros((max(0, n - len(O)), n))]), full_matrices=False)
+    values = np.where(values > values[0] * n * np.finfo(np.float64).eps, values, 0.0)
     weakest = vectors[rank - 1]
     order = np.argsort(-np.abs(weakest))[:2]
     return values[:rank], tuple((int(k), float(weakest[k])) for k in order)

@@ -1,4 +1,4 @@
-"""Lint: what a model has too much of, before any measurement."""
+"""States and effects that a model has too much of, seen before any measurement: they cost time and tell nothing."""
 
 from __future__ import annotations
 
@@ -9,25 +9,31 @@ import numpy as np
 from kfgen.effects.process.stochastic import GaussMarkov
 from kfgen.model.filter import FilterModel
 
-ALIKE = 1e-9
+TAU_TOLERANCE_FRACTION = 1e-9
 """Relative difference of time constants that are equal."""
 
 
 def lint(
-    model: FilterModel, duration: float | None = None, hidden: Sequence[frozenset[str]] = ()
+    model: FilterModel, duration: float | None = None, unobservable: Sequence[frozenset[str]] = ()
 ) -> tuple[str, ...]:
     """Warnings in words.
 
     Parameters
     ----------
+    model : FilterModel
     duration : float, optional
         Of the record [s].
-    hidden : sequence of set of str
-        The states of each direction that is hidden along the richest manoeuvre.
+    unobservable : sequence of set of str
+        The states of each direction that is unobservable along the richest manoeuvre.
     """
     return tuple(
         dict.fromkeys(
-            [*_equal_times(model), *_slow(model, duration), *_idle(model, hidden), *_redundant(model, hidden)]
+            [
+                *_equal_times(model),
+                *_slow(model, duration),
+                *_idle(model, unobservable),
+                *_redundant(model, unobservable),
+            ]
         )
     )
 
@@ -37,7 +43,7 @@ def _equal_times(model: FilterModel) -> Iterator[str]:
         found = [e for e in effects if isinstance(e, GaussMarkov)]
         for k, a in enumerate(found):
             for b in found[k + 1 :]:
-                if abs(float(a.tau) - float(b.tau)) <= ALIKE * float(a.tau):
+                if abs(float(a.tau) - float(b.tau)) <= TAU_TOLERANCE_FRACTION * float(a.tau):
                     sigma = float(np.hypot(float(a.sigma), float(b.sigma)))
                     yield (
                         f"{channel} has two Gauss-Markov effects of the same tau = {float(a.tau):g} s: only their sum shows. "
@@ -58,9 +64,9 @@ def _slow(model: FilterModel, duration: float | None) -> Iterator[str]:
                 )
 
 
-def _idle(model: FilterModel, hidden: Sequence[frozenset[str]]) -> Iterator[str]:
+def _idle(model: FilterModel, unobservable: Sequence[frozenset[str]]) -> Iterator[str]:
     """States without noise and without information: a constant that nothing shows."""
-    alone = {next(iter(names)) for names in hidden if len(names) == 1}
+    alone = {next(iter(names)) for names in unobservable if len(names) == 1}
     driven = {s.name for s, g in zip(model.states, model.F.tolist()) if any(e != 0 for e in g)}
     noisy = {
         s.name
@@ -72,14 +78,14 @@ def _idle(model: FilterModel, hidden: Sequence[frozenset[str]]) -> Iterator[str]
             yield f"{s.name} has no noise and no measurement shows it: leave it out, or the filter carries it for nothing"
 
 
-def _redundant(model: FilterModel, hidden: Sequence[frozenset[str]]) -> Iterator[str]:
-    """Constants of the model that stay hidden together, whatever is flown."""
+def _redundant(model: FilterModel, unobservable: Sequence[frozenset[str]]) -> Iterator[str]:
+    """Constants of the model that stay unobservable together, whatever is flown."""
     constants = {
         s.name
         for k, s in enumerate(model.states)
         if all(e == 0 for e in model.F.row(k)) and all(e == 0 for e in model.G.row(k))
     }
-    tied = [names for names in hidden if len(names) > 1 and names & constants]
+    tied = [names for names in unobservable if len(names) > 1 and names & constants]
     if not tied:
         return
     involved = set().union(*tied)

@@ -1,7 +1,8 @@
-"""What the numerical tools say of the same question, for comparison.
+"""What an engineer would get from the usual tool, beside the exact answer.
 
 python-control's observability matrix, numpy's rank and condition number of it: they mix units and
-have a tolerance, and see one instant of a motion, so they may differ from the exact answer.
+have a tolerance, and see one instant of a motion, so they may differ from the exact answer. They are said because
+this rank is what other tools print, and a reader should see where the two part.
 """
 
 from __future__ import annotations
@@ -26,7 +27,21 @@ class Numeric:
 
 
 def numeric(model: FilterModel, manoeuvre: Manoeuvre, start: Mapping[str, float]) -> Numeric:
-    """Rank and condition number in floating point where a manoeuvre starts, `start` as of `Flight`; drivers at one."""
+    """Rank and condition number in floating point where a manoeuvre starts.
+
+    Parameters
+    ----------
+    model : FilterModel
+        Its drivers are taken as one.
+    manoeuvre : Manoeuvre
+        Of which the start alone is looked at.
+    start : mapping of str to float
+        As of `Flight`.
+
+    Returns
+    -------
+    Numeric
+    """
     import control
 
     t = np.array([0.0, 1e-2, 2e-2])

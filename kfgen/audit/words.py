@@ -1,4 +1,4 @@
-"""Hidden directions in words, with names and units."""
+"""Unobservable directions as sentences that a navigator would say, with names and units."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.attach import StateInfo
 from kfgen.model.filter import FilterModel
 
-NAVIGATION = {"x": "N", "y": "E", "z": "D"}
+NAVIGATION_AXIS = {"x": "N", "y": "E", "z": "D"}
 """Where a manoeuvre starts level and north, body axes are called by the navigation axes along which they lie."""
-WORDS = {"N": "north", "E": "east", "D": "down", "x": "x", "y": "y", "z": "z"}
-NATURAL = {
+AXIS_WORDS = {"N": "north", "E": "east", "D": "down", "x": "x", "y": "y", "z": "z"}
+SPOKEN_UNITS = {
     "rad": (1e-3, "mrad"),
     "rad/s": (1e-3, "mrad/s"),
     "m/s^2": (1e-3, "mm/s^2"),
@@ -27,21 +27,41 @@ def level(manoeuvre: Manoeuvre) -> bool:
 
 
 def called(model: FilterModel, state: StateInfo, manoeuvre: Manoeuvre) -> str:
-    """The name of a state: biases of body axes by navigation axes, where these are the same."""
+    """The name of a state: biases of body axes by navigation axes, where these are the same.
+
+    Parameters
+    ----------
+    model : FilterModel
+    state : StateInfo
+    manoeuvre : Manoeuvre
+        Whose start says where body axes lie.
+    """
     stem, _, axis = state.name.rpartition("_")
     biases = {i.bias for i in model.motion.inputs}
-    navigated = model.attitude and stem in biases and axis in NAVIGATION and level(manoeuvre)
-    return f"{stem}_{NAVIGATION[axis]}" if navigated else state.name
+    navigated = model.attitude and stem in biases and axis in NAVIGATION_AXIS and level(manoeuvre)
+    return f"{stem}_{NAVIGATION_AXIS[axis]}" if navigated else state.name
 
 
 def words(model: FilterModel, name: str, state: StateInfo, manoeuvre: Manoeuvre) -> str:
-    """A state in words."""
+    """A state in words.
+
+    Parameters
+    ----------
+    model : FilterModel
+    name : str
+        As `called` says.
+    state : StateInfo
+    manoeuvre : Manoeuvre
+        Whose start says where body axes lie.
+    """
     stem, _, axis = name.rpartition("_")
     attitude = model.attitude
     if attitude is not None and stem == attitude.convention.letter:
-        along = NAVIGATION.get(axis, axis) if attitude.convention.side.body and level(manoeuvre) else axis
-        return "heading" if along == "D" else f"{WORDS.get(along, along)} tilt"
-    where = WORDS.get(axis, axis)
+        along = (
+            NAVIGATION_AXIS.get(axis, axis) if attitude.convention.side.body and level(manoeuvre) else axis
+        )
+        return "heading" if along == "D" else f"{AXIS_WORDS.get(along, along)} tilt"
+    where = AXIS_WORDS.get(axis, axis)
     nouns = {
         "bg": f"{where} gyro bias",
         "ba": f"{where} accelerometer bias",
@@ -58,8 +78,16 @@ def _once(title: str) -> str:
 
 
 def amount(value: float, unit: str) -> str:
-    """A number with a unit of its size."""
-    scale, shown = NATURAL.get(unit, (1.0, unit))
+    """A number with a unit of its size.
+
+    Parameters
+    ----------
+    value : float
+        [SI]
+    unit : str
+        Its SI unit.
+    """
+    scale, shown = SPOKEN_UNITS.get(unit, (1.0, unit))
     return f"{value / scale:.4g} {'' if shown == '1' else shown}".strip()
 
 
@@ -73,13 +101,21 @@ Part = tuple[str, StateInfo, float]
 
 
 def sentence(parts: Sequence[Part], gauge: str = "") -> str:
-    """A direction: its first state is hidden by the others."""
+    """An unobservable direction: what its first state changes in the measurements, the others take back.
+
+    Parameters
+    ----------
+    parts : sequence of (str, StateInfo, float)
+        Of each of its states: its noun, the state, its amount [SI].
+    gauge : str
+        Of a freedom that no measurement of the kind can remove: what moves.
+    """
     if gauge:
-        return f"{gauge} changes no measurement"
+        return f"{gauge} is unobservable: it changes no measurement"
     (noun, state, value), *others = parts
     if not others:
-        return f"{noun if noun == _once(state.title) else noun[0].upper() + noun[1:]} changes no measurement"
-    size = NATURAL.get(state.unit, (1.0, state.unit))[0]
+        return f"{noun if noun == _once(state.title) else noun[0].upper() + noun[1:]} is unobservable: no measurement depends on it"
+    size = SPOKEN_UNITS.get(state.unit, (1.0, state.unit))[0]
     head = f"{amount(value * size, state.unit)} of {noun}"
     tail = [f"{amount(v * size, s.unit)} of {n}" for n, s, v in others]
     return f"{head} is hidden by {listed(tail)}"

@@ -18,7 +18,6 @@ from kfgen.cli.options import (
     Output,
     Rate,
     Report,
-    SampleRate,
     Sensors,
     Set,
     deliver,
@@ -26,6 +25,9 @@ from kfgen.cli.options import (
     not_over,
     read,
 )
+
+DEFAULT_RATE_HZ = 100.0
+"""Of a simulated log [Hz]."""
 
 
 @app.command()
@@ -79,26 +81,53 @@ def identify(
 def simulate(
     model: ModelName,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
-    duration: Annotated[float, typer.Option(help="Seconds.")] = 60.0,
-    rate: SampleRate = 100.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
+    duration: Annotated[float, typer.Option(help="Length of the log [s].")] = 60.0,
+    rate: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HZ|SENSOR=HZ",
+            help="Rate of the inputs and of the log [Hz], 100 where left out; or of a sensor (gnss=5). May be repeated.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
     noise: Noise = None,
     set_: Set = None,
     sensor: Sensors = None,
+    decoy: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="DRIVER",
+            help="A driver in the log on which nothing depends (temperature). May be repeated.",
+        ),
+    ] = None,
+    vibration: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ACCELERATION",
+            help="Vibration that comes and goes on every axis, for example '0.5 m/s^2'.",
+        ),
+    ] = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """A log from a model."""
+    """A log from a model: its sensors at their own rates, and the truth beside them."""
     import numpy as np
 
+    from kfgen.core.units import parse_quantity
     from kfgen.log.readers import write_log
     from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import simulate_answer
+    from kfgen.simulate.rates import read_rates
     from kfgen.simulate.simulate import simulate as simulated
 
-    discrete = DiscreteModel.at_rate(model_of(model, noise, set_, sensor), rate)
-    log = simulated(discrete, manoeuvre, duration, np.random.default_rng(seed))
+    of_log, rates = read_rates(rate or (), DEFAULT_RATE_HZ)
+    shaken = parse_quantity(vibration, "m/s^2", where="--vibration") if vibration else 0.0
+    discrete = DiscreteModel.at_rate(model_of(model, noise, set_, sensor), of_log)
+    rng = np.random.default_rng(seed)
+    log = simulated(
+        discrete, manoeuvre, duration, rng, rates=rates, decoys=tuple(decoy or ()), vibration=shaken
+    )
     write_log(log, output)
     deliver(simulate_answer(log, str(output)), json, report)
 
@@ -109,7 +138,7 @@ def run(
     log: LogPath,
     noise: Noise = None,
     adaptive: Annotated[
-        str | None, typer.Option(help="Adapt P, Q or R by a rule: see 'kfgen denoise --filter'.")
+        str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
     ] = None,
     set_: Set = None,
     sensor: Sensors = None,
@@ -119,28 +148,16 @@ def run(
     report: Report = None,
 ) -> None:
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
-    import numpy as np
-
-    from kfgen.emit.routines import Program
-    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import run_answer
-    from kfgen.run.adaptive.rules import rule_named
-    from kfgen.run.adaptive.wrapper import adapted
-    from kfgen.run.run import attitude_error
-    from kfgen.run.run import run as ran
+    from kfgen.run.run import run
 
-    data = read(log, rate, columns)
-    longest = max(0.1, 1.001 * float(np.diff(data.t).max(initial=data.dt)))
-    built = model_of(model, noise, set_, sensor)
-    program = Program(DiscreteModel.at_rate(built, 1.0 / data.dt, max_step=longest))
-    rule = rule_named(adaptive, "--adaptive") if adaptive else None
-    result = ran(program, data, (lambda emitted: adapted(emitted, rule)) if rule else None)
-    deliver(run_answer(result, attitude_error(result, data), data), json, report)
+    result = run(model_of(model, noise, set_, sensor), read(log, rate, columns), adaptive=adaptive)
+    deliver(run_answer(result), json, report)
 
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results.")] = Path("kfgen-demo"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of the results.")] = Path("kfgen-demo"),
     json: Json = None,
 ) -> None:
     """The whole chain on a simulated sensor with a hidden effect; ends at a report."""

@@ -2,62 +2,53 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from kfgen.cli.app import app
-from kfgen.cli.options import Json, Report, SampleRate, deliver, not_over
+from kfgen.cli.options import Json, NoisePath, Output, Report, SampleRate, deliver, not_over
 
-NoisePath = Annotated[Path, typer.Argument(metavar="NOISE.toml", help="As 'identify -o' writes it.")]
+Wanted = Annotated[float, typer.Option(help="The relative standard deviation that is asked for.")]
+Consumer = Annotated[str, typer.Option(help="The program that takes the parameters, see 'kfgen list'.")]
+ConsumerRate = Annotated[
+    float | None, typer.Option(help="The rate [Hz] on which the consumer's numbers depend.")
+]
+Safety = Annotated[float, typer.Option(help="A factor on every size.")]
 
 
 @app.command()
 def plan(
     noise: NoisePath,
     rate: SampleRate = 100.0,
-    wanted: Annotated[float, typer.Option(help="Wanted relative deviation.")] = 0.2,
+    wanted: Wanted = 0.2,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """How long to log for a wanted accuracy: the Cramér-Rao bound against the length of the record."""
-    from kfgen.core.errors import InputError
-    from kfgen.effects.noise_model import read_noise
+    from kfgen.identify.plan import plan
     from kfgen.report.plan import plan_answer
 
-    if not 0.0 < wanted < 10.0 or not 0.0 < rate < float("inf"):
-        raise InputError(
-            "an accuracy and a rate are positive numbers", remedy="Give --wanted 0.2 --rate 100, say"
-        )
-    deliver(plan_answer(read_noise(noise), rate, wanted), json, report)
+    deliver(plan_answer(plan(noise, rate, wanted)), json, report)
 
 
 @app.command()
 def convert(
     noise: NoisePath,
-    to: Annotated[str, typer.Option(help="The consumer, see 'kfgen list'.")],
-    rate: Annotated[float | None, typer.Option(help="The rate that the consumer works at [Hz].")] = None,
-    safety: Annotated[float, typer.Option(help="Multiplies every size.")] = 1.0,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE")] = None,
+    to: Consumer,
+    rate: ConsumerRate = None,
+    safety: Safety = 1.0,
+    output: Output = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """Noise parameters in the file and the convention of a program that consumes them."""
-    import hashlib
-
-    from kfgen.consumers import convert as converted
+    from kfgen.consumers import convert
     from kfgen.core.whole_file import write_text
-    from kfgen.effects.noise_model import read_noise
-    from kfgen.report.convert import Request, convert_answer
+    from kfgen.report.convert import convert_answer
 
-    model = read_noise(noise)
     not_over(output, noise)
-    made = converted(model, to, rate=rate, safety=safety, origin=noise.name)
-    sha256 = hashlib.sha256(noise.read_bytes()).hexdigest()
-    name = str(noise).encode("utf-8", "replace").decode()
-    request = Request(name, sha256, to, rate, safety, str(output) if output else "")
-    answer = convert_answer(model, made, request)
+    made = convert(noise, to, rate=rate, safety=safety)
     if output is not None:
         write_text(output, made.text + "\n")
-    deliver(answer, json, report)
+    deliver(convert_answer(made, str(output or "")), json, report)

@@ -2,107 +2,66 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from kfgen.effects.noise_model import NoiseModel
     from kfgen.log.log import Log
     from kfgen.model.filter import FilterModel
     from kfgen.report.page import Answer
 
-    Array = NDArray[np.float64]
-
-LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="A log: CSV or NPZ.")]
-ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="A library model, see 'kfgen list'.")]
-Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz]; replaces the log's own time.")]
-Columns = Annotated[
-    str | None,
-    typer.Option(help="Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."),
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log, a CSV or NPZ file.")]
+ModelName = Annotated[
+    str, typer.Argument(metavar="MODEL", help="A model of 'kfgen list', or a file (.toml).")
 ]
-Noise = Annotated[Path | None, typer.Option(help="A noise file, as 'identify -o' writes it.")]
-Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")]
-Json = Annotated[
-    str | None, typer.Option("--json", metavar="FILE", help="The answer as JSON; - for standard output.")
+NoisePath = Annotated[Path, typer.Argument(metavar="NOISE.toml", help="The noise file of 'identify -o'.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz] in place of the log's own time.")]
+SampleRate = Annotated[float, typer.Option("--rate", help="The sampling rate of the sensors [Hz].")]
+COLUMNS_HELP = "Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."
+Columns = Annotated[str | None, typer.Option(help=COLUMNS_HELP)]
+Channels = Annotated[str | None, typer.Option(help="Only these channels, separated by commas.")]
+Noise = Annotated[Path | None, typer.Option(help="The noise file, as 'identify -o' writes it.")]
+Output = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="FILE", help="The file to be written.")
 ]
-Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="The answer as a page.")]
-Order = Annotated[int, typer.Option(help="Order in the step of the motion's coupling, 1 to 3.")]
-MaxStep = Annotated[
-    float | None, typer.Option(help="Longest step [s]; 0.1, or what the fastest effect allows.")
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="NAME=VALUE", help="An option of the model, see 'kfgen list'; may be repeated."
-    ),
-]
-Sensors = Annotated[
-    list[str] | None,
-    typer.Option("--sensor", metavar="NAME", help="A sensor, instead of the model's own; may be repeated."),
-]
-SampleRate = Annotated[float, typer.Option("--rate", help="Rate of the sensors [Hz].")]
+Json = Annotated[str | None, typer.Option(metavar="FILE", help="Write the answer as JSON; - to print it.")]
+Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write the answer as a page.")]
+Order = Annotated[int, typer.Option(help="The order in the step of the motion's coupling, 1 to 3.")]
+MAX_STEP_HELP = "The longest step [s]; 0.1, or what the fastest effect allows, where left out."
+MaxStep = Annotated[float | None, typer.Option(help=MAX_STEP_HELP)]
+CHOICE = typer.Option(
+    "--set", metavar="NAME=VALUE", help="An option of the model, see 'kfgen list'; repeatable."
+)
+Set = Annotated[list[str] | None, CHOICE]
+AIDING = typer.Option(metavar="NAME", help="A sensor, in place of the model's own; repeatable.")
+Sensors = Annotated[list[str] | None, AIDING]
 
 
 def read(path: Path, rate: float | None, columns: str | None) -> Log:
-    """A log with its columns mapped."""
-    from kfgen.core.errors import InputError
-    from kfgen.log.readers import ColumnMap, read_log
+    """A log over time, with its columns mapped."""
+    from kfgen.log.readers import log_of, read_log
 
-    log = read_log(path, rate=rate, columns=ColumnMap.parse(columns) if columns else None)
-    if log.axis != "t":
-        raise InputError("it is an Allan curve and no log", where=str(path), remedy="Give the log itself")
-    return log
+    return log_of(read_log(path, rate=rate, columns=columns))
 
 
 def noise_of(path: Path | None) -> NoiseModel | None:
     """The noise file, where one is given."""
-    from kfgen.effects.noise_model import read_noise
+    from kfgen.model.build import noise_of as read_noise_of
 
-    return read_noise(path) if path else None
+    return read_noise_of(path)
 
 
 def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:
-    """A library model with its noise and what was chosen of its options."""
-    from kfgen.core.errors import InputError
-    from kfgen.model.library import build
+    """A filter model with its noise and what was chosen of its options."""
+    from kfgen.model.build import build
     from kfgen.model.option import read_pairs
 
-    options = read_pairs(set_ or ())
-    if sensor and "sensors" in options:
-        raise InputError(
-            "the sensors are given twice", where="--sensor", remedy="Give --sensor or --set sensors"
-        )
-    return build(model, noise_of(noise), options | ({"sensors": ",".join(sensor)} if sensor else {}))
-
-
-def ran_over(model: FilterModel, log: Log) -> tuple[FilterModel, Array, Array]:
-    """A filter over a log: the model with the sensors that the log has, times [s], deviations (n, states) [SI]."""
-    from dataclasses import replace
-
-    import numpy as np
-
-    from kfgen.emit.routines import Program
-    from kfgen.model.discretise import DiscreteModel
-    from kfgen.run.run import run
-
-    longest = max(0.1, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
-    result = run(Program(DiscreteModel.at_rate(model, 1.0 / log.dt, max_step=longest)), log)
-    present = tuple(s for s in model.sensors if s.name in result.sensors)
-    return replace(model, sensors=present), log.t, result.deviation
-
-
-def hashes(files: Iterable[Path]) -> dict[str, str]:
-    """SHA-256 of the files that were read, by name."""
-    return {str(f): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
+    return build(model, noise, read_pairs(set_ or ()), sensor)
 
 
 def not_over(output: Path | None, source: Path) -> None:

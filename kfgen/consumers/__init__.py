@@ -1,4 +1,4 @@
-"""Consumers: one module for each program that takes noise parameters, found by its ``NAME``.
+"""Noise parameters in other programs' conventions: one module for each program, found by its ``NAME``.
 
 To add one, add a module here with
 
@@ -11,17 +11,19 @@ To add one, add a module here with
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import pkgutil
-from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 
 from kfgen.consumers.base import SENSORS, Converted, Imu, Value
+from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError
-from kfgen.effects.noise_model import NoiseModel
+from kfgen.effects.noise_model import NoiseModel, read_noise
 
-__all__ = ["Converted", "Imu", "Value", "consumers", "convert"]
+__all__ = ["Conversion", "Converted", "Imu", "Value", "consumers", "convert"]
 
 
 @cache
@@ -36,20 +38,31 @@ def consumers() -> dict[str, ModuleType]:
 
 
 def convert(
-    noise: NoiseModel, to: str, *, rate: float | None = None, safety: float = 1.0, origin: str = ""
-) -> Converted:
+    noise: NoiseModel | str | Path,
+    to: str,
+    *,
+    rate: float | None = None,
+    safety: float = 1.0,
+    origin: str = "",
+) -> Conversion:
     """The parameters of a noise model in a consumer's own convention.
 
     Parameters
     ----------
+    noise : NoiseModel or path-like
+        The effects of the channels.
     to : str
-        The consumer's name.
+        The consumer's name, see `kfgen.list_all`.
     rate : float, optional
         The rate [Hz] that the consumer's numbers depend on.
     safety : float
         Multiplies every size (its square every covariance).
     origin : str
-        The noise file, said in the text.
+        The noise file as the text names it; the file's own name where a path is given.
+
+    Returns
+    -------
+    Conversion
 
     Raises
     ------
@@ -57,6 +70,40 @@ def convert(
         An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel called
         after a sensor whose unit is none of it.
     """
+    source = sha256 = ""
+    if not isinstance(noise, NoiseModel):
+        path = Path(noise)
+        noise, source = read_noise(path), str(noise).encode("utf-8", "replace").decode()
+        sha256, origin = hashlib.sha256(path.read_bytes()).hexdigest(), origin or path.name
+    module = _consumer(to, rate, safety)
+    imu = Imu(noise, rate, safety, origin)
+    for sensor in module.NEEDS:
+        if not imu.readings(sensor):
+            names = ", ".join(f"{sensor}_{axis}" for axis in "xyz")
+            raise InputError(
+                f"the noise file has no {SENSORS[sensor][0]} channel, and {module.TITLE} cannot do without",
+                where=origin,
+                remedy=f"Add {names} to the noise file, or take --to table",
+            )
+    made: Converted = module.convert(imu)
+    absent = [f"{name}: {v.words}" for name, v in made.values.items() if not v.numbers]
+    return Conversion(
+        made.text,
+        made.values,
+        (*absent, *made.warnings),
+        noise,
+        to,
+        module.TITLE,
+        module.SOURCE,
+        rate,
+        safety,
+        source,
+        sha256,
+    )
+
+
+def _consumer(to: str, rate: float | None, safety: float) -> ModuleType:
+    """The consumer of that name, once the rate [Hz] and the safety factor serve it."""
     known = consumers()
     if to not in known:
         raise InputError(
@@ -73,15 +120,4 @@ def convert(
         raise InputError(
             f"{to} needs a rate: {module.RATE}", where="--rate", remedy="Give it in hertz, say --rate 100"
         )
-    imu = Imu(noise, rate, safety, origin)
-    for sensor in module.NEEDS:
-        if not imu.readings(sensor):
-            names = ", ".join(f"{sensor}_{axis}" for axis in "xyz")
-            raise InputError(
-                f"the noise file has no {SENSORS[sensor][0]} channel, and {module.TITLE} cannot do without",
-                where=origin,
-                remedy=f"Add {names} to the noise file, or take --to table",
-            )
-    made: Converted = module.convert(imu)
-    absent = [f"{name}: {v.words}" for name, v in made.values.items() if not v.numbers]
-    return replace(made, warnings=(*absent, *made.warnings))
+    return module

@@ -1,4 +1,4 @@
-"""ArduPilot's EKF3: deviations for one step of the filter, ``N / sqrt(dt)`` and ``K / sqrt(dt)``.
+"""ArduPilot's EKF3: standard deviations of one step of the filter, ``N / sqrt(dt)`` and ``K / sqrt(dt)``.
 
 Its bias states are ``b dt``, driven by ``sq(sq(dt) * p)``, so ``b`` is driven by ``sq(dt * p)``. The step is the
 filter's, 12 ms at most sampling rates (``EKF_TARGET_DT``), which is 83.3 Hz.

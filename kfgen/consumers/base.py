@@ -1,9 +1,9 @@
-"""The numbers of an inertial sensor as consumers want them: by axis, and the worst and the mean of the axes.
+"""The numbers of an inertial sensor as other programs want them: by axis, and the worst and the mean of the axes.
 
 A random walk is wanted by nearly every consumer, a Gauss-Markov term by nearly none. The rule: over times
 short against its tau a Gauss-Markov term is a random walk of its driving density ``q = sigma sqrt(2/tau)``,
-so ``K`` is replaced by ``sqrt(K^2 + q^2)``; over longer times that overstates the drift. It is said beside
-each number that it made. Flicker is no random walk at any time scale and is not converted.
+so ``K`` is replaced by ``sqrt(K^2 + q^2)``; over longer times that overstates the drift. Each number made in
+this way has a note beside it. Flicker is no random walk at any time scale and is not converted.
 
 References
 ----------
@@ -25,7 +25,7 @@ from kfgen.effects.process.stochastic import GaussMarkov, RateRandomWalk, WhiteN
 
 SENSORS = {"gyro": ("gyroscope", "rad/s"), "accel": ("accelerometer", "m/s^2")}
 AXES = ("x", "y", "z")
-SHORT = "equal over times short against tau only, too large over longer ones"
+WALK_APPROXIMATION = "equal over times short against tau only, too large over longer ones"
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,27 @@ class Value:
     unit: str
     words: str
 
+    @property
+    def shown(self) -> str:
+        """Its numbers with the unit."""
+        return (
+            f"{', '.join(f'{n:.6g}' for n in self.numbers)} {self.unit}" if self.numbers else "not identified"
+        )
+
 
 @dataclass(frozen=True)
 class Converted:
-    """A consumer's text and its parameters by name."""
+    """What a consumer gets.
+
+    Parameters
+    ----------
+    text : str
+        The file.
+    values : mapping of str to Value
+        The parameters in it by name.
+    warnings : tuple of str
+        What of the noise model it does not hold, or holds otherwise.
+    """
 
     text: str
     values: Mapping[str, Value]
@@ -57,7 +74,15 @@ class Converted:
 
 @dataclass(frozen=True)
 class AxisValue:
-    """The effects on one axis."""
+    """One axis of a sensor.
+
+    Parameters
+    ----------
+    channel : str
+        ``gyro_x``, ...
+    effects : tuple of Effect
+        On that channel.
+    """
 
     channel: str
     effects: tuple[Effect, ...]
@@ -86,18 +111,44 @@ def root_sum(sizes: Iterable[float]) -> float | None:
 
 
 def formula(readings: Sequence[AxisValue], letter: str, by: str = "") -> tuple[str, str]:
-    """How the numbers of some axes come about, and what is to be said about it at the end."""
+    """How the numbers of some axes come about, in letters.
+
+    Parameters
+    ----------
+    readings : sequence of AxisValue
+        The axes.
+    letter : str
+        ``N`` or ``K``.
+    by : str
+        What the number is multiplied by, as text: ``" / sqrt(dt)"``.
+
+    Returns
+    -------
+    formula, note : str
+        The formula, and what the end of the line notes about it.
+    """
     drifts = max(len(r.drifts) for r in readings)
     if letter == "N" or not drifts:
         return f"{letter}{by}", ""
     q = "2 sigma^2/tau" if drifts == 1 else "sum of 2 sigma^2/tau"
     walk = "K^2 + " if any(r.K for r in readings) else ""
-    return f"sqrt({walk}{q}){by}", f"; Gauss-Markov as a random walk: {SHORT}"
+    return f"sqrt({walk}{q}){by}", f"; Gauss-Markov as a random walk: {WALK_APPROXIMATION}"
 
 
 @dataclass(frozen=True)
 class Imu:
-    """A noise model seen as an inertial sensor, with the rate [Hz], the safety factor and the file's name."""
+    """A noise model seen as an inertial sensor.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+    rate : float, optional
+        The rate [Hz] that the consumer's numbers depend on.
+    safety : float
+        Multiplies every size.
+    origin : str
+        The noise file, named in the text.
+    """
 
     noise: NoiseModel
     rate: float | None = None
@@ -122,12 +173,44 @@ class Imu:
         return tuple(found)
 
     def known(self, sensor: str, letter: str) -> list[tuple[float, AxisValue]]:
-        """The axes that have a number, with it [SI]."""
+        """The axes that have a number.
+
+        Parameters
+        ----------
+        sensor : str
+            ``gyro`` or ``accel``.
+        letter : str
+            ``N`` or ``K``.
+
+        Returns
+        -------
+        list of (float, AxisValue)
+            The number [SI], and the axis.
+        """
         pairs = [(r.number(letter), r) for r in self.readings(sensor)]
         return [(number, reading) for number, reading in pairs if number is not None]
 
     def scalar(self, sensor: str, letter: str, unit: str, factor: float = 1.0, by: str = "") -> Value:
-        """The worst axis in `unit`, times `factor`, which `by` says in words."""
+        """The worst axis as one number.
+
+        Parameters
+        ----------
+        sensor : str
+            ``gyro`` or ``accel``.
+        letter : str
+            ``N`` or ``K``.
+        unit : str
+            Of the result.
+        factor : float
+            Multiplies the number.
+        by : str
+            That factor as text: ``" / sqrt(dt)"``.
+
+        Returns
+        -------
+        Value
+            Without numbers where no axis has one.
+        """
         known = self.known(sensor, letter)
         if not known:
             return Value((), unit, self.absence(sensor, letter))
@@ -141,7 +224,24 @@ class Imu:
         return Value((from_si(scale * number, unit),), unit, words + self.safely() + end)
 
     def vector(self, sensor: str, letter: str, unit: str, power: int = 1) -> Value:
-        """Three axes in `unit`, raised to `power`; an axis without a number takes the worst one's."""
+        """Three numbers, one for each axis; an axis without a number has the worst one's.
+
+        Parameters
+        ----------
+        sensor : str
+            ``gyro`` or ``accel``.
+        letter : str
+            ``N`` or ``K``.
+        unit : str
+            Of the result.
+        power : int
+            1, or 2 for a covariance.
+
+        Returns
+        -------
+        Value
+            Without numbers where no axis has one.
+        """
         known = {reading.channel: number for number, reading in self.known(sensor, letter)}
         if not known:
             return Value((), unit, self.absence(sensor, letter))
@@ -153,7 +253,19 @@ class Imu:
         return Value(numbers, unit, words + by_axis(names, known) + self.safely(power) + end)
 
     def absence(self, sensor: str, letter: str) -> str:
-        """Why there is no number."""
+        """Why there is no number, in words.
+
+        Parameters
+        ----------
+        sensor : str
+            ``gyro`` or ``accel``.
+        letter : str
+            ``N`` or ``K``.
+
+        Returns
+        -------
+        str
+        """
         channels = ", ".join(r.channel for r in self.readings(sensor))
         if not channels:
             return f"not identified, left out: the noise file has no {SENSORS[sensor][0]} channel"
@@ -181,13 +293,27 @@ class Imu:
                     taus = ", ".join(f"{e.tau:.3g} s" for e in r.drifts)
                     said.append(
                         f"{r.channel}: Gauss-Markov of tau = {taus} given as a random walk "
-                        f"{'added to K' if r.K else 'in place of K'}, {SHORT}"
+                        f"{'added to K' if r.K else 'in place of K'}, {WALK_APPROXIMATION}"
                     )
                 said += unused(r, title)
         return tuple(said)
 
     def header(self, title: str, source: str, per_axis: bool = False) -> list[str]:
-        """Comment lines that begin every file."""
+        """Comment lines that begin every file.
+
+        Parameters
+        ----------
+        title : str
+            What the file is.
+        source : str
+            Where its convention was read.
+        per_axis : bool
+            Whether it has a number for each axis.
+
+        Returns
+        -------
+        list of str
+        """
         origin = "".join(c if c.isprintable() else "?" for c in self.origin)
         safety = "no safety factor" if self.safety == 1.0 else f"safety factor {self.safety:g} on every size"
         axes = "each axis by itself" if per_axis else "the worst axis of each sensor"
@@ -199,13 +325,37 @@ class Imu:
 
 
 def by_axis(names: Sequence[str], known: Mapping[str, float]) -> str:
-    """The order of three numbers in words, and which of them were filled in."""
+    """The order of three numbers in words, and which of them were filled in.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The channels of the three numbers.
+    known : mapping of str to float
+        Those that have a number of their own.
+
+    Returns
+    -------
+    str
+    """
     filled = " ".join(name for name in names if name not in known)
     return f"; axes x y z{f', {filled} as the worst of the others' if filled else ''}"
 
 
 def unused(reading: AxisValue, title: str) -> list[str]:
-    """The effects on an axis that have no parameter in N, K and Gauss-Markov terms."""
+    """The effects on an axis that have no parameter in N, K and Gauss-Markov terms, in words.
+
+    Parameters
+    ----------
+    reading : AxisValue
+    title : str
+        The consumer's.
+
+    Returns
+    -------
+    list of str
+        One warning, or none.
+    """
     carried = (WhiteNoise, RateRandomWalk, GaussMarkov)
     names = [e.name for e in reading.effects if not isinstance(e, carried)]
     if not names:
@@ -223,7 +373,19 @@ def real(number: float) -> str:
 
 
 def yaml_lines(values: Mapping[str, Value], indent: str = "") -> list[str]:
-    """A line each: the key, its number or its list, and the words as a comment; a comment where it is absent."""
+    """A line for each parameter: the key, its number or its list, and the words as a comment.
+
+    Parameters
+    ----------
+    values : mapping of str to Value
+        By key; one without numbers becomes a comment.
+    indent : str
+        Before each line.
+
+    Returns
+    -------
+    list of str
+    """
     lines = []
     for name, v in values.items():
         if not v.numbers:

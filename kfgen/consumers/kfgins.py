@@ -1,8 +1,8 @@
-"""KF-GINS's ``imunoise``: N in navigation units, Gauss-Markov biases by stationary deviation and one common time.
+"""KF-GINS's ``imunoise``: N in navigation units, Gauss-Markov biases by sigma and one common time.
 
 Its bias is ``Qc = 2 std^2 / corrtime`` with one `corrtime` for all; the geometric mean of the terms' own times is
-taken, and the stationary deviations are kept. A random walk K beside them is given as the deviation whose driver at
-that time is K: ``sqrt(sum sigma^2 + K^2 corrtime / 2)``. K alone has no correlation time and is left out.
+taken, and the stationary standard deviations are kept. A random walk K beside them is given as the sigma whose
+driving density at that time is K: ``sqrt(sum sigma^2 + K^2 corrtime / 2)``. K alone has no correlation time and is left out.
 
 References
 ----------
@@ -86,8 +86,8 @@ def _warnings(imu: Imu, taus: list[float]) -> tuple[str, ...]:
     said = []
     if taus and max(taus) > 1.01 * min(taus):
         said.append(
-            f"one corrtime for correlation times from {min(taus):.3g} to {max(taus):.3g} s: the deviations are "
-            "kept, the drivers are not"
+            f"one corrtime for correlation times from {min(taus):.3g} to {max(taus):.3g} s: the standard "
+            "deviations are kept, the driving densities are not"
         )
     for sensor in SENSORS:
         for r in imu.readings(sensor):

@@ -1,4 +1,4 @@
-"""PX4's EKF2: deviations for one prediction step, ``N / sqrt(dt)`` and ``K / sqrt(dt)``.
+"""PX4's EKF2: standard deviations of one prediction step, ``N / sqrt(dt)`` and ``K / sqrt(dt)``.
 
 The step is that of the filter, not of the sensor: ``EKF2_PREDICT_US``, 10000 us unless it was changed.
 

@@ -1,6 +1,6 @@
-"""Autopilots whose noise is a deviation for one step of their filter.
+"""What PX4 and ArduPilot share: noise as the standard deviation of one step of the filter.
 
-Both add ``(dt p)^2`` to the variance of an angle or a velocity and of a bias in every step, so that the deviations
+Both add ``(dt p)^2`` to the variance of an angle or a velocity and of a bias in every step, so that the parameters
 are ``N / sqrt(dt)`` and ``K / sqrt(dt)`` for a filter of step ``dt``.
 """
 
@@ -15,7 +15,18 @@ from kfgen.core.errors import InputError
 
 @dataclass(frozen=True)
 class Step:
-    """A parameter: whose it is, its letter and unit, and the range that the autopilot documents."""
+    """A parameter of an autopilot.
+
+    Parameters
+    ----------
+    sensor : str
+        ``gyro`` or ``accel``.
+    letter : str
+        ``N`` or ``K``.
+    unit : str
+    low, high : float
+        The range that the autopilot documents, in `unit`.
+    """
 
     sensor: str
     letter: str
@@ -25,7 +36,24 @@ class Step:
 
 
 def stepped(imu: Imu, steps: dict[str, Step]) -> dict[str, Value]:
-    """The parameters at the filter's rate; a noise file without either sensor is refused."""
+    """The parameters at the filter's rate.
+
+    Parameters
+    ----------
+    imu : Imu
+        Its `rate` is that of the filter's steps [Hz].
+    steps : dict of str to Step
+        By the autopilot's names.
+
+    Returns
+    -------
+    dict of str to Value
+
+    Raises
+    ------
+    InputError
+        The noise file has neither sensor.
+    """
     if not any(imu.readings(s.sensor) for s in steps.values()):
         raise InputError(
             "the noise file has neither a gyroscope nor an accelerometer channel",
@@ -38,7 +66,20 @@ def stepped(imu: Imu, steps: dict[str, Step]) -> dict[str, Value]:
 
 
 def outside(values: dict[str, Value], steps: dict[str, Step], title: str) -> list[str]:
-    """Values beyond what the autopilot documents."""
+    """Warnings of values beyond the range that the autopilot documents.
+
+    Parameters
+    ----------
+    values : dict of str to Value
+    steps : dict of str to Step
+        Of the same names.
+    title : str
+        Whose range it is.
+
+    Returns
+    -------
+    list of str
+    """
     return [
         f"{name} = {values[name].numbers[0]:.3g} {s.unit} is outside the {s.low:g} to {s.high:g} of {title}"
         for name, s in steps.items()
@@ -47,7 +88,18 @@ def outside(values: dict[str, Value], steps: dict[str, Step], title: str) -> lis
 
 
 def lines(values: dict[str, Value], pattern: str) -> list[str]:
-    """Each parameter by `pattern`, its words in a comment line before it."""
+    """Each parameter in a line, with its words in a comment line before it.
+
+    Parameters
+    ----------
+    values : dict of str to Value
+    pattern : str
+        A line with ``{name}`` and ``{value}``.
+
+    Returns
+    -------
+    list of str
+    """
     out = []
     for name, v in values.items():
         out.append(f"# {name}: {f'[{v.unit}] ' if v.numbers else ''}{v.words}")

@@ -19,9 +19,18 @@ SOURCE = "IEEE Std 952-1997, annex C"
 RATE = ""
 NEEDS = ()
 
-USUAL = ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)", "m/s/sqrt(h)", "ug/sqrt(Hz)", "ug", "mGal", "ug/sqrt(s)")
-HEAD = ("parameter", "value", "also", "95 % interval")
-MEANING_HEAD = ("name", "value", "what it is", "who calls it so")
+USUAL_UNITS = (
+    "deg/sqrt(h)",
+    "deg/h",
+    "deg/h/sqrt(h)",
+    "m/s/sqrt(h)",
+    "ug/sqrt(Hz)",
+    "ug",
+    "mGal",
+    "ug/sqrt(s)",
+)
+PARAMETER_COLUMNS = ("parameter", "value", "also", "95 % interval")
+MEANING_COLUMNS = ("name", "value", "what it is", "who calls it so")
 
 
 def convert(imu: Imu) -> Converted:
@@ -32,12 +41,12 @@ def convert(imu: Imu) -> Converted:
         rows = []
         for label, term in labelled(channel):
             rows += _rows(f"{name}.{label}", term, channel.unit, imu.safety, values)
-        lines += ["", f"## {name}", "", *_markdown(HEAD, rows)]
+        lines += ["", f"## {name}", "", *_markdown(PARAMETER_COLUMNS, rows)]
         for label, term in labelled(channel):
             named = meaning_rows(term.effect, channel.unit, imu.safety)
             if named:
                 lines += ["", f"What each consumer calls B of {name} {label}:", ""]
-                lines += _markdown(MEANING_HEAD, named)
+                lines += _markdown(MEANING_COLUMNS, named)
     lines += _sensors(imu, values)
     return Converted("\n".join(lines), values)
 
@@ -52,7 +61,21 @@ def labelled(channel: ChannelNoise) -> list[tuple[str, Term]]:
 
 
 def meaning_rows(effect: Effect, unit: str, safety: float = 1.0) -> list[list[str]]:
-    """A row for each name of the sizes of an effect: name, value, definition, users; none for most effects."""
+    """A row for each name under which programs and papers write the sizes of an effect.
+
+    Parameters
+    ----------
+    effect : Effect
+    unit : str
+        The unit of the channel.
+    safety : float
+        Multiplies every size.
+
+    Returns
+    -------
+    list of list of str
+        Name, value, definition, users; none for most effects.
+    """
     titles = {m.name: m for m in effect.meanings}
     return [
         [name, f"{safety * value:.6g} {plain(text)}", titles[name].title, titles[name].users]
@@ -71,7 +94,7 @@ def _rows(label: str, term: Term, unit: str, safety: float, values: dict[str, Va
         u = plain(derived_unit(p.unit, unit))
         scale = safety if p.kind == "size" else 1.0
         si = scale * float(getattr(term.effect, p.name))
-        others = [o for o in USUAL if o != u and parse_unit(o).same_dimension(parse_unit(u))]
+        others = [o for o in USUAL_UNITS if o != u and parse_unit(o).same_dimension(parse_unit(u))]
         also = "; ".join(f"{from_si(si, o):.6g} {o}" for o in others)
         pair = term.ci95.get(p.name)
         interval = " to ".join(f"{from_si(scale * v, u):.4g}" for v in pair) if pair else ""

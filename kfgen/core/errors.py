@@ -1,4 +1,4 @@
-"""The errors that a user can meet.
+"""The errors that a user can meet, each with a place and a remedy.
 
 Each says what is wrong, where, and what to do about it. The command line prints
 that as one message and turns the class into an exit status; nothing else is ever

@@ -1,4 +1,4 @@
-"""`Expression`: a formula of a model file, read by a small grammar.
+"""`Expression`: a formula of a model or manoeuvre file, read into sympy by a small grammar without eval.
 
 ``sum = product (("+" | "-") product)*``, ``product = signed (("*" | "/") signed)*``,
 ``signed = ("+" | "-") signed | power``, ``power = atom ("**" signed)?``,
@@ -18,13 +18,13 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 
-LONGEST = 2000
+MAX_FORMULA_CHARACTERS = 2000
 """Characters of a formula."""
-DEEPEST = 60
+MAX_NESTING_LEVELS = 60
 """Brackets, signs and powers inside each other."""
-LARGEST_POWER = 20
+MAX_EXPONENT = 20
 """The largest exponent that is a number."""
-EXACT = 15
+MAX_INTEGER_DIGITS = 15
 """Digits up to which a whole number stays one."""
 
 _TOKEN = re.compile(
@@ -97,7 +97,11 @@ def read_expression(text: str, names: Iterable[str], where: str = "") -> Express
     names : iterable of str
         The names that it may use.
     where : str
-        Said in errors.
+        File, table and key, for error messages.
+
+    Returns
+    -------
+    Expression
 
     Raises
     ------
@@ -118,9 +122,9 @@ class _Reader:
         self.where = where
         self.depth = 0
         self.at = 0
-        if len(text) > LONGEST:
+        if len(text) > MAX_FORMULA_CHARACTERS:
             raise InputError(
-                f"the formula has {len(text)} characters, more than {LONGEST}",
+                f"the formula has {len(text)} characters, more than {MAX_FORMULA_CHARACTERS}",
                 where=where,
                 remedy="Split it into states or parameters",
             )
@@ -190,8 +194,10 @@ class _Reader:
     def signed(self) -> sp.Expr:
         """A power with signs before it."""
         self.depth += 1
-        if self.depth > DEEPEST:
-            raise self._error(f"it is nested deeper than {DEEPEST}", self.peek.column, "Simplify it")
+        if self.depth > MAX_NESTING_LEVELS:
+            raise self._error(
+                f"it is nested deeper than {MAX_NESTING_LEVELS}", self.peek.column, "Simplify it"
+            )
         if token := self.take("+", "-"):
             value = self.signed()
             value = -value if token.text == "-" else value
@@ -210,8 +216,8 @@ class _Reader:
         if not exponent.is_number:
             return base**exponent
         e = float(exponent)
-        if abs(e) > LARGEST_POWER:
-            raise self._error(f"an exponent of {e:g} is beyond {LARGEST_POWER}", token.column)
+        if abs(e) > MAX_EXPONENT:
+            raise self._error(f"an exponent of {e:g} is beyond {MAX_EXPONENT}", token.column)
         if base.is_number:
             return self._folded(lambda x: x**e, [base], token)
         return base ** (sp.Rational(round(2 * e), 2) if (2 * e).is_integer() else exponent)
@@ -236,7 +242,7 @@ class _Reader:
             raise self._expected("')'")
 
     def _number(self, token: _Token) -> sp.Expr:
-        if token.text.isdigit() and len(token.text) <= EXACT:
+        if token.text.isdigit() and len(token.text) <= MAX_INTEGER_DIGITS:
             return sp.Integer(int(token.text))
         value = float(token.text)
         if not math.isfinite(value):
@@ -275,7 +281,7 @@ class _Reader:
             good = False
         if not good:
             raise self._error("its value is no number", token.column)
-        whole = float(value).is_integer() and abs(value) < 10**EXACT
+        whole = float(value).is_integer() and abs(value) < 10**MAX_INTEGER_DIGITS
         return sp.Integer(round(value)) if whole else sp.Float(value)
 
     def _checked(self, value: sp.Expr) -> sp.Expr:
@@ -290,8 +296,8 @@ class _Reader:
             if not finite:
                 raise InputError("a number in it is beyond any", where=self.where)
         for power in value.atoms(sp.Pow):
-            if power.exp.is_number and abs(float(power.exp)) > LARGEST_POWER:
+            if power.exp.is_number and abs(float(power.exp)) > MAX_EXPONENT:
                 raise InputError(
-                    f"an exponent of {float(power.exp):g} is beyond {LARGEST_POWER}", where=self.where
+                    f"an exponent of {float(power.exp):g} is beyond {MAX_EXPONENT}", where=self.where
                 )
         return value

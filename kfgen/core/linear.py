@@ -1,4 +1,4 @@
-"""Exact discretisation of linear stochastic systems.
+"""Exact discretisation, propagation and simulation of linear stochastic systems.
 
 For ``dx = A x dt + dw`` with ``E[dw dw'] = W dt`` the sampled system is
 ``x[k+1] = Phi x[k] + w[k]`` with ``Phi = exp(A dt)`` and
@@ -22,14 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
-SHORT = 0.25
+MAX_SERIES_NORM = 0.25
 """Norm of ``A h`` at which the series is taken at most; the rest is doubling."""
-REST = 2e-17
+SERIES_RELATIVE_TOLERANCE = 2e-17
 """Next term of the series over its first: below the rounding."""
 
 
 def taylor(one: Any, A: Any, W: Any, h: Any, order: int) -> tuple[Any, Any]:
-    """The series of ``Phi`` and ``Qd`` to `order` in `h`, for numbers or for symbols.
+    """The Taylor series of ``Phi`` and ``Qd`` to `order` in `h`, for numbers or for symbols.
 
     ``Phi = sum_k A^k h^k / k!``; from ``dQ/dt = A Q + Q A' + W``, ``Qd = sum_k Q_k h^(k+1) / (k+1)!`` with
     ``Q_0 = W`` and ``Q_(k+1) = A Q_k + Q_k A'`` (differentiate eq. (1.4) of [1]_ at zero): no
@@ -38,11 +38,15 @@ def taylor(one: Any, A: Any, W: Any, h: Any, order: int) -> tuple[Any, Any]:
     Parameters
     ----------
     one, A, W : matrix, shape (n, n)
-        Identity, dynamics and driving density.
+        Identity, dynamics [1/s] and density of the driving noise [U^2/s].
     h : scalar, or ndarray of shape (..., 1, 1)
         Step [s].
     order : int
-        The highest power of `h`.
+        The highest power of `h` in ``Phi``.
+
+    Returns
+    -------
+    Phi, Qd : matrix, shape (n, n), or (..., n, n) for an array of steps
     """
     Phi, Qd, power, density, scale = one, 0 * W, one, W, 1
     for k in range(1, order + 1):
@@ -74,7 +78,7 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     if n == 0:
         return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
     norm = float(np.abs(A).sum(axis=1).max()) * dt
-    doublings = np.ceil(np.log2(np.maximum(norm, SHORT) / SHORT)).astype(int)
+    doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
     Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
     for k in range(int(doublings.max(initial=0))):
@@ -87,7 +91,7 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
 def _terms(norm: float) -> int:
     """Terms of the series at a norm of ``A h``: of ``Qd`` the next over the first is ``(2 norm)^k / (k + 1)!``."""
     terms, following = 1, norm
-    while following > REST:
+    while following > SERIES_RELATIVE_TOLERANCE:
         terms += 1
         following *= 2.0 * norm / (terms + 1)
     return terms
@@ -147,7 +151,21 @@ def accumulate(Phi: Array, Qd: Array, C: Array, steps: int) -> tuple[Array, Arra
 
 
 def propagate(Phi: Array, x0: Array, n: int) -> Array:
-    """The noise-free trajectory ``x[k] = Phi^k x0``, shape (n, states), by doubling."""
+    """The noise-free trajectory ``x[k] = Phi^k x0``, by doubling.
+
+    Parameters
+    ----------
+    Phi : ndarray, shape (m, m)
+        Transition of one step.
+    x0 : ndarray, shape (m,)
+        State at the first sample.
+    n : int
+        Samples.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+    """
     X = np.empty((n, x0.size))
     X[0], done, power = x0, 1, Phi
     while done < n:
@@ -158,9 +176,23 @@ def propagate(Phi: Array, x0: Array, n: int) -> Array:
 
 
 def simulate(Phi: Array, Qd: Array, x0: Array, n: int, rng: np.random.Generator) -> Array:
-    """A random trajectory of the sampled system, shape (n, states).
+    """A random trajectory of ``x[k+1] = Phi x[k] + w[k]``, ``w ~ N(0, Qd)``.
 
     States that nothing couples are filtered one by one; a coupled system is stepped.
+
+    Parameters
+    ----------
+    Phi, Qd : ndarray, shape (m, m)
+        Transition and process noise covariance of one step.
+    x0 : ndarray, shape (m,)
+        State at the first sample.
+    n : int
+        Samples.
+    rng : numpy Generator
+
+    Returns
+    -------
+    ndarray, shape (n, m)
     """
     from scipy.signal import lfilter
 

@@ -1,4 +1,4 @@
-"""A file of ours: text in TOML whose first line says its format."""
+"""Reads the TOML of kfgen's own files (noise, model, filter, manoeuvre) and checks their format."""
 
 from __future__ import annotations
 
@@ -31,10 +31,19 @@ def document_of(text: str, path: str, format: str, kind: str) -> dict[str, Any]:
 
     Parameters
     ----------
+    text : str
+        The whole file.
     path : str
-        Said in errors.
-    format, kind : str
-        What it must say that it is, and how such a file is called.
+        The file's name, for error messages.
+    format : str
+        What its key ``format`` must be: ``"kfgen-noise-1"``.
+    kind : str
+        How such a file is called in messages: ``"noise"``.
+
+    Returns
+    -------
+    dict
+        As `tomllib.loads` gives it.
 
     Raises
     ------

@@ -1,11 +1,11 @@
-"""Units: a small exact algebra of SI dimensions.
+"""Units: read from text as people type them, converted to SI and back, by an exact algebra of dimensions.
 
 A unit is a factor to SI and rational exponents of the base units, read by the
 grammar ``factor (("/" | "*" | " ") factor)*`` with ``factor`` a name or a number with
 an optional ``^exponent``, ``sqrt(unit)`` or ``(unit)``. So ``deg/s/sqrt(Hz)``,
 ``deg/s^2/sqrt(Hz)``, ``deg/s^1.5``, ``g/16384`` and ``deg/sqrt(h)`` are all read, and
-equal units compare equal. So are the signs that people type: ``m/s2``, ``m/s²``, ``°/s``, ``µT``, ``°/√h``. The radian is kept as a base unit, so that an angle is
-not taken for a number.
+equal units compare equal. So are the signs that people type: ``m/s2``, ``m/s²``, ``°/s``, ``µT``, ``°/√h``. The
+radian is kept as a base unit, so that an angle is not taken for a number.
 
 References
 ----------
@@ -19,13 +19,21 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
 
 from kfgen.core.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+Real = TypeVar("Real", float, "NDArray[np.float64]")
+"""A number, or an array of them."""
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2]."""
 
-BASE = ("m", "kg", "s", "A", "K", "rad", "count")
+BASE_UNITS = ("m", "kg", "s", "A", "K", "rad", "count")
 
 _PREFIX = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
 
@@ -105,7 +113,7 @@ class Unit:
     factor : float
         Factor to SI.
     exponents : tuple of Fraction, length 7
-        Exponents of `BASE`.
+        Exponents of `BASE_UNITS`.
     offset : float
         Added after scaling; only ``degC`` alone has one.
     """
@@ -124,7 +132,7 @@ class Unit:
         """The coherent SI unit of the same dimension, as text."""
         up: list[str] = []
         down: list[str] = []
-        for base, exponent in zip(BASE, self.exponents, strict=True):
+        for base, exponent in zip(BASE_UNITS, self.exponents, strict=True):
             if exponent:
                 power = abs(exponent)
                 term = base if power == 1 else f"{base}^{_number(power)}"
@@ -234,7 +242,7 @@ class _Parser:
             value = float(token)
             if not (math.isfinite(value) and value > 0.0):
                 raise self.error(f"has the factor {token}, which is not positive")
-            return Unit(token, value, (Fraction(0),) * len(BASE))
+            return Unit(token, value, (Fraction(0),) * len(BASE_UNITS))
         return self.name(token)
 
     def name(self, token: str) -> Unit:
@@ -243,7 +251,7 @@ class _Parser:
             prefix, root = token[:split], token[split:]
             if root in _NAMES and prefix in _PREFIX and (not prefix or _NAMES[root][2]):
                 factor, powers, _ = _NAMES[root]
-                exponents = tuple(Fraction(powers.get(base, 0)) for base in BASE)
+                exponents = tuple(Fraction(powers.get(base, 0)) for base in BASE_UNITS)
                 return Unit(token, _PREFIX[prefix] * factor, exponents)
         raise self.error(f"has the unknown part '{token}'")
 
@@ -272,7 +280,7 @@ def parse_unit(text: str) -> Unit:
         The text is no unit of the grammar.
     """
     if not text.strip():
-        return Unit("1", 1.0, (Fraction(0),) * len(BASE))
+        return Unit("1", 1.0, (Fraction(0),) * len(BASE_UNITS))
     parser = _Parser(text)
     try:
         unit = parser.product()
@@ -296,7 +304,9 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool
     si_unit : str
         The unit whose dimension is wanted.
     where : str
-        Said in the error.
+        File, table and key, for the error message.
+    offset : bool
+        Whether a temperature in degC is a point of the scale (273.15 is added), not a difference.
 
     Returns
     -------
@@ -341,21 +351,71 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool
     return result
 
 
-def to_si(values: float, unit: str) -> float:
-    """Convert a number from `unit` to SI."""
+def to_si(value: Real, unit: str) -> Real:
+    """Convert from `unit` to SI.
+
+    Parameters
+    ----------
+    value : float or ndarray
+        A number, or numbers of any shape, in `unit`.
+    unit : str
+        As `parse_unit` reads it.
+
+    Returns
+    -------
+    float or ndarray
+        The same in the coherent SI unit; degC becomes K.
+
+    Raises
+    ------
+    InputError
+        `unit` is no unit.
+    """
     parsed = parse_unit(unit)
-    return values * parsed.factor + parsed.offset
+    return value * parsed.factor + parsed.offset
 
 
-def from_si(value: float, unit: str) -> float:
-    """Convert a number from SI to `unit`."""
+def from_si(value: Real, unit: str) -> Real:
+    """Convert from SI to `unit`: the inverse of `to_si`.
+
+    Parameters
+    ----------
+    value : float or ndarray
+        A number, or numbers of any shape, in the coherent SI unit.
+    unit : str
+        As `parse_unit` reads it.
+
+    Returns
+    -------
+    float or ndarray
+        The same in `unit`.
+
+    Raises
+    ------
+    InputError
+        `unit` is no unit.
+    """
     parsed = parse_unit(unit)
     return (value - parsed.offset) / parsed.factor
 
 
 def derived_unit(template: str, unit: str) -> str:
-    """The unit of a parameter: the template's ``U`` is the unit of its channel.
+    """The unit of a parameter of an effect, from the unit of the channel on which the effect acts.
 
+    Parameters
+    ----------
+    template : str
+        The parameter's unit, in which ``U`` stands for the unit of the channel: ``"U/sqrt(Hz)"``.
+    unit : str
+        The unit of the channel. A temperature counts as a difference: degC is K.
+
+    Returns
+    -------
+    str
+        A unit that `parse_unit` reads; empty for a pure number.
+
+    Examples
+    --------
     >>> derived_unit("U/sqrt(Hz)", "deg/s")
     'deg/s/sqrt(Hz)'
     """
@@ -374,11 +434,11 @@ def derived_unit(template: str, unit: str) -> str:
     return text[1:-1] if re.fullmatch(r"\([^()]*\)", text) else text
 
 
-_SHOWN = {"rad/s": "deg/s", "m/s^2": "mg", "T": "uT", "K": "K", "rad": "deg"}
+_DISPLAYED_UNITS = {"rad/s": "deg/s", "m/s^2": "mg", "T": "uT", "K": "K", "rad": "deg"}
 
 
 def display_unit(unit: str) -> str:
     """The unit in which a person reads a channel: his own, or the usual one for raw counts."""
     if re.search(r"\d", re.sub(r"\^[0-9.]+", "", unit)) or unit in ("rad/s", "g", "T"):
-        return _SHOWN.get(parse_unit(unit).si, parse_unit(unit).si)
+        return _DISPLAYED_UNITS.get(parse_unit(unit).si, parse_unit(unit).si)
     return unit

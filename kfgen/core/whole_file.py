@@ -1,10 +1,11 @@
-"""Outputs are written whole or not at all: into a temporary neighbour, then renamed."""
+"""Outputs are written whole or not at all, into a temporary neighbour, then renamed; inputs are known by SHA-256."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,6 +44,23 @@ def write_whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file whole or not at all, in UTF-8.
+
+    Parameters
+    ----------
+    path : path-like
+        An existing file is replaced.
+    text : str
+
+    Raises
+    ------
+    InputError
+        As `write_whole`.
+    """
     with write_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def hashes(files: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of files, by name."""
+    return {str(f): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.units import derived_unit, from_si, parse_quantity
 from kfgen.effects import linear_system as law
+from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates
 from kfgen.effects.linear_system import LinearSystem
 from kfgen.effects.series import OF_A_COEFFICIENT, DetectedFault, Detection, RawSamples, WhiteSeries
 
@@ -107,6 +108,10 @@ def parameter(unit: str, kind: str = "size", default: Any = ...) -> Any:
     return field(metadata=metadata) if default is ... else field(default=default, metadata=metadata)
 
 
+OBLIGATIONS = {"form": "what it adds to a channel at rest", "in_filter": "what it is in a filter"}
+"""What every named effect says itself or by its family; one that is silent does not import."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """One declared effect with the values of its parameters [SI], numbers or sympy symbols."""
@@ -123,13 +128,31 @@ class Effect:
     changes_samples: ClassVar[bool] = False
     meanings: ClassVar[tuple[Meaning, ...]] = ()
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        silent = [n for n in OBLIGATIONS if cls.name and getattr(cls, n) is getattr(Effect, n)]
+        if silent:
+            raise TypeError(
+                f"the effect {cls.name} does not say {OBLIGATIONS[silent[0]]}: define {silent[0]}()"
+            )
+
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """The linear stochastic system of the effect.
+        """The linear stochastic system that it adds to a channel at rest.
 
         Parameters
         ----------
         drive : mapping
             The recorded driver by name: a number, an array over time, or a symbol.
+        """
+        raise NotImplementedError
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """What it is in a filter at a place; `NotModelled`, with a remedy, where no filter models it.
+
+        Parameters
+        ----------
+        place : FilterPlace
+            The channel or sensor, whether the filter predicts it, and the drivers in symbols.
         """
         raise NotImplementedError
 
@@ -251,7 +274,7 @@ class Effect:
         aliases: dict[str, float] = {}
         said: dict[str, str] = {}
         for key, value in entry.items():
-            if key in ("effect",) or key.endswith("_ci95"):
+            if key in ("effect", "as") or key.endswith("_ci95"):
                 continue
             if key not in known and key not in others:
                 names = ", ".join([*known, *others])
@@ -350,3 +373,21 @@ class Effect:
         """The effect on a channel in words, with sizes in the user's unit."""
         shown = {k: f"{v:.3g} {u}".rstrip() for k, (v, u) in self.row(unit).items()}
         return f"{channel} {self.sentence_template.format(**shown)}"
+
+
+@dataclass(frozen=True)
+class LinearProcess(Effect):
+    """An effect that is a linear stochastic system: its states are those of a filter."""
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The states of its own linear system."""
+        return LinearStates(self.form(place.drive))
+
+
+@dataclass(frozen=True)
+class AddsNothingAtRest(Effect):
+    """An effect that adds no linear system to a channel at rest."""
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """Nothing."""
+        return LinearSystem()

@@ -21,16 +21,44 @@ from kfgen.core.units import derived_unit, from_si, parse_quantity, parse_unit
 from kfgen.core.whole_file import write_text
 from kfgen.effects import Effect, effect_named
 from kfgen.effects.driven.proportional import is_plain
+from kfgen.effects.filter_role import KNOWN, STATE, Use
 
 FORMAT = "kfgen-noise-1"
 
 
+WHITE, SAMPLED = "white_noise", "sample_noise"
+"""White noise in a file; the effect that it is where ``sd`` gives its size."""
+SMALL_INTERVAL = 0.1
+"""Half the 95 % interval over the value up to which a filter takes a parameter for known, where the file does not say."""
+
+
 @dataclass(frozen=True)
 class Term:
-    """An effect with the 95 % intervals [SI] of its parameters, where they are known."""
+    """An effect with the 95 % intervals [SI] of its parameters, where they are known.
+
+    Parameters
+    ----------
+    effect : Effect
+        With its values [SI].
+    ci95 : mapping of str to (float, float)
+        By parameter.
+    chosen : str
+        ``known`` or ``state``: what the file says of it in a filter; empty where it does not say.
+    """
 
     effect: Effect
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    chosen: str = ""
+
+    @property
+    def use(self) -> Use:
+        """How a filter takes it: as the file says, else known where every interval is small against its value."""
+        sd = {n: (hi - lo) / 3.92 for n, (lo, hi) in self.ci95.items() if lo < hi}
+        if self.chosen:
+            return Use(self.chosen == KNOWN, sd)
+        wide = [n for n, s in sd.items() if 1.96 * s > SMALL_INTERVAL * abs(float(getattr(self.effect, n)))]
+        signed = set(self.effect.coefficients())
+        return Use(not signed & set(wide), sd)
 
 
 @dataclass(frozen=True)
@@ -185,7 +213,9 @@ def read_term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
     """An effect from its entry, for a channel in `unit`; raises `InputError`."""
     if not isinstance(entry.get("effect"), str):
         raise InputError("an entry does not name its effect", where=where)
-    cls = effect_named(entry["effect"], where=where)
+    cls = effect_named(
+        SAMPLED if entry["effect"] == WHITE and "sd" in entry else entry["effect"], where=where
+    )
     effect = cls.read(entry, unit, f"{where} {cls.name}")
     ci95 = {}
     for p in cls.parameters():
@@ -196,7 +226,14 @@ def read_term(entry: Mapping[str, Any], unit: str, where: str) -> Term:
                 for v in pair
             )
             ci95[p.name] = (lo, hi)
-    return Term(effect, ci95)
+    chosen = entry.get("as", "")
+    if chosen not in ("", KNOWN, STATE):
+        raise InputError(
+            f"as = {chosen!r} says nothing of {cls.name}",
+            where=where,
+            remedy=f'Write as = "{KNOWN}" (corrected by its value) or as = "{STATE}" (estimated)',
+        )
+    return Term(effect, ci95, chosen)
 
 
 def noise_text(noise: NoiseModel) -> str:
@@ -222,13 +259,15 @@ def write_noise(noise: NoiseModel, path: str | Path) -> None:
 
 def entry_text(term: Term, unit: str) -> str:
     """The inside of an effect's inline table."""
-    parts = [f"effect = {quoted(term.effect.name)}"]
+    parts = [f"effect = {quoted(WHITE if term.effect.name == SAMPLED else term.effect.name)}"]
     for p in term.effect.parameters():
         text = derived_unit(p.unit, unit)
         parts.append(f"{p.name} = {valued(getattr(term.effect, p.name), text)}")
         if p.name in term.ci95:
             lo, hi = (valued(v, text) for v in term.ci95[p.name])
             parts.append(f"{p.name}_ci95 = [{lo}, {hi}]")
+    if term.chosen:
+        parts.append(f"as = {quoted(term.chosen)}")
     return ", ".join(parts)
 
 

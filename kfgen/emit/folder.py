@@ -11,10 +11,12 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.core.result import Result, ShortTable
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.filter_file import FilterFile, filter_text
 from kfgen.model.library import build
 from kfgen.model.plant.equations import Equations
 from kfgen.model.plant.file import model_text
@@ -22,21 +24,82 @@ from kfgen.model.plant.file import model_text
 MANIFEST = "kfgen.json"
 NOISE = "noise.toml"
 MODEL = "model.toml"
+FILTER = "filter.toml"
 FORMAT = "kfgen-manifest-1"
 PYTHON_CACHE = "__pycache__"
 
 
-@dataclass(frozen=True)
-class Emitted:
-    """A rebuilt filter: its program, its target, where its files are."""
+@dataclass(frozen=True, repr=False)
+class EmittedFilter(Result):
+    """A filter as code.
+
+    Parameters
+    ----------
+    program : Program
+        Its routines.
+    target : str
+        The language, a key of `kfgen.emit.targets`.
+    folder : Path
+        Where its files are.
+    files : tuple of str
+        Their names.
+    """
 
     program: Program
     target: str
     folder: Path
+    files: tuple[str, ...] = ()
+
+    @property
+    def model_hash(self) -> str:
+        """SHA-256 of the filter's equations and numbers, as it stands in the files."""
+        return self.program.discrete.hash
+
+    def summary(self) -> list[str]:
+        """Where it is, its size, and its cost on a processor where that was counted."""
+        program = self.program
+        operations = ", ".join(f"{r.name} {r.operations}" for r in program.routines if r.operations)
+        return [
+            f"{program.discrete.model.name} as {self.target} in {self.folder}: {', '.join(self.files)}",
+            f"{program.n} states, hash {self.model_hash[:16]}; operations: {operations}",
+            *program.costs[:3],
+        ]
+
+    def short_table(self) -> ShortTable:
+        """Operations of each routine."""
+        rows = [[r.name, str(r.operations)] for r in self.program.routines if r.operations]
+        return ("routine", "operations"), rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """The model, the choices, the files and the operations of each routine."""
+        program = self.program
+        return {
+            "format": "kfgen-emit-1",
+            "kfgen": kfgen.__version__,
+            "model": program.discrete.model.name,
+            "target": self.target,
+            "model_hash": self.model_hash,
+            "form": program.form,
+            "real": program.real,
+            "loops": program.loops,
+            "files": list(self.files),
+            "operations": {r.name: r.operations for r in program.routines},
+        }
 
 
 def write_folder(program: Program, target: str, noise: NoiseModel | None, folder: str | Path) -> list[str]:
     """Write a filter's files, all or none; returns their names.
+
+    Parameters
+    ----------
+    program : Program
+        The filter and how it is written.
+    target : str
+        A key of `kfgen.emit.targets`.
+    noise : NoiseModel or None
+        What the filter was built with; goes into the folder, so that it can be built again.
+    folder : path-like
+        A new folder, an empty one, or one of an emitted filter, which is replaced.
 
     Raises
     ------
@@ -56,6 +119,8 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
     motion = discrete.model.motion
     if isinstance(motion, Equations):
         files[MODEL] = model_text(motion.user)
+    if isinstance(discrete.model.given, FilterFile):
+        files[FILTER] = filter_text(discrete.model.given)
     manifest = {
         "format": FORMAT,
         "kfgen": kfgen.__version__,
@@ -136,17 +201,18 @@ def _manifest(folder: Path) -> dict[str, Any]:
 
 
 def _model_of(folder: Path, manifest: dict[str, Any]) -> str:
-    return str(folder / MODEL if MODEL in manifest["files"] else manifest["model"])
+    own = [folder / name for name in (FILTER, MODEL) if name in manifest["files"]]
+    return str(own[0] if own else manifest["model"])
 
 
 def _options_of(folder: Path, manifest: dict[str, Any]) -> dict[str, str]:
-    options = manifest.get("options", {})
+    options = {} if FILTER in manifest["files"] else manifest.get("options", {})
     if not isinstance(options, dict) or not all(isinstance(v, str) for v in options.values()):
         raise InputError("its options are no table of texts", where=str(folder / MANIFEST))
     return options
 
 
-def read_folder(folder: str | Path) -> Emitted:
+def read_folder(folder: str | Path) -> EmittedFilter:
     """Rebuild the filter that a folder was emitted from.
 
     Raises
@@ -179,8 +245,9 @@ def read_folder(folder: str | Path) -> Emitted:
         )
     q_interval = float(manifest.get("q_interval", 0.0))
     options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
-    return Emitted(
+    return EmittedFilter(
         Program(discrete, str(options[0]), str(options[1]), options[2], q_interval),
         str(manifest.get("target")),
         folder,
+        tuple(manifest["files"]),
     )

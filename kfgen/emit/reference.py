@@ -1,6 +1,6 @@
 """The reference: the intermediate form run by numpy in a chosen precision, operation by operation.
 
-It interprets the same routines that the targets print, so a word that differs on a core is a
+It interprets the same routines that the targets print, so a value that differs on a core is a
 difference of printing, compiling or arithmetic, never of derivation.
 """
 

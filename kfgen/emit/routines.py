@@ -44,14 +44,16 @@ from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.targets.names import argument, check_names, identifier
-from kfgen.model.discretise import DT, DiscreteModel
-from kfgen.model.parts.motion import Constant
+from kfgen.emit.targets.words import driver_text
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
+from kfgen.model.register import DT
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
-HUGE = 1e30
+MAX_INPUT_SQUARE_SUM = 1e30
 """Squares of inputs add up to less, unless one is no number."""
-LONGEST_WAIT = 2000
+MAX_WAITING_PREDICTIONS = 2000
 """Predictions for which noise may wait: the proof plays twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
@@ -96,11 +98,11 @@ class Program:
                 where="--q-interval",
                 remedy="Give zero or more seconds, with --form ud",
             )
-        if self.q_interval * d.rate > LONGEST_WAIT:
+        if self.q_interval * d.rate > MAX_WAITING_PREDICTIONS:
             raise InputError(
                 f"noise that waits for {self.q_interval:g} s misses {self.q_interval * d.rate:.6g} predictions",
                 where="--q-interval",
-                remedy=f"Give {LONGEST_WAIT / d.rate:g} s or less, {LONGEST_WAIT} predictions",
+                remedy=f"Give {MAX_WAITING_PREDICTIONS / d.rate:g} s or less, {MAX_WAITING_PREDICTIONS} predictions",
             )
         if d.rate * d.max_step < 1.0:
             raise InputError(
@@ -184,7 +186,7 @@ class Program:
         """The drivers of effects that expressions need, as arguments."""
         symbols = {s.name for e in used for s in e.free_symbols}
         return tuple(
-            Argument(argument(d), 0, f"{d} [K]") for d in self.discrete.model.drivers if d in symbols
+            Argument(argument(d), 0, driver_text(d)) for d in self.discrete.model.drivers if d in symbols
         )
 
     def _inputs(self) -> tuple[Argument, ...]:
@@ -210,7 +212,15 @@ class Program:
         return transition(self.discrete, self.atoms)
 
     def normalised(self, values: list[Expr], lower: Lowering) -> list[Stmt]:
-        """Store the new state, its quaternion scaled to unit length."""
+        """Store the new state, its quaternion scaled to unit length.
+
+        Parameters
+        ----------
+        values : list of Expr
+            Of the stored state, in order.
+        lower : Lowering
+            Names the locals.
+        """
         quaternion = self.discrete.model.attitude.nominal_names if self.discrete.model.attitude else ()
         body: list[Stmt] = []
         locals_: list[Expr] = []
@@ -226,7 +236,8 @@ class Program:
             q = sp.symbols(f"__n0:{len(where)}")
             inner = Lowering({s.name: Ref(f"q{i}") for i, s in enumerate(q)})
             body += [Let(f"q{i}", locals_[k]) for i, k in enumerate(where)]
-            body.append(Let("q_scale", inner.expression(1 / sp.sqrt(sum(s * s for s in q)))))
+            (scale,), _ = inner.many([1 / sp.sqrt(sum(s * s for s in q))])
+            body.append(Let("q_scale", scale))
             for i, k in enumerate(where):
                 locals_[k] = mul(Ref(f"q{i}"), Ref("q_scale"))
         return [*body, *(Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i))]
@@ -238,7 +249,7 @@ class Program:
         noise = {key: q for key, q in noise.items() if key[0] not in self._slow}
         lower = self.lowering()
         flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
-        used = [*flat, *(self.atoms.free(e) for e in self.discrete.step)]
+        used = [*flat, *(self.atoms.of_corrected_inputs(e) for e in self.discrete.step)]
         body = self.atoms.make(lower, used)
         values, statements = lower.many(used)
         body += statements
@@ -275,7 +286,7 @@ class Program:
         if not given:
             return body
         squares = reduce(add, (mul(g, g) for g in given))
-        return (When(Compare("<=", squares, Num(HUGE)), body, (StatusFlag("BAD_INPUT"),)),)
+        return (When(Compare("<=", squares, Num(MAX_INPUT_SQUARE_SUM)), body, (StatusFlag("BAD_INPUT"),)),)
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one measurement of a sensor, scalar by scalar.

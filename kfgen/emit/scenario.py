@@ -1,4 +1,4 @@
-"""A run of the reference over a simulated motion: the calls, their inputs, the words after each."""
+"""A run of the reference over a simulated motion: the calls, their inputs, state and covariance after each."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
+from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.simulate import simulate
 
-STEPS = 500
+MIN_PREDICTIONS = 500
 """Predictions, or twice those for which noise waits where they are more."""
-EVERY = 4
+PREDICTIONS_PER_UPDATE = 4
 """One update of each sensor per so many predictions."""
 REFUSED = (27, 28, 59)
 """Predictions at which a step is impossible, or a sample so far off that the gate refuses it."""
@@ -40,17 +41,22 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
 
     Parameters
     ----------
+    program : Program
     most : int, optional
         The first so many calls only.
     """
-    discrete, steps = program.discrete, max(STEPS, 2 * program.settling)
+    discrete, steps = program.discrete, max(MIN_PREDICTIONS, 2 * program.settling)
     rng = np.random.default_rng(SEED)
-    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng)
+    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng, rates=at_every_sample(discrete))
     machine = Machine(program)
     machine.call("init")
     calls: list[RecordedCall] = []
     for k in range(steps):
-        due = program.routines[1:] if k % EVERY == EVERY - 1 else program.routines[1:2]
+        due = (
+            program.routines[1:]
+            if k % PREDICTIONS_PER_UPDATE == PREDICTIONS_PER_UPDATE - 1
+            else program.routines[1:2]
+        )
         for routine in due:
             inputs = _inputs(discrete, routine, log, k)
             if k in REFUSED:
@@ -86,7 +92,14 @@ def _refused(routine: Routine, inputs: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...] | float]:
-    """The inputs of a call by argument."""
+    """The inputs of a call by argument.
+
+    Parameters
+    ----------
+    routine : Routine
+    inputs : tuple of float
+        All its arguments in a row.
+    """
     out: list[tuple[float, ...] | float] = []
     at = 0
     for a in routine.arguments:

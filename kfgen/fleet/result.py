@@ -11,12 +11,13 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import finite
+from kfgen.core.result import Result
 from kfgen.core.units import display_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, write_noise
 from kfgen.fleet.answer import Estimated, LogAnswer, SensorNumber
 from kfgen.fleet.population import MIN_SENSORS_FOR_OUTLIER, OutlyingSensor, Population
-from kfgen.identify.identification import finite
 
 FALSE_ALARM_SHARE_OF_FLEETS = 0.01
 """Share of fleets without an outlier in which one is named, over all their numbers together."""
@@ -157,7 +158,7 @@ class EffectCount:
 
 
 @dataclass(frozen=True, repr=False)
-class FleetResult:
+class FleetResult(Result):
     """What was done, what failed, and what the sensors have in common.
 
     Parameters

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.core.numbers import finite
+from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, ParameterCovariance, Term, write_noise
@@ -23,11 +25,6 @@ from kfgen.identify.identify import Identified
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
-
-
-def finite(value: float) -> float | None:
-    """A number for JSON: infinities and not-a-number as null."""
-    return float(value) if np.isfinite(value) else None
 
 
 def expected_deviation(record: Evidence, effects: tuple[Effect, ...]) -> Array:
@@ -232,7 +229,7 @@ def _limit_data(limit: Limit, si: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(Result):
     """The noise of the channels of a log, or of several logs of one sensor that were fitted together.
 
     Parameters
@@ -281,5 +278,18 @@ class Identification:
         """Write the noise model as a noise file (TOML), whole or not at all."""
         write_noise(self.noise, path)
 
-    def __repr__(self) -> str:
-        return f"Identification({'; '.join(map(repr, self.channels.values()))})"
+    def summary(self) -> list[str]:
+        """The effects of the first channels."""
+        lines = [repr(c) for c in self.channels.values()]
+        return lines if len(lines) <= 5 else [*lines[:4], f"... and {len(lines) - 4} more channels"]
+
+    def short_table(self) -> ShortTable:
+        """The parameters with their intervals, in SI."""
+        rows = []
+        for name, channel in self.channels.items():
+            for effect in channel.effects:
+                for p, entry in effect.to_dict(channel.si)["parameters"].items():
+                    lo, hi = ("open" if v is None else f"{v:.3g}" for v in entry["ci95"])
+                    value = f"{entry['value']:.3g} {entry['unit']}"
+                    rows.append([name, f"{effect.name} {p}", value, f"{lo} to {hi}"])
+        return ("channel", "parameter", "value", "95 % interval"), rows

@@ -1,4 +1,4 @@
-"""`Log`: what a sensor recorded. Time and named channels with units, nothing of a file.
+"""`Log`: a recording in memory, time and named channels with units; `StoredLog`: one that stays in its file.
 
 A simulated and a measured log are the same type.
 """
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import parse_unit, to_si
 
 Array = NDArray[np.float64]
 
-CONTRADICTION = 0.02
-"""Relative difference of two statements of a rate that is no rounding."""
+RATE_RELATIVE_TOLERANCE = 0.02
+"""Relative difference above which two statements of a sampling rate contradict each other."""
 
 
 def _frozen(values: ArrayLike) -> Array:
@@ -36,7 +36,7 @@ class Channel:
     values : ndarray, shape (n,)
         In the coherent SI unit; NaN where nothing was recorded.
     unit : str
-        The unit in which the user gave it, in which he is answered.
+        The unit in which the user gave it, and in which results are shown.
     """
 
     values: Array
@@ -44,9 +44,25 @@ class Channel:
 
     @staticmethod
     def of(values: ArrayLike, unit: str) -> Channel:
-        """A channel from values in `unit` (converted to SI)."""
-        parsed = parse_unit(unit)
-        return Channel(_frozen(np.asarray(values, float) * parsed.factor + parsed.offset), unit)
+        """A channel from values in the user's unit, which are converted to SI.
+
+        Parameters
+        ----------
+        values : array_like, shape (n,)
+            In `unit`; NaN where nothing was recorded.
+        unit : str
+            As `kfgen.core.units.parse_unit` reads it.
+
+        Returns
+        -------
+        Channel
+
+        Raises
+        ------
+        InputError
+            `unit` is no unit.
+        """
+        return Channel(_frozen(to_si(np.asarray(values, float), unit)), unit)
 
     @property
     def si(self) -> str:
@@ -65,13 +81,18 @@ class Log:
     channels : mapping of str to Channel
         By the names of the interface: ``gyro_x``, ``accel_z``, ``temperature``, ``ref_q_w``, ...
     source : str
-        Where it came from, said in messages.
+        Where it came from: a file's name, for messages.
     sha256 : str
         Hash of the file, empty for simulated logs.
+    warnings : tuple of str
+        What its reader noticed.
     stated : float
-        How long its header says that it lasted [s], beside a rate; zero where it does not.
+        Duration that its header states beside a rate [s]; zero where it states none.
     axis : str
         ``t``, or ``tau`` for a published Allan deviation over averaging times.
+    samples : str
+        What a sample of an inertial sensor stands for: the interval ``after`` it, the one ``before`` it, or the
+        instant (``at``); empty where the log does not say.
 
     Raises
     ------
@@ -86,6 +107,7 @@ class Log:
     warnings: tuple[str, ...] = field(default=())
     axis: str = "t"
     stated: float = 0.0
+    samples: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))
@@ -109,7 +131,7 @@ class Log:
             raise InputError(
                 f"time is not a number at sample {bad[0] + 1}",
                 where=self.source,
-                remedy="Mend the file, or leave the time out and give --rate",
+                remedy="Correct the file, or leave the time out and give --rate",
             )
         back = np.flatnonzero(np.diff(self.t) <= 0.0)
         if back.size:
@@ -163,9 +185,21 @@ class Log:
                 f"channel {name} is not a number at sample {bad[0] + 1} (t = {self.t[bad[0]]:.6g} s)"
                 f", {bad.size} in all",
                 where=self.source,
-                remedy="Cut or mend these samples",
+                remedy="Cut or correct these samples",
             )
         return values
+
+    def unit_at(self, where: str) -> str:
+        """The unit of a channel, or of the first whose name begins with that of a sensor; empty where there is none.
+
+        Parameters
+        ----------
+        where : str
+            ``gyro_x``, or ``gyro``.
+        """
+        if where in self.channels:
+            return self.channels[where].unit
+        return next((c.unit for n, c in self.channels.items() if n.startswith(f"{where}_")), "")
 
     def uniform_dt(self) -> float:
         """The sampling period [s] of an evenly sampled log.
@@ -188,7 +222,17 @@ class Log:
         return float((self.t[-1] - self.t[0]) / steps.size)
 
     def cut(self, start: int, stop: int) -> Log:
-        """Samples `start` to `stop` (as a slice) as a log of its own."""
+        """A part of the log as a log of its own.
+
+        Parameters
+        ----------
+        start, stop : int
+            First sample, and the one after the last, as in a slice.
+
+        Returns
+        -------
+        Log
+        """
         part = {k: replace(c, values=_frozen(c.values[start:stop])) for k, c in self.channels.items()}
         return replace(self, t=self.t[start:stop], channels=part, stated=0.0)
 
@@ -222,9 +266,8 @@ class StoredChannel:
 
     def chunks(self) -> Iterator[Array]:
         """The values [SI], piece by piece."""
-        parsed = parse_unit(self.unit)
         for piece in self.pieces():
-            yield np.asarray(piece, dtype=np.float64) * parsed.factor + parsed.offset
+            yield to_si(np.asarray(piece, dtype=np.float64), self.unit)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""`Control`: the inputs that make a model's own rates what a manoeuvre says.
+"""`control`: the inputs (body rate, specific force) that make a model follow a manoeuvre.
 
 A manoeuvre gives the body rate and the rate of the velocity. Where the model's rates are ``J u + b`` of as many inputs,
-these follow from it, whatever the model counts in (Earth rate, Coriolis force, scale factors).
+these follow from it, whatever the model contains (Earth rate, Coriolis force, scale factors).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kfgen.model.symbols.blocks import Vector
 
 @dataclass(frozen=True)
 class Control:
-    """Equations ``rates of the targets = J u + b``.
+    """Equations ``rates of the targets = J u + b``, to be solved for the inputs ``u``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Manoeuvre files: TOML, ``format = "kfgen-manoeuvre-1"``, one table ``[[segment]]`` after the other.
+"""Reads manoeuvre files: TOML, ``format = "kfgen-manoeuvre-1"``, one table ``[[segment]]`` after the other.
 
 A value is a number [SI], a text with a unit (``"10 deg/s"``) or an expression of ``t`` and ``T`` (``"0.2*sin(t)"``),
 read by the grammar of model files: nothing is executed.
@@ -18,11 +18,19 @@ from kfgen.core.expression import Expression, read_expression
 from kfgen.core.toml_document import document_of, text_of
 from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.manoeuvre.library import LIBRARY
-from kfgen.manoeuvre.manoeuvre import NAMES, TIME, USUAL, Manoeuvre, Segment, Triple, of_time
+from kfgen.manoeuvre.manoeuvre import (
+    DEFAULT_LENGTH_S,
+    EXPRESSION_NAMES,
+    TIME,
+    Manoeuvre,
+    Segment,
+    Triple,
+    of_time,
+)
 
 FORMAT = "kfgen-manoeuvre-1"
-KEYS = ("duration", "start", "rate", "acceleration", "body_acceleration", "inputs")
-TOP = ("format", "name", "title", "velocity", "attitude", "segment")
+SEGMENT_KEYS = ("duration", "start", "rate", "acceleration", "body_acceleration", "inputs")
+TOP_KEYS = ("format", "name", "title", "velocity", "attitude", "segment")
 
 
 def manoeuvre(name: str) -> Manoeuvre:
@@ -45,7 +53,18 @@ def manoeuvre(name: str) -> Manoeuvre:
 
 
 def parse_manoeuvre(text: str, path: str) -> Manoeuvre:
-    """A manoeuvre from the text of its file; `path` is said in errors.
+    """A manoeuvre from the text of its file.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    path : str
+        The file's name, for error messages.
+
+    Returns
+    -------
+    Manoeuvre
 
     Raises
     ------
@@ -54,7 +73,7 @@ def parse_manoeuvre(text: str, path: str) -> Manoeuvre:
         positive, a value that is no expression or not finite.
     """
     document = document_of(text, path, FORMAT, "manoeuvre")
-    _keys(document, TOP, path)
+    _keys(document, TOP_KEYS, path)
     tables = document.get("segment", [])
     if not isinstance(tables, list) or not all(isinstance(s, dict) for s in tables):
         raise InputError("'segment' is no list of tables", where=path, remedy="Write [[segment]]")
@@ -73,7 +92,18 @@ def parse_manoeuvre(text: str, path: str) -> Manoeuvre:
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """``q_nb`` of roll, pitch and yaw [rad], scalar first, not normalised."""
+    """``q_nb`` of roll, pitch and yaw: body axes to navigation axes, turned about z, then y, then x.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float
+        Euler angles [rad].
+
+    Returns
+    -------
+    tuple of 4 float
+        Scalar first, of unit norm up to rounding.
+    """
     (cr, sr), (cp, sq), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
     return (
         cr * cp * cy + sr * sq * sy,
@@ -92,13 +122,13 @@ def _keys(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
 
 
 def _segment(table: Mapping[str, Any], where: str) -> Segment:
-    _keys(table, KEYS, where)
+    _keys(table, SEGMENT_KEYS, where)
     if "duration" not in table:
         raise InputError("it has no duration", where=where, remedy='Write duration = "20 s"')
     duration = value(table["duration"], "s", f"{where} duration")
     if TIME in duration.value.free_symbols:
         raise InputError("a duration cannot depend on t", where=f"{where} duration", remedy="Write it in T")
-    seconds = float(of_time(duration, USUAL))
+    seconds = float(of_time(duration, DEFAULT_LENGTH_S))
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise InputError(
             f"a duration of {seconds:g} s is none", where=f"{where} duration", remedy="Give a positive one"
@@ -119,14 +149,14 @@ def _follows(table: Mapping[str, Any], segments: list[Segment], where: str) -> N
     """A start, where one is given, must be the end of the segments before."""
     if "start" not in table:
         return
-    start = float(of_time(value(table["start"], "s", f"{where} start"), USUAL))
-    before = sum(s.lasts(USUAL) for s in segments[:-1])
+    start = float(of_time(value(table["start"], "s", f"{where} start"), DEFAULT_LENGTH_S))
+    before = sum(s.lasts(DEFAULT_LENGTH_S) for s in segments[:-1])
     if abs(start - before) > 1e-9 * max(1.0, before):
         what = "overlaps the segment before" if start < before else "leaves a gap to the segment before"
         raise InputError(
             f"it starts at {start:g} s and {what}, which ends at {before:g} s",
             where=where,
-            remedy="Leave start out, or mend the durations",
+            remedy="Leave start out, or correct the durations",
         )
 
 
@@ -148,14 +178,34 @@ def _numbers(entries: Any, unit: str, where: str) -> tuple[float, float, float]:
 
 
 def value(entry: Any, unit: str, where: str) -> Expression:
-    """A value of a file: a number [SI], a text with a unit, or an expression."""
+    """A value of a file: a number [SI], a text with a unit, or an expression.
+
+    Parameters
+    ----------
+    entry : float or str
+        As the file has it.
+    unit : str
+        The unit whose dimension is wanted; empty where the value is an expression in SI.
+    where : str
+        File, segment and key, for error messages.
+
+    Returns
+    -------
+    Expression
+        In SI.
+
+    Raises
+    ------
+    InputError
+        It is none of these, or not finite.
+    """
     if isinstance(entry, bool) or not isinstance(entry, int | float | str):
         raise InputError(f"expected a number or a text, found {entry!r}", where=where)
     text = str(entry)
     if not isinstance(entry, str) and not math.isfinite(entry):
         raise InputError(f"{text} is not finite", where=where)
     try:
-        return read_expression(text, NAMES, where)
+        return read_expression(text, EXPRESSION_NAMES, where)
     except InputError as formula:
         if not unit:
             raise

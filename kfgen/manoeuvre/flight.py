@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from kfgen.core.tape import Tape, tape
 from kfgen.effects.driven.proportional import driver_named
-from kfgen.manoeuvre.manoeuvre import SIGNALS, Manoeuvre
-from kfgen.manoeuvre.truth import MotionProfile, along, attitudes
+from kfgen.manoeuvre.manoeuvre import DEFAULT_LENGTH_S, INPUT_FORMULA_ORDER, Manoeuvre
+from kfgen.manoeuvre.truth import along
 from kfgen.model.filter import FilterModel
 
 Array = NDArray[np.float64]
@@ -26,19 +26,59 @@ def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
     if named is not None:
         return named
     rate, acceleration, _ = manoeuvre.values(t)
-    return np.asarray(np.hstack([rate, acceleration])[:, SIGNALS[k % len(SIGNALS)]])
+    return np.asarray(np.hstack([rate, acceleration])[:, INPUT_FORMULA_ORDER[k % len(INPUT_FORMULA_ORDER)]])
 
 
-def wanted(manoeuvre: Manoeuvre, t: Array) -> MotionProfile:
-    """A manoeuvre at times (n,), from its start at the origin."""
-    from scipy.spatial.transform import Rotation
+@dataclass(frozen=True)
+class ManoeuvreMotion:
+    """A manoeuvre as a motion from its start at the origin.
 
-    omega_b, a_l, a_b = manoeuvre.values(t)
-    R_lb = Rotation.from_quat(manoeuvre.attitude, scalar_first=True).as_matrix()
-    if a_b.any():
-        dt = float(t[1] - t[0]) if t.size > 1 else 1.0
-        a_l = a_l + np.einsum("kij,kj->ki", attitudes(R_lb, omega_b, dt), a_b)
-    return MotionProfile(t, omega_b, a_l, R_lb, np.array(manoeuvre.velocity))
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+    t : ndarray, shape (n,)
+        Even times at which it is wanted [s].
+    length : float
+        Its length, unless its segments say their own [s].
+    shaken : callable, optional
+        Acceleration in body axes (m, 3) [m/s^2] at times (m,), beside the manoeuvre's.
+    """
+
+    manoeuvre: Manoeuvre
+    t: Array
+    length: float
+    shaken: Callable[[Array], Array] | None = None
+
+    @property
+    def edges(self) -> Array:
+        """Where its segments begin and end [s]."""
+        return np.asarray(self.t[0] + self.manoeuvre.starts(self.length))
+
+    @property
+    def R_lb(self) -> Array:
+        """Attitude at the start, body to north-east-down, shape (3, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_quat(self.manoeuvre.attitude, scalar_first=True).as_matrix())
+
+    @property
+    def v_l(self) -> Array:
+        """Velocity at the start [m/s]."""
+        return np.asarray(self.manoeuvre.velocity, dtype=np.float64)
+
+    def rates(self, t: Array) -> tuple[Array, Array, Array]:
+        """Body rate, rate of velocity in north, east and down, and in body axes, at times (m,), each (m, 3)."""
+        omega, a_l, a_b = self.manoeuvre.values(t, self.length, float(self.t[0]))
+        return omega, a_l, a_b + self.shaken(t) if self.shaken else a_b
+
+
+def wanted(manoeuvre: Manoeuvre, t: Array) -> ManoeuvreMotion:
+    """A manoeuvre of the length of times (n,)."""
+    return ManoeuvreMotion(manoeuvre, t, float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S)
+
+
+AUDIT_STEP_S = 0.05
+"""Longest step of the motion where only its derivatives are looked at [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +108,8 @@ class Flight:
         """Every symbol of F, G, H and of the expected measurements by name, each of shape (n,)."""
         drive = {d: self.drive.get(d, driver_named(d).course(self.t)) for d in self.model.drivers}
         if self.model.attitude is not None:
-            return along(self.model, wanted(self.manoeuvre, self.t), self.start) | drive
+            motion = wanted(self.manoeuvre, self.t)
+            return along(self.model, motion, self.start, AUDIT_STEP_S) | drive
         values: dict[str, Any] = {c.name: c.value for c in self.model.constants}
         values |= {s.name: 0.0 for s in self.model.states} | drive
         for b in self.model.blocks:

@@ -1,4 +1,4 @@
-"""The library of manoeuvres, as data.
+"""The manoeuvres that simulation and audit know by name (static, s-turn, figure-8 ...), as data.
 
 Durations are shares of the whole length ``T``, so that a manoeuvre fills a log of any length. A new manoeuvre is one
 entry here, or a file of the user's.
@@ -9,20 +9,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kfgen.core.expression import read_expression
-from kfgen.manoeuvre.manoeuvre import NAMES, Manoeuvre, Segment, Triple
+from kfgen.manoeuvre.manoeuvre import EXPRESSION_NAMES, Manoeuvre, Segment, Triple
 
 Row = tuple[str, str, str]
-REST: Row = ("0", "0", "0")
+ZERO_ROW: Row = ("0", "0", "0")
 
 
 def _triple(row: Row) -> Triple:
-    x, y, z = (read_expression(text, NAMES, "library") for text in row)
+    x, y, z = (read_expression(text, EXPRESSION_NAMES, "library") for text in row)
     return x, y, z
 
 
-def _part(duration: str, rate: Row = REST, acceleration: Row = REST, body: Row = REST) -> Segment:
+def _part(duration: str, rate: Row = ZERO_ROW, acceleration: Row = ZERO_ROW, body: Row = ZERO_ROW) -> Segment:
     return Segment(
-        read_expression(duration, NAMES, "library"), _triple(rate), _triple(acceleration), _triple(body)
+        read_expression(duration, EXPRESSION_NAMES, "library"),
+        _triple(rate),
+        _triple(acceleration),
+        _triple(body),
     )
 
 
@@ -33,9 +36,9 @@ def _turns(*axes: Sequence[str]) -> tuple[Segment, ...]:
     return (still, *(s for axis in axes for s in (_part(share, (axis[0], axis[1], axis[2])), still)))
 
 
-_QUARTER = "11*pi/2/T"
-_CIRCLE = "4*pi/T"
-_ARC = "1.2"
+_QUARTER_TURN_RATE = "11*pi/2/T"
+_CIRCLE_RATE = "4*pi/T"
+_ARC_RAD = "1.2"
 
 _ENTRIES = (
     Manoeuvre("static", "at rest, level, heading north", (_part("T"),)),
@@ -55,10 +58,10 @@ _ENTRIES = (
         "six-position",
         "six rests, each axis up and down",
         _turns(
-            (_QUARTER, "0", "0"),
-            (_QUARTER, "0", "0"),
-            (_QUARTER, "0", "0"),
-            ("0", "0", _QUARTER),
+            (_QUARTER_TURN_RATE, "0", "0"),
+            (_QUARTER_TURN_RATE, "0", "0"),
+            (_QUARTER_TURN_RATE, "0", "0"),
+            ("0", "0", _QUARTER_TURN_RATE),
             ("0", "0", "11*pi/T"),
         ),
         usual=120.0,
@@ -84,8 +87,8 @@ _ENTRIES = (
         "s-turn",
         "level, at 10 m/s, a turn to the right and one to the left",
         (
-            _part("T/2", ("0", "0", f"2*{_ARC}/T"), body=("0", f"20*{_ARC}/T", "0")),
-            _part("T/2", ("0", "0", f"-2*{_ARC}/T"), body=("0", f"-20*{_ARC}/T", "0")),
+            _part("T/2", ("0", "0", f"2*{_ARC_RAD}/T"), body=("0", f"20*{_ARC_RAD}/T", "0")),
+            _part("T/2", ("0", "0", f"-2*{_ARC_RAD}/T"), body=("0", f"-20*{_ARC_RAD}/T", "0")),
         ),
         velocity=(10.0, 0.0, 0.0),
         usual=20.0,
@@ -94,8 +97,8 @@ _ENTRIES = (
         "figure-8",
         "level, at 10 m/s, a circle to the right and one to the left",
         (
-            _part("T/2", ("0", "0", _CIRCLE), body=("0", f"10*{_CIRCLE}", "0")),
-            _part("T/2", ("0", "0", f"-{_CIRCLE}"), body=("0", f"-10*{_CIRCLE}", "0")),
+            _part("T/2", ("0", "0", _CIRCLE_RATE), body=("0", f"10*{_CIRCLE_RATE}", "0")),
+            _part("T/2", ("0", "0", f"-{_CIRCLE_RATE}"), body=("0", f"-10*{_CIRCLE_RATE}", "0")),
         ),
         velocity=(10.0, 0.0, 0.0),
         usual=40.0,

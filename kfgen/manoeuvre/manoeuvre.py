@@ -1,4 +1,4 @@
-"""`Manoeuvre`: body rate and acceleration, piece by piece, as expressions of time.
+"""`Manoeuvre`: what a body does, as body rate and acceleration in segments, each an expression of time.
 
 An expression knows ``t``, the time since its segment began [s], ``T``, the length of the whole manoeuvre
 [s], ``g``, the standard gravity [m/s^2], and ``pi``. The same expressions give arrays of numbers to the simulation
@@ -24,17 +24,17 @@ from kfgen.core.units import STANDARD_GRAVITY
 Array = NDArray[np.float64]
 
 TIME, LENGTH = symbol("t"), symbol("T")
-KNOWN: Mapping[sp.Symbol, sp.Expr] = {
+CONSTANTS: Mapping[sp.Symbol, sp.Expr] = {
     symbol("g"): sp.Rational(repr(STANDARD_GRAVITY)),
     symbol("pi"): sp.Rational(repr(float(np.pi))),
 }
-NAMES = ("t", "T", "g", "pi")
+EXPRESSION_NAMES = ("t", "T", "g", "pi")
 """What an expression may use."""
-USUAL = 60.0
+DEFAULT_LENGTH_S = 60.0
 """Length of a manoeuvre that does not say its own [s]."""
 
 Triple = tuple[Expression, Expression, Expression]
-STILL: Triple = (Expression("0", sp.Integer(0)),) * 3
+ZERO_TRIPLE: Triple = (Expression("0", sp.Integer(0)),) * 3
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class Segment:
     """
 
     duration: Expression
-    rate: Triple = STILL
-    acceleration: Triple = STILL
-    body_acceleration: Triple = STILL
+    rate: Triple = ZERO_TRIPLE
+    acceleration: Triple = ZERO_TRIPLE
+    body_acceleration: Triple = ZERO_TRIPLE
     inputs: Mapping[str, Expression] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -73,9 +73,21 @@ class Segment:
 
 
 def of_time(e: Expression, length: float) -> sp.Expr:
-    """An expression in ``t`` alone; its numbers are the fractions that they are written as."""
+    """An expression of a manoeuvre in ``t`` alone, exact: its numbers are the fractions that they are written as.
+
+    Parameters
+    ----------
+    e : Expression
+        Of ``t``, ``T``, ``g`` and ``pi``.
+    length : float
+        Length ``T`` of the manoeuvre [s].
+
+    Returns
+    -------
+    sympy expression
+    """
     exact = {f: sp.Rational(repr(float(f))) for f in e.value.atoms(sp.Float)}
-    return e.value.xreplace(exact).xreplace({**KNOWN, LENGTH: sp.Rational(repr(float(length)))})
+    return e.value.xreplace(exact).xreplace({**CONSTANTS, LENGTH: sp.Rational(repr(float(length)))})
 
 
 @dataclass(frozen=True)
@@ -93,7 +105,7 @@ class Manoeuvre:
     usual : float
         Its length where its segments do not say their own [s].
     path : str
-        Said in errors.
+        The file's name, for error messages; empty for a library manoeuvre.
 
     Raises
     ------
@@ -106,7 +118,7 @@ class Manoeuvre:
     segments: tuple[Segment, ...]
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     attitude: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    usual: float = USUAL
+    usual: float = DEFAULT_LENGTH_S
     path: str = ""
 
     def __post_init__(self) -> None:
@@ -115,7 +127,7 @@ class Manoeuvre:
                 "the manoeuvre has no segment", where=self.path or self.name, remedy="Add a table [[segment]]"
             )
         for k, segment in enumerate(self.segments, 1):
-            seconds = segment.lasts(USUAL)
+            seconds = segment.lasts(DEFAULT_LENGTH_S)
             if not (np.isfinite(seconds) and seconds > 0.0):
                 raise InputError(
                     f"it lasts {seconds:g} s",
@@ -128,35 +140,65 @@ class Manoeuvre:
         """The length that it has by itself, or the usual one [s]."""
         if any(LENGTH in s.duration.value.free_symbols for s in self.segments):
             return self.usual
-        return sum(s.lasts(USUAL) for s in self.segments)
+        return sum(s.lasts(DEFAULT_LENGTH_S) for s in self.segments)
 
     def starts(self, length: float) -> Array:
         """When the segments begin [s], and when the last ends, shape (segments + 1,)."""
         return np.concatenate([[0.0], np.cumsum([s.lasts(length) for s in self.segments])])
 
-    def values(self, t: Array) -> tuple[Array, Array, Array]:
+    def values(
+        self, t: Array, length: float | None = None, start: float | None = None
+    ) -> tuple[Array, Array, Array]:
         """Body rate, acceleration and body acceleration at times (n,), each (n, 3).
 
-        The manoeuvre's length is that of the times, unless its segments say their own; after the last
-        segment the body keeps its attitude and its velocity.
+        After the last segment the body keeps its attitude and its velocity.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            [s].
+        length : float, optional
+            Of the manoeuvre [s], unless its segments say their own; that of the times where left out.
+        start : float, optional
+            When it begins [s]; the first of the times where left out.
         """
-        length = float(t[-1] - t[0]) if t.size > 1 else USUAL
-        rows = self._sampled(t, length, lambda s: s.formulas(length), 9)
+        length = length or (float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S)
+        since = t - (t[0] if start is None else start)
+        rows = self._sampled(since, length, lambda s: s.formulas(length), 9)
         return rows[:, :3], rows[:, 3:6], rows[:, 6:]
 
     def input(self, name: str, t: Array) -> Array | None:
-        """An input of a plant at times (n,) [SI]; None where no segment names it."""
+        """An input of a plant along the manoeuvre.
+
+        Parameters
+        ----------
+        name : str
+            The input.
+        t : ndarray, shape (n,)
+            Times [s]; the manoeuvre begins at the first.
+
+        Returns
+        -------
+        ndarray, shape (n,), or None
+            The input [SI]; None where no segment names it.
+
+        Raises
+        ------
+        InputError
+            A value that is not finite.
+        """
         if not any(name in s.inputs for s in self.segments):
             return None
-        length = float(t[-1] - t[0]) if t.size > 1 else USUAL
+        length = float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S
         zero = Expression("0", sp.Integer(0))
-        return self._sampled(t, length, lambda s: (of_time(s.inputs.get(name, zero), length),), 1)[:, 0]
+        return self._sampled(t - t[0], length, lambda s: (of_time(s.inputs.get(name, zero), length),), 1)[
+            :, 0
+        ]
 
     def _sampled(
-        self, t: Array, length: float, formulas: Callable[[Segment], Sequence[sp.Expr]], count: int
+        self, since: Array, length: float, formulas: Callable[[Segment], Sequence[sp.Expr]], count: int
     ) -> Array:
-        out = np.zeros((t.size, count))
-        since = t - t[0]
+        out = np.zeros((since.size, count))
         edges = self.starts(length)
         edges[-1] += 1e-9 * max(edges[-1], 1.0) if edges[-1] >= length * (1 - 1e-12) else 0.0
         for k, segment in enumerate(self.segments):
@@ -176,5 +218,5 @@ class Manoeuvre:
         return out
 
 
-SIGNALS = (3, 4, 5, 0, 1, 2)
+INPUT_FORMULA_ORDER = (3, 4, 5, 0, 1, 2)
 """Which of a manoeuvre's formulas drives a plant's first, second, ... input where no segment names it."""

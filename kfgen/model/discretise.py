@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,12 +26,10 @@ from kfgen.core.errors import InputError
 from kfgen.core.linear import taylor
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import Sensor
-from kfgen.model.register import Register
+from kfgen.model.register import DT, Register
 from kfgen.model.symbols.blocks import Attitude
 from kfgen.model.symbols.rotation import hamilton, small_quaternion
 
-DT = sp.Symbol("dt", positive=True)
-"""The step [s]."""
 EXHAUSTED = 2.0**-27
 """Relative remainder at which a series of an effect ends: below single precision."""
 LONGEST_SERIES = 24
@@ -80,13 +79,16 @@ class DiscreteModel:
     max_step : float
         The longest step [s] for which the effects' series are exhausted.
     rate : float
-        Sampling rate [Hz] of the sensors whose white noise is a density.
+        Sampling rate [Hz] of the inputs, and of the sensors that have none of their own.
+    rates : mapping of str to float
+        Of sensors by name [Hz], where theirs is another: white noise that is a density has its variance from it.
     """
 
     model: FilterModel
     order: int = 1
     max_step: float = 0.1
     rate: float = 100.0
+    rates: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not (self.rate > 0 and math.isfinite(self.rate)):
@@ -104,7 +106,11 @@ class DiscreteModel:
 
     @staticmethod
     def at_rate(
-        model: FilterModel, rate: float, order: int = 1, max_step: float | None = None
+        model: FilterModel,
+        rate: float,
+        order: int = 1,
+        max_step: float | None = None,
+        rates: Mapping[str, float] | None = None,
     ) -> DiscreteModel:
         """With the longest step that the fastest of the effects allows, a tenth of a second at most.
 
@@ -112,13 +118,15 @@ class DiscreteModel:
         ----------
         max_step : float, optional
             The longest step [s], where it is given.
+        rates : mapping of str to float, optional
+            Of sensors by name [Hz], where theirs is another.
         """
         if max_step is None:
             A, _ = model.effect_dynamics
-            rates = np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))) if A.rows else np.zeros(0)
-            fastest = max(float(rates.max(initial=0.0)), 1e-300)
+            poles = np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))) if A.rows else np.zeros(0)
+            fastest = max(float(poles.max(initial=0.0)), 1e-300)
             max_step = min(LONGEST_STEP, max(1.0 / fastest, 1.05 / rate if rate > 0.0 else 0.0))
-        return DiscreteModel(model, order, max_step, rate)
+        return DiscreteModel(model, order, max_step, rate, rates or {})
 
     @cached_property
     def _matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
@@ -130,6 +138,8 @@ class DiscreteModel:
             E = sp.eye(model.F.rows) + model.F * DT
             Qd = (density + E * density * E.T) * DT / 2
         self._wander(Phi, Qd)
+        if self.order == 1:
+            Phi = Phi.applyfunc(lambda e: self._forces_halfway.get(e, e))
         if self._acting:
             Phi, Qd = Phi.xreplace(self._acting), Qd.xreplace(self._acting)
         A, W = model.effect_dynamics
@@ -188,7 +198,11 @@ class DiscreteModel:
         """What is kept beside the state: samples of late inputs, where plays stand."""
         model = self.model
         lines = [m for line in model.motion.late for m in line.memories(self.rate)]
-        return (*lines, *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play))
+        return (
+            *lines,
+            *model.registers,
+            *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play),
+        )
 
     def expected(self, sensor: Sensor) -> sp.Matrix:
         """The expected measurement, plays and the effects of its channels in it, shape (m, 1)."""
@@ -220,19 +234,21 @@ class DiscreteModel:
     @cached_property
     def hash(self) -> str:
         """SHA-256 over the model and the options of its step (hexadecimal)."""
-        options = f"{self.order} {self.max_step!r} {self.rate!r}"
+        rates = "".join(f" {n} {r!r}" for n, r in sorted(self.rates.items()) if r != self.rate)
+        options = f"{self.order} {self.max_step!r} {self.rate!r}{rates}"
         return hashlib.sha256(f"{self.model.hash} {options}".encode()).hexdigest()
 
     @cached_property
     def step(self) -> tuple[sp.Expr, ...]:
         """The stored state after a step, in the order of `nominal_names`; quaternions not normalised.
 
-        Vectors to second order in `dt`, attitudes by the quaternion of the step's rotation vector,
-        effects and what noise alone moves by their own transition.
+        Vectors to second order in `dt`, attitudes by the quaternion of the step's rotation vector, effects and what
+        noise alone moves by their own transition. A vector of the body that moves another one (a specific force) acts
+        in the axes of the middle of the step: ``v + dt R (u + dt/2 omega x u)``, the second-order term of the attitude.
         """
         rates = self.model.rates(False)
         vectors = {
-            s: r
+            s: self._halfway(r, rates)
             for b in self.model.blocks
             if not isinstance(b, Attitude)
             for s, r in zip(b.nominal, rates[b.name])
@@ -250,12 +266,47 @@ class DiscreteModel:
                 continue
             for s, r in zip(b.nominal, rates[b.name]):
                 second = sum((_slope(r, other) * rate for other, rate in vectors.items()), sp.Integer(0))
-                out.append(s + r * DT + second * DT**2 / 2)
+                out.append(s + vectors[s] * DT + second * DT**2 / 2)
         first = len(self.model.states) - self.model.effect_dynamics[0].rows
         effects = sp.Matrix([s.symbol for s in self.model.states[first:]])
         kept = [m.after for m in self.memories]
         moved = [e.xreplace(self._acting) for e in out] if self._acting else out
         return (*moved, *(self.Phi[first:, first:] * effects if effects.rows else ()), *kept)
+
+    @cached_property
+    def _forces_halfway(self) -> dict[sp.Expr, sp.Expr]:
+        """What a vector of the body does over a step, as F has it: the same with the attitude of the middle of the step.
+
+        Where the transition has it as well, it is computed once, and is the mean of the step there too.
+        """
+        attitude = self.model.attitude
+        if attitude is None:
+            return {}
+        rates, away = self.model.rates(False), dict.fromkeys(attitude.nominal, sp.Integer(0))
+        vectors = [r for b in self.model.blocks if not isinstance(b, Attitude) for r in rates[b.name]]
+        forces = [r - r.xreplace(away) for r in vectors]
+        return {
+            DT * sp.expand(sign * f): sign * DT * self._halfway(f, rates)
+            for f in forces
+            if f != 0
+            for sign in (1, -1)
+        }
+
+    def _halfway(self, rate: sp.Expr, rates: Mapping[str, sp.Matrix]) -> sp.Expr:
+        """A rate with the attitude turned by half a step: ``R' = R [omega x]`` times ``dt / 2`` in place of R.
+
+        What multiplies a row of R is a vector u of the body: it becomes ``u + dt/2 omega x u``.
+        """
+        attitude = self.model.attitude
+        if attitude is None or not rate.free_symbols & set(attitude.nominal):
+            return rate
+        omega, out = rates[attitude.name], rate
+        for i in range(3):
+            row = attitude.nominal.row(i)
+            u = sp.Matrix([_slope(rate, r) for r in row])
+            for r, old, turned in zip(row, u, omega.cross(u)):
+                out += (old + turned * DT / 2) * r - old * r
+        return out
 
     @property
     def nominal_names(self) -> tuple[str, ...]:
@@ -268,7 +319,8 @@ class DiscreteModel:
     @property
     def start(self) -> tuple[float, ...]:
         """The stored state before alignment."""
-        blocks = tuple(v for b in self.model.blocks for v in b.start)
+        declared = [(n, v) for b in self.model.blocks for n, v in zip(b.nominal_names, b.start)]
+        blocks = tuple(self.model.initial[n].value if n in self.model.initial else v for n, v in declared)
         first = sum(len(b.error_names) for b in self.model.blocks)
         effects = tuple(s.start for s in self.model.states[first:])
         return blocks + effects + tuple(0.0 for _ in self.memories)
@@ -279,12 +331,19 @@ class DiscreteModel:
         Quantisation of the integral counts by the variance of its differences.
         """
         white, steps = self.model.white(channel)
-        own = float(white) * self.rate + 2.0 * float(steps) * self.rate**2
-        return own if own > 0.0 else sensor.sd**2
+        rate = self.rate_of(sensor)
+        own = float(white) * rate + 2.0 * float(steps) * rate**2
+        factor, extra = self.model.noise_change(channel)
+        usual = 0.0 if self.model.is_sampled(channel) else float(factor) * sensor.sd**2
+        return (own if own > 0.0 else usual) + float(extra)
 
     def measurement_variance(self, sensor: Sensor, channel: str) -> float:
         """``R`` of one sample [SI^2]: its white noise and what the model leaves out."""
-        return self.sample_variance(sensor, channel) + sensor.left_out**2 * self.rate
+        return self.sample_variance(sensor, channel) + sensor.left_out**2 * self.rate_of(sensor)
+
+    def rate_of(self, sensor: Sensor) -> float:
+        """How often a sensor has a sample [Hz]."""
+        return self.rates.get(sensor.name, self.rate)
 
 
 def _slope(e: sp.Expr, x: sp.Symbol) -> sp.Expr:

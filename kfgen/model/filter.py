@@ -15,7 +15,6 @@ References
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,16 +24,26 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
-from kfgen.model.attach import Attached, Attachment, StateInfo
-from kfgen.model.parts.motion import Constant, MotionModel
+from kfgen.effects.filter_role import Use
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.model.attach import Attached, Attachment, Omission, StateInfo
+from kfgen.model.filter_checks import check_channels, check_needs, content_hash, described
+from kfgen.model.filter_effects import FilterEffects
+from kfgen.model.filter_file import HEADING, FilterFile, Initial
+from kfgen.model.noise_driven import closed_under_noise, densities
+from kfgen.model.parts.attached_error import AttachedError, acts_on
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import MotionModel
+from kfgen.model.parts.reading import reading, undone
 from kfgen.model.parts.sensors import Sensor
+from kfgen.model.register import Register
 from kfgen.model.symbols.blocks import Attitude, Block, Vector
 from kfgen.model.symbols.convention import Convention
 from kfgen.model.symbols.error_state import ErrorState, Variation, slopes
 from kfgen.model.symbols.expanded import expanded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterModel:
     """A filter in symbols.
 
@@ -44,17 +53,26 @@ class FilterModel:
     motion : Motion
     sensors : tuple of Sensor
     noise : mapping of str to tuple of Effect
-        The effects of each channel, in SI.
+        The effects of each channel, or of a sensor whose channels share them, in SI.
     units : mapping of str to str
         The user's units of the channels, in which he is answered.
     options : mapping of str to str
         What was chosen of the library model's options, as text.
+    uses : mapping of str to tuple of Use
+        How the effects of `noise` are taken, in their order: known where it says nothing.
+    initial : mapping of str to Initial
+        What is believed before the first measurement, by the name of a stored state, or ``heading``.
+    unchecked : tuple of Omission
+        What else its file says that is not in the filter.
+    ideal : bool
+        Without the errors of its readings.
+    given : NoiseModel or FilterFile, optional
+        What it was built from, which goes beside its code.
 
     Raises
     ------
     InputError
-        Effects of a channel that there is not, a sensor that the motion cannot serve, or a state that could never
-        move from its start.
+        Effects of a channel that there is not, or a sensor that the motion cannot serve.
     """
 
     name: str
@@ -64,21 +82,41 @@ class FilterModel:
     noise: Mapping[str, tuple[Effect, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, str] = field(default_factory=dict)
+    uses: Mapping[str, tuple[Use, ...]] = field(default_factory=dict)
+    initial: Mapping[str, Initial] = field(default_factory=dict)
+    unchecked: tuple[Omission, ...] = ()
+    ideal: bool = False
+    given: NoiseModel | FilterFile | None = field(default=None, compare=False)
+
+    __repr__ = described
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "noise", MappingProxyType(dict(self.noise)))
-        self._check_channels()
-        self._check_needs()
-        unknown = [c for c in self.noise if c not in self.channel_units]
-        if unknown:
-            raise InputError(
-                f"{self.name} has no channel '{unknown[0]}'", remedy=f"It has {', '.join(self.channel_units)}"
-            )
+        object.__setattr__(self, "uses", MappingProxyType(dict(self.uses)))
+        check_channels(self)
+        if any(s.needs for s in self.sensors):
+            check_needs(self, {b.name for b in self.blocks} | set(self._offers))
 
-    def augment(self, channel: str, effect: Effect) -> FilterModel:
-        """The same model with one more effect on a channel."""
-        effects = (*self.noise.get(channel, ()), effect)
-        return replace(self, noise={**self.noise, channel: effects})
+    def augment(self, where: str, effect: Effect, use: Use | None = None) -> FilterModel:
+        """The same model with one more effect.
+
+        Parameters
+        ----------
+        where : str
+            A channel, or a sensor whose channels share it.
+        effect : Effect
+            With its values [SI].
+        use : Use, optional
+            Known, or a state; known where left out.
+        """
+        effects, uses = self.noise.get(where, ()), self.uses_at(where)
+        noise = {**self.noise, where: (*effects, effect)}
+        return replace(self, noise=noise, uses={**self.uses, where: (*uses, use or Use())})
+
+    def uses_at(self, where: str) -> tuple[Use, ...]:
+        """How each effect of a place is taken."""
+        given = self.uses.get(where, ())
+        return given + (Use(),) * (len(self.noise.get(where, ())) - len(given))
 
     @cached_property
     def channel_units(self) -> dict[str, str]:
@@ -86,78 +124,81 @@ class FilterModel:
         units = {c: i.unit for i in self.motion.inputs for c in i.channels}
         return units | {c: s.unit for s in self.sensors for c in s.channels}
 
-    def _check_channels(self) -> None:
-        """No two parts read one channel."""
-        readers: dict[str, str] = {}
-        parts = [
-            *((f"the input {i.name}", i.channels) for i in self.motion.inputs),
-            *((f"the sensor {s.name}", s.channels) for s in self.sensors),
-        ]
-        for name, channels in parts:
-            for c in channels:
-                if readers.setdefault(c, name) != name:
-                    raise InputError(
-                        f"{readers[c]} and {name} of {self.name} both read the channel {c}",
-                        where=self.name,
-                        remedy=f"Leave out {name}",
-                    )
+    def channels_of(self, where: str) -> tuple[str, ...]:
+        """The channels of a place: of a sensor all of its own."""
+        return tuple(c for c in self.channel_units if acts_on(where, c))
 
-    def _check_needs(self) -> None:
-        """Every sensor's needs are met by the motion's blocks, by what it offers, or by the sensor itself."""
-        if not any(s.needs for s in self.sensors):
-            return
-        offered = {b.name for b in self.blocks} | set(self._offers)
-        for s in self.sensors:
-            missing = [n for n in s.needs if n not in offered]
-            if missing:
-                raise InputError(
-                    f"the sensor {s.name} needs {', '.join(missing)}, which {self.name} does not have",
-                    where=self.name,
-                    remedy=f"Leave it out, or take a model with it; {self.name} offers {', '.join(sorted(offered))}",
-                )
+    @cached_property
+    def input_channels(self) -> tuple[str, ...]:
+        """The channels that drive the motion."""
+        return tuple(c for i in self.motion.inputs for c in i.channels)
+
+    @cached_property
+    def _effects(self) -> FilterEffects:
+        """What the effects of channels are in this filter."""
+        uses = {where: self.uses_at(where) for where in self.noise}
+        parts = self.name, self.motion, self.sensors, self.noise
+        return FilterEffects(*parts, uses, self.channel_units, self.ideal)
+
+    @property
+    def omitted(self) -> tuple[Omission, ...]:
+        """The effects that this filter is built without, each with why and what to do instead."""
+        return (*self.unchecked, *self._effects.omitted)
+
+    @property
+    def errors(self) -> tuple[AttachedError, ...]:
+        """The changes of readings: of the motion's options, of the sensors', of the effects of channels."""
+        return self._effects.errors
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks of the motion, then the unknown constants of the sensors, each once."""
-        unknown = {b.name: b for s in self.sensors for b in s.blocks}
-        return (*self.motion.blocks, *unknown.values())
+        """The blocks of the motion, what its inputs' errors do not know, then the same of the sensors, each once."""
+        return self._effects.blocks
 
     @cached_property
     def constants(self) -> tuple[Constant, ...]:
-        """Every constant of the motion and of the sensors, once."""
+        """Every constant of the motion, of the sensors and of known effects, once."""
         declared = [*self.motion.constants, *(c for s in self.sensors for c in s.constants)]
+        declared += [c for e in self.errors for c in e.constants]
+        declared += [o.constant for o in self._attachment.outputs]
         return tuple({c.name: c for c in declared}.values())
 
-    @cached_property
+    @property
     def drivers(self) -> tuple[str, ...]:
         """Channels that drive effects, ``temperature`` for example."""
-        return tuple(dict.fromkeys(e.driver for es in self.noise.values() for e in es if e.driver))
+        return self._effects.drivers
 
     @cached_property
-    def _attachment(self) -> tuple[tuple[StateInfo, ...], tuple[Attached, ...]]:
-        """The effects' states (after the blocks') and which effect has which."""
-        letters = {c: f"{i.bias}_{c[-1]}" for i in self.motion.inputs for c in i.channels if not i.scalar}
-        drive = {d: sp.Symbol(d, real=True) for d in self.drivers}
-        attachment = Attachment(letters, drive, sum(len(b.error_names) for b in self.blocks))
-        for channel, unit in self.channel_units.items():
-            for effect in self.noise.get(channel, ()):
-                attachment.add(channel, unit, effect)
-        return tuple(attachment.states), tuple(attachment.effects)
+    def _attachment(self) -> Attachment:
+        """The effects' states (after the blocks'), which effect has which, known outputs and changes of noise."""
+        return self._effects.attachment(sum(len(b.error_names) for b in self.blocks))
+
+    @property
+    def registers(self) -> tuple[Register, ...]:
+        """Numbers of the past of drivers that are kept beside the state."""
+        return tuple(self._attachment.registers)
 
     @cached_property
     def states(self) -> tuple[StateInfo, ...]:
         """The error states in order: blocks first, then the effects' by channel."""
         blocks = tuple(
-            StateInfo(n, b.unit, f"{b.title} {n.rsplit('_', 1)[-1]}", b.prior)
+            StateInfo(n, b.unit, f"{b.title} {n.rsplit('_', 1)[-1]}", sd)
             for b in self.blocks
-            for n in b.error_names
+            for n, sd in zip(b.error_names, b.deviations)
         )
-        return blocks + self._attachment[0]
+        return tuple(self._known_better(s) for s in blocks + tuple(self._attachment.states))
+
+    def _known_better(self, state: StateInfo) -> StateInfo:
+        """A state with what is believed of it before the first measurement; the heading is the turn about down."""
+        turn = self.attitude.error_names[2] if self.attitude is not None else ""
+        found = self.initial.get(HEADING if state.name == turn else state.name)
+        sd = found.sd if found is not None else 0.0
+        return replace(state, prior=sd or state.prior)
 
     @property
     def attached(self) -> tuple[Attached, ...]:
         """The effects of all channels in order."""
-        return self._attachment[1]
+        return tuple(self._attachment.effects)
 
     @cached_property
     def attitude(self) -> Attitude | None:
@@ -172,7 +213,7 @@ class FilterModel:
                 if a.channel == channel and new:
                     info = self.states[k]
                     total += sp.sympify(c, strict=True) * (info.symbol + (info.error if perturbed else 0))
-        return total
+        return total + sum(o.expression for o in self._attachment.outputs if o.channel == channel)
 
     @cached_property
     def error(self) -> ErrorState:
@@ -188,14 +229,20 @@ class FilterModel:
         return self.error.truth if perturbed else self.error.estimate
 
     def inputs(self, perturbed: bool) -> dict[str, sp.Matrix]:
-        """The true (or estimated) value of each input triad in symbols."""
+        """The true (or estimated) value of each input triad in symbols: what it shows less all that is wrong with it."""
         shown = {
-            i.name: sp.Matrix([self.freed(c, perturbed) for c in i.channels]) for i in self.motion.inputs
+            i.name: sp.Matrix([self.corrected_input(c, perturbed) for c in i.channels])
+            for i in self.motion.inputs
         }
-        return dict(self.motion.true_inputs(self._view(perturbed), shown))
+        true: dict[str, sp.Matrix] = {}
+        for i in sorted(self.motion.inputs, key=lambda i: i.name != "accel"):  # forces act on gyros
+            true[i.name] = undone(
+                i.channels, shown[i.name], self.errors, self.motion, self._view(perturbed), true.get("accel")
+            )
+        return true
 
-    def freed(self, channel: str, perturbed: bool) -> sp.Expr:
-        """What an input shows without its effects, of the estimate or of the truth."""
+    def corrected_input(self, channel: str, perturbed: bool) -> sp.Expr:
+        """What an input shows without its biases and driven effects, of the estimate or of the truth."""
         noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
         return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
 
@@ -221,15 +268,19 @@ class FilterModel:
         return view | (self.motion.offers(view, self.rates(True)) if perturbed else self._offers)
 
     def clean(self, sensor: Sensor) -> sp.Matrix:
-        """The expected measurement of the estimate without effects, shape (m, 1)."""
+        """The expected measurement of the estimate without any effect, shape (m, 1)."""
         return sensor.predict(self._seen(False))
+
+    def read(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
+        """The expected measurement with the errors of its reading, shape (m, 1): offset, then late, then distorted."""
+        return reading(sensor, self._seen(perturbed), self.errors, self.motion)
 
     @cached_property
     def noise_symbols(self) -> tuple[sp.Symbol, ...]:
         """White noises that drive the error: of the inputs, of the blocks, then of the effects' states."""
         inputs = [sp.Symbol(f"n_{c}", real=True) for i in self.motion.inputs for c in i.channels]
         driven = [sp.Symbol(f"w_{n}", real=True) for b in self.driven for n in b.error_names]
-        return (*inputs, *driven, *(sp.Symbol(f"w_{s.name}", real=True) for s in self._attachment[0]))
+        return (*inputs, *driven, *(sp.Symbol(f"w_{s.name}", real=True) for s in self._attachment.states))
 
     @cached_property
     def driven(self) -> tuple[Vector, ...]:
@@ -239,18 +290,11 @@ class FilterModel:
     @cached_property
     def noise_driven_blocks(self) -> tuple[tuple[Vector, ...], sp.Matrix, sp.Matrix]:
         """Blocks that white noise moves and nothing else: dynamics A and driving density W of their components."""
-        if not self.driven:
-            return (), sp.zeros(0, 0), sp.zeros(0, 0)
-        rates = self.rates(False)
-        own = [b for b in self.blocks if isinstance(b, Vector) and (b.driven or any(rates[b.name]))]
-        x = sp.Matrix([s for b in own for s in b.nominal])
-        while closed := [b for b in own if _linear(rates[b.name], x)]:
-            if len(closed) == len(own):
-                break
-            own, x = closed, sp.Matrix([s for b in closed for s in b.nominal])
-        A = sp.Matrix.vstack(*(rates[b.name].jacobian(x) for b in closed)) if closed else sp.zeros(0, 0)
-        W = sp.diag(*(sp.Float(b.driven) ** 2 for b in closed for _ in b.error_names))
-        return tuple(closed), A, W
+        return (
+            closed_under_noise(self.blocks, self.driven, self.rates(False))
+            if self.driven
+            else ((), sp.zeros(0, 0), sp.zeros(0, 0))
+        )
 
     @cached_property
     def _variation(self) -> Variation:
@@ -282,14 +326,14 @@ class FilterModel:
     @cached_property
     def corrected(self) -> tuple[sp.Expr, ...]:
         """The stored state with the error put in, in order; quaternions not normalised."""
-        effects = self.states[len(self.states) - len(self._attachment[0]) :]
+        effects = self.states[len(self.states) - len(self._attachment.states) :]
         return (*self.error.corrected, *(s.symbol + s.error for s in effects))
 
     @cached_property
     def effect_dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
         """Dynamics A and driving density W of the effects' states, shape (m, m)."""
         n0 = sum(len(b.error_names) for b in self.blocks)
-        m = len(self._attachment[0])
+        m = len(self._attachment.states)
         A, W = sp.zeros(m, m), sp.zeros(m, m)
         for a in self.attached:
             for i, k in enumerate(a.states):
@@ -301,10 +345,20 @@ class FilterModel:
     def white(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
         """White noise of a channel: density [U^2/Hz], and variance of the steps of its integral."""
         forms = [a.form for a in self.attached if a.channel == channel]
+        factor = self.noise_change(channel)[0]
         return (
-            sum((sp.sympify(f.V, strict=True) for f in forms), sp.Integer(0)),
+            factor * sum((sp.sympify(f.V, strict=True) for f in forms), sp.Integer(0)),
             sum((sp.sympify(f.Z, strict=True) for f in forms), sp.Integer(0)),
         )
+
+    def is_sampled(self, channel: str) -> bool:
+        """Whether the white noise of a channel is said by the standard deviation of its samples."""
+        return channel in self._attachment.sampled
+
+    def noise_change(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
+        """Factor on the variance of a channel's white noise, and variance that each sample has beside it [SI^2]."""
+        found = self._attachment
+        return found.factors.get(channel, sp.Integer(1)), found.extra.get(channel, sp.Integer(0))
 
     @cached_property
     def F(self) -> sp.Matrix:
@@ -319,13 +373,11 @@ class FilterModel:
     @cached_property
     def W(self) -> sp.Matrix:
         """Densities of `noise_symbols`, shape (q, q)."""
-        inputs = [self.white(c)[0] + i.left_out**2 for i in self.motion.inputs for c in i.channels]
-        driven = [sp.Float(b.driven) ** 2 for b in self.driven for _ in b.error_names]
-        return sp.diag(*inputs, *driven, self.effect_dynamics[1]) if self.noise_symbols else sp.zeros(0, 0)
+        return densities(self, self._attachment.shared) if self.noise_symbols else sp.zeros(0, 0)
 
     def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
         """The expected measurement with the effects of its channels, shape (m, 1)."""
-        h = sensor.predict(self._seen(perturbed))
+        h = self.read(sensor, perturbed=perturbed)
         return h + sp.Matrix([self._shown(c, perturbed) for c in sensor.channels])
 
     def H(self, sensor: Sensor) -> sp.Matrix:
@@ -345,24 +397,4 @@ class FilterModel:
     @cached_property
     def hash(self) -> str:
         """SHA-256 over the content: equations, numbers, order of states (hexadecimal)."""
-        parts = [
-            self.name,
-            *(repr(s) for s in self.states),
-            sp.srepr(self.F),
-            sp.srepr(self.G),
-            sp.srepr(self.W),
-            *(repr(c) for c in self.constants),
-        ]
-        parts += [
-            f"{s.name} {s.sd!r} {s.left_out!r} {sp.srepr(self.expected(s))} {[sp.srepr(sp.Tuple(*self.white(c))) for c in s.channels]}"
-            for s in self.sensors
-        ]
-        parts += [repr(line) for line in self.motion.late]
-        parts += [f"{s.play.channel} {sp.srepr(sp.sympify(s.play.width))}" for s in self.sensors if s.play]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def _linear(rate: sp.Matrix, x: sp.Matrix) -> bool:
-    """Whether a rate is `x` times numbers and nothing else."""
-    J = rate.jacobian(x)
-    return not J.free_symbols and (rate - J * x).expand().is_zero_matrix is True
+        return content_hash(self)

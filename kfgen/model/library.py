@@ -11,9 +11,12 @@ from dataclasses import dataclass, field, replace
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects import Effect, make
-from kfgen.effects.noise_model import NoiseModel, canonical
+from kfgen.effects.noise_model import NoiseModel, Term, canonical
+from kfgen.model.attach import Omission
 from kfgen.model.filter import FilterModel
+from kfgen.model.filter_file import HEADING, FilterFile, is_filter_file, read_filter
 from kfgen.model.option import NOTHING, Choice, Names, Option, YesNo, read_options
+from kfgen.model.parts.attached_error import acts_on
 from kfgen.model.parts.earth_fixed import FRAMES
 from kfgen.model.parts.hemerly import hemerly
 from kfgen.model.parts.motion import GYRO, AtRestMotion, MotionModel, Rotating
@@ -100,31 +103,45 @@ class Moving(Entry):
         motion_type, aiding = self._parts(texts)
         motion = motion_type(chosen)
         used = tuple(s(chosen, motion.axes) for s in aiding)
-        effects = _effects(motion, used, noise, chosen[BIASES.name])
-        model = FilterModel(name, self.title, motion, used, effects, options=dict(texts))
+        terms = _terms(motion, used, noise, chosen[BIASES.name])
+        model = FilterModel(
+            name,
+            self.title,
+            motion,
+            used,
+            {c: tuple(t.effect for t in ts) for c, ts in terms.items()},
+            options=dict(texts),
+            uses={c: tuple(t.use for t in ts) for c, ts in terms.items()},
+        )
         _check_units(model, noise)
         _check_start(model)
         return model
 
 
-def _effects(
+def _terms(
     motion: MotionModel, aiding: tuple[Sensor, ...], noise: NoiseModel | None, biases: bool
-) -> dict[str, tuple[Effect, ...]]:
-    """The noise file's effects, white noise on inputs that it does not know, and a constant bias where it has none."""
-    known = {c: found.effects for c, found in (noise.channels if noise else {}).items()}
-    effects: dict[str, tuple[Effect, ...]] = {}
-
-    def with_bias(own: tuple[Effect, ...], wanted: bool, prior: float) -> tuple[Effect, ...]:
-        return (*own, make("bias", sd=prior)) if wanted and not any(e.name == "bias" for e in own) else own
-
-    for triad in motion.inputs:
-        for channel in triad.channels:
-            own = known.get(channel) or (make("white_noise", N=triad.N),)
-            effects[channel] = with_bias(own, biases, triad.bias_prior)
-    for sensor in aiding:
-        for channel in sensor.channels:
-            effects[channel] = with_bias(known.get(channel, ()), sensor.biases, sensor.bias_prior)
-    return {c: es for c, es in effects.items() if es}
+) -> dict[str, tuple[Term, ...]]:
+    """The file's terms, white noise on inputs of which it knows none, and a constant bias where it has none."""
+    known = {place: n.terms for place, n in (noise.channels if noise else {}).items()}
+    parts: list[tuple[tuple[str, ...], bool, float, float]] = [
+        (i.channels, biases, i.bias_prior, i.N) for i in motion.inputs
+    ]
+    parts += [(s.channels, s.biases, s.bias_prior, 0.0) for s in aiding]
+    out: dict[str, tuple[Term, ...]] = {}
+    for channels, biased, prior, N in parts:
+        for channel in channels:
+            own = list(known.get(channel, ()))
+            shared = [
+                t for place, ts in known.items() if place != channel and acts_on(place, channel) for t in ts
+            ]
+            if N and not any(t.effect.form().V for t in (*own, *shared)):
+                own.insert(0, Term(make("white_noise", N=N)))
+            if biased and not any(t.effect.name == "bias" for t in (*own, *shared)):
+                own.append(Term(make("bias", sd=prior)))
+            out[channel] = tuple(own)
+    every = [c for channels, *_ in parts for c in channels]
+    wide = {p: ts for p, ts in known.items() if p not in out and any(acts_on(p, c) for c in every)}
+    return {c: ts for c, ts in (out | wide).items() if ts}
 
 
 def _check_start(model: FilterModel) -> None:
@@ -141,18 +158,20 @@ def _check_start(model: FilterModel) -> None:
 
 
 def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
-    if noise and not any(c in model.channel_units for c in noise.channels):
+    if noise and not any(model.channels_of(c) for c in noise.channels):
         raise InputError(
             f"the noise file has no channel of {model.name}",
             where="--noise",
             remedy=f"It has {', '.join(noise.channels)}, the model {', '.join(model.channel_units)}",
         )
-    for channel, unit in model.channel_units.items():
-        if noise and channel in noise.channels:
-            given = noise.channels[channel].unit
+    for place, given in ((p, n.unit) for p, n in (noise.channels if noise else {}).items()):
+        units = [model.channel_units[c] for c in model.channels_of(place)]
+        if units and not all(u == units[0] for u in units):
+            continue  # a sensor of several quantities: its effects have units of their own
+        for unit in units[:1]:
             if not parse_unit(given).same_dimension(parse_unit(unit)):
                 raise InputError(
-                    f"channel {channel} is in {given} in the noise file, {model.name} needs {unit}"
+                    f"channel {place} is in {given} in the noise file, {model.name} needs {unit}"
                 )
 
 
@@ -176,20 +195,22 @@ class Resting(Entry):
     def build(self, name: str, noise: NoiseModel | None, texts: Mapping[str, str]) -> FilterModel:
         """The channels' effects and nothing else."""
         read_options((), texts, name)
-        found = {c: (n.unit, n.effects) for c, n in noise.channels.items()} if noise else dict(self.usual)
+        usual = {c: (u, tuple(map(Term, es))) for c, (u, es) in self.usual.items()}
+        found = {c: (n.unit, n.terms) for c, n in noise.channels.items()} if noise else usual
         if not self.every:
             first = next((c for c in found if c.startswith(GYRO.name)), next(iter(found)))
             found = {first: found[first]}
         si = {c: parse_unit(unit).si for c, (unit, _) in found.items()}
         rest = [AtRest(c, u, f"rest_{c}") if self.every else AtRest(c, u) for c, u in si.items()]
-        effects = {c: (*es, make("bias", sd=_turn_on(si[c], es))) for c, (_, es) in found.items()}
+        effects = {c: tuple(t.effect for t in ts) for c, (_, ts) in found.items()}
         return FilterModel(
             name,
             self.title,
             AtRestMotion(),
             tuple(rest),
-            effects,
+            {c: (*es, make("bias", sd=_turn_on(si[c], es))) for c, es in effects.items()},
             {c: unit for c, (unit, _) in found.items()},
+            uses={c: tuple(t.use for t in ts) for c, (_, ts) in found.items()},
         )
 
 
@@ -280,7 +301,7 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
     Parameters
     ----------
     name : str
-        A key of `LIBRARY`, or the path of a model file (``.toml``).
+        A key of `LIBRARY`, or the path of a filter file or a model file (``.toml``).
     noise : NoiseModel, optional
         Without it, typical MEMS figures.
     options : mapping of str to str, optional
@@ -291,6 +312,8 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
     InputError
         No such model or option, a value that an option does not take, or a channel of another dimension.
     """
+    if is_filter_file(name):
+        return build_filter(read_filter(name).with_noise(noise), options)
     if name.endswith(".toml"):
         from kfgen.model.plant.equations import filter_model
         from kfgen.model.plant.user import read_model
@@ -299,9 +322,50 @@ def build(name: str, noise: NoiseModel | None = None, options: Mapping[str, str]
         return filter_model(read_model(name), canonical(noise) if noise else None)
     if name not in LIBRARY:
         raise InputError(
-            f"there is no model '{name}'", remedy=f"Known are {', '.join(LIBRARY)}, or a model file (.toml)"
+            f"there is no model '{name}'",
+            remedy=f"Known are {', '.join(LIBRARY)}, or a filter file or model file (.toml)",
         )
     return LIBRARY[name].build(name, canonical(noise) if noise else None, options)
+
+
+def build_filter(file: FilterFile, options: Mapping[str, str] = NOTHING) -> FilterModel:
+    """The filter of a filter file.
+
+    Parameters
+    ----------
+    file : FilterFile
+    options : mapping of str to str, optional
+        Choices instead of the file's, as ``--set`` takes them.
+
+    Raises
+    ------
+    InputError
+        As `build`; or an initial value of something that the filter does not store.
+    """
+    if file.model not in LIBRARY:
+        raise InputError(
+            f"there is no model '{file.model}'", where=file.name, remedy=f"Known are {', '.join(LIBRARY)}"
+        )
+    unchecked = tuple(
+        Omission(
+            sensor,
+            f"the limit of {limit}",
+            "the emitted filter compares its inputs with no limit",
+            "Refuse such samples before the filter, or leave [limits] out",
+        )
+        for sensor, limit in file.limits.items()
+    )
+    noise = canonical(file.noise) if file.noise else None
+    built = LIBRARY[file.model].build(file.model, noise, file.texts | dict(options))
+    stored = {n for b in built.blocks for n in b.nominal_names} | {HEADING}
+    for name in file.initial:
+        if name not in stored:
+            raise InputError(
+                f"{file.name} stores no '{name}'",
+                where="[initial]",
+                remedy=f"It stores {', '.join(sorted(stored))}",
+            )
+    return replace(built, name=file.name, initial=file.initial, unchecked=unchecked)
 
 
 def option_rows() -> list[tuple[str, str]]:

@@ -13,13 +13,15 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 
-LONGEST_LINE = 256
+DT = sp.Symbol("dt", positive=True)
+"""The step of a filter [s]."""
+MAX_DELAY_SAMPLES = 256
 """Samples that a delay line may hold."""
-WHOLE = 1e-3
+WHOLE_SAMPLE_TOLERANCE = 1e-3
 """Samples that a delay may differ from a whole number of them and still count as one."""
 
 
-TOUCHING = sp.Float(1e-6)
+TOUCHING_SHARE_OF_BACKLASH = sp.Float(1e-6)
 """Share of a play within which it is used up."""
 
 
@@ -75,9 +77,9 @@ class DelayLine:
 
     def _split(self, rate: float) -> tuple[int, float]:
         """Whole samples of the delay, and the share of another one, at a rate [Hz]."""
-        whole = math.floor(self.delay * rate + WHOLE)
+        whole = math.floor(self.delay * rate + WHOLE_SAMPLE_TOLERANCE)
         part = self.delay * rate - whole
-        return whole, part if part > WHOLE else 0.0
+        return whole, part if part > WHOLE_SAMPLE_TOLERANCE else 0.0
 
     def memories(self, rate: float) -> tuple[Register, ...]:
         """The samples that are kept at a rate [Hz], the youngest first.
@@ -89,11 +91,11 @@ class DelayLine:
         """
         whole, part = self._split(rate)
         count = whole + (part > 0.0)
-        if count > LONGEST_LINE:
+        if count > MAX_DELAY_SAMPLES:
             raise InputError(
-                f"a delay of {self.delay:g} s of {self.channel} is {count} samples at {rate:g} Hz, more than {LONGEST_LINE}",
+                f"a delay of {self.delay:g} s of {self.channel} is {count} samples at {rate:g} Hz, more than {MAX_DELAY_SAMPLES}",
                 where=f"input_delay on {self.channel}",
-                remedy=f"Give a --rate of {LONGEST_LINE / self.delay:.4g} Hz or less, or shift {self.channel} before the filter",
+                remedy=f"Give a --rate of {MAX_DELAY_SAMPLES / self.delay:.4g} Hz or less, or shift {self.channel} before the filter",
             )
         symbols = self._symbols(count)
         ago = [f"{self.channel}, {k} sample{'s' * (k > 1)} ago" for k in range(1, count + 1)]
@@ -159,6 +161,6 @@ class BacklashOperator:
 
         What just touches is used up, whichever way a last digit is rounded.
         """
-        touching = self.width * (sp.Rational(1, 2) - TOUCHING)
+        touching = self.width * (sp.Rational(1, 2) - TOUCHING_SHARE_OF_BACKLASH)
         up, down = sp.sign(h - touching - self.symbol), sp.sign(self.symbol - h - touching)
         return (1 + up) / 2 + (1 + down) / 2

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from kfgen.core.numbers import quantity
 from kfgen.core.units import from_si
 from kfgen.fleet.answer import SensorNumber
 from kfgen.fleet.population import Interval
@@ -17,7 +18,6 @@ from kfgen.fleet.result import (
     SensorEstimate,
     shown_unit,
 )
-from kfgen.report.identify import quantity
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import Dot, dots_picture
 

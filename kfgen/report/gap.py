@@ -1,350 +1,215 @@
-"""The answer of ``gap``: a sentence first, then before and after."""
+"""The answer of ``gap``: for each comparison a sentence first, then pictures, before and after, detection limits."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-import kfgen
-from kfgen.core.units import derived_unit, parse_unit
-from kfgen.effects import Effect
-from kfgen.effects.noise_model import NoiseModel, noise_text
-from kfgen.gap.core.battery import RATE, Test, bands
-from kfgen.gap.core.holdout import METRIC, Gap
-from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.rest.finding import ChannelGap, Finding
-from kfgen.identify.evidence.allan import overlapping_variance
-from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.whittle import block_means, residual_ratio
-from kfgen.log.log import Log
-from kfgen.report.gap_words import finding_sentence, sentences
-from kfgen.report.identify import finite, quantity
-from kfgen.report.page import Answer, Page, PagePart, code, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import (
-    AFTER,
-    BEFORE,
-    MEASURED,
-    Line,
-    allan_picture,
-    bars_picture,
-    series_picture,
-    spectrum_picture,
-    thin,
+from kfgen.core.numbers import quantity
+from kfgen.core.units import derived_unit
+from kfgen.gap.core.battery import RATE, Test
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.result import Comparison, Finding
+from kfgen.gap.rest.comparison import ChannelGap
+from kfgen.gap.result import GapResult, Proof, span_of_test
+from kfgen.gap.words import (
+    VERDICTS,
+    check_sentences,
+    finding_sentence,
+    limit_words,
+    noise_scale_sentence,
+    parameter_words,
+    verdict_sentence,
 )
+from kfgen.report.gap_figures import figures
+from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, sentence, table, text
 
-Array = NDArray[np.float64]
-
-
-def mended_model(noise: NoiseModel, gaps: Mapping[str, ChannelGap]) -> NoiseModel:
-    """The noise model with every finding added."""
-    return NoiseModel(
-        {n: gaps[n].mended if n in gaps else c for n, c in noise.channels.items()}, noise.provenance
-    )
+MAX_TEST_ROWS = 20
+"""Rows of a table of tests."""
+RETUNED_MIN_RELATIVE_CHANGE = 0.01
+"""Of a number that was estimated again, below which it is not said."""
 
 
-def model_diff(before: NoiseModel, after: NoiseModel) -> str:
-    """What changes in the noise file."""
-    lines = difflib.unified_diff(
-        noise_text(before).splitlines(),
-        noise_text(after).splitlines(),
-        "believed",
-        "mended",
-        lineterm="",
-        n=1,
-    )
-    return "\n".join(lines)
-
-
-def gap_answer(log: Log, believed: NoiseModel, gaps: Mapping[str, ChannelGap]) -> Answer:
-    """Text, JSON and page of all channels."""
-    lines, parts = [], []
-    for g in gaps.values():
-        checked = [f"  check: {w}" for w in g.checks.words] if g.checks else []
-        lines += [f"{w}." for w in sentences(g)] + [columns(_gap_rows(g)), *checked]
-        lines += [*(f"  {m}" for m in _limit_lines(g)), ""]
-        parts += _parts(g)
-    diff = model_diff(believed, mended_model(believed, gaps))
-    if diff:
-        lines += ["The model changes by", diff]
+def gap_answer(result: GapResult) -> Answer:
+    """Text, JSON and page."""
+    head = _together(result)
+    lines, parts = [*head, *([""] if head else [])], [text(w) for w in head]
+    for c in result.comparisons:
+        lines += [*comparison_lines(c), ""]
+        parts += _comparison_parts(c)
+    if diff := model_diff(result):
+        lines += ["The model changes by", diff, ""]
         parts += [heading("What changes in the model"), code(diff)]
-    data = {
-        "format": "kfgen-gap-1",
-        "kfgen": kfgen.__version__,
-        "log": log.source,
-        "sha256": log.sha256,
-        **gap_data(gaps),
-    }
-    page = Page(f"Model against {log.source.rsplit('/', 1)[-1]}", tuple(parts))
-    return Answer("\n".join(lines).rstrip(), data, page)
+    for more_lines, more_parts in (_recordings(result), _proofs(result)):
+        lines += more_lines
+        parts += more_parts
+    of = f"{len(result.logs)} recordings" if head else result.logs[0].name.rsplit("/", 1)[-1]
+    page = Page(f"Model against {of}", tuple(parts))
+    return Answer("\n".join(lines).rstrip(), result.to_dict(), page, warnings=result.warnings)
 
 
-def gap_rows(gap: Gap, found: bool) -> list[list[str]]:
-    """The gap on held-out data, before and after."""
+def model_diff(result: GapResult) -> str:
+    """What changes in the model's file."""
+    texts = result.assumed_text.splitlines(), result.updated_text.splitlines()
+    return "\n".join(difflib.unified_diff(*texts, "assumed", "updated", lineterm="", n=1))
+
+
+def comparison_lines(c: Comparison) -> list[str]:
+    """What was found, and the figures, for a terminal."""
+    lines = [f"{w}." for w in sentences(c)] + [columns(_figures_rows(c))]
+    if c.checks:
+        lines += [f"  {w}" for w in check_sentences(c.checks)]
+    if c.limits:
+        lines += ["  Detection limits", columns([list(limit_words(m)) for m in c.limits])]
+    return lines
+
+
+def _comparison_parts(c: Comparison) -> list[PagePart]:
+    tests = [_test_cells(c, t) for t in c.before if t.significant][:MAX_TEST_ROWS]
+    head = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
+    caption = f"Tests that the assumed model fails (family-wise rate {100 * RATE:g} %)."
+    parts = [
+        heading(", ".join(c.channels)),
+        *(sentence(f"{w}.") for w in sentences(c)),
+        *figures(c),
+        table(("held-out mismatch", ""), _figures_rows(c)),
+        table(head, tests or [["none significant", "", "", "", "", ""]], caption),
+    ]
+    if c.checks:
+        parts += [text(f"{w}.") for w in check_sentences(c.checks)]
+    if c.limits:
+        rows = [list(limit_words(m)) for m in c.limits]
+        parts.append(table(("effect that would not have been seen", "below"), rows, "Detection limits."))
+    return parts
+
+
+def sentences(c: Comparison) -> list[str]:
+    """The verdict, numbers that do not hold, channels that this one goes with, and the findings."""
+    others = dict.fromkeys(t.other for t in c.before if t.other and t.significant)
+    along = [f"{c.channels[0]} goes with the channel {n}" for n in others]
+    if isinstance(c, ChannelGap) and c.comb_hz:
+        along.append(
+            f"its lines are harmonics of {c.comb_hz:.6g} Hz: something repeats every {1.0 / c.comb_hz:.6g} s, "
+            "and more lines would follow"
+        )
+    return [
+        verdict_sentence(c),
+        *(_retuned_numbers(c) if isinstance(c, ChannelGap) and c.retuned else ()),
+        *map(noise_scale_sentence, c.noise_scales),
+        *along,
+        *(finding_sentence(c, f) for f in c.findings),
+    ]
+
+
+def _retuned_numbers(c: ChannelGap) -> list[str]:
+    """Assumed numbers that do not hold, as they were and as they are."""
+    terms, said = list(c.updated.terms), []
+    for old in c.assumed:
+        term = next((t for t in terms if t.effect.name == old.name), None)
+        if term is None:
+            continue
+        terms.remove(term)
+        for p in old.estimated():
+            was, unit = float(getattr(old, p.name)), derived_unit(p.unit, c.unit)
+            if abs(float(getattr(term.effect, p.name)) - was) > RETUNED_MIN_RELATIVE_CHANGE * abs(was):
+                said.append(f"{c.channel}: {parameter_words(term, p, unit)} instead of {quantity(was, unit)}")
+    return said
+
+
+def gap_rows(gap: Gap, updated: bool) -> list[list[str]]:
+    """The held-out mismatch before and after, and the share that closed.
+
+    Parameters
+    ----------
+    gap : Gap
+    updated : bool
+        Whether anything was changed in the model.
+    """
 
     def nats(value: float) -> str:
         return f"{value:.3g} nats per sample" if value > 0.0 else "none above chance"
 
     closed = "nothing to close"
-    if gap.before > 0.0 and found:
+    if gap.before > 0.0 and updated:
         lo, hi = gap.ci95
         closed = f"{100 * gap.closed:.0f} % (95 %: {100 * lo:.0f} to {100 * hi:.0f})"
-    rows = [["held-out gap before", nats(gap.before)], ["held-out gap after", nats(gap.after)]]
-    return [*rows, ["closed", closed]]
-
-
-def _gap_rows(g: ChannelGap) -> list[list[str]]:
     return [
-        *gap_rows(g.gap, bool(g.findings or g.retuned)),
-        ["significant tests before", str(sum(t.significant for t in g.before))],
-        ["significant tests after", str(sum(t.significant for t in g.after))],
+        ["held-out mismatch before", nats(gap.before)],
+        ["held-out mismatch after", nats(gap.after)],
+        ["closed", closed],
     ]
 
 
-def _limit_lines(g: ChannelGap) -> list[str]:
-    seen = []
-    for effect, name, value in g.limits:
-        unit = derived_unit({p.name: p.unit for p in effect.parameters()}[name], g.unit)
-        times = [
-            f" at tau = {getattr(effect, p.name):.3g} s" for p in effect.parameters() if p.kind == "time"
-        ]
-        seen.append(
-            f"would not have been seen: {effect.name} {name} below {quantity(value, unit)}{''.join(times)}"
-        )
-    return seen
-
-
-def _parts(g: ChannelGap) -> list[PagePart]:
-    key = g.channel
-    parts = [
-        heading(g.channel),
-        *(sentence(f"{w}.") for w in sentences(g)),
-        figure(
-            partial(_allan, g),
-            "Allan deviation: the record with its 95 % band, what the believed model expects of "
-            "this record, what the mended model expects.",
-        ),
-        figure(
-            partial(_spectrum, g),
-            "What the models leave, over what they expect: one everywhere when a model holds.",
+def _figures_rows(c: Comparison) -> list[list[str]]:
+    return [
+        *gap_rows(c.gap, c.is_updated),
+        ["significant tests before", str(sum(t.significant for t in c.before))],
+        ["significant tests after", str(sum(t.significant for t in c.after))],
+        *(
+            [f"rms residual of {n}", f"{a:.3g} standard deviations of its noise before, {b:.3g} after"]
+            for n, a, b in c.rms
         ),
     ]
-    parts += [
-        figure(
-            partial(_near_line, g, f),
-            f"Power near the line at {f.effect.row(g.unit)['frequency'][0]:.6g} Hz.",
-        )
-        if "frequency" in f.effect.row(g.unit)
-        else figure(
-            partial(_driven, g, f), f"The record in blocks, and the part that {f.effect.title} explains."
-        )
-        for f in g.findings
-        if f.effect.coefficients()
+
+
+def _test_cells(c: Comparison, t: Test) -> list[str]:
+    lo, hi = span_of_test(c, t)
+    a, b = t.band_hz
+    band = f"{a:.4g}" if a == b else f"{a:.2g} to {b:.2g}"
+    return [t.channel, t.name, f"{lo:.4g} to {hi:.4g}", band, f"{t.ratio:.3g}", f"{t.p:.2g}"]
+
+
+def _together(result: GapResult) -> list[str]:
+    if not result.recordings:
+        return []
+    return [
+        f"{len(result.logs)} recordings together; the figures are of each recording in turn, "
+        "pictures of the first."
     ]
-    for f in g.findings:
-        names = [f.effect.name, *(n for n, _ in f.alternatives[:5])]
-        shares = [f.probability, *(p for _, p in f.alternatives[:5])]
-        parts.append(
-            figure(
-                partial(bars_picture, names, shares, "probability", f"rank-{key}-{f.effect.name}"),
-                "The candidates by probability.",
-            )
-        )
-    parts += [
-        table(("gap", ""), _gap_rows(g)),
-        table(
-            ("test", "time [s]", "band [Hz]", "power found / expected", "adjusted p"),
-            [_test_cells(g, t) for t in g.before if t.significant][:MOST_TESTS]
-            or [["none significant", "", "", "", ""]],
-            f"Tests that the believed model fails (family-wise rate {100 * RATE:g} %).",
-        ),
+
+
+def _recordings(result: GapResult) -> tuple[list[str], list[PagePart]]:
+    """Each of several recordings by itself, and what happened once in it."""
+    if not result.recordings:
+        return [], []
+    rows = [
+        [c.channels[0], r.name, _alone(own)]
+        for c in result.comparisons
+        for r in result.recordings
+        for own in r.comparisons
+        if own.channels == c.channels
     ]
-    parts += [text(f"Check: {w}.") for w in (g.checks.words if g.checks else ())]
-    parts += [text(m) for m in _limit_lines(g)]
-    return parts
-
-
-MOST_TESTS = 15
-"""Rows of a table of tests."""
-
-
-def _test_cells(g: ChannelGap, t: Test) -> list[str]:
-    t0 = float(g.record.t[0])
-    lo, hi = (t0 + t.span[0], t0 + t.span[1]) if t.span else (t0, float(g.record.t[-1]))
-    band = (
-        f"{t.band_hz[0]:.4g}" if t.band_hz[0] == t.band_hz[1] else f"{t.band_hz[0]:.2g} to {t.band_hz[1]:.2g}"
-    )
-    return [t.name, f"{lo:.4g} to {hi:.4g}", band, f"{t.ratio:.3g}", f"{t.p:.2g}"]
-
-
-def _without(record: Record, effects: Sequence[Effect]) -> Array:
-    return record.y - sum(
-        (e.mean(record.elapsed, record.drive) for e in effects if e.coefficients()), np.zeros(record.y.size)
-    )
-
-
-def _allan(g: ChannelGap) -> str:
-    lines = [_model_line("believed model", g.believed, g, BEFORE)]
-    if g.findings or g.retuned:
-        lines.append(_model_line("mended model", g.mended.effects, g, AFTER))
-    altering = [f.effect.title for f in g.findings if f.effect.changes_samples]
-    if altering and g.clean is not None:
-        c = g.clean.curve
-        lines.append(
-            Line(f"measured, without {' and '.join(altering)}", c.tau, c.deviation, AFTER, dashed=True)
-        )
-    return allan_picture(g.record.curve, lines, g.unit, parse_unit(g.unit).factor, f"gap-allan-{g.channel}")
-
-
-def _model_line(label: str, effects: Sequence[Effect], g: ChannelGap, color: str) -> Line:
-    """A model's Allan deviation on this record: of its noise, and of what it says of time and drivers."""
-    tau, record = g.record.curve.tau, g.record
-    total = sum((e.allan_variance(tau) for e in effects if not e.coefficients()), np.zeros(tau.size))
-    explained = record.y - _without(record, effects)
-    if np.ptp(explained) > 0.0:
-        total = total + overlapping_variance(explained, np.round(tau / record.dt).astype(np.int64))
-    return Line(label, tau, np.sqrt(total), color)
-
-
-def _spectrum(g: ChannelGap) -> str:
-    ratios = []
-    for effects, record in ((g.believed, g.record), (g.mended.effects, g.clean or g.record)):
-        data = record.ordinates(effects)
-        theta = np.array([v for e in effects if e.coefficients() for v in e.values])
-        ratio = residual_ratio(data, effects, theta)
-        groups = bands(data)
-        f = np.array([np.sqrt(data.frequency[lo] * data.frequency[hi - 1]) for lo, hi in groups])
-        ratios.append(
-            np.array([data.count[lo:hi] @ ratio[lo:hi] / data.count[lo:hi].sum() for lo, hi in groups])
-        )
-    return spectrum_picture(f, ratios[0], ratios[1], f"gap-spectrum-{g.channel}")
-
-
-NEAR = 60
-"""Ordinates beside a line that are shown."""
-
-
-def _near_line(g: ChannelGap, f: Finding) -> str:
-    """White power of the record beside a line, with it and without."""
-    record, effects = g.record, g.mended.effects
-    whitener = Whitener.of(effects, record.n, record.dt)
-    others = tuple(e for e in effects if e.coefficients() and e != f.effect)
-    at = round(2.0 * float(f.effect.row("")["frequency"][0]) * record.duration)
-    keep = slice(max(at - NEAR, 1), at + NEAR)
-    frequency = np.arange(record.n)[keep] / (2.0 * record.duration)
+    once = [f"Once, in {name} only: {finding_sentence(c, f)}." for name, c, f in result.once]
     lines = [
-        Line("record", frequency, whitener.ordinates(_without(record, others))[keep] ** 2, MEASURED),
-        Line(
-            "without the line",
-            frequency,
-            whitener.ordinates(_without(record, (*others, f.effect)))[keep] ** 2,
-            AFTER,
-        ),
+        "Each recording by itself:",
+        *(f"  {c} of {name}: {words}" for c, name, words in rows),
+        *once,
+        "",
     ]
-    return series_picture(lines, "power over noise", f"line-{g.channel}-{at}", "frequency [Hz]")
+    parts = [heading("Each recording by itself"), table(("channel", "recording", "answer"), rows)]
+    return lines, [*parts, *(text(w) for w in once)]
 
 
-def _driven(g: ChannelGap, f: Finding) -> str:
-    block, factor = max(1, g.record.y.size // 400), parse_unit(g.unit).factor
-    t = block_means(g.record.t, block)
-    part = f.effect.mean(g.record.elapsed, g.record.drive)
-    others = tuple(e for e in g.mended.effects if e.coefficients() and e != f.effect)
-    y = block_means(_without(g.record, others), block) / factor
-    explained = block_means(part, block) / factor
-    keep = thin(t)
-    shift = y.mean() - explained.mean()
-    lines = [
-        Line("record", t[keep], y[keep], MEASURED),
-        Line("explained", t[keep], explained[keep] + shift, AFTER),
-    ]
-    return series_picture(lines, f"{g.channel} [{g.unit}]", f"driven-{g.channel}-{f.effect.name}")
+def _alone(c: Comparison) -> str:
+    def words(f: Finding) -> str:
+        return f"{f.name} ({100.0 * f.probability:.3g} %)"
+
+    return ": ".join([VERDICTS[c.verdict], *([", ".join(map(words, c.findings))] if c.findings else [])])
 
 
-def gap_data(gaps: Mapping[str, ChannelGap]) -> dict[str, Any]:
-    """The interface's JSON, over all channels."""
-    order = ("bad_data", "unknown_effect", "effects_found", "no_gap")
-    verdict = next(v for v in order if any(g.verdict == v for g in gaps.values()))
-    worst = max(gaps.values(), key=lambda g: g.gap.before)
-    localised = [_test(g, t) for g in gaps.values() for t in g.before if t.significant]
-    remaining = [_test(g, t) for g in gaps.values() for t in g.after if t.significant]
-    return {
-        "verdict": verdict,
-        "localised": localised,
-        "steps": [step_data(g, f) for g in gaps.values() for f in g.findings],
-        "gap": {
-            "metric": METRIC,
-            "held_out": worst.gap.held_out,
-            "channel": worst.channel,
-            "before": worst.gap.before,
-            "after": worst.gap.after,
-            "closed_fraction": worst.gap.closed,
-            "ci95": list(worst.gap.ci95),
-        },
-        "remaining": {"significant": bool(remaining), "tests": remaining},
-        "checks": {
-            g.channel: {
-                "nested_nats": g.checks.nested,
-                "seen": dict(g.checks.seen),
-                "found_again": list(g.checks.again) if g.checks.again is not None else None,
-            }
-            for g in gaps.values()
-            if g.checks
-        },
-        "retuned": [g.channel for g in gaps.values() if g.retuned],
-        "limits": [_limit(g, *limit) for g in gaps.values() for limit in g.limits],
-    }
+def _proofs(result: GapResult) -> tuple[list[str], list[PagePart]]:
+    """What other recordings say of what was found."""
+    lines: list[str] = []
+    parts: list[PagePart] = []
+    changed = {c.channels[0]: c.is_updated for c in result.comparisons}
+    for p in result.proofs:
+        head = f"{p.channel} on another recording, {p.gap.held_out}"
+        rows = [[r[0].removeprefix("held-out "), *r[1:]] for r in gap_rows(p.gap, changed[p.channel])]
+        said = _once_words(p)
+        lines += [head, columns(rows), *(f"  {w}" for w in said), ""]
+        parts += [heading(head), table(("mismatch", ""), rows), *(text(w) for w in said)]
+    return lines, parts
 
 
-def _test(g: ChannelGap, t: Any) -> dict[str, Any]:
-    return {
-        "channel": g.channel,
-        "test": t.name,
-        "p": t.p,
-        "from_s": float(g.record.t[0]) + (t.span[0] if t.span else 0.0),
-        "to_s": float(g.record.t[0]) + t.span[1] if t.span else float(g.record.t[-1]),
-        "band_hz": list(t.band_hz),
-        "regime": "a stretch" if t.span else "whole record",
-        "ratio": t.ratio,
-    }
-
-
-def step_data(g: ChannelGap, f: Finding) -> dict[str, Any]:
-    """A finding as the interface's JSON has it."""
-    si = parse_unit(g.unit).si
-    return {
-        "effect": f.effect.name,
-        "channel": g.channel,
-        "probability": f.probability,
-        "evidence_nats": f.evidence,
-        "alternatives": [{"effect": n, "probability": p} for n, p in f.alternatives],
-        "indistinguishable": list(f.indistinguishable),
-        "apart": [
-            {"effect": o.other, "cos2": o.cos2, "nats": o.nats, "record_factor": o.longer} for o in f.others
-        ],
-        "separator": f.effect.separating_experiment,
-        "parameters": {
-            p.name: {
-                "value": float(getattr(f.effect, p.name)),
-                "unit": derived_unit(p.unit, si),
-                "ci95": [finite(v) for v in f.ci95.get(p.name, (np.nan, np.nan))],
-            }
-            for p in f.effect.estimated()
-        },
-        "where": {"from_s": float(g.record.t[0]), "to_s": float(g.record.t[-1])},
-        "sentence": finding_sentence(g, f),
-    }
-
-
-def _limit(g: ChannelGap, effect: Effect, name: str, value: float) -> dict[str, Any]:
-    unit = derived_unit({p.name: p.unit for p in effect.parameters()}[name], parse_unit(g.unit).si)
-    return {
-        "effect": effect.name,
-        "channel": g.channel,
-        "parameter": name,
-        "would_not_see_below": finite(value),
-        "unit": unit,
-    }
+def _once_words(p: Proof) -> list[str]:
+    once = " and ".join(p.happened_once)
+    return [f"{once}: happened once, and is not looked for there"] if once else []

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.identify.fit.limits import Limit
-from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation, finite
+from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
 from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture
-
-__all__ = ["finite", "identify_answer", "one_line", "panel", "quantity"]
-
-
-def quantity(value: float, unit: str) -> str:
-    """A value with three digits.
-
-    Parameters
-    ----------
-    value : float
-        [SI]
-    unit : str
-        In which it is shown.
-    """
-    return f"{from_si(value, unit):.3g} {unit}".rstrip() if np.isfinite(value) else "unbounded"
 
 
 def identify_answer(found: Identification) -> Answer:

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import sympy as sp
 
-import kfgen
+from kfgen.catalogue import Catalogue
+from kfgen.core.errors import InputError
+from kfgen.model.derive import Derivation
 from kfgen.model.discretise import DiscreteModel
-from kfgen.model.parts.motion import Input
-from kfgen.model.parts.sensor import Sensor
 from kfgen.report.page import Answer, Page, PagePart, columns, heading, math, sentence, table
 
 
@@ -36,24 +36,18 @@ def _fenced(markup: str) -> str:
     return re.sub(r"<mfenced[^>]*>|</mfenced>", swap, markup)
 
 
-def equations(discrete: DiscreteModel) -> list[tuple[str, sp.Matrix]]:
-    """The matrices of a filter by letter."""
-    model = discrete.model
-    return [
-        ("F", model.F),
-        ("G", model.G),
-        ("W", model.W),
-        *((f"H {s.name}", discrete.H(s)) for s in model.sensors),
-        ("Phi", discrete.Phi),
-        ("Qd", discrete.Qd),
-    ]
+def equation_parts(derived: Derivation, letters: tuple[str, ...] = ()) -> list[PagePart]:
+    """The matrices as MathML, each under its letter, with four digits.
 
-
-def equation_parts(discrete: DiscreteModel, letters: tuple[str, ...] = ()) -> list[PagePart]:
-    """The matrices as MathML, each under its letter; short of digits."""
+    Parameters
+    ----------
+    derived : Derivation
+    letters : tuple of str
+        Only these matrices; all where empty.
+    """
     return [
         math(mathml(_short(M)), f"{letter} ({M.rows} x {M.cols})")
-        for letter, M in equations(discrete)
+        for letter, M in derived.matrices.items()
         if not letters or letter.split()[0] in letters
     ]
 
@@ -67,83 +61,56 @@ def state_rows(discrete: DiscreteModel) -> list[list[str]]:
     return [[str(i), s.name, s.unit, s.title, f"{s.prior:.3g}"] for i, s in enumerate(discrete.model.states)]
 
 
-def _parts(discrete: DiscreteModel) -> list[Input | Sensor]:
-    return [*discrete.model.motion.inputs, *discrete.model.sensors]
+STATE_HEAD = ("", "state", "unit", "meaning", "prior standard deviation")
 
 
-def assumptions(discrete: DiscreteModel) -> list[str]:
-    """What a reader must know beside the matrices: frame, convention, and what is left out."""
-    model, said = discrete.model, []
-    if model.attitude is not None:
-        axes = ", ".join(model.motion.axes)
-        said.append(f"Navigation axes {axes}; R_nb takes body to navigation axes")
-        said.append(f"Error: {model.convention.title}; {model.convention.equation}")
-    for part in _parts(discrete):
-        if part.left_out:
-            said.append(
-                f"{part.name}: {part.left_out:g} {part.unit}/sqrt(Hz) is added to its noise for what the model "
-                "leaves out (off with --set left_out=false)"
-            )
-    return said
+def derive_answer(derived: Derivation, form: str) -> Answer:
+    """A model's equations for a terminal and a page.
 
+    Parameters
+    ----------
+    derived : Derivation
+    form : str
+        How the terminal shows matrices: ``text``, ``latex`` or ``mathml``.
 
-STATE_HEAD = ("", "state", "unit", "meaning", "prior deviation")
-
-
-def derive_answer(discrete: DiscreteModel, form: str) -> Answer:
-    """A model's equations as text, LaTeX or MathML."""
+    Raises
+    ------
+    InputError
+        Another form.
+    """
     printers: dict[str, Callable[[sp.Matrix], str]] = {
         "text": lambda M: sp.pretty(_short(M), wrap_line=False, use_unicode=True),
         "latex": lambda M: sp.latex(_short(M)),
         "mathml": lambda M: mathml(_short(M)),
     }
-    model, pairs = discrete.model, equations(discrete)
+    if form not in printers:
+        raise InputError(
+            f"there is no format '{form}'", where="--format", remedy=f"Known are {', '.join(printers)}"
+        )
+    discrete, model = derived.discrete, derived.discrete.model
     body = [f"{model.name}: {model.title}", "", columns([list(STATE_HEAD), *state_rows(discrete)]), ""]
-    body += [f"{line}." for line in assumptions(discrete)] + [""]
-    body += [f"{letter} =\n{printers[form](M)}\n" for letter, M in pairs]
-    data = {
-        "format": "kfgen-derive-1",
-        "kfgen": kfgen.__version__,
-        "model": model.name,
-        "hash": model.hash,
-        "states": [{"name": s.name, "unit": s.unit, "title": s.title} for s in model.states],
-        "options": dict(model.options),
-        "convention": model.convention.name if model.attitude else None,
-        "equation": model.convention.equation if model.attitude else None,
-        "left_out": {
-            p.name: {"value": p.left_out, "unit": f"{p.unit}/sqrt(Hz)"}
-            for p in _parts(discrete)
-            if p.left_out
-        },
-        "matrices": {
-            letter: [[str(M[i, j]) for j in range(M.cols)] for i in range(M.rows)] for letter, M in pairs
-        },
-    }
+    body += [f"{line}." for line in derived.assumptions] + [""]
+    body += [f"{letter} =\n{printers[form](M)}\n" for letter, M in derived.matrices.items()]
     page = Page(
         f"{model.name}: {model.title}",
         (
             heading("States"),
             table(STATE_HEAD, state_rows(discrete)),
-            *(sentence(f"{line}.") for line in assumptions(discrete)),
+            *(sentence(f"{line}.") for line in derived.assumptions),
             heading("Equations"),
-            *equation_parts(discrete),
+            *equation_parts(derived),
         ),
     )
-    return Answer("\n".join(body).rstrip(), data, page)
+    return Answer("\n".join(body).rstrip(), derived.to_dict(), page)
 
 
-def list_answer(groups: dict[str, list[tuple[str, str]]]) -> Answer:
-    """Everything that has a name."""
+def list_answer(found: Catalogue) -> Answer:
+    """Everything that has a name, for a terminal and a page."""
     lines = []
-    for group, entries in groups.items():
+    for group, entries in found.groups.items():
         lines += [group, columns([[n, t] for n, t in entries]), ""]
-    data = {
-        "format": "kfgen-list-1",
-        "kfgen": kfgen.__version__,
-        **{g.replace(" ", "_"): dict(entries) for g, entries in groups.items()},
-    }
-    page = Page(
-        "kfgen",
-        tuple(p for g, entries in groups.items() for p in (heading(g), table(("name", "meaning"), entries))),
-    )
-    return Answer("\n".join(lines).rstrip(), data, page)
+    tables = [
+        (heading(group), table(("name", "meaning"), entries)) for group, entries in found.groups.items()
+    ]
+    page = Page("kfgen", tuple(part for parts in tables for part in parts))
+    return Answer("\n".join(lines).rstrip(), found.to_dict(), page)

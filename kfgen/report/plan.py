@@ -2,75 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
-import kfgen
-from kfgen.effects import Effect
-from kfgen.effects.noise_model import NoiseModel
-from kfgen.identify.fit.bounds import relative_bound, seconds_for
-from kfgen.report.identify import finite
+from kfgen.identify.plan import RECORD_HOURS, ParameterBound, RecordPlan, hours_text
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
 
-RECORD_HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-LINE_COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
+COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
 
 
-def plan_answer(noise: NoiseModel, rate: float, wanted: float) -> Answer:
-    """The Cramér-Rao bound of every parameter against the length of record.
-
-    Parameters
-    ----------
-    noise : NoiseModel
-        Every channel is planned by itself.
-    rate : float
-        Sampling rate [Hz].
-    wanted : float
-        Relative standard deviation that is wanted.
-    """
+def plan_answer(found: RecordPlan) -> Answer:
+    """The Cramér-Rao bound of every parameter against the length of record."""
     lines: list[str] = []
     parts: list[PagePart] = []
-    channels: dict[str, Any] = {}
-    for name, channel in noise.channels.items():
-        rows, data = _table(channel.effects, rate, wanted)
-        head = ["", *(f"{h:g} h" for h in RECORD_HOURS), f"for {100 * wanted:g} %"]
-        lines += [f"{name}: smallest relative deviation of an unbiased estimate", columns([head, *rows]), ""]
+    percent = f"{100 * found.wanted:g} %"
+    head = ["", *(f"{h:g} h" for h in RECORD_HOURS), f"for {percent}"]
+    for name, bounds in found.channels.items():
+        rows = [[label, *map(_percent, b.bounds), hours_text(b)] for label, b in bounds.items()]
+        said = [
+            f"{label}: {percent} takes {hours_text(b)}."
+            for label, b in bounds.items()
+            if np.isfinite(b.hours_for_wanted)
+        ]
+        lines += [
+            f"{name}: smallest relative standard deviation of an unbiased estimate",
+            columns([head, *rows]),
+            "",
+        ]
         parts += [
             heading(name),
-            *(sentence(s) for s in _sentences(data, wanted)),
+            *map(sentence, said),
             table(head, rows),
-            figure(_picture(data, name), "Cramér-Rao bound against the length of the record."),
+            figure(plan_picture(bounds, name), "Cramér-Rao bound against the length of the record."),
         ]
-        channels[name] = data
-    data = {
-        "format": "kfgen-plan-1",
-        "kfgen": kfgen.__version__,
-        "rate_hz": rate,
-        "wanted": wanted,
-        "channels": channels,
-    }
-    return Answer("\n".join(lines).rstrip(), data, Page("How long to log", tuple(parts)))
-
-
-def _table(effects: Sequence[Effect], rate: float, wanted: float) -> tuple[list[list[str]], dict[str, Any]]:
-    bounds = [relative_bound(effects, 1.0 / rate, max(64, round(h * 3600.0 * rate))) for h in RECORD_HOURS]
-    rows, data = [], {}
-    for key in bounds[0]:
-        before = sum(e.name == effects[key[0]].name for e in effects[: key[0]])
-        label = f"{effects[key[0]].name}{f'_{before + 1}' if before else ''} {key[1]}"
-        hours = seconds_for(effects, 1.0 / rate, key, wanted) / 3600.0
-        rows.append(
-            [label, *(_percent(b[key]) for b in bounds), f"{hours:.2g} h" if np.isfinite(hours) else "never"]
-        )
-        data[label] = {
-            "hours": list(RECORD_HOURS),
-            "bound_rel": [finite(b[key]) for b in bounds],
-            "hours_for_wanted": finite(hours),
-        }
-    return rows, data
+    return Answer("\n".join(lines).rstrip(), found.to_dict(), Page("How long to log", tuple(parts)))
 
 
 def _percent(value: float) -> str:
@@ -79,22 +46,20 @@ def _percent(value: float) -> str:
     return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
 
 
-def _sentences(data: dict[str, Any], wanted: float) -> list[str]:
-    return [
-        f"{label}: {100 * wanted:g} % takes {d['hours_for_wanted']:.2g} h."
-        for label, d in data.items()
-        if d["hours_for_wanted"] is not None
-    ]
+def plan_picture(bounds: Mapping[str, ParameterBound], name: str) -> str:
+    """The bounds of a channel against the length of the record.
 
-
-def _picture(data: dict[str, Any], name: str) -> str:
+    Parameters
+    ----------
+    bounds : mapping of str to ParameterBound
+        By effect and parameter.
+    name : str
+        Of the channel.
+    """
+    hours = np.array(RECORD_HOURS)
+    values = {label: np.array(b.bounds) for label, b in bounds.items()}
     lines = [
-        Line(
-            label,
-            np.array(d["hours"]),
-            np.array(d["bound_rel"], dtype=float),
-            LINE_COLORS[i % len(LINE_COLORS)],
-        )
-        for i, (label, d) in enumerate(data.items())
+        Line(label, hours, np.where(np.isfinite(v), v, np.nan), COLORS[i % len(COLORS)])
+        for i, (label, v) in enumerate(values.items())
     ]
     return bound_picture(lines, f"plan-{name}")

@@ -20,7 +20,8 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
 from kfgen.manoeuvre.truth import level_at
-from kfgen.model.parts.motion import AFTER, AT, BEFORE, Input
+from kfgen.model.filter import FilterModel
+from kfgen.model.parts.motion import AFTER, AT, BEFORE, SAMPLES, Input
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.equations import Equations, Shown
 
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 Given = dict[str, Array | float]
 """Arguments of a call by name [SI], in the order of the routine's."""
 
+SLOWER_PERIODS = 1.5
+"""Steps of a sensor's samples, in periods of the log, from which it has a rate of its own [1]."""
 OFF = 0.05
 """Periods by which the samples of a log may be off those of a filter that counts them."""
 ALIGNMENT = 1.0
@@ -95,13 +98,19 @@ class FilterCalls:
         triads = {argument(i.name): _input(self.log, i) for i in model.motion.inputs}
         return triads | {argument(d): np.asarray(self.log.values(d)) for d in model.drivers}
 
+    @property
+    def samples(self) -> str:
+        """What a sample of the inputs stands for: as it is asked for, else as the log says, else as the model takes it."""
+        model = self.program.discrete.model
+        usual = str(model.motion.chosen.get(SAMPLES.name, AFTER))
+        return usual if SAMPLES.name in model.options else self.log.samples or usual
+
     @cached_property
     def _acting(self) -> dict[str, Array]:
         """What acts from each sample to the next."""
         motion = self.program.discrete.model.motion
-        samples = motion.chosen.get("samples", AFTER)
         triads = {argument(i.name) for i in motion.inputs}
-        return {n: _over_steps(v, samples) if n in triads else v for n, v in self.inputs.items()}
+        return {n: _over_steps(v, self.samples) if n in triads else v for n, v in self.inputs.items()}
 
     @cached_property
     def _samples(self) -> dict[str, Array]:
@@ -180,6 +189,18 @@ class FilterCalls:
         parts = max(1, ceil(dt / discrete.max_step), periods)
         for _ in range(parts):
             yield {**{n: self._acting[n][k] for n in self._takes["predict"]}, "dt": dt / parts}
+
+
+def rates_in(log: Log, model: FilterModel) -> dict[str, float]:
+    """How often sensors have a sample, by name [Hz], of those that are slower than the log: by the median of their steps."""
+    found = {}
+    for s in model.sensors:
+        if all(c in log.channels for c in s.channels):
+            there = np.isfinite([log.channels[c].values for c in s.channels]).all(axis=0)
+            step = float(np.median(np.diff(log.t[there]))) if there.sum() > 1 else 0.0
+            if step > SLOWER_PERIODS * log.dt:
+                found[s.name] = 1.0 / step
+    return found
 
 
 def _input(log: Log, given: Input) -> Array:

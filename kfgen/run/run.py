@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import kfgen
+from kfgen.core.result import Result, ShortTable
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name, module
 from kfgen.emit.targets.loaded import loaded
 from kfgen.log.log import Log
-from kfgen.run.filter_calls import FilterCalls
+from kfgen.log.readers import LogOrPath, log_of
+from kfgen.model.build import ModelSource, NoiseSource, filter_of
+from kfgen.model.discretise import DiscreteModel
+from kfgen.run.adaptive.rules import rule_named
+from kfgen.run.adaptive.wrapper import adapted
+from kfgen.run.filter_calls import FilterCalls, rates_in
 
 Array = NDArray[np.float64]
 
@@ -29,22 +36,44 @@ class SensorRun:
 
 
 @dataclass(frozen=True)
-class FilterRun:
+class AttitudeError:
+    """Root mean square errors [rad] against a reference attitude, over the samples that have one.
+
+    The total is the angle of the whole rotation that is left once the norths agree.
+    """
+
+    inclination: float
+    heading: float
+    samples: int
+    total: float = float("nan")
+
+
+@dataclass(frozen=True, repr=False)
+class FilterRun(Result):
     """A filter over a log.
 
     Parameters
     ----------
+    model : str
+        Its name.
     t : ndarray, shape (n,)
         Times [s].
     names : tuple of str
         Of the stored state.
     estimate : ndarray, shape (n, nx)
-        Stored state after the updates of each sample.
+        Stored state [SI] after the updates of each sample.
     deviation : ndarray, shape (n, states)
-        Square roots of the diagonal of P.
+        Standard deviations [SI] of the error states: square roots of the diagonal of P.
     sensors : mapping of str to SensorRun
+        By sensor; without updates where the log has none of its samples.
     covariance : ndarray, shape (states, states), optional
         P at the end.
+    source, sha256 : str
+        Of the log.
+    duration : float
+        Of the log [s].
+    attitude : AttitudeError, optional
+        Against the log's reference attitude, where it has one.
     """
 
     model: str
@@ -54,6 +83,55 @@ class FilterRun:
     deviation: Array
     sensors: Mapping[str, SensorRun]
     covariance: Array | None = None
+    source: str = ""
+    sha256: str = ""
+    duration: float = 0.0
+    attitude: AttitudeError | None = None
+
+    @property
+    def updated(self) -> dict[str, SensorRun]:
+        """The sensors that had an update."""
+        return {name: s for name, s in self.sensors.items() if s.t.size}
+
+    def summary(self) -> list[str]:
+        """What ran over what, and the mean NIS of each sensor beside its number of rows."""
+        nis = [f"{n} {s.nis.mean():.3g} of {s.innovation.shape[1]}" for n, s in self.updated.items()]
+        lines = [f"{self.model} over {self.duration:.6g} s of {self.source}", f"mean NIS: {', '.join(nis)}"]
+        if self.attitude is not None:
+            lines.append(f"attitude error: {np.degrees(self.attitude.total):.3g} deg RMS")
+        return lines
+
+    def short_table(self) -> ShortTable:
+        """Updates, rows and mean NIS of each sensor."""
+        rows = [
+            [name, str(s.t.size), str(s.innovation.shape[1]), f"{s.nis.mean():.3g}"]
+            for name, s in self.updated.items()
+        ]
+        return ("sensor", "updates", "rows", "mean NIS"), rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """The estimate at the end [SI], the mean NIS of each sensor, the errors of the attitude."""
+        data: dict[str, Any] = {
+            "format": "kfgen-run-1",
+            "kfgen": kfgen.__version__,
+            "model": self.model,
+            "log": self.source,
+            "sha256": self.sha256,
+            "duration_s": self.duration,
+        }
+        if self.attitude is not None:
+            data["attitude_error"] = {
+                "inclination_rmse": self.attitude.inclination,
+                "heading_rmse": self.attitude.heading,
+                "total_rmse": self.attitude.total,
+                "unit": "rad",
+                "samples": self.attitude.samples,
+            }
+        data["sensors"] = {
+            name: {"updates": int(s.t.size), "mean_nis": float(s.nis.mean())}
+            for name, s in self.updated.items()
+        }
+        return data | {"final": dict(zip(self.names, self.estimate[-1].tolist()))}
 
 
 def load(program: Program) -> ModuleType:
@@ -61,30 +139,77 @@ def load(program: Program) -> ModuleType:
     return loaded(module(program))
 
 
-def run(
-    program: Program,
-    log: Log,
-    wrap: Callable[[type[Any]], type[Any]] | None = None,
-    start: Mapping[str, float] | None = None,
-) -> FilterRun:
-    """Run a filter over a log from its alignment on, without a gate.
+def program_over(model: ModelSource, log: Log, noise: NoiseSource | None = None) -> Program:
+    """A filter that may be run over a log: at the log's rate, with steps as long as its longest gap.
 
     Parameters
     ----------
-    program : Program
+    model : FilterModel, str or Path
+        As `kfgen.build` gives or takes it.
     log : Log
+    noise : NoiseModel or path-like, optional
+        The effects of the channels; only beside a name or a path.
+    """
+    longest = max(DiscreteModel.max_step, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
+    built = filter_of(model, noise)
+    rates = rates_in(log, built)
+    return Program(DiscreteModel.at_rate(built, 1.0 / log.dt, max_step=longest, rates=rates))
+
+
+def run(
+    model: ModelSource | Program,
+    log: LogOrPath,
+    noise: NoiseSource | None = None,
+    adaptive: str | None = None,
+    *,
+    wrap: Callable[[type[Any]], type[Any]] | None = None,
+    start: Mapping[str, float] | None = None,
+) -> FilterRun:
+    """Run the emitted filterpy filter over a log from its alignment on, without a gate.
+
+    Parameters
+    ----------
+    model : FilterModel, str, Path or Program
+        A filter of `kfgen.build`, the name of a library model, the path of a file, or a program as it is.
+    log : Log or path-like
         With the model's inputs and drivers; sensors whose channels it lacks are left out.
+    noise : NoiseModel or path-like, optional
+        The effects of the channels; only beside a name or a path.
+    adaptive : str, optional
+        A rule by which P, Q or R adapt to the innovations, a key of `kfgen.run.adaptive.rules.rules`.
     wrap : callable, optional
         Makes another class of the emitted one, as `kfgen.run.adaptive.wrapper.adapted` does.
     start : mapping of str to float, optional
         Stored states that are known better than by alignment [SI].
 
+    Returns
+    -------
+    FilterRun
+
     Raises
     ------
     InputError
-        An input is missing or not a number, or no sensor is in the log.
+        As in `kfgen.build`; an input is missing or not a number, no sensor is in the log, or no such rule.
     """
-    play = FilterCalls(program, log, start or {})
+    log = log_of(log)
+    program = model if isinstance(model, Program) else program_over(model, log, noise)
+    if adaptive is not None:
+        rule = rule_named(adaptive, "--adaptive")
+        wrap = lambda emitted: adapted(emitted, rule)  # noqa: E731
+    return _with_reference(_played(program, log, wrap, start or {}), log)
+
+
+def _with_reference(result: FilterRun, log: Log) -> FilterRun:
+    """Where the run comes from, and how far it is from the log's reference attitude."""
+    known = replace(result, source=log.source, sha256=log.sha256, duration=log.duration)
+    return replace(known, attitude=attitude_error(result, log))
+
+
+def _played(
+    program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | None, start: Mapping[str, float]
+) -> FilterRun:
+    """The calls of a log on the emitted filter."""
+    play = FilterCalls(program, log, start)
     emitted = getattr(load(program), class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
     kf.gate = play.GATE
@@ -110,22 +235,22 @@ def run(
     return FilterRun(model, t, names, estimate, deviation, sensors, np.array(kf.P))
 
 
-@dataclass(frozen=True)
-class AttitudeError:
-    """Root mean square errors [rad] against a reference attitude, over the samples that have one.
-
-    The total is the angle of the whole rotation that is left once the norths agree.
-    """
-
-    inclination: float
-    heading: float
-    samples: int
-    total: float = float("nan")
-
-
 def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     """Compare with the log's ``ref_q_*``; None where it has none.
 
+    Parameters
+    ----------
+    result : FilterRun
+        Over `log`.
+    log : Log
+        With the reference ``ref_q_w`` to ``ref_q_z``; where it has a channel ``movement``, samples above 0.5 count.
+
+    Returns
+    -------
+    AttitudeError or None
+
+    Notes
+    -----
     Inclination is the angle between the two verticals; heading is what remains about the vertical,
     after the constant difference of the two norths is taken out.
     """

@@ -1,1 +1,1 @@
-"""Proof: the emitted filter is compiled, run on cores, and compared word by word."""
+"""Proof: the emitted filter is compiled, run on cores, and compared bit by bit."""

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import kfgen
 from kfgen.core.errors import InputError
-from kfgen.emit.folder import Emitted
+from kfgen.core.result import Result, ShortTable
+from kfgen.emit.folder import EmittedFilter, read_folder
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, scenario
 from kfgen.emit.targets.c import header
+from kfgen.log.readers import LogOrPath, log_of
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
 from kfgen.verify.python import MODULES, deviations_off
 from kfgen.verify.replay import Replay, simulated
+from kfgen.verify.rounding import OnLog, over_log
 
 
 def cores() -> dict[str, str]:
@@ -34,27 +40,119 @@ def _maker(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
     raise InputError(f"there is no core '{name}'", where="--core", remedy=f"Known are {', '.join(cores())}")
 
 
+@dataclass(frozen=True, repr=False)
+class Verification(Result):
+    """Emitted code beside its reference, a verdict for each core.
+
+    Parameters
+    ----------
+    model_hash : str
+        SHA-256 of the filter's equations and numbers.
+    verdicts : tuple of CoreVerdict
+    on_log : OnLog, optional
+        What a log adds, where the calls are those of a log.
+    """
+
+    model_hash: str
+    verdicts: tuple[CoreVerdict, ...]
+    on_log: OnLog | None = None
+
+    def __iter__(self) -> Iterator[CoreVerdict]:
+        return iter(self.verdicts)
+
+    def __getitem__(self, k: int) -> CoreVerdict:
+        return self.verdicts[k]
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing differs."""
+        return not any(v.differing for v in self.verdicts)
+
+    def summary(self) -> list[str]:
+        """What was compared, and what differs."""
+        wrong = [v for v in self.verdicts if v.differing]
+        if wrong:
+            return [
+                f"{v.differing} of {v.words} values differ on {v.core} (by up to {v.max_ulp} ulp)"
+                for v in wrong
+            ]
+        exact = [v for v in self.verdicts if not v.tolerance]
+        said = [
+            f"{v.core} agrees with the reference within {v.tolerance:g} standard deviations: "
+            f"all {v.words} values"
+            for v in self.verdicts
+            if v.tolerance
+        ]
+        if exact:
+            where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
+            said.insert(0, f"Bit-exact on {where}: all {words} values equal the reference")
+        return said
+
+    def short_table(self) -> ShortTable:
+        """A row for each core."""
+        return VERDICT_HEAD, [v.row for v in self.verdicts]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The counts of each core, and what a log adds."""
+        data: dict[str, Any] = {
+            "format": "kfgen-verify-1",
+            "kfgen": kfgen.__version__,
+            "model_hash": self.model_hash,
+            "cores": {v.core: v.to_dict() for v in self.verdicts},
+        }
+        return data if self.on_log is None else data | {"log": self.on_log.to_dict()}
+
+
+VERDICT_HEAD = ("core", "values", "differing", "instructions", "stack [B]", "code [B]")
+
+
 def verify(
-    emitted: Emitted, names: Sequence[str], contract: bool = False, played: Replay | None = None
-) -> list[CoreVerdict]:
+    folder: str | Path | EmittedFilter,
+    cores: Sequence[str] = ("host",),
+    log: LogOrPath | None = None,
+    contract: bool = False,
+    *,
+    played: Replay | None = None,
+) -> Verification:
     """Make the same calls on each core with the emitted files, and compare with the reference.
 
     Parameters
     ----------
-    played : Replay, optional
-        The calls, as `kfgen.verify.replay.replay` has them from a log; a simulated scenario where left out.
+    folder : path-like or EmittedFilter
+        As `kfgen.emit` wrote it, or gave it.
+    cores : sequence of str
+        Names of cores, see `kfgen.list_all`; a Python module runs on the host only.
+    log : Log or path-like, optional
+        Make the calls of this log; a simulated scenario where left out.
     contract : bool
-        Compile with fused products and sums; then words may differ by `CONTRACTED` of a deviation.
+        Compile with fused products and sums; then values may differ by `CONTRACTED` standard deviations.
+    played : Replay, optional
+        The calls themselves, as `kfgen.verify.replay.replay` has them.
+
+    Returns
+    -------
+    Verification
 
     Raises
     ------
     InputError
-        An unknown core.
+        No emitted filter, an unknown core, or a log that lacks an input or every sensor of the filter.
     CheckFailed
         The header does not compile.
     MissingExtra
         The emulator is not installed.
     """
+    emitted = folder if isinstance(folder, EmittedFilter) else read_folder(folder)
+    on_log = None
+    if log is not None:
+        played, on_log = over_log(emitted.program, log_of(log))
+    verdicts = _verdicts(emitted, cores, contract, played)
+    return Verification(emitted.model_hash, tuple(verdicts), on_log)
+
+
+def _verdicts(
+    emitted: EmittedFilter, names: Sequence[str], contract: bool, played: Replay | None
+) -> list[CoreVerdict]:
     program = emitted.program
     makers = [(name, _maker(name, contract)) for name in names]
     if emitted.target in MODULES:
@@ -75,6 +173,18 @@ def verify(
 
 def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
     """What each routine of the emitted C costs on emulated cores, in words.
+
+    Parameters
+    ----------
+    program : Program
+        A filter in C.
+    names : sequence of str
+        Emulated cores, ``m4f`` for example.
+
+    Returns
+    -------
+    tuple of str
+        A line for each core and routine.
 
     Raises
     ------
@@ -108,7 +218,7 @@ COUNTED_CALLS = 25
 """Calls of which each routine has its share."""
 
 CONTRACTED = 1e-3
-"""With fused products and sums: share of a deviation by which a word may differ."""
+"""With fused products and sums: standard deviations by which a value may differ."""
 
 
 def _begin(core: Core, played: Replay) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
+from kfgen.emit.targets.c import call_arguments
 from kfgen.emit.targets.templates import render
 
 Words = NDArray[np.unsignedinteger[Any]]
@@ -44,14 +45,14 @@ class CoreVerdict:
     Parameters
     ----------
     words, differing : int
-        Words compared over all calls, and how many differ: in any bit, or beyond a stated tolerance
+        Values compared over all calls, and how many differ: in any bit, or beyond a stated tolerance
         where the target has an arithmetic of its own.
     max_ulp : int
         The largest difference in units of the last place.
     calls : int
     cost : Cost
     tolerance : float
-        Zero where every bit counts; else the share of a deviation that may differ.
+        Zero where every bit counts; else the standard deviations by which a value may differ.
     """
 
     core: str
@@ -62,15 +63,52 @@ class CoreVerdict:
     cost: InstructionCount
     tolerance: float = 0.0
 
+    @property
+    def row(self) -> list[str]:
+        """Core, values, differing, instructions, stack and code as texts."""
+        counts = ", ".join(f"{r} {n}" for r, n in self.cost.instructions.items())
+        sizes = ["-" if n is None else str(n) for n in (self.cost.stack_bytes, self.cost.text_bytes)]
+        return [self.core, str(self.words), str(self.differing), counts or "not counted", *sizes]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its counts."""
+        return {
+            "words": self.words,
+            "differing": self.differing,
+            "max_ulp": self.max_ulp,
+            "tolerance": self.tolerance,
+            "calls": self.calls,
+            "instructions": self.cost.instructions,
+            "stack_bytes": self.cost.stack_bytes,
+            "text_bytes": self.cost.text_bytes,
+            "stack_bytes_by_routine": self.cost.stacks,
+            "text_bytes_by_routine": self.cost.texts,
+        }
+
 
 class Core(Protocol):
     """A core with a compiled filter on it."""
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
-        """Run one routine on the filter."""
+        """Run one routine on the filter.
+
+        Parameters
+        ----------
+        routine : str
+            Its name.
+        inputs : sequence of float
+            All its arguments in a row.
+        """
 
     def put(self, array: str, values: Sequence[float]) -> None:
-        """Write the first numbers of one of the filter's arrays."""
+        """Write the first numbers of one of the filter's arrays.
+
+        Parameters
+        ----------
+        array : str
+            Its name.
+        values : sequence of float
+        """
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""
@@ -80,13 +118,29 @@ class Core(Protocol):
 
 
 def place_of(program: Program, array: str) -> int:
-    """Numbers of the filter's memory that stand before an array."""
+    """Numbers of the filter's memory that stand before an array.
+
+    Parameters
+    ----------
+    program : Program
+    array : str
+        Its name.
+    """
     sizes = {name: size for name, (size, _) in program.arrays.items()}
     return sum(list(sizes.values())[: list(sizes).index(array)])
 
 
 def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
-    """Write the harness that a core drives; returns its path."""
+    """Write the harness that a core drives; returns its path.
+
+    Parameters
+    ----------
+    program : Program
+    folder : Path
+        Where it is written.
+    bare : bool
+        Without an operating system.
+    """
     path = folder / "harness.c"
     path.write_text(
         render(
@@ -94,7 +148,7 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
             name=program.name,
             real=program.real,
             width=width(program),
-            calls=_calls(program),
+            calls=[(r.name, call_arguments(r)) for r in program.entries],
             bare=bare,
         ),
         encoding="utf-8",
@@ -105,14 +159,3 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
 def width(program: Program) -> int:
     """Floats that the longest argument list needs."""
     return max(sum(a.size or 1 for a in r.arguments) for r in program.entries)
-
-
-def _calls(program: Program) -> list[tuple[str, str]]:
-    calls = []
-    for r in program.entries:
-        texts, at = ["&kf"], 0
-        for a in r.arguments:
-            texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
-            at += a.size or 1
-        calls.append((r.name, ", ".join(texts)))
-    return calls

@@ -27,7 +27,7 @@ from kfgen.verify.zig import command, environment
 FLASH, RAM, SIZE = 0x08000000, 0x20000000, 0x100000
 STACK_TOP, STACK_SIZE, PAINT = RAM + 0x40000, 0x8000, 0xA5
 RETURN = FLASH + 0xFFFF0
-COUNTED = 6
+COUNTED_CALLS_PER_ROUTINE = 6
 """Calls of each routine that are counted; the rest runs without hooks, but for those about which noise that waits
 comes in."""
 
@@ -154,7 +154,7 @@ class Board:
         folder: Path,
         scratch: Path,
         contract: bool = False,
-        counted: Container[int] = range(COUNTED),
+        counted: Container[int] = range(COUNTED_CALLS_PER_ROUTINE),
     ) -> None:
         for module in ("unicorn", "elftools"):
             if importlib.util.find_spec(module) is None:
@@ -171,11 +171,29 @@ class Board:
         self._running = 0
 
     def write(self, symbol: str, values: NDArray[Any], first: int = 0) -> None:
-        """Numbers into a variable, from its element `first` on."""
+        """Numbers into a variable, from its element `first` on.
+
+        Parameters
+        ----------
+        symbol : str
+            The variable's.
+        values : ndarray
+            In the type of the variable.
+        first : int
+            The element that gets the first of them.
+        """
         self._machine.mem_write(self.symbols[symbol] + first * values.itemsize, values.tobytes())
 
     def read(self, symbol: str, size: int) -> bytes:
-        """Bytes of a variable."""
+        """Bytes of a variable.
+
+        Parameters
+        ----------
+        symbol : str
+            The variable's.
+        size : int
+            [B]
+        """
         return bytes(self._machine.mem_read(self.symbols[symbol], size))
 
     def call(self, function: str) -> None:
@@ -261,7 +279,10 @@ class Emulated:
 def _counted(program: Program) -> set[int]:
     """The first calls, and those about which noise that waits comes in: some steps are refused before."""
     due = program.settling
-    return {*range(COUNTED), *(range(due - 2, due + len(REFUSED) + 2) if due else ())}
+    return {
+        *range(COUNTED_CALLS_PER_ROUTINE),
+        *(range(due - 2, due + len(REFUSED) + 2) if due else ()),
+    }
 
 
 def _build(chip: Chip, source: Path, folder: Path, elf: Path, contract: bool) -> Path:

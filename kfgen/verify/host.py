@@ -70,7 +70,15 @@ def compiler(language: Language = LANGUAGES["host"]) -> list[str]:
 
 
 def run(command: Sequence[str], what: str) -> None:
-    """Run a compiler; raises `CheckFailed` with its words when it refuses."""
+    """Run a compiler; raises `CheckFailed` with its message when it refuses.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The compiler and its arguments.
+    what : str
+        What is compiled, for the message.
+    """
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise CheckFailed(f"{what} does not compile: {done.stderr.strip()[:2000]}")
@@ -134,5 +142,13 @@ class Host:
 
 
 def missing(extra: str, what: str) -> MissingExtra:
-    """The error for an optional library that is not installed."""
+    """The error for an optional library that is not installed.
+
+    Parameters
+    ----------
+    extra : str
+        Of kfgen.
+    what : str
+        The library.
+    """
     return MissingExtra(f"{what} is not installed", remedy=f"Install it with: pip install 'kfgen[{extra}]'")

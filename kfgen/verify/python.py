@@ -1,7 +1,7 @@
 """The emitted Python modules against the reference.
 
 The numpy module prints the reference's own routines: every bit counts. filterpy's matrices round in another order than the reference's scalars, so the comparison has a
-tolerance: `TOLERANCE` of a state's own deviation, or of the product of two for a covariance.
+tolerance: `TOLERANCE_SIGMAS` standard deviations of a state, or products of two for a covariance.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from kfgen.emit.routines import Program
 from kfgen.emit.scenario import split
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.loaded import imported
-from kfgen.emit.targets.selftest import TOLERANCE, deviations
+from kfgen.emit.targets.selftest import TOLERANCE_SIGMAS, deviations
 from kfgen.verify.core import CoreVerdict, InstructionCount
 from kfgen.verify.replay import Replay
 
@@ -45,7 +45,15 @@ def _module(program: Program, folder: Path) -> ModuleType:
 
 
 def compare_filterpy(program: Program, folder: Path, played: Replay) -> CoreVerdict:
-    """Make calls on a filterpy module and count what is off by more than `TOLERANCE`.
+    """Make calls on a filterpy module and count what is off by more than `TOLERANCE_SIGMAS`.
+
+    Parameters
+    ----------
+    program : Program
+    folder : Path
+        Of the emitted module.
+    played : Replay
+        The calls.
 
     Raises
     ------
@@ -75,14 +83,27 @@ def compare_filterpy(program: Program, folder: Path, played: Replay) -> CoreVerd
         sd = np.sqrt(np.diag(P))
         off_P = np.abs(kf.P - P)[upper] / np.outer(sd, sd)[upper]
         off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / deviations(program, sd)
-        differing += int((off_P > TOLERANCE).sum()) + int((off_x > TOLERANCE).sum()) + (found.name != wanted)
+        differing += (
+            int((off_P > TOLERANCE_SIGMAS).sum())
+            + int((off_x > TOLERANCE_SIGMAS).sum())
+            + (found.name != wanted)
+        )
         words += off_P.size + off_x.size + 1
         calls += 1
-    return CoreVerdict("filterpy", words, differing, 0, calls, InstructionCount(), TOLERANCE)
+    return CoreVerdict("filterpy", words, differing, 0, calls, InstructionCount(), TOLERANCE_SIGMAS)
 
 
 def compare_numpy(program: Program, folder: Path, played: Replay) -> CoreVerdict:
-    """Make calls on a numpy module and count the words that differ in any bit."""
+    """Make calls on a numpy module and count the values that differ in any bit.
+
+    Parameters
+    ----------
+    program : Program
+    folder : Path
+        Of the emitted module.
+    played : Replay
+        The calls, and the values after each.
+    """
     kf = getattr(_module(program, folder), class_name(program))()
     for array, start in played.start.items():
         getattr(kf, array)[:] = start
@@ -102,7 +123,16 @@ def compare_numpy(program: Program, folder: Path, played: Replay) -> CoreVerdict
 
 
 def deviations_off(program: Program, found: NDArray[Any], wanted: NDArray[Any]) -> Array:
-    """How far words are off, in deviations: of stored components, then of the covariance's upper triangle."""
+    """How far values are off, in standard deviations: of stored components, then of the covariance's upper triangle.
+
+    Parameters
+    ----------
+    program : Program
+    found : ndarray
+        State and stored covariance, one after the other.
+    wanted : ndarray
+        The same of the reference.
+    """
     form, nx = program.covariance, len(program.discrete.nominal_names)
     P, Q = (np.array(form.matrix(w[nx:].tolist())) for w in (wanted, found))
     sd = np.sqrt(np.diag(P))

@@ -1,4 +1,4 @@
-"""A log through the reference: the calls that firmware would make, and the words after each of them."""
+"""A log through the reference: the calls that firmware would make, and state and covariance after each of them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def simulated(program: Program) -> Replay:
 
 
 class _Reference:
-    """The emitted numpy module, which has the words of the interpreted reference and is a hundred times as fast."""
+    """The emitted numpy module, which equals the interpreted reference in every bit and is a hundred times as fast."""
 
     def __init__(self, program: Program) -> None:
         self._filter = getattr(loaded(module(program)), class_name(program))()
@@ -72,7 +72,7 @@ class _Reference:
 
 
 def replay(play: FilterCalls) -> Replay:
-    """The calls of a log, with the words that the filter must have after each.
+    """The calls of a log, with what the filter must hold after each.
 
     Firmware sets the same before its first call: the aligned state, the constants that the log shows, and here a
     gate that is open, as in `kfgen.run.run.run`.

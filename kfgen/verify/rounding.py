@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.numbers import finite
 from kfgen.emit.routines import Program
 from kfgen.log.log import Log
 from kfgen.run.filter_calls import FilterCalls
@@ -17,9 +19,9 @@ from kfgen.verify.replay import Replay, replay
 
 Array = NDArray[np.float64]
 
-SAME_RATE = 0.01
+RATE_TOLERANCE_FRACTION = 0.01
 """Share by which a log's rate may differ from the one that a filter was emitted for."""
-COMPARED = 500
+MAX_COMPARED_SAMPLES = 500
 """Samples, evenly over the log, at which the covariance is compared."""
 
 
@@ -30,11 +32,11 @@ class Rounding:
     Parameters
     ----------
     state, share, t : str, float, float
-        The stored state that is off by most of its deviation, by how much of it, and when [s].
+        The stored state that is off by most standard deviations, by how many, and when [s].
     attitude : float or None
         Largest angle between the two attitudes [rad]; None for a model without one.
     spread : float
-        Largest relative difference of a deviation.
+        Largest relative difference of a standard deviation.
     """
 
     state: str
@@ -68,12 +70,31 @@ class OnLog:
     rounding: Rounding
     warnings: tuple[str, ...] = ()
 
+    def to_dict(self) -> dict[str, Any]:
+        """The log, the calls, and the largest differences from double precision."""
+        r = self.rounding
+        return {
+            "source": self.source,
+            "sha256": self.sha256,
+            "duration_s": self.seconds,
+            "calls": dict(self.calls),
+            "refused": dict(self.refused),
+            "beside_double": {
+                "attitude_rad": r.attitude,
+                "state": r.state,
+                "deviations": finite(r.share),
+                "t_s": r.t,
+                "relative_of_deviation": finite(r.spread),
+            },
+        }
+
 
 def over_log(program: Program, log: Log, start: Mapping[str, float] | None = None) -> tuple[Replay, OnLog]:
     """The calls of a log, and what the rounding of the program does to its estimate.
 
     Parameters
     ----------
+    program : Program
     start : mapping of str to float, optional
         Stored states that are known better than by alignment [SI].
 
@@ -86,7 +107,7 @@ def over_log(program: Program, log: Log, start: Mapping[str, float] | None = Non
     beside = rounding(program, played, run(Program(program.discrete), log, start=start))
     rate = program.discrete.rate
     warnings: tuple[str, ...] = ()
-    if abs(log.dt * rate - 1.0) > SAME_RATE:
+    if abs(log.dt * rate - 1.0) > RATE_TOLERANCE_FRACTION:
         warnings = (
             f"the filter was emitted for {rate:g} Hz and the log has {1.0 / log.dt:.6g} Hz: "
             f"noise of samples is believed for the former (emit --rate {1.0 / log.dt:.6g})",
@@ -97,7 +118,16 @@ def over_log(program: Program, log: Log, start: Mapping[str, float] | None = Non
 
 
 def rounding(program: Program, played: Replay, double: FilterRun) -> Rounding:
-    """Compare the reference's words after each sample of a log with a run in double precision over the same log."""
+    """Compare the reference's state and covariance after each sample of a log with a run in double precision over the same log.
+
+    Parameters
+    ----------
+    program : Program
+    played : Replay
+        A log through the reference.
+    double : FilterRun
+        The run in double precision over the same log.
+    """
     nx = len(double.names)
     start = np.array(played.start["x"], float)
     x = np.array([played.calls[e - 1].words[:nx] if e else start for e in played.ends], float)
@@ -133,7 +163,7 @@ def _angle(x: Array, double: FilterRun) -> Array:
 def _spread(program: Program, played: Replay, double: FilterRun) -> float:
     nx, form = len(double.names), program.covariance
     worst = 0.0
-    for k in range(0, len(played.ends), max(1, len(played.ends) // COMPARED)):
+    for k in range(0, len(played.ends), max(1, len(played.ends) // MAX_COMPARED_SAMPLES)):
         if played.ends[k]:
             P = np.array(form.matrix(played.calls[played.ends[k] - 1].words[nx:].tolist()))
             sd = np.sqrt(np.maximum(np.diag(P), 0.0))

@@ -1,4 +1,4 @@
-"""A readable basis of a null space: known gauges first, then the vectors of the fewest states.
+"""A null space has many bases, and few that a person can read: known gauges first, then the vectors of the fewest states.
 
 The reduced echelon form for an order of the states gives vectors that no other of their support is simpler than; forms
 for many orders are collected, and the simplest that are independent are kept.
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from kfgen.audit.exact.chain import Hidden
-from kfgen.audit.exact.padic import Ring
+from kfgen.audit.exact.chain import NullSpace
+from kfgen.audit.exact.padic import Ring, echelon
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.segment_series import start_of
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
@@ -21,7 +21,7 @@ Vector = tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Null:
+class NullVector:
     """A null vector.
 
     Parameters
@@ -43,8 +43,18 @@ class Null:
         return tuple(k for k, r in enumerate(self.residues) if r)
 
 
-def readable(plan: Plan, manoeuvre: Manoeuvre, hidden: Hidden, *, generic: bool) -> list[Null]:
-    """A basis of what a manoeuvre hides, each vector one in its first state; `generic` as in `Plan.start`."""
+def readable(plan: Plan, manoeuvre: Manoeuvre, hidden: NullSpace, *, generic: bool) -> list[NullVector]:
+    """A basis of what a manoeuvre hides, each vector one in its first state; `generic` as in `Plan.start`.
+
+    Parameters
+    ----------
+    plan : Plan
+    manoeuvre : Manoeuvre
+    hidden : NullSpace
+        What the manoeuvre leaves unobservable.
+    generic : bool
+        As in `Plan.start`.
+    """
     ring = hidden.ring
     found = [
         (words, v)
@@ -53,9 +63,9 @@ def readable(plan: Plan, manoeuvre: Manoeuvre, hidden: Hidden, *, generic: bool)
     ]
     candidates = found + [("", v) for v in _circuits(hidden, _moving(plan))]
     kept: list[tuple[str, Vector]] = []
-    space = _Space(ring)
     for words, v in candidates:
-        if len(kept) < hidden.nullity and space.add(v):
+        rows = [v, *(k for _, k in kept)]
+        if len(kept) < hidden.nullity and len(echelon(rows, range(plan.size), ring)) == len(rows):
             kept.append((words, v))
     kept.sort(key=lambda e: (not e[0], _order(e[1])))
     return [_null(words, v, ring) for words, v in kept]
@@ -65,12 +75,22 @@ def _order(v: Vector) -> list[int]:
     return [k for k, e in enumerate(v) if e]
 
 
-def _null(words: str, v: Vector, ring: Ring) -> Null:
-    return Null(v, tuple(ring.rational(e) if e else Fraction(0) for e in v), words)
+def _null(words: str, v: Vector, ring: Ring) -> NullVector:
+    return NullVector(v, tuple(ring.rational(e) if e else Fraction(0) for e in v), words)
 
 
 def gauges(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> list[tuple[str, Vector]]:
-    """Moving everything, and turning everything about the vertical, as error states."""
+    """Moving everything, and turning everything about the vertical, as error states.
+
+    Parameters
+    ----------
+    plan : Plan
+    manoeuvre : Manoeuvre
+    ring : Ring
+        Of the residues that are returned.
+    generic : bool
+        As in `Plan.start`.
+    """
     level = [b for b in plan.vectors if tuple(b.axes) == ("N", "E", "D")]
     places = {s.name: k for k, s in enumerate(plan.model.states)}
     out = []
@@ -93,35 +113,13 @@ def gauges(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> li
     return out
 
 
-class _Space:
-    """A growing space of residue vectors."""
-
-    def __init__(self, ring: Ring) -> None:
-        self.ring = ring
-        self.rows: list[tuple[int, list[int]]] = []
-
-    def add(self, v: Sequence[int]) -> bool:
-        """Take a vector in; whether it is independent of those before."""
-        m, row = self.ring.m, list(v)
-        for c, other in self.rows:
-            if row[c]:
-                f = row[c]
-                row = [(a - f * b) % m for a, b in zip(row, other)]
-        at = next((k for k, e in enumerate(row) if e % self.ring.p), None)
-        if at is None:
-            return False
-        scale = self.ring.inverse(row[at])
-        self.rows.append((at, [e * scale % m for e in row]))
-        return True
-
-
 def _moving(plan: Plan) -> set[int]:
     """Positions and velocities: less telling than attitudes, arms and biases."""
     names = {n for b in plan.vectors if any(r != 0 for r in plan.slope(b.name)) for n in b.error_names}
     return {k for k, s in enumerate(plan.model.states) if s.name in names}
 
 
-def _circuits(hidden: Hidden, moving: set[int]) -> list[Vector]:
+def _circuits(hidden: NullSpace, moving: set[int]) -> list[Vector]:
     """Vectors of small support, the smallest first, among equals those of states that stand still."""
     ring, d = hidden.ring, hidden.nullity
     rows = [[int(e) for e in column] for column in hidden.basis.T]
@@ -131,7 +129,7 @@ def _circuits(hidden: Hidden, moving: set[int]) -> list[Vector]:
     orders += [[s, *(o for o in states if o != s)] for s in states] if d > 1 else []
     orders += [[*(o for o in reversed(states) if o != s), s] for s in states] if d > 1 else []
     for order in orders:
-        found.update(_leading(v, ring) for v in _echelon(rows, order, ring))
+        found.update(_leading(v, ring) for v in echelon(rows, order, ring))
     return sorted(found, key=lambda v: _weight(v, moving, ring))
 
 
@@ -139,29 +137,6 @@ def _weight(v: Vector, moving: set[int], ring: Ring) -> tuple[bool, int, int, li
     """What is read last is largest: amounts that depend on durations, many states, states that move."""
     plain = all(e % ring.p and ring.rational(e) is not None for e in v if e)
     return not plain, sum(map(bool, v)), sum(k in moving for k in _order(v)), _order(v)
-
-
-def _echelon(rows: list[list[int]], order: Sequence[int], ring: Ring) -> list[list[int]]:
-    """The reduced echelon form with pivots where an order of the states first finds them."""
-    rows = [list(r) for r in rows]
-    done: list[list[int]] = []
-    for c in order:
-        r = next((i for i, row in enumerate(rows) if row[c] % ring.p), None)
-        if r is None:
-            continue
-        pivot = rows.pop(r)
-        scale = ring.inverse(pivot[c])
-        pivot = [e * scale % ring.m for e in pivot]
-        rows = [_minus(row, row[c], pivot, ring.m) for row in rows]
-        done = [_minus(row, row[c], pivot, ring.m) for row in done]
-        done.append(pivot)
-        if not rows:
-            break
-    return done
-
-
-def _minus(row: list[int], factor: int, pivot: list[int], m: int) -> list[int]:
-    return [(a - factor * b) % m for a, b in zip(row, pivot)] if factor else row
 
 
 def _leading(v: Sequence[int], ring: Ring) -> Vector:

@@ -1,8 +1,8 @@
-"""The directions that no measurement of a manoeuvre shows, exactly.
+"""The directions that no measurement of a manoeuvre shows: their null space, exactly, for almost every duration.
 
 Along a segment the error is ``x(t) = Phi(t) x0``, and shows as ``H(t) Phi(t) x0``; with ``Phi' = F Phi`` its power series is
 written down order by order. What stays hidden is carried to the next segment by ``Phi(T)``, summed at a duration at which
-every series converges (see `ring`), so that the answer holds for almost every duration. Directions are those at the start.
+every series converges (see `padic`), so that the answer holds for almost every duration. Directions are those at the start.
 
 References
 ----------
@@ -24,15 +24,15 @@ import sympy as sp
 from kfgen.audit.exact.modular import Echelon, coefficient, product
 from kfgen.audit.exact.padic import PRIMES, Degenerate, Ring
 from kfgen.audit.exact.plan import Plan
-from kfgen.audit.exact.segment_series import Course, start_of
+from kfgen.audit.exact.segment_series import SegmentSeries, start_of
 from kfgen.core.errors import InputError
 from kfgen.manoeuvre.manoeuvre import Manoeuvre, Segment
 
-DIGITS = 24
+EXACT_DIGITS = 24
 """Digits, and orders of the power series, of the exact answer."""
-STALL = 8
+MAX_STALLED_ORDERS = 8
 """Orders without a new row after which the quick look ends."""
-DURATION = 1009
+SEGMENT_DURATION_MULTIPLE = 1009
 """A segment's duration, in multiples of p, times its number."""
 
 Residues = Any
@@ -40,7 +40,7 @@ Residues = Any
 
 
 @dataclass(frozen=True)
-class Hidden:
+class NullSpace:
     """A null space in a ring.
 
     Parameters
@@ -66,7 +66,15 @@ class Hidden:
         return rows
 
     def contains(self, vector: Sequence[int], ring: Ring) -> bool:
-        """Whether a direction, in residues of a ring of the same prime, lies in it."""
+        """Whether a direction, in residues of a ring of the same prime, lies in it.
+
+        Parameters
+        ----------
+        vector : sequence of int, length n
+            Residues.
+        ring : Ring
+            Of these residues, of the same prime.
+        """
         m = min(ring.m, self.ring.m)
         return all(sum(int(a) * v for a, v in zip(row, vector)) % m == 0 for row in self._kernel.T)
 
@@ -77,7 +85,7 @@ class GenericPoint:
 
     p: int
     generic: bool
-    digits: int = DIGITS
+    digits: int = EXACT_DIGITS
 
 
 def along(
@@ -88,11 +96,13 @@ def along(
     generic: bool = True,
     first: int = 0,
     p: int | None = None,
-) -> list[Hidden]:
+) -> list[NullSpace]:
     """What each manoeuvre hides of the error at its start, all modulo powers of one prime.
 
     Parameters
     ----------
+    plan : Plan
+    manoeuvres : sequence of Manoeuvre
     length : float, optional
         Of the manoeuvres [s]: rates that are written with it depend on it.
     generic : bool
@@ -108,10 +118,10 @@ def along(
         The model has no value where it starts.
     """
     if p is not None:
-        return [hidden(plan, m, length, GenericPoint(p, generic)) for m in manoeuvres]
+        return [null_space_along(plan, m, length, GenericPoint(p, generic)) for m in manoeuvres]
     for prime in PRIMES[first:]:
         try:
-            return [hidden(plan, m, length, GenericPoint(prime, generic)) for m in manoeuvres]
+            return [null_space_along(plan, m, length, GenericPoint(prime, generic)) for m in manoeuvres]
         except Degenerate as error:
             why = error
     raise InputError(
@@ -120,8 +130,19 @@ def along(
     )
 
 
-def hidden(plan: Plan, manoeuvre: Manoeuvre, length: float | None, point: GenericPoint) -> Hidden:
-    """What a manoeuvre hides, at a point; raises `Degenerate` where that has no value."""
+def null_space_along(
+    plan: Plan, manoeuvre: Manoeuvre, length: float | None, point: GenericPoint
+) -> NullSpace:
+    """What a manoeuvre hides, at a point; raises `Degenerate` where that has no value.
+
+    Parameters
+    ----------
+    plan : Plan
+    manoeuvre : Manoeuvre
+    length : float or None
+        Of the manoeuvre [s]; its own where None.
+    point : GenericPoint
+    """
     length = manoeuvre.length if length is None else length
     ring = Ring(point.p, point.digits)
     columns, orders = _first_look(plan, manoeuvre, length, point)
@@ -131,18 +152,18 @@ def hidden(plan: Plan, manoeuvre: Manoeuvre, length: float | None, point: Generi
     for k, segment in enumerate(manoeuvre.segments, 1):
         if not B.shape[1]:
             break
-        course = Course(plan, ring, segment, length, state)
-        course.extend(orders)
-        V = _transition(course, image, orders)
-        C, ring = null_space(_shown(course, V), B.shape[1], ring)
+        series = SegmentSeries(plan, ring, segment, length, state)
+        series.extend(orders)
+        V = _transition(series, image, orders)
+        C, ring = null_space(_shown(series, V), B.shape[1], ring)
         B = B.dot(C) % ring.m
         if k < len(manoeuvre.segments):
-            T = point.p * DURATION * (k + 1) % ring.m
+            T = point.p * SEGMENT_DURATION_MULTIPLE * (k + 1) % ring.m
             image = _value([v.dot(C) for v in V], T, ring)
-            state = {s: v % ring.m for s, v in course.at(T).items()}
+            state = {s: v % ring.m for s, v in series.at(T).items()}
     if 3 * ring.digits < point.digits:
-        return hidden(plan, manoeuvre, length, replace(point, digits=2 * point.digits))
-    return Hidden(ring, B)
+        return null_space_along(plan, manoeuvre, length, replace(point, digits=2 * point.digits))
+    return NullSpace(ring, B)
 
 
 def _first_look(
@@ -152,29 +173,41 @@ def _first_look(
     ring = Ring(point.p, 1)
     try:
         state = start_of(plan, manoeuvre, ring, generic=point.generic)
-        rows, gained = quick(plan, ring, manoeuvre.segments[0], length, state)
+        rows, gained = row_space_modulo_p(plan, ring, manoeuvre.segments[0], length, state)
     except Degenerate:
         return list(range(plan.size)), max(point.digits, plan.size)
-    return rows.hidden, max(point.digits, gained + 2)
+    return rows.unobservable_columns, max(point.digits, gained + 2)
 
 
-def quick(
+def row_space_modulo_p(
     plan: Plan, ring: Ring, segment: Segment, length: float, state: dict[sp.Symbol, int]
 ) -> tuple[Echelon, int]:
-    """The row space of a segment modulo p, and the last order at which it grew."""
+    """The row space of a segment modulo p, and the last order at which it grew.
+
+    Parameters
+    ----------
+    plan : Plan
+    ring : Ring
+        Of one digit.
+    segment : Segment
+    length : float
+        Of the whole manoeuvre [s].
+    state : mapping of Symbol to int
+        Residues of attitude and blocks where the segment starts.
+    """
     n, p = plan.size, ring.p
-    course = Course(plan, ring, segment, length, state)
+    series = SegmentSeries(plan, ring, segment, length, state)
     m = 1 + max((i for i, _, _ in plan.H), default=0)
     echelon = Echelon(n, p)
     F, H, Phi = [], [], [np.eye(n, dtype=np.int64)]
     gained = 0
-    for k in range(n + STALL):
-        course.extend(k + 1)
-        F.append(coefficient(course.F, k, (n, n), p))
-        H.append(coefficient(course.H, k, (m, n), p))
+    for k in range(n + MAX_STALLED_ORDERS):
+        series.extend(k + 1)
+        F.append(coefficient(series.F, k, (n, n), p))
+        H.append(coefficient(series.H, k, (m, n), p))
         if echelon.add(_convolution(H, Phi, k, p)):
             gained = k
-        if echelon.rank == n or k - gained >= STALL:
+        if echelon.rank == n or k - gained >= MAX_STALLED_ORDERS:
             break
         step = _convolution(F, Phi, k, p)
         Phi.append(product(step, np.eye(n, dtype=np.int64) * ring.inverse(k + 1), p))
@@ -198,22 +231,22 @@ def _convolve(entries: Any, V: list[Residues], k: int, rows: int, m: int) -> Res
     return out % m
 
 
-def _transition(course: Course, start: Residues, orders: int) -> list[Residues]:
+def _transition(series: SegmentSeries, start: Residues, orders: int) -> list[Residues]:
     """Coefficients of ``Phi(t) start``."""
     V = [start]
     for k in range(orders - 1):
         V.append(
-            _convolve(course.F, V, k, start.shape[0], course.ring.m)
-            * course.ring.inverse(k + 1)
-            % course.ring.m
+            _convolve(series.F, V, k, start.shape[0], series.ring.m)
+            * series.ring.inverse(k + 1)
+            % series.ring.m
         )
     return V
 
 
-def _shown(course: Course, V: list[Residues]) -> list[list[int]]:
+def _shown(series: SegmentSeries, V: list[Residues]) -> list[list[int]]:
     """Rows of ``H(t) Phi(t) start``, order by order, without those that are zero."""
-    m = 1 + max((i for i, _, _ in course.H), default=0)
-    rows = (row for k in range(len(V)) for row in _convolve(course.H, V, k, m, course.ring.m).tolist())
+    m = 1 + max((i for i, _, _ in series.H), default=0)
+    rows = (row for k in range(len(V)) for row in _convolve(series.H, V, k, m, series.ring.m).tolist())
     return [row for row in rows if any(row)]
 
 
@@ -229,6 +262,14 @@ def null_space(rows: list[list[int]], columns: int, ring: Ring) -> tuple[Residue
 
     Pivots are those that p divides least, so that nothing is lost; of the answer as many digits are
     known as are left after the last pivot.
+
+    Parameters
+    ----------
+    rows : list of list of int
+        Residues, one list a row.
+    columns : int
+        Their length.
+    ring : Ring
 
     Returns
     -------

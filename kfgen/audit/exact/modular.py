@@ -1,6 +1,6 @@
-"""Rank and null space modulo one prime, in 64 bits: the quick look before the exact answer.
+"""Rank modulo one prime, in 64 bits: leaves few states and orders to the exact answer, which is far more work.
 
-Residues are kept between -p/2 and p/2, so that sums of `BLOCK` products fit.
+Residues are kept between -p/2 and p/2, so that sums of `MAX_PRODUCTS_IN_A_SUM` products fit.
 """
 
 from __future__ import annotations
@@ -12,23 +12,40 @@ from numpy.typing import NDArray
 
 Whole = NDArray[np.int64]
 
-BLOCK = 120
+MAX_PRODUCTS_IN_A_SUM = 120
 """Products of residues below 2^28 that a signed 64-bit sum holds."""
 
 
 def centred(A: Whole, p: int) -> Whole:
-    """Residues of least size."""
+    """Residues of least size.
+
+    Parameters
+    ----------
+    A : ndarray of int64
+    p : int
+        The prime.
+    """
     out: Whole = (A + p // 2) % p - p // 2
     return out
 
 
 def product(A: Whole, B: Whole, p: int) -> Whole:
-    """``A B`` modulo p, for residues of least size."""
-    if A.shape[1] <= BLOCK:
+    """``A B`` modulo p, for residues of least size.
+
+    Parameters
+    ----------
+    A : ndarray of int64, shape (l, m)
+    B : ndarray of int64, shape (m, n)
+    p : int
+        The prime, below 2^29.
+    """
+    if A.shape[1] <= MAX_PRODUCTS_IN_A_SUM:
         return centred(A @ B, p)
     total = np.zeros((A.shape[0], B.shape[1]), dtype=np.int64)
-    for k in range(0, A.shape[1], BLOCK):
-        total = centred(total + centred(A[:, k : k + BLOCK] @ B[k : k + BLOCK], p), p)
+    for k in range(0, A.shape[1], MAX_PRODUCTS_IN_A_SUM):
+        total = centred(
+            total + centred(A[:, k : k + MAX_PRODUCTS_IN_A_SUM] @ B[k : k + MAX_PRODUCTS_IN_A_SUM], p), p
+        )
     return total
 
 
@@ -67,7 +84,7 @@ class Echelon:
         self.pivots.append(c)
 
     @property
-    def hidden(self) -> list[int]:
+    def unobservable_columns(self) -> list[int]:
         """The columns in which a null vector may differ from zero."""
         if self.rank == self.rows.shape[1]:
             return []
@@ -79,7 +96,19 @@ class Echelon:
 def coefficient(
     entries: Sequence[tuple[int, int, list[int]]], k: int, shape: tuple[int, int], p: int
 ) -> Whole:
-    """Coefficient k of a matrix of power series."""
+    """Coefficient k of a matrix of power series.
+
+    Parameters
+    ----------
+    entries : sequence of (row, column, list of int)
+        Entries that are not zero, with their power series.
+    k : int
+        The order.
+    shape : (int, int)
+        Of the matrix.
+    p : int
+        The prime.
+    """
     out = np.zeros(shape, dtype=np.int64)
     for i, j, series in entries:
         out[i, j] = series[k]

@@ -1,8 +1,9 @@
-"""`Ring`: whole numbers modulo a power of a prime, in which an audit counts exactly.
+"""`Ring`: numbers in which a rank is a fact.
 
-To so many digits these are the p-adic numbers: a fraction without p below is one of them, a power series with such
-coefficients converges at every multiple of p and is summed exactly. So a segment's duration is taken as a multiple of p:
-what is zero for it is zero for almost every duration.
+In floating point it needs a tolerance, and a badly scaled model (radians beside metres) has none that is right. Here numbers are
+residues modulo a power of a prime p, the p-adic numbers to so many digits: a fraction without p below is one of them, a power
+series with such coefficients converges at every multiple of p and is summed exactly. So a segment's duration is taken as a
+multiple of p: what is zero for it is zero for almost every duration.
 
 References
 ----------
@@ -12,6 +13,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -98,10 +100,45 @@ class Ring:
             r0, r1, t0, t1 = r1, r0 - q * r1, t1, t0 - q * t1
         if a % m == 0:
             return Fraction(0)
-        if best is None or best[0].bit_length() < CONVINCING:
+        if best is None or best[0].bit_length() < MIN_QUOTIENT_BITS:
             return None
         return Fraction(best[1], best[2])
 
 
-CONVINCING = 48
+MIN_QUOTIENT_BITS = 48
 """Bits of the quotient at which a reconstruction stops; by chance one in 2^48 residues has such a fraction."""
+
+
+def echelon(rows: Sequence[Sequence[int]], order: Sequence[int], ring: Ring) -> list[list[int]]:
+    """The reduced echelon form of rows, its pivots (which p does not divide) where an order of the columns first finds them.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of int
+        Residues.
+    order : sequence of int
+        Columns.
+    ring : Ring
+
+    Returns
+    -------
+    list of list of int
+        As many as are independent modulo p.
+    """
+    left, done = [list(r) for r in rows], list[list[int]]()
+    for c in order:
+        at = next((i for i, row in enumerate(left) if row[c] % ring.p), None)
+        if at is None:
+            continue
+        pivot = left.pop(at)
+        scale = ring.inverse(pivot[c])
+        pivot = [e * scale % ring.m for e in pivot]
+        left, done = ([_minus(row, row[c], pivot, ring.m) for row in part] for part in (left, done))
+        done.append(pivot)
+        if not left:
+            break
+    return done
+
+
+def _minus(row: list[int], factor: int, pivot: list[int], m: int) -> list[int]:
+    return [(a - factor * b) % m for a, b in zip(row, pivot)] if factor else row

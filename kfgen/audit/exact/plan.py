@@ -1,4 +1,4 @@
-"""`Plan`: a filter's error system written as graphs, once for every manoeuvre and every ring.
+"""`Plan`: a filter's error system written as operations, once for every manoeuvre and every ring.
 
 Along a manoeuvre the attitude and the velocity are given; the inputs (gyros, accelerometers) are what the model's own
 rates need for it, and all else that moves follows its own rates. The errors of effects and of biases are looked at
@@ -14,14 +14,15 @@ from functools import cached_property
 
 import sympy as sp
 
-from kfgen.audit.exact.graph import Graph, decimal
+from kfgen.audit.exact.power_series import exact_writer
+from kfgen.core.straight_line import Writer, decimal
 from kfgen.manoeuvre.control import Control, control
 from kfgen.manoeuvre.truth import level_at
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.symbols.blocks import Vector
 
-SERIES = (sp.sin, sp.cos, sp.tan, sp.exp, sp.atan)
+SERIES_FUNCTIONS = (sp.sin, sp.cos, sp.tan, sp.exp, sp.atan)
 """Functions whose power series around zero are summed exactly."""
 Entry = tuple[int, int, int]
 """Row, column, place."""
@@ -29,17 +30,17 @@ Entry = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class LinearSolve:
-    """A `Control` in places of a graph.
+    """A `Control` in places of a writer's operations.
 
     Parameters
     ----------
-    graph : Graph
+    writer : Writer
     targets, channels : tuple of str
     J : tuple of tuple of int, shape (r, r)
     b : tuple of int
     """
 
-    graph: Graph
+    writer: Writer
     targets: tuple[str, ...]
     channels: tuple[str, ...]
     J: tuple[tuple[int, ...], ...]
@@ -48,7 +49,7 @@ class LinearSolve:
 
 @dataclass(frozen=True)
 class Plan:
-    """A model's graphs.
+    """A model's operations.
 
     Parameters
     ----------
@@ -87,15 +88,16 @@ class Plan:
         others = [sp.Symbol(c, real=True) for c in (*self.channels, *self.model.drivers)]
         return (*self.rotation, *flat, *others)
 
-    def fresh(self) -> Graph:
-        """A graph in the variables, with constants as numbers and the states of effects at zero."""
-        graph = Graph(self.variables)
+    def fresh(self) -> Writer:
+        """A writer in the variables, with constants as numbers and the states of effects at zero."""
+        writer = exact_writer(self.variables)
+        at_zero = {s.symbol for s in self.model.states}.difference(self.variables)
         for c in self.model.constants:
-            graph.known[c.symbol] = graph.place(sp.Rational(repr(float(c.value))))
-        for s in self.model.states:
-            if s.symbol not in graph.known:
-                graph.known[s.symbol] = graph.place(sp.Integer(0))
-        return graph
+            writer.name(c.symbol, sp.Rational(decimal(c.value)))
+            at_zero.discard(c.symbol)
+        for symbol in sorted(at_zero, key=str):
+            writer.name(symbol, sp.Integer(0))
+        return writer
 
     @cached_property
     def _rates(self) -> Mapping[str, sp.Matrix]:
@@ -108,13 +110,13 @@ class Plan:
 
     @cached_property
     def control(self) -> LinearSolve | None:
-        """The same in places of a graph."""
+        """The same in places of a writer's operations."""
         found = self.equations
         if found is None:
             return None
-        graph, r = self.fresh(), len(found.channels)
-        J = tuple(tuple(graph.place(found.J[i, j]) for j in range(r)) for i in range(r))
-        return LinearSolve(graph, found.targets, found.channels, J, tuple(graph.place(e) for e in found.b))
+        writer, r = self.fresh(), len(found.channels)
+        J = tuple(tuple(writer.place(found.J[i, j]) for j in range(r)) for i in range(r))
+        return LinearSolve(writer, found.targets, found.channels, J, tuple(writer.place(e) for e in found.b))
 
     def slope(self, block: str) -> sp.Matrix:
         """The model's own rate of a block."""
@@ -126,15 +128,15 @@ class Plan:
         return self.control.targets if self.control else ()
 
     @cached_property
-    def _main(self) -> tuple[Graph, dict[str, tuple[int, ...]], tuple[Entry, ...], tuple[Entry, ...]]:
-        graph = self.fresh()
-        rates = {n: tuple(graph.place(e) for e in r) for n, r in self._rates.items() if n not in self.given}
+    def _main(self) -> tuple[Writer, dict[str, tuple[int, ...]], tuple[Entry, ...], tuple[Entry, ...]]:
+        writer = self.fresh()
+        rates = {n: tuple(writer.place(e) for e in r) for n, r in self._rates.items() if n not in self.given}
         F = self.model.F
         H = sp.Matrix.vstack(sp.zeros(0, self.size), *(self.model.H(s) for s in self.sensors))
-        return graph, rates, _entries(graph, F), _entries(graph, H)
+        return writer, rates, _entries(writer, F), _entries(writer, H)
 
     @property
-    def graph(self) -> Graph:
+    def writer(self) -> Writer:
         """Rates of the free blocks, F and H."""
         return self._main[0]
 
@@ -165,7 +167,7 @@ class Plan:
         rates = [e for r in self._rates.values() for e in r]
         found: set[sp.Symbol] = set()
         for e in (*M, *rates):
-            for call in e.atoms(*SERIES):
+            for call in e.atoms(*SERIES_FUNCTIONS):
                 found |= call.args[0].free_symbols
         return frozenset(found & set(self.own))
 
@@ -198,10 +200,10 @@ class Plan:
         """
         out, draw = {}, Draws()
         for b in self.vectors:
-            for s, declared in zip(b.nominal, b.start):
-                off = decimal(sp.Float(_round(b.prior))) * next(draw)
+            for s, declared, sd in zip(b.nominal, b.start, b.deviations):
+                off = decimal(_round(sd)) * next(draw)
                 moved = generic and not self._placed(b)
-                out[s] = Fraction(repr(float(declared))) + (off if moved else 0)
+                out[s] = decimal(declared) + (off if moved else 0)
         return out
 
 
@@ -221,6 +223,6 @@ class Draws:
         return size if self.k % 2 else -size
 
 
-def _entries(graph: Graph, M: sp.Matrix) -> tuple[Entry, ...]:
+def _entries(writer: Writer, M: sp.Matrix) -> tuple[Entry, ...]:
     """The entries of a matrix that are not zero."""
-    return tuple((i, j, graph.place(M[i, j])) for i in range(M.rows) for j in range(M.cols) if M[i, j] != 0)
+    return tuple((i, j, writer.place(M[i, j])) for i in range(M.rows) for j in range(M.cols) if M[i, j] != 0)

@@ -1,6 +1,6 @@
-"""`Runner`: the operations of a graph on truncated power series in a ring, one order after the other.
+"""`Runner`: F and H along a motion are power series of time; these are worked out in a ring, one order after the other.
 
-An operation knows coefficient k of its result from the coefficients up to k of its operands and from its own earlier
+It does the operations of a straight-line form. An operation knows coefficient k of its result from the coefficients up to k of its operands and from its own earlier
 ones (``e' = u' e`` for the exponential, and so on), so solutions of differential equations are written down in order.
 
 References
@@ -15,94 +15,77 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from operator import mul
 
-from kfgen.audit.exact.graph import Graph
+import sympy as sp
+
 from kfgen.audit.exact.padic import Ring
+from kfgen.core.straight_line import CONSTANT, Rewrites, Writer, as_written
 
 Coefficients = list[int]
 Step = Callable[[int], int]
 """Coefficient k from those before."""
+REWRITES: Rewrites = {
+    sp.tan: lambda u: sp.sin(u) / sp.cos(u),
+    sp.acos: lambda u: -sp.asin(u),  # but for a constant
+    sp.atan2: lambda y, x: sp.atan(y / x),  # but for a constant
+    sp.Pow: lambda base, exponent: sp.exp(exponent * sp.log(base), evaluate=False),
+    sp.Abs: lambda u: u,
+    sp.sign: lambda u: sp.Integer(1),
+    sp.Min: lambda a, *_: a,
+    sp.Max: lambda a, *_: a,
+}
+"""Functions by those that have a step of their own; of absolute values and extrema one of their smooth branches."""
+
+
+def exact_writer(variables: Sequence[sp.Symbol]) -> Writer:
+    """A writer of operations that a `Runner` can do: numbers are fractions."""
+    return Writer(variables, as_written, REWRITES)
 
 
 class Runner:
-    """A graph on power series in a ring.
+    """Operations on power series in a ring.
 
     Parameters
     ----------
-    graph : Graph
+    writer : Writer
+        Of `exact_writer`; operations that it writes later are not run.
     ring : Ring
     given : sequence of list of int
         Coefficients of the variables; lists that others may lengthen while the runner steps.
     """
 
-    def __init__(self, graph: Graph, ring: Ring, given: Sequence[Coefficients]) -> None:
+    def __init__(self, writer: Writer, ring: Ring, given: Sequence[Coefficients]) -> None:
         self.ring = ring
-        self.inverse = [0]
         self.series: list[Coefficients] = [*given]
         self._steps: list[tuple[Coefficients, Step]] = []
-        for name, operands in graph.operations[graph.variables :]:
+        for name, operands, value in writer.operations[len(given) :]:
             out: Coefficients = []
-            series = [self.series[o] if isinstance(o, int) else o for o in operands]
+            if name == CONSTANT:
+                step = _constant(ring.of(Fraction(value)))
+            else:
+                step = _OPERATIONS[name](ring, out, *(self.series[p] for p in operands))
             self.series.append(out)
-            self._steps.append((out, _OPERATIONS[name](self, out, *series)))
+            self._steps.append((out, step))
 
     def step(self, k: int) -> None:
         """Coefficient k of everything; the variables must have theirs."""
-        if len(self.inverse) <= k:
-            self.inverse.append(self.ring.inverse(k) if k else 0)
-        m = self.ring.m
         for out, step in self._steps:
-            out.append(step(k) % m)
-
-    def over(self, k: int, value: int) -> int:
-        """``value / k``."""
-        return value * self.inverse[k]
-
-    def start(self, name: str, u: int) -> int:
-        """A function's value at a residue: by its series where that converges, else a generic number.
-
-        Distinct points get independent numbers, which is true of almost every point.
-        """
-        if u % self.ring.p == 0 and name in _TAYLOR:
-            return self._summed(name, u)
-        if u == 0:
-            return 0  # the others vanish there
-        seed = f"{name} {u}".encode()
-        return int.from_bytes(_digest(seed, self.ring.digits * 4 + 8), "big") % self.ring.m
-
-    def _summed(self, name: str, u: int) -> int:
-        total, ring = 0, self.ring
-        for k, c in enumerate(_TAYLOR[name](ring.digits + 2)):
-            if c and k < ring.digits:
-                total += ring.of(c) * pow(u, k, ring.m)
-        return total % ring.m
-
-
-def _digest(seed: bytes, size: int) -> bytes:
-    return hashlib.shake_256(seed).digest(size)
-
-
-def _factorials(n: int, signs: Sequence[int]) -> list[Fraction]:
-    out, f = [], 1
-    for k in range(n):
-        f *= max(k, 1)
-        out.append(Fraction(signs[k % len(signs)], f))
-    return out
-
-
-def _odd(n: int, sign: int) -> list[Fraction]:
-    return [Fraction(sign ** ((k - 1) // 2), k) if k % 2 else Fraction(0) for k in range(n)]
-
-
-_TAYLOR: Mapping[str, Callable[[int], list[Fraction]]] = {
-    "sin": lambda n: _factorials(n, (0, 1, 0, -1)),
-    "cos": lambda n: _factorials(n, (1, 0, -1, 0)),
-    "exp": lambda n: _factorials(n, (1,)),
-    "atan": lambda n: _odd(n, -1),
-}
+            out.append(step(k) % self.ring.m)
 
 
 def convolved(a: Coefficients, b: Coefficients, k: int, first: int = 0) -> int:
-    """``sum_j a_j b_(k-j)`` for j from `first` to k."""
+    """``sum_j a_j b_(k-j)`` for j from `first` to k, or to the last that a has.
+
+    Parameters
+    ----------
+    a : list of int
+        Coefficients.
+    b : list of int
+        Coefficients, up to order ``k - first`` at least.
+    k : int
+        The order of the sum.
+    first : int
+        Zero, or one to leave out ``a_0``.
+    """
     return sum(map(mul, a[first : k + 1], b[k - first :: -1])) if k >= first else 0
 
 
@@ -111,137 +94,141 @@ def _slope(a: Coefficients, b: Coefficients, k: int) -> int:
     return sum(j * a[j] * b[k - j] for j in range(1, k + 1) if a[j])
 
 
-def _constant(r: Runner, out: Coefficients, value: Fraction) -> Step:
-    c = r.ring.of(value)
+def _start(ring: Ring, name: str, u: int) -> int:
+    """A function's value at a residue: by its series about zero where that converges, else a generic number.
+
+    Distinct points get independent numbers, which is true of almost every point.
+    """
+    if u == 0:
+        return int(name in ("cos", "exp"))
+    if u % ring.p == 0 and name in _ANALYTIC:
+        series: Coefficients = []
+        step = _OPERATIONS[name](ring, series, [0, 1, *[0] * ring.digits])
+        for k in range(ring.digits):
+            series.append(step(k) % ring.m)
+        return sum(c * pow(u, k, ring.m) for k, c in enumerate(series)) % ring.m
+    size = ring.digits * 4 + 8
+    return int.from_bytes(hashlib.shake_256(f"{name} {u}".encode()).digest(size), "big") % ring.m
+
+
+_ANALYTIC = frozenset(("sin", "cos", "exp", "atan", "asin", "tanh"))
+"""At zero."""
+
+
+def _constant(c: int) -> Step:
     return lambda k: 0 if k else c
 
 
-def _add(r: Runner, out: Coefficients, a: Coefficients, b: Coefficients) -> Step:
-    return lambda k: a[k] + b[k]
-
-
-def _mul(r: Runner, out: Coefficients, a: Coefficients, b: Coefficients) -> Step:
-    return lambda k: convolved(a, b, k)
-
-
-def _inv(r: Runner, out: Coefficients, a: Coefficients) -> Step:
+def _over(ring: Ring, out: Coefficients, above: Step, b: Coefficients) -> Step:
+    """``above / b``."""
     first: list[int] = []
 
     def step(k: int) -> int:
         if not k:
-            first.append(r.ring.inverse(a[0]))
-            return first[0]
-        return -first[0] * convolved(a, out, k, 1)
+            first.append(ring.inverse(b[0]))
+        return first[0] * (above(k) - convolved(b, out, k, 1))
 
     return step
 
 
-def _sqrt(r: Runner, out: Coefficients, a: Coefficients) -> Step:
-    def step(k: int) -> int:
-        if not k:
-            return r.ring.sqrt(a[0])
-        inner = sum(out[j] * out[k - j] for j in range(1, k))
-        return (a[k] - inner) * r.ring.inverse(2 * out[0])
-
-    return step
+def _sqrt(ring: Ring, out: Coefficients, a: Coefficients) -> Step:
+    """``y y = a``."""
+    return lambda k: (a[k] - convolved(out, out, k, 1)) * ring.inverse(2 * out[0]) if k else ring.sqrt(a[0])
 
 
-def _sin(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    cosine: Coefficients = []
+def _on_circle(ring: Ring, u: Coefficients, which: int) -> Step:
+    """Sine (0) or cosine (1), each the other's derivative."""
+    s: Coefficients = []
+    c: Coefficients = []
 
     def step(k: int) -> int:
-        if not k:
-            s, c = _circle(r, u[0])
-            cosine.append(c)
-            return s
-        value = r.over(k, _slope(u, cosine, k)) % r.ring.m
-        cosine.append(r.over(k, -_slope(u, out, k)) % r.ring.m)
-        return value
+        over = ring.inverse(k) if k else 0
+        pair = (_slope(u, c, k) * over, -_slope(u, s, k) * over) if k else _start_on_circle(ring, u[0])
+        for series, value in zip((s, c), pair):
+            series.append(value % ring.m)
+        return (s, c)[which][k]
 
     return step
 
 
-def _circle(r: Runner, u: int) -> tuple[int, int]:
+def _start_on_circle(ring: Ring, u: int) -> tuple[int, int]:
     """Sine and cosine of a residue: exact where their series converge, else a generic point of the circle."""
-    if u % r.ring.p == 0:
-        return r.start("sin", u), r.start("cos", u)
-    h = r.start("half", u)
-    below = r.ring.inverse(1 + h * h)
-    return 2 * h * below % r.ring.m, (1 - h * h) * below % r.ring.m
+    if u == 0:
+        return 0, 1
+    if u % ring.p == 0:
+        return _start(ring, "sin", u), _start(ring, "cos", u)
+    h = _start(ring, "half", u)
+    below = ring.inverse(1 + h * h)
+    return 2 * h * below % ring.m, (1 - h * h) * below % ring.m
 
 
-def _cos(r: Runner, out: Coefficients, u: Coefficients, sine: Coefficients) -> Step:
-    def step(k: int) -> int:
-        return r.over(k, -_slope(u, sine, k)) if k else _circle(r, u[0])[1]
-
-    return step
+def _exp(ring: Ring, out: Coefficients, u: Coefficients) -> Step:
+    """``y' = u' y``."""
+    return lambda k: _slope(u, out, k) * ring.inverse(k) if k else _start(ring, "exp", u[0])
 
 
-def _exp(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    return lambda k: r.over(k, _slope(u, out, k)) if k else r.start("exp", u[0])
-
-
-def _log(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    def step(k: int) -> int:
-        if not k:
-            return r.start("log", u[0]) if u[0] != 1 else 0
-        inner = sum(j * out[j] * u[k - j] for j in range(1, k))
-        return (u[k] - r.over(k, inner)) * r.ring.inverse(u[0])
-
-    return step
-
-
-def _quotient(
-    r: Runner, out: Coefficients, u: Coefficients, name: str, below: Callable[[int, Coefficients], int]
-) -> Step:
-    """``y' = u' / w`` where `below` appends coefficient k of w."""
+def _tanh(ring: Ring, out: Coefficients, u: Coefficients) -> Step:
+    """``y' = u' (1 - y^2)``."""
     w: Coefficients = []
 
     def step(k: int) -> int:
-        w.append(below(k, w) % r.ring.m)
         if not k:
-            return r.start(name, u[0])
-        inner = sum(j * out[j] * w[k - j] for j in range(1, k))
-        return (u[k] - r.over(k, inner)) * r.ring.inverse(w[0])
+            return _start(ring, "tanh", u[0])
+        w.append((k == 1) - convolved(out, out, k - 1))
+        return _slope(u, w, k) * ring.inverse(k)
 
     return step
 
 
-def _atan(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    return _quotient(r, out, u, "atan", lambda k, _: convolved(u, u, k) + (k == 0))
+def _quotient(ring: Ring, out: Coefficients, u: Coefficients, start: Step, w: Step) -> Step:
+    """``y' = u' / w`` from a start, given the coefficients of w in order."""
+    below: Coefficients = []
 
-
-def _asin(r: Runner, out: Coefficients, u: Coefficients) -> Step:
-    def root(k: int, w: Coefficients) -> int:
-        a = (k == 0) - convolved(u, u, k)
-        if not k:
-            return r.ring.sqrt(a)
-        return (a - sum(w[j] * w[k - j] for j in range(1, k))) * r.ring.inverse(2 * w[0])
-
-    return _quotient(r, out, u, "asin", root)
-
-
-def _tanh(r: Runner, out: Coefficients, u: Coefficients) -> Step:
     def step(k: int) -> int:
+        below.append(w(k) % ring.m)
         if not k:
-            return r.start("tanh", u[0]) if u[0] else 0
-        flat = [(j == 0) - convolved(out, out, j) for j in range(k)]
-        return r.over(k, sum(j * u[j] * flat[k - j] for j in range(1, k + 1)))
+            return start(u[0])
+        inner = sum(j * out[j] * below[k - j] for j in range(1, k))
+        return (u[k] - inner * ring.inverse(k)) * ring.inverse(below[0])
 
     return step
+
+
+def _log(ring: Ring, out: Coefficients, u: Coefficients) -> Step:
+    return _quotient(ring, out, u, lambda a: _start(ring, "log", a) if a != 1 else 0, u.__getitem__)
+
+
+def _atan(ring: Ring, out: Coefficients, u: Coefficients) -> Step:
+    return _quotient(ring, out, u, lambda a: _start(ring, "atan", a), lambda k: (k == 0) + convolved(u, u, k))
+
+
+def _asin(ring: Ring, out: Coefficients, u: Coefficients) -> Step:
+    square: Coefficients = []
+    w: Coefficients = []
+    root = _sqrt(ring, w, square)
+
+    def below(k: int) -> int:
+        square.append((k == 0) - convolved(u, u, k))
+        w.append(root(k) % ring.m)
+        return w[k]
+
+    return _quotient(ring, out, u, lambda a: _start(ring, "asin", a), below)
 
 
 _OPERATIONS: Mapping[str, Callable[..., Step]] = {
-    "constant": _constant,
-    "add": _add,
-    "mul": _mul,
-    "inv": _inv,
+    "neg": lambda ring, out, a: lambda k: -a[k],
+    "add": lambda ring, out, a, b: lambda k: a[k] + b[k],
+    "sub": lambda ring, out, a, b: lambda k: a[k] - b[k],
+    "mul": lambda ring, out, a, b: lambda k: convolved(a, b, k),
+    "div": lambda ring, out, a, b: _over(ring, out, a.__getitem__, b),
+    "inv": lambda ring, out, b: _over(ring, out, _constant(1), b),
     "sqrt": _sqrt,
-    "sin": _sin,
-    "cos": _cos,
+    "sin": lambda ring, out, u: _on_circle(ring, u, 0),
+    "cos": lambda ring, out, u: _on_circle(ring, u, 1),
     "exp": _exp,
     "log": _log,
     "atan": _atan,
     "asin": _asin,
     "tanh": _tanh,
 }
+"""By name: the ring, the coefficients of the result that are known, those of the operands; gives the step."""

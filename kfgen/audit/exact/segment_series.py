@@ -1,4 +1,4 @@
-"""`Course`: everything that F and H depend on, as power series of the time since a segment began."""
+"""`SegmentSeries`: the motion of a segment as the filter sees it, everything that F and H depend on, as power series of the time since a segment began."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from functools import lru_cache
 
 import sympy as sp
 
-from kfgen.audit.exact.graph import Graph
-from kfgen.audit.exact.padic import Degenerate, Ring
+from kfgen.audit.exact.padic import Degenerate, Ring, echelon
 from kfgen.audit.exact.plan import Plan
-from kfgen.audit.exact.power_series import Coefficients, Runner, convolved
-from kfgen.manoeuvre.manoeuvre import SIGNALS, TIME, Manoeuvre, Segment, of_time
+from kfgen.audit.exact.power_series import Coefficients, Runner, convolved, exact_writer
+from kfgen.core.straight_line import decimal
+from kfgen.manoeuvre.manoeuvre import INPUT_FORMULA_ORDER, TIME, Manoeuvre, Segment, of_time
 
 State = Mapping[sp.Symbol, int]
 """Residues of the attitude's atoms and of the blocks at a segment's start."""
@@ -23,16 +23,24 @@ def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> 
     """Where a manoeuvre starts; `generic` as in `Plan.start`.
 
     At a generic start what stands inside a sine is a multiple of p, so that sines of related arguments stay related.
+
+    Parameters
+    ----------
+    plan : Plan
+    manoeuvre : Manoeuvre
+    ring : Ring
+    generic : bool
+        As in `Plan.start`.
     """
     small = plan.curved if generic else frozenset()
     out = {s: ring.of(v) * (ring.p if s in small else 1) for s, v in plan.start(generic=generic).items()}
     if not plan.rotation:
         return out
     level = turn_of(plan)
-    own = rotation([Fraction(repr(float(c))) for c in manoeuvre.attitude])
+    own = rotation([decimal(c) for c in manoeuvre.attitude])
     R = [sum(level[3 * i + k] * own[3 * k + j] for k in range(3)) for i in range(3) for j in range(3)]
     out |= {s: ring.of(Fraction(v)) for s, v in zip(plan.rotation, R)}
-    v_l = [Fraction(repr(float(v))) for v in manoeuvre.velocity]
+    v_l = [decimal(v) for v in manoeuvre.velocity]
     for b in plan.vectors:
         if b.name == "v" and b.name in plan.given:
             v_n = [sum((level[3 * i + k] * v_l[k] for k in range(3)), Fraction(0)) for i in range(3)]
@@ -42,7 +50,7 @@ def start_of(plan: Plan, manoeuvre: Manoeuvre, ring: Ring, *, generic: bool) -> 
 
 def turn_of(plan: Plan) -> list[Fraction]:
     """The rotation from north-east-down at the start to navigation axes, exactly a rotation."""
-    return rotation([Fraction(repr(c)) for c in plan.frame])
+    return rotation([decimal(c) for c in plan.frame])
 
 
 def rotation(q: list[Fraction]) -> list[Fraction]:
@@ -60,7 +68,7 @@ def _rotation(q: tuple[Fraction, ...]) -> tuple[Fraction, ...]:
     return tuple(e + int(o) for e, o in zip(squares, one))
 
 
-class Course:
+class SegmentSeries:
     """A segment in a ring.
 
     Parameters
@@ -80,15 +88,15 @@ class Course:
         for s, value in start.items():
             self.series[s].append(value)
         self._time: Coefficients = []
-        graph = Graph([TIME])
-        places = [graph.place(e) for e in segment.formulas(length)]
-        named = {n: graph.place(of_time(e, length)) for n, e in segment.inputs.items()}
-        self._formulas = Runner(graph, ring, [self._time])
+        writer = exact_writer([TIME])
+        places = [writer.place(e) for e in segment.formulas(length)]
+        named = {n: writer.place(of_time(e, length)) for n, e in segment.inputs.items()}
+        self._formulas = Runner(writer, ring, [self._time])
         self._motion = [self._formulas.series[k] for k in places]
         self._named = {n: self._formulas.series[k] for n, k in named.items()}
         given = [self.series[s] for s in plan.variables]
-        self._control = Runner(plan.control.graph, ring, given) if plan.control else None
-        self._main = Runner(plan.graph, ring, given)
+        self._control = Runner(plan.control.writer, ring, given) if plan.control else None
+        self._main = Runner(plan.writer, ring, given)
         self._level = [ring.of(e) for e in turn_of(plan)] if plan.rotation else [1, 0, 0, 0, 1, 0, 0, 0, 1]
         self._acceleration: list[Coefficients] = [[], [], []]
         self._J0: list[list[int]] = []
@@ -101,7 +109,11 @@ class Course:
         determined = self.plan.control.channels if self.plan.control else ()
         out: dict[sp.Symbol, Coefficients | None] = {}
         for k, c in enumerate(c for c in self.plan.channels if c not in determined):
-            plain = self._motion[SIGNALS[k % len(SIGNALS)]] if self.plan.control is None else None
+            plain = (
+                self._motion[INPUT_FORMULA_ORDER[k % len(INPUT_FORMULA_ORDER)]]
+                if self.plan.control is None
+                else None
+            )
             out[sp.Symbol(c, real=True)] = self._named.get(c, plain)
         for d in self.plan.model.drivers:
             out[sp.Symbol(d, real=True)] = None
@@ -194,7 +206,16 @@ class Course:
 
 
 def summed(series: Coefficients, T: int, ring: Ring) -> int:
-    """The value of a power series at a multiple of p."""
+    """The value of a power series at a multiple of p.
+
+    Parameters
+    ----------
+    series : list of int
+        Coefficients.
+    T : int
+        The time, a multiple of p.
+    ring : Ring
+    """
     total = 0
     for c in reversed(series):
         total = (total * T + c) % ring.m
@@ -202,18 +223,16 @@ def summed(series: Coefficients, T: int, ring: Ring) -> int:
 
 
 def inverse(A: list[list[int]], ring: Ring) -> list[list[int]]:
-    """The inverse of a matrix; raises `Degenerate` where p divides its determinant."""
-    n, m = len(A), ring.m
-    rows = [[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(A)]
-    for c in range(n):
-        pivot = next((r for r in range(c, n) if rows[r][c] % ring.p), None)
-        if pivot is None:
-            raise Degenerate("a matrix without inverse modulo p")
-        rows[c], rows[pivot] = rows[pivot], rows[c]
-        scale = ring.inverse(rows[c][c])
-        rows[c] = [e * scale % m for e in rows[c]]
-        for r in range(n):
-            if r != c and rows[r][c]:
-                f = rows[r][c]
-                rows[r] = [(e - f * g) % m for e, g in zip(rows[r], rows[c])]
+    """The inverse of a matrix; raises `Degenerate` where p divides its determinant.
+
+    Parameters
+    ----------
+    A : list of list of int
+        Residues, one list a row.
+    ring : Ring
+    """
+    n = len(A)
+    rows = echelon([[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(A)], range(n), ring)
+    if len(rows) < n:
+        raise Degenerate("a matrix without inverse modulo p")
     return [row[n:] for row in rows]

@@ -1,4 +1,4 @@
-"""Null directions of a constant system in symbols: parameters are kept.
+"""Null directions in the model's parameters: ``-g`` says more than -9.80665. Of systems that do not change with time.
 
 The rows ``H F^k`` are the derivatives of the output with respect to the initial error. Only the states that the exact
 engine has found in a direction are looked at, so the matrices stay small.
@@ -27,7 +27,15 @@ def rational(expression: sp.Expr) -> sp.Expr:
 
 
 def rows_of(F: sp.Matrix, H: sp.Matrix, columns: Sequence[int]) -> sp.Matrix:
-    """The rows ``H F^k`` that are not zero, in some columns, shape (m, len(columns))."""
+    """The rows ``H F^k`` that are not zero, in some columns, shape (m, len(columns)).
+
+    Parameters
+    ----------
+    F : Matrix, shape (n, n)
+    H : Matrix, shape (m, n)
+    columns : sequence of int
+        States that are looked at.
+    """
     V = sp.eye(F.rows).extract(list(range(F.rows)), list(columns))
     found: dict[tuple[sp.Expr, ...], None] = {}
     for _ in range(F.rows):
@@ -71,7 +79,13 @@ def null_of(F: sp.Matrix, H: sp.Matrix, columns: Sequence[int] | None = None) ->
 
 
 def at_rest(model: FilterModel, manoeuvre: Manoeuvre) -> tuple[sp.Matrix, sp.Matrix] | None:
-    """F and H in the parameters, at the declared start, where nothing changes with time; None where something does."""
+    """F and H in the parameters, at the declared start, where nothing changes with time; None where something does.
+
+    Parameters
+    ----------
+    model : FilterModel
+    manoeuvre : Manoeuvre
+    """
     moves = any(f != 0 for s in manoeuvre.segments for f in s.formulas(manoeuvre.length))
     if moves or len(manoeuvre.segments) > 1 or any(manoeuvre.attitude[1:]) or any(manoeuvre.velocity):
         return None

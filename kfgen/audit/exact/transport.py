@@ -1,75 +1,63 @@
-"""A hidden direction carried from where one manoeuvre starts to where another does.
+"""Whether another manoeuvre shows a direction: first the direction has to be carried to where that one starts.
 
 Between them the body may have turned and gained speed. An attitude error then stays as it is in navigation axes (a
 wrong heading) or turns with the body (an error of its axes), and a velocity that was integrated with it turns along.
-The direction is still hidden if one of these is.
+The direction is still unobservable if one of these is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
+from typing import Any
 
-from kfgen.audit.exact.basis import Null
+import numpy as np
+
+from kfgen.audit.exact.basis import NullVector
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.segment_series import rotation
+from kfgen.core.straight_line import decimal
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 
-Vector = list[Fraction]
+Fractions = Any
+"""Object arrays of fractions."""
 
 
-def carried(plan: Plan, v: Null, first: Manoeuvre, other: Manoeuvre) -> list[Vector] | None:
-    """What a direction at the start of `first` may be at that of `other`; None where it is no fraction."""
-    known = [e for e in v.values if e is not None]
-    if len(known) < len(v.values):
+def carried(plan: Plan, v: NullVector, first: Manoeuvre, other: Manoeuvre) -> list[Fractions] | None:
+    """What a direction at the start of `first` may be at that of `other`; None where it is no fraction.
+
+    Parameters
+    ----------
+    plan : Plan
+    v : NullVector
+        The direction.
+    first : Manoeuvre
+        At whose start it is.
+    other : Manoeuvre
+        To whose start it goes.
+    """
+    if any(e is None for e in v.values):
         return None
+    known = np.array(v.values, dtype=object)
     attitude = plan.model.attitude
     if attitude is None:
         return [known]
     places = {s.name: k for k, s in enumerate(plan.model.states)}
     angle = [places[n] for n in attitude.error_names]
+    gained = np.array([decimal(n) - decimal(o) for n, o in zip(other.velocity, first.velocity)])
+    A, B = (np.array(rotation([decimal(c) for c in m.attitude])).reshape(3, 3) for m in (first, other))
     out = []
-    turn = _between(first.attitude, other.attitude)
-    for Q in (_UNIT, turn, _transposed(turn)):
-        turned = _with(known, angle, _times(Q, [known[k] for k in angle]))
+    for Q in (np.eye(3, dtype=int), B @ A.T, A @ B.T):
+        turned = _with(known, angle, Q @ known[angle])
         out.append(turned)
         for b in plan.vectors:
-            if b.name == "v" and "v" in plan.given and other.velocity != first.velocity:
-                gained = [
-                    Fraction(repr(float(n))) - Fraction(repr(float(o)))
-                    for n, o in zip(other.velocity, first.velocity)
-                ]
-                change = _cross([turned[k] for k in angle], gained)
+            if b.name == "v" and "v" in plan.given and gained.any():
                 at = [places[n] for n in b.error_names]
-                out += [_with(turned, at, [turned[k] + s * c for k, c in zip(at, change)]) for s in (1, -1)]
+                change = np.cross(turned[angle], gained)
+                out += [_with(turned, at, turned[at] + sign * change) for sign in (1, -1)]
     return out
 
 
-_UNIT = [Fraction(int(i == j)) for i in range(3) for j in range(3)]
-
-
-def _between(a: Sequence[float], b: Sequence[float]) -> Vector:
-    """``R_b R_a'`` of two attitudes."""
-    A, B = (rotation([Fraction(repr(float(c))) for c in q]) for q in (a, b))
-    return [
-        sum((B[3 * i + k] * A[3 * j + k] for k in range(3)), Fraction(0)) for i in range(3) for j in range(3)
-    ]
-
-
-def _transposed(M: Vector) -> Vector:
-    return [M[3 * j + i] for i in range(3) for j in range(3)]
-
-
-def _times(M: Vector, x: Sequence[Fraction]) -> Vector:
-    return [sum((M[3 * i + k] * x[k] for k in range(3)), Fraction(0)) for i in range(3)]
-
-
-def _cross(a: Sequence[Fraction], b: Sequence[Fraction]) -> Vector:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def _with(v: Sequence[Fraction], places: Sequence[int], values: Sequence[Fraction]) -> Vector:
-    out = list(v)
-    for k, value in zip(places, values):
-        out[k] = value
+def _with(v: Fractions, places: Sequence[int], values: Fractions) -> Fractions:
+    out = v.copy()
+    out[list(places)] = values
     return out

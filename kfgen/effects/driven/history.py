@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.driven.first_order_lag import behind
-from kfgen.effects.driven.proportional import is_channel, of_channel
+from kfgen.effects.driven.proportional import driver_named, is_channel, of_channel
 from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.filter_role import DrivenOutput, FilterPlace, FilterRole, StoredValue
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.series import Detection, WhiteSeries
 
@@ -36,6 +37,21 @@ SHORTEST, LONGEST, LAGS = 1e-3, 0.15, 13
 """Lags that are looked for: of the record, how many."""
 ALIKE = 0.95
 """Squared cosine between a course and itself behind beyond which there is no lag to see."""
+
+
+RATE_LAG_S = 10.0
+"""Lag against which a filter takes the rate of a temperature [s]: thermometers are noisy, housings slow."""
+
+
+def lag_of(driver: str, lag: Any) -> StoredValue:
+    """A driver behind a first-order lag [s], by an implicit step, which no length of the step makes unstable."""
+    return StoredValue(
+        "behind",
+        driver_named(driver).unit,
+        f"{driver} behind a lag",
+        driver,
+        lambda x, u, dt: x + (u - x) * dt / (lag + dt),
+    )
 
 
 @dataclass(frozen=True)
@@ -60,6 +76,11 @@ class TemperatureRate(Effect):
         return LinearSystem(
             A=((0,),), W=((0,),), C=(0,), x0=(self.coefficient,), states=(State("temperature_rate", "U*s/K"),)
         )
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The distance from the temperature behind a lag, over that lag: its rate, as late as that."""
+        stored = lag_of(self.driver, RATE_LAG_S)
+        return DrivenOutput(lambda driver, behind: (driver - behind) / RATE_LAG_S, self.driver, stored)
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
         """Of the recorded temperature, smoothed as much as its noise asks for."""
@@ -96,6 +117,17 @@ class ThermalHysteresis(Effect):
         return LinearSystem(
             A=((0,),), W=((0,),), C=(0,), x0=(self.coefficient,), states=(State("thermal_hysteresis", "U/K"),)
         )
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The play operator of the temperature is kept beside the state."""
+        import sympy as sp
+
+        def taken_along(stood: Any, driver: Any, dt: Any) -> Any:
+            pushed = sp.Rational(1, 2) * (driver - self.width + stood + sp.Abs(driver - self.width - stood))
+            return sp.Rational(1, 2) * (pushed + driver + self.width - sp.Abs(pushed - driver - self.width))
+
+        stored = StoredValue("stood", "K", "temperature within its hysteresis", self.driver, taken_along)
+        return DrivenOutput(lambda _, stood: stood, self.driver, stored)
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
         """Of the recorded temperature, shape (n,)."""
@@ -148,6 +180,10 @@ class Lagged(Effect):
         """The coefficient is a constant state."""
         name, unit = self.name.replace(":", "_"), self.parameters()[1].unit
         return LinearSystem(A=((0,),), W=((0,),), C=(0,), x0=(self.coefficient,), states=(State(name, unit),))
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The driver behind the lag is kept beside the state."""
+        return DrivenOutput(lambda _, behind: behind, self.driver, lag_of(self.driver, self.lag))
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
         """Of the recorded channel, shape (n,)."""

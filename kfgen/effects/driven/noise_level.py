@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.driven.proportional import is_channel, of_channel
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NoiseFactor, NotModelled
 from kfgen.effects.series import DECADES, Detection, WhiteSeries
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ ROUNDS = 30
 
 
 @dataclass(frozen=True)
-class NoiseLevel(Effect):
+class NoiseLevel(AddsNothingAtRest):
     """White noise of deviation ``sigma exp(slope (channel - reference))``, ``noise_level:NAME`` [1]_."""
 
     slope: Any = parameter("%", "solved")
@@ -45,9 +45,16 @@ class NoiseLevel(Effect):
     prior_penalty_nats: ClassVar[float] = 1.0
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added: a filter's R follows the channel."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Noise of an input that follows the driver; R of a measurement is one number."""
+        if not place.measured and self.driver in place.drive:
+            import sympy as sp
+
+            return NoiseFactor(sp.exp(2 * self.slope * (place.drive[self.driver] - self.reference)))
+        return NotModelled(
+            "the R of a measurement is one number in the emitted filter and does not follow a driver",
+            f"Give the channel the white noise that it has where {self.driver} makes it largest",
+        )
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:

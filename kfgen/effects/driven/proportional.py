@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.effect import Effect, Look, parameter
+from kfgen.effects.filter_role import DrivenOutput, FilterPlace, FilterRole
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.series import Detection, WhiteSeries
 
@@ -32,12 +33,15 @@ class Driver:
         SI unit.
     level, rise, swing : float
         A course that people meet, for simulations: it starts at `level`, settles by `rise`, and swings.
+    effect : str
+        The effect of the catalogue that is proportional to it; without one it acts as ``coupling:NAME``.
     """
 
     unit: str
     level: float
     rise: float
     swing: float
+    effect: str = ""
 
     def course(self, t: Array) -> Array:
         """A course over times `t` [s], shape (n,)."""
@@ -47,11 +51,13 @@ class Driver:
 
 
 DRIVERS: Mapping[str, Driver] = {
-    "temperature": Driver("K", 293.15, 12.0, 4.0),
-    "voltage": Driver("V", 5.0, -0.2, 0.05),
-    "current": Driver("A", 1.0, 0.5, 0.5),
-    "pressure": Driver("Pa", 101325.0, -300.0, 100.0),
-    "humidity": Driver("", 0.4, 0.1, 0.05),
+    "temperature": Driver("K", 293.15, 12.0, 4.0, "temperature"),
+    "voltage": Driver("V", 5.0, -0.2, 0.05, "supply_voltage"),
+    "current": Driver("A", 1.0, 0.5, 0.5, "supply_current"),
+    "pressure": Driver("Pa", 101325.0, -300.0, 100.0, "air_pressure"),
+    "humidity": Driver("", 0.4, 0.1, 0.05, "humidity"),
+    "throttle": Driver("", 0.3, 0.3, 0.2),
+    "vibration": Driver("m/s^2", 0.5, 1.0, 0.5),
 }
 """By the name of its channel."""
 
@@ -90,6 +96,10 @@ class DriverProportional(Effect):
             x0=(self.coefficient,),
             states=(State(self.name.replace(":", "_"), unit),),
         )
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The coefficient, known or a state, times the driver about its reference."""
+        return DrivenOutput(lambda driver, _: driver - self.reference, self.driver)
 
 
 @dataclass(frozen=True)
@@ -135,6 +145,10 @@ class TemperatureSquared(DriverProportional):
         """``y = coefficient (T - reference)^2``, the coefficient a constant state."""
         linear = super().form(drive)
         return replace(linear, C=(linear.C[0] ** 2,))
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The coefficient times the square."""
+        return DrivenOutput(lambda driver, _: (driver - self.reference) ** 2, self.driver)
 
 
 @dataclass(frozen=True)
@@ -207,7 +221,7 @@ class Coupling(DriverProportional):
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """Each recorded channel that drives no other effect, that of highest regression first."""
-        names = [n for n in series.drive if n not in DRIVERS and is_channel(n)]
+        names = [n for n in series.drive if not driver_named(n).effect and is_channel(n)]
         ranked = sorted(names, key=lambda n: -abs(series.regression(series.drive[n])[0]))
         chance = -float(np.log(max(len(names), 1)))
         return [Detection(coupled(n)(0.0, float(np.mean(series.drive[n]))), chance) for n in ranked[:1]]

@@ -1,4 +1,4 @@
-"""Axes that are exchanged, turned round or in another unit: seen against what a triad should have read.
+"""Wrong sign and exchanged axes of a triad, found by regression on what its three axes should have read.
 
 A channel's readings are a combination of what the three axes should have read; the row of its coefficients tells.
 """
@@ -16,10 +16,10 @@ from kfgen.effects.faults.samples import Fault
 
 Array = NDArray[np.float64]
 
-AT_RIGHT = 0.3
-"""Largest part of another axis in a channel that reads one axis, relative."""
-CLOSE = 0.25
-"""Relative distance of a coefficient from one that a scale factor explains."""
+MAX_CROSS_COEFFICIENT_RATIO = 0.3
+"""Coefficient of another axis over the largest one, below which a channel reads a single axis."""
+UNIT_COEFFICIENT_TOLERANCE = 0.25
+"""Distance of the size of a coefficient from one that a scale factor explains."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,12 @@ class SignError(Fault):
 
     name: ClassVar[str] = "sign_error"
     title: ClassVar[str] = "a wrong sign"
-    sentence_template: ClassVar[str] = "has the opposite sign of what it should read: turn it round"
+    sentence_template: ClassVar[str] = "has the opposite sign of what it should read: negate it"
 
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
         """Near minus one of its own axis."""
-        return cls() if own and abs(coefficient + 1.0) < CLOSE else None
+        return cls() if own and abs(coefficient + 1.0) < UNIT_COEFFICIENT_TOLERANCE else None
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,26 @@ class AxisSwap(Fault):
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
         """Near one or minus one of another axis."""
-        return cls() if not own and abs(abs(coefficient) - 1.0) < CLOSE else None
+        return cls() if not own and abs(abs(coefficient) - 1.0) < UNIT_COEFFICIENT_TOLERANCE else None
 
 
 def axis_faults(row: Array, axis: int) -> list[Effect]:
-    """What is wrong with the channel of `axis`, from the coefficients of the three axes in it, shape (3,)."""
+    """What is wrong with a channel of a triad.
+
+    Parameters
+    ----------
+    row : ndarray, shape (3,)
+        Coefficients of the three true axes in the channel's readings; a faultless channel has 1 at its own.
+    axis : int
+        The channel's own axis: 0, 1 or 2.
+
+    Returns
+    -------
+    list of Effect
+        Empty where the channel does not read a single axis, or reads its own as it should.
+    """
     along = int(np.argmax(np.abs(row)))
-    if np.abs(np.delete(row, along)).max() >= AT_RIGHT * abs(row[along]):
+    if np.abs(np.delete(row, along)).max() >= MAX_CROSS_COEFFICIENT_RATIO * abs(row[along]):
         return []
     found = [cls.turned(along == axis, float(row[along])) for cls in Fault.__subclasses__()]
     return [f for f in found if f is not None]

@@ -1,6 +1,6 @@
-"""What is wrong with a reference: it is of another motion, of another convention, it stands still.
+"""Faults of a reference: of another motion, of another convention, held, stuck or rounded.
 
-A filter does not model any of it; each says what to do about the reference.
+A filter models none of them; each says what to do about the reference.
 """
 
 from __future__ import annotations
@@ -13,7 +13,12 @@ from kfgen.effects.faults.samples import Fault
 
 
 @dataclass(frozen=True)
-class OtherMotion(Fault):
+class ReferenceFault(Fault):
+    """A fault of the reference, not of the sensor: a simulated log, whose reference is the truth, has none."""
+
+
+@dataclass(frozen=True)
+class OtherMotion(ReferenceFault):
     """No scale, no axes and no delay make the reference what was read."""
 
     correlation: Any = parameter("", "ratio")
@@ -26,18 +31,18 @@ class OtherMotion(Fault):
 
 
 @dataclass(frozen=True)
-class ReversedAttitude(Fault):
+class ReversedAttitude(ReferenceFault):
     """The conjugate of the attitude turns as the sensor does."""
 
     name: ClassVar[str] = "reversed_attitude"
-    title: ClassVar[str] = "an attitude turned round"
+    title: ClassVar[str] = "an inverse attitude quaternion"
     sentence_template: ClassVar[str] = (
         "moves as if ref_q were navigation to body: give its conjugate, body to navigation"
     )
 
 
 @dataclass(frozen=True)
-class ScalarLastAttitude(Fault):
+class ScalarLastAttitude(ReferenceFault):
     """The attitude turns as the sensor does if its last column is the scalar."""
 
     name: ClassVar[str] = "scalar_last_attitude"
@@ -48,7 +53,7 @@ class ScalarLastAttitude(Fault):
 
 
 @dataclass(frozen=True)
-class HeldReference(Fault):
+class HeldReference(ReferenceFault):
     """The reference is slower than the log and holds each value for a `period`."""
 
     period: Any = parameter("s", "time")
@@ -61,20 +66,20 @@ class HeldReference(Fault):
 
 
 @dataclass(frozen=True)
-class StuckReference(Fault):
-    """The reference stood still for a `share` of the log while the sensor moved."""
+class StuckReference(ReferenceFault):
+    """The reference is stuck for a `share` of the log while the sensor moves."""
 
     share: Any = parameter("", "ratio")
 
     name: ClassVar[str] = "stuck_reference"
     title: ClassVar[str] = "a reference that is stuck"
     sentence_template: ClassVar[str] = (
-        "moved while its reference stood still, in a share of {share} of the log: left out"
+        "moved while its reference was stuck, in a share of {share} of the log: left out"
     )
 
 
 @dataclass(frozen=True)
-class RoundedReference(Fault):
+class RoundedReference(ReferenceFault):
     """The reference attitude was written in steps of `step`, which turn it by more than its sensor's noise hides."""
 
     step: Any = parameter("", "size")

@@ -1,34 +1,35 @@
-"""What is wrong with the samples or their times before any model: found by looking, never by likelihood.
+"""Faults of a recording that its samples or times show by themselves: repeats, drops, jitter, clipping, stuck bits, units.
 
-Each effect says how it is spotted in a `RawSamples` channel; one that spoils the samples makes a fit meaningless.
+Each is detected in a `RawSamples` channel before any fit, never by likelihood; one that spoils the samples makes a fit
+meaningless.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, Effect, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 
 Array = NDArray[np.float64]
 
-FEW = 64
-"""Steps below which nothing is said of those that repeat."""
-ENDS = 0.004
-"""Share of the samples at one end of the range that is no chance."""
-JITTER = 0.02
-"""Of a period: root mean square of the steps' error that is said."""
-COARSE = 1.0
-"""Steps of the lattice in believed deviations of the noise beyond which a sample says little."""
-INTEGRATED = 1.04
-"""Ratio of the mean square of steps to neighbours and to next neighbours: one for samples that are rounded."""
-KNOWN = (
+MIN_STEPS_FOR_REPEATS = 64
+"""Steps between samples below which repeats are not judged."""
+MIN_CLIPPED_SHARE = 0.004
+"""Share of the samples at one end of the range above which they are clipped."""
+MIN_JITTER_PERIODS = 0.02
+"""Root mean square error of the time steps, in sampling periods, above which jitter is reported."""
+MIN_COARSE_STEP_SIGMAS = 1.0
+"""Step of the ADC grid, in standard deviations of the assumed noise, above which it is coarse."""
+MIN_INTEGRATED_STEP_RATIO = 1.04
+"""Mean square step to the neighbour over that to the next but one, above which the integral is on the grid:
+one for rounded samples."""
+UNIT_FACTORS = (
     ("degrees for radians", 180.0 / np.pi),
     ("g for m/s^2", 9.80665),
     ("a thousand", 1e3),
@@ -36,12 +37,12 @@ KNOWN = (
     ("hours for seconds", 3600.0),
 )
 """Factors between units that are taken for one another."""
-NEAR = 0.05
+UNIT_FACTOR_TOLERANCE = 0.05
 """Relative distance at which a factor is a known one."""
 
 
 @dataclass(frozen=True)
-class Fault(Effect):
+class Fault(AddsNothingAtRest):
     """An effect of the rig, which a filter does not model.
 
     `moving` says whether the samples show it where the sensor moves.
@@ -49,13 +50,27 @@ class Fault(Effect):
 
     moving: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Nothing: the rig or the log is to be corrected."""
+        return NotModelled(
+            "it is a fault of the rig or of the log, and none of the sensor", "Correct the log"
+        )
 
     @classmethod
     def turned(cls, own: bool, coefficient: float) -> Effect | None:
-        """Of a channel that reads its own axis, or another one of its triad, by a coefficient: whether this is why."""
+        """The fault itself, where it explains a coefficient of a triad's regression (`kfgen.effects.faults.axes`).
+
+        Parameters
+        ----------
+        own : bool
+            Whether the coefficient is of the channel's own axis, or of another one of its triad.
+        coefficient : float
+            Readings over what that axis should have read.
+
+        Returns
+        -------
+        Effect or None
+        """
         return None
 
 
@@ -71,10 +86,10 @@ class RepeatedSamples(Fault):
 
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
-        """More equal neighbours than the lattice of values and the noise explain."""
+        """More equal neighbours than the ADC grid and the noise explain."""
         same = np.diff(raw.y) == 0.0
         looked = same if raw.still is None else same[~raw.still]
-        if looked.size < FEW or raw.lattice > COARSE * raw.believed:
+        if looked.size < MIN_STEPS_FOR_REPEATS or raw.lattice > MIN_COARSE_STEP_SIGMAS * raw.believed:
             return None
         equal = float(np.mean(looked))
         chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
@@ -153,7 +168,7 @@ class TimestampJitter(Fault):
         """Steps of time that differ by more than a few percent of a period."""
         error = np.diff(raw.t) / raw.dt - periods(raw.t, raw.dt)
         rms = float(np.sqrt(0.5 * np.mean(error**2)))
-        return DetectedFault(cls(rms * raw.dt), float(raw.n)) if rms > JITTER else None
+        return DetectedFault(cls(rms * raw.dt), float(raw.n)) if rms > MIN_JITTER_PERIODS else None
 
 
 @dataclass(frozen=True)
@@ -171,14 +186,14 @@ class Clipping(Fault):
         """The largest or smallest value, far too often."""
         for end in (float(raw.y.max()), float(raw.y.min())):
             share = float(np.mean(raw.y == end))
-            if share > ENDS and raw.lattice < 0.25 * raw.noise:
+            if share > MIN_CLIPPED_SHARE and raw.lattice < 0.25 * raw.noise:
                 return DetectedFault(cls(end), share * raw.n, spoils=True)
         return None
 
 
 @dataclass(frozen=True)
 class CoarseQuantisation(Fault):
-    """Values on a lattice of a `step` wider than the noise."""
+    """Values on an ADC grid whose `step` is wider than the noise."""
 
     step: Any = parameter("U", "size")
 
@@ -188,11 +203,11 @@ class CoarseQuantisation(Fault):
 
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
-        """The lattice of values against the noise."""
-        if raw.lattice < COARSE * raw.believed or raw.noise > 3.0 * raw.lattice:
+        """The step of the ADC grid against the noise."""
+        if raw.lattice < MIN_COARSE_STEP_SIGMAS * raw.believed or raw.noise > 3.0 * raw.lattice:
             return None
         one, two = raw.steps
-        if one > INTEGRATED * two:  # the lattice is that of the integral
+        if one > MIN_INTEGRATED_STEP_RATIO * two:  # the lattice is that of the integral
             return None
         return DetectedFault(cls(raw.lattice), float(raw.n), spoils=True)
 
@@ -265,7 +280,7 @@ class UnitError(Fault):
 
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
-        """A noise that is larger or smaller than believed by just such a factor."""
+        """A noise that is larger or smaller than assumed by just such a factor."""
         found = _between(raw.noise / raw.believed) if raw.believed > 0.0 else None
         return DetectedFault(found, float(raw.n), spoils=True) if found else None
 
@@ -277,5 +292,5 @@ class UnitError(Fault):
 
 def _between(ratio: float) -> UnitError | None:
     """The unit error of a ratio that is near a known one."""
-    known = [f for _, k in KNOWN for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < NEAR]
+    known = [f for _, k in UNIT_FACTORS for f in (k, 1.0 / k) if abs(ratio / f - 1.0) < UNIT_FACTOR_TOLERANCE]
     return UnitError(known[0]) if known else None

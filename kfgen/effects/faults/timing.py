@@ -1,4 +1,4 @@
-"""A rate that is not the stated one, where a header contradicts itself."""
+"""A wrong sampling rate, where the header of a log contradicts its own number of samples."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from kfgen.effects.effect import parameter
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.series import DetectedFault, RawSamples
-from kfgen.log.log import CONTRADICTION
+from kfgen.log.log import RATE_RELATIVE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -27,4 +27,6 @@ class SampleRateError(Fault):
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """More or fewer samples than fit into the time that the log says it lasted."""
         factor = raw.n * raw.dt / raw.stated if raw.stated > 0.0 else 1.0
-        return DetectedFault(cls(factor), float(raw.n)) if abs(factor - 1.0) > CONTRADICTION else None
+        return (
+            DetectedFault(cls(factor), float(raw.n)) if abs(factor - 1.0) > RATE_RELATIVE_TOLERANCE else None
+        )

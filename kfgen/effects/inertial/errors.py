@@ -1,8 +1,4 @@
-"""Effects of a sensor that moves: errors proportional to what it should have read, to forces, to rates.
-
-Each gives the addition to one axis of a triad from what moved (`Signals`). At rest there is nothing of them
-but a constant, so a record at rest never shows them. Entries of a matrix or a vector that stand at exactly
-zero are not there: `free` names those that a fit may change.
+"""Errors of inertial triads: proportional to what they should have read, to forces, to rates.
 
 References
 ----------
@@ -12,99 +8,26 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, Parameter, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import parameter
+from kfgen.effects.filter_role import AntennaOffset, FilterPlace, FilterRole, NotModelled
+from kfgen.effects.inertial.felt import Felt
+from kfgen.effects.inertial.inertial_error import AXES, InertialError, arm_rate, row_of
 
 Array = NDArray[np.float64]
 
-AXES = "xyz"
+PRODUCTS = ("xx", "yy", "zz", "xy", "yz", "zx")
+"""Pairs of axes whose products of the specific force a rate sensor may feel."""
 
 
-@dataclass(frozen=True)
-class Signals:
-    """What moved, as one triad should have felt it.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Even times [s].
-    y : ndarray, shape (n, 3)
-        What the triad should have read [U].
-    omega_b, f_b : ndarray, shape (n, 3), optional
-        Rate [rad/s] and specific force [m/s^2] in body axes.
-    R_bn : ndarray, shape (n, 3, 3), optional
-        Navigation to body axes.
-    down : float
-        Direction of gravity on the third navigation axis: 1 for north-east-down, -1 for east-north-up.
-    power : ndarray, shape (n, 3), optional
-        Running variance of the specific force [m^2/s^4].
-    warmth : ndarray, shape (n,), optional
-        Temperature [K].
-    """
-
-    t: Array
-    y: Array
-    omega_b: Array | None = None
-    f_b: Array | None = None
-    R_bn: Array | None = None
-    down: float = 1.0
-    power: Array | None = None
-    warmth: Array | None = None
-
-    @property
-    def dt(self) -> float:
-        """Sampling period [s]."""
-        return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
-
-    def body(self, v_n: tuple[float, ...]) -> Array:
-        """A vector of the navigation frame in body axes, shape (n, 3); zero where attitude is unknown."""
-        if self.R_bn is None:
-            return np.zeros_like(self.y)
-        return np.asarray(self.R_bn @ np.array(v_n, dtype=np.float64))
-
-
-@dataclass(frozen=True)
-class InertialError(Effect):
-    """An effect that only motion shows."""
-
-    sensors: ClassVar[tuple[str, ...]] = ("gyro", "accel")
-    needs: ClassVar[tuple[str, ...]] = ()
-
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing: at rest it is a constant at most, and that is the bias."""
-        return LinearSystem()
-
-    def output(self, signals: Signals, axis: int) -> Array:
-        """The addition [U] to one axis of the triad, shape (n,)."""
-        raise NotImplementedError
-
-    def sentence(self, channel: str, unit: str) -> str:
-        """The effect in words: the entries that are there, with their units."""
-        row = self.row(unit)
-        shown = {k: f"{v:.3g} {u}".rstrip() for k, (v, u) in row.items()}
-        there = [p.name for p in free(self)] or [p.name for p in self.estimated()]
-        entries = ", ".join(f"{k} = {shown[k]}" for k in there)
-        return f"{channel} {self.sentence_template.format(entries=entries, **shown)}"
-
-
-def free(effect: Effect) -> tuple[Parameter, ...]:
-    """The parameters that a fit may change: the estimated ones, but no entries at their default of zero."""
-    held = {
-        f.name
-        for f in fields(effect)
-        if f.default is not MISSING
-        and f.metadata["kind"] != "setting"
-        and getattr(effect, f.name) == f.default
-    }
-    fitted = (p for p in effect.estimated() if p.kind not in ("solved", "place"))
-    return tuple(p for p in fitted if p.name not in held)
+def products(f_b: Array) -> dict[str, Array]:
+    """Products of two axes of a triad, shape (n, 3), by the entries of `GSquared`."""
+    return {p: f_b[:, AXES.index(p[0])] * f_b[:, AXES.index(p[1])] for p in PRODUCTS}
 
 
 @dataclass(frozen=True)
@@ -118,9 +41,9 @@ class ScaleFactor(InertialError):
     separating_experiment: ClassVar[str] = "several rates of both signs"
     sentence_template: ClassVar[str] = "reads {coefficient} too much of what it should"
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``s u``."""
-        return np.asarray(self.coefficient * signals.y[:, axis])
+        return self.coefficient * felt.u[axis]
 
 
 @dataclass(frozen=True)
@@ -135,13 +58,11 @@ class ScaleDrift(InertialError):
     separating_experiment: ClassVar[str] = "the same rates, cold and warm"
     sentence_template: ClassVar[str] = "has a scale that changes by {coefficient} from {reference} on"
     needs: ClassVar[tuple[str, ...]] = ("warmth",)
+    filter_drivers: ClassVar[tuple[str, ...]] = ("temperature",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``s (T - reference) u``."""
-        if signals.warmth is None:
-            return np.zeros(signals.t.size)
-        away = signals.warmth - float(self.reference)
-        return np.asarray(self.coefficient * away * signals.y[:, axis])
+        return self.coefficient * (felt.temperature - self.reference) * felt.u[axis]
 
 
 @dataclass(frozen=True)
@@ -157,9 +78,9 @@ class ScaleAsymmetry(InertialError):
         "has a scale that differs by {coefficient} to either side of the mean by sign"
     )
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``s |u|``."""
-        return np.asarray(self.coefficient * np.abs(signals.y[:, axis]))
+        return self.coefficient * abs(felt.u[axis])
 
 
 @dataclass(frozen=True)
@@ -174,10 +95,9 @@ class Nonlinearity(InertialError):
     separating_experiment: ClassVar[str] = "the highest rates of both signs"
     sentence_template: ClassVar[str] = "is nonlinear: {entries}"
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``k2 u^2 + k3 u^3``."""
-        u = signals.y[:, axis]
-        return np.asarray(self.k2 * u**2 + self.k3 * u**3)
+        return self.k2 * felt.u[axis] ** 2 + self.k3 * felt.u[axis] ** 3
 
 
 @dataclass(frozen=True)
@@ -196,9 +116,9 @@ class Misalignment(InertialError):
     separating_experiment: ClassVar[str] = "motion about all three axes"
     sentence_template: ClassVar[str] = "is misaligned (output axis, input axis): {entries}"
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``sum_j m_ij u_j``."""
-        return row_of(self, signals.y, axis)
+        return row_of(self, felt.u, axis)
 
 
 @dataclass(frozen=True)
@@ -222,9 +142,9 @@ class GSensitivity(InertialError):
     sensors: ClassVar[tuple[str, ...]] = ("gyro",)
     needs: ClassVar[tuple[str, ...]] = ("f_b",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``sum_j g_ij f_j``."""
-        return np.zeros(signals.t.size) if signals.f_b is None else row_of(self, signals.f_b, axis)
+        return row_of(self, felt.force, axis)
 
 
 @dataclass(frozen=True)
@@ -246,23 +166,11 @@ class GSquared(InertialError):
     needs: ClassVar[tuple[str, ...]] = ("f_b",)
     prior_penalty_nats: ClassVar[float] = 2.0  # of sensors made today the linear term is the larger one
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``sum_jk g_jk f_j f_k``."""
-        out = np.zeros(signals.t.size)
-        if signals.f_b is None:
-            return out
-        for pair, f2 in products(signals.f_b).items():
-            entry = getattr(self, pair)
-            if entry:
-                out += entry * f2
-        return out
-
-
-def products(f_b: Array) -> dict[str, Array]:
-    """Products of two axes of a triad, shape (n, 3), by the entries of `GSquared`."""
-    return {
-        a + b: f_b[:, AXES.index(a)] * f_b[:, AXES.index(b)] for a, b in ("xx", "yy", "zz", "xy", "yz", "zx")
-    }
+        f = felt.force
+        squares = {p: f[AXES.index(p[0])] * f[AXES.index(p[1])] for p in PRODUCTS}
+        return sum(getattr(self, pair) * f2 for pair, f2 in squares.items() if getattr(self, pair) != 0)
 
 
 @dataclass(frozen=True)
@@ -280,18 +188,26 @@ class VibrationRectification(InertialError):
     separating_experiment: ClassVar[str] = "shaking at rest, strong and weak"
     sentence_template: ClassVar[str] = "turns vibration into a bias of {coefficient}"
     needs: ClassVar[tuple[str, ...]] = ("power",)
+    filter_drivers: ClassVar[tuple[str, ...]] = ("vibration",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """By the driver ``vibration``, the standard deviation of the specific force of all axes together."""
+        if not self.own:
+            return super().in_filter(place)
+        return NotModelled(
+            "the vibration of one axis alone is no driver of a filter",
+            "Give the coefficient for the vibration of all axes together (own = 0)",
+        )
+
+    def error(self, felt: Felt, axis: int) -> Any:
         """``k s^2``."""
-        if signals.power is None:
-            return np.zeros(signals.t.size)
-        power = signals.power[:, axis] if self.own else signals.power.sum(axis=1)
-        return np.asarray(self.coefficient * power)
+        power = felt.vibration_power
+        return self.coefficient * (power[axis] if self.own else power[0] + power[1] + power[2])
 
 
 @dataclass(frozen=True)
 class LeverArm(InertialError):
-    """An accelerometer at `r` from where its specific force is known: ``omega x (omega x r) + alpha x r``."""
+    """A sensor at `r` from the point of reference: ``omega x (omega x r) + alpha x r`` of a force, ``r`` of a position."""
 
     x: Any = parameter("m", "signed", 0.0)
     y: Any = parameter("m", "signed", 0.0)
@@ -304,20 +220,19 @@ class LeverArm(InertialError):
     sensors: ClassVar[tuple[str, ...]] = ("accel",)
     needs: ClassVar[tuple[str, ...]] = ("omega_b",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
-        """The acceleration by rotation."""
-        from scipy.interpolate import CubicSpline
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The point to which a position or a velocity belongs; of an accelerometer it needs the angular acceleration."""
+        if place.channel.split("_")[0] in ("gnss", "odometer", "zero"):
+            return AntennaOffset()
+        return NotModelled(
+            "it needs the angular acceleration, which no sensor of the filter measures",
+            "Let the filter's position be that of the accelerometer, and take the arm off the arms of all other sensors",
+        )
 
-        w = signals.omega_b
-        if w is None:
-            return np.zeros(signals.t.size)
-        j, k = (axis + 1) % 3, (axis + 2) % 3
-        # A spline: the difference over two samples loses 1 % of the acceleration at a twenty-fifth of the rate.
-        alpha = CubicSpline(signals.t, w, axis=0)(signals.t, 1)
-        r = (self.x, self.y, self.z)
-        wr = w[:, j] * r[j] + w[:, k] * r[k]
-        turning = w[:, axis] * wr - (w[:, j] ** 2 + w[:, k] ** 2) * r[axis]
-        return np.asarray(turning + alpha[:, j] * r[k] - alpha[:, k] * r[j])
+    def error(self, felt: Felt, axis: int) -> Any:
+        """The acceleration by rotation."""
+        r, w, alpha = (self.x, self.y, self.z), felt.rate, felt.angular_acceleration
+        return arm_rate(r, w, alpha, 2)[axis]
 
 
 @dataclass(frozen=True)
@@ -333,9 +248,9 @@ class GravityError(InertialError):
     sensors: ClassVar[tuple[str, ...]] = ("accel",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``-R_bn (0, 0, value)``, the third axis being down."""
-        return np.asarray(-self.value * signals.body((0.0, 0.0, signals.down))[:, axis])
+        return -self.value * felt.downwards[axis]
 
 
 @dataclass(frozen=True)
@@ -353,16 +268,7 @@ class EarthRate(InertialError):
     sensors: ClassVar[tuple[str, ...]] = ("gyro",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``R_bn omega_ie``."""
-        return np.asarray(signals.body((self.x, self.y, self.z))[:, axis])
-
-
-def row_of(effect: InertialError, u: Array, axis: int) -> Array:
-    """One row of an effect's matrix (entries ``xx`` ... ``zz``) times a triad, shape (n,)."""
-    out = np.zeros(u.shape[0])
-    for j in range(3):
-        entry = getattr(effect, AXES[axis] + AXES[j], 0.0)
-        if entry:
-            out += entry * u[:, j]
-    return out
+        row = felt.axes[axis]
+        return row[0] * self.x + row[1] * self.y + row[2] * self.z

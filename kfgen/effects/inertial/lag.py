@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.inertial.errors import InertialError, Signals
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled, ReadingLag
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import InertialError
 
 Array = NDArray[np.float64]
 
@@ -31,6 +33,20 @@ class Lag(InertialError):
     def memory(self) -> tuple[float, float]:
         """How long before and after a time the signal matters for the reading [s]."""
         raise NotImplementedError
+
+    @property
+    def seconds(self) -> Any:
+        """By how much a slow signal is late [s], in numbers or symbols."""
+        raise NotImplementedError
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """A reading that is late, to first order; an input cannot be asked for what comes later."""
+        if place.measured:
+            return ReadingLag()
+        return NotModelled(
+            "a filter is driven by its inputs as they come and cannot know what they will be",
+            f"Take {float(self.seconds):.4g} s off the time stamps of {place.channel}",
+        )
 
     def knee(self) -> float:
         """Frequency [Hz] of motion that it turns by about a radian: far below, every lag is a delay."""
@@ -74,6 +90,11 @@ class TimeDelay(Lag):
     separating_experiment: ClassVar[str] = "motion at two frequencies a factor of three apart"
     sentence_template: ClassVar[str] = "lags by {delay}"
 
+    @property
+    def seconds(self) -> Any:
+        """The delay."""
+        return self.delay
+
     def memory(self) -> tuple[float, float]:
         """The delay itself."""
         return max(float(self.delay), 0.0), max(-float(self.delay), 0.0)
@@ -105,6 +126,11 @@ class Bandwidth(Lag):
     separating_experiment: ClassVar[str] = "motion at two frequencies a factor of three apart"
     prior_penalty_nats: ClassVar[float] = 1.5
     sentence_template: ClassVar[str] = "follows its input up to {corner} only"
+
+    @property
+    def seconds(self) -> Any:
+        """The time constant, ``1 / (2 pi corner)``."""
+        return 1 / (2 * np.pi * self.corner)
 
     def memory(self) -> tuple[float, float]:
         """Ten time constants, after which ``exp(-10)`` of a wrong start is left."""

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.effect import parameter
-from kfgen.effects.inertial.errors import InertialError, Signals, row_of
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
+from kfgen.effects.inertial.felt import Felt
+from kfgen.effects.inertial.inertial_error import InertialError, row_of
 
 Array = NDArray[np.float64]
 
@@ -40,9 +42,13 @@ class HardIron(InertialError):
     sentence_template: ClassVar[str] = "carries a field of its own: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """A constant while it is there."""
-        return _while(signals.t, self) * float((self.x, self.y, self.z)[axis])
+        return _while(felt.t, self) * (self.x, self.y, self.z)[axis]
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """A constant of the body; a filter does not foresee one that comes and goes."""
+        return _once("a magnet that came and went") if self.duration else super().in_filter(place)
 
     def sentence(self, channel: str, unit: str) -> str:
         """The field and when it is there."""
@@ -69,9 +75,9 @@ class SoftIron(InertialError):
     sentence_template: ClassVar[str] = "distorts the field (output axis, input axis): {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``sum_j a_ij m_j``."""
-        return row_of(self, signals.y, axis)
+        return row_of(self, felt.u, axis)
 
 
 @dataclass(frozen=True)
@@ -92,18 +98,31 @@ class MagneticDisturbance(InertialError):
     sensors: ClassVar[tuple[str, ...]] = ("mag",)
     needs: ClassVar[tuple[str, ...]] = ("R_bn",)
 
-    def output(self, signals: Signals, axis: int) -> Array:
+    def error(self, felt: Felt, axis: int) -> Any:
         """``R_bn d`` while it is there."""
-        return np.asarray(_while(signals.t, self) * signals.body((self.x, self.y, self.z))[:, axis])
+        row = felt.axes[axis]
+        return _while(felt.t, self) * (row[0] * self.x + row[1] * self.y + row[2] * self.z)
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Another field in space; a filter does not foresee one that comes and goes."""
+        return _once("a field that came and went") if self.duration else super().in_filter(place)
 
     def sentence(self, channel: str, unit: str) -> str:
         """The field and when it is there."""
         return super().sentence(channel, unit) + _when(self)
 
 
-def _while(t: Array, effect: HardIron | MagneticDisturbance) -> Array:
+def _once(what: str) -> NotModelled:
+    return NotModelled(
+        f"{what} says nothing of the next time",
+        "Refuse samples whose length is not the field's (--set field_gate=0.1), or give the field freedom (field_left_out)",
+    )
+
+
+def _while(t: Any, effect: HardIron | MagneticDisturbance) -> Any:
+    """Whether it is there at times [s], from zero to one; always where it has no duration."""
     if not effect.duration:
-        return np.ones(t.size)
+        return 1
     inside = ((t >= effect.time) & (t < effect.time + effect.duration)).astype(np.float64)
     if not effect.edge:
         return inside

@@ -60,6 +60,11 @@ class SensorLag(SensorChange):
     sentence_template: ClassVar[str] = "lags behind by {tau}"
 
     @property
+    def seconds(self) -> Any:
+        """By how much a slow signal is late [s]."""
+        return self.tau
+
+    @property
     def lag(self) -> Any:
         """The time constant [s]."""
         return self.tau

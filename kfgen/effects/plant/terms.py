@@ -12,21 +12,20 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, InsidePlant
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PlantEffect(Effect):
+class PlantEffect(AddsNothingAtRest):
     """An effect inside a plant; a channel at rest shows nothing of it.
 
     Attributes
@@ -38,9 +37,9 @@ class PlantEffect(Effect):
 
     acts: ClassVar[str] = ""
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added to a channel at rest."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """A part of the equations of a model file."""
+        return InsidePlant()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Drifts in time: a constant, a ramp, a warm-up.
+"""Deterministic drifts of a bias in time: a constant, a ramp, a warm-up.
 
 References
 ----------
@@ -13,13 +13,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kfgen.effects.effect import Effect, Look, parameter
+from kfgen.effects.effect import LinearProcess, Look, parameter
 from kfgen.effects.linear_system import LinearSystem, State
 
 
 @dataclass(frozen=True)
-class Bias(Effect):
-    """A constant offset (turn-on bias), known before the record to `value` with deviation `sd`."""
+class Bias(LinearProcess):
+    """A constant offset (turn-on bias), known before the record as `value` with standard deviation `sd`."""
 
     value: Any = parameter("U", "signed", 0.0)
     sd: float = parameter("U", "setting", 0.0)
@@ -41,7 +41,7 @@ class Bias(Effect):
 
 
 @dataclass(frozen=True)
-class RateRamp(Effect):
+class RateRamp(LinearProcess):
     """A drift linear in time: AVAR ``R^2 tau^2 / 2``."""
 
     R: Any = parameter("U/s", "signed")
@@ -68,7 +68,7 @@ class RateRamp(Effect):
 
 
 @dataclass(frozen=True)
-class WarmUp(Effect):
+class WarmUp(LinearProcess):
     """An exponential settling after switch-on: ``size exp(-t / tau)`` from the first sample on."""
 
     size: Any = parameter("U", "signed")

@@ -1,4 +1,6 @@
-"""Two hidden levels that take turns: the likelihood of a Markov chain, and histories drawn from it.
+"""Hidden Markov chain of two levels: its likelihood, and histories drawn from it.
+
+Used by effects that switch on and off: random telegraph noise, bursts of noise.
 
 References
 ----------
@@ -15,14 +17,21 @@ Array = NDArray[np.float64]
 
 
 def transitions(share: Array, lasting: Array, dt: float) -> Array:
-    """Chances from each level to each, shape (p, 2, 2), over a step `dt` [s].
+    """Probabilities of going from each level to each over one step.
 
     Parameters
     ----------
     share : ndarray, shape (p,)
-        Of the time on the second level.
+        Share of the time on the second level.
     lasting : ndarray, shape (p,)
         Mean time on it at a stretch [s]; such times are exponential.
+    dt : float
+        Step [s].
+
+    Returns
+    -------
+    ndarray, shape (p, 2, 2)
+        Rows: level before; columns: level after.
     """
     stay = np.exp(-dt / (lasting * (1.0 - share)))  # the rates of leaving either level together
     there = np.stack([1.0 - share, share], axis=-1)
@@ -30,16 +39,21 @@ def transitions(share: Array, lasting: Array, dt: float) -> Array:
 
 
 def log_likelihood(log_e: Array, T: Array, share: Array) -> Array:
-    """Of p chains side by side over m steps, shape (p,) [nats]; forward recursion [1]_.
+    """Log-likelihood of p chains side by side over m steps, by the forward recursion [1]_, eqs (19)-(21).
 
     Parameters
     ----------
     log_e : ndarray, shape (m, p, 2)
         Log-likelihood of what was seen at each step on each level.
     T : ndarray, shape (p, 2, 2)
-        Chances from each level to each.
+        Probabilities of going from each level to each.
     share : ndarray, shape (p,)
-        Chance to begin on the second level.
+        Probability to begin on the second level.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        [nats].
     """
     top = log_e.max(axis=2)
     low, high = np.moveaxis(np.exp(log_e - top[:, :, None]), 2, 0)
@@ -56,16 +70,22 @@ def log_likelihood(log_e: Array, T: Array, share: Array) -> Array:
 
 
 def history(log_odds: Array, T: Array, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """One history of the second level, shape (m,), drawn from all in proportion to their chances [2]_.
+    """One history of the level, drawn from all in proportion to their probability [2]_.
 
     Parameters
     ----------
     log_odds : ndarray, shape (m,)
         Log-likelihood of what was seen on the second level over that on the first.
     T : ndarray, shape (2, 2)
+        Probabilities of going from each level to each.
     share : float
-        Chance to begin on the second level.
+        Probability to begin on the second level.
     rng : numpy Generator
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+        True on the second level.
     """
     (_, up), (_, keep) = T.tolist()
     odds = np.exp(np.clip(log_odds, -300.0, 300.0)).tolist()
@@ -86,5 +106,21 @@ def history(log_odds: Array, T: Array, share: float, rng: np.random.Generator) -
 
 
 def drawn(n: int, T: Array, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """A history of n steps, shape (n,), of which nothing is seen."""
+    """A history of the level of which nothing is seen: a simulation of the chain.
+
+    Parameters
+    ----------
+    n : int
+        Steps.
+    T : ndarray, shape (2, 2)
+        Probabilities of going from each level to each.
+    share : float
+        Probability to begin on the second level.
+    rng : numpy Generator
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True on the second level.
+    """
     return history(np.zeros(n), T, share, rng)

@@ -1,4 +1,4 @@
-"""What repeats: a line, a resonance; and what an internal low-pass takes away.
+"""Periodic effects and filters: spectral line (`Sinusoid`), resonance, and internal low-pass.
 
 References
 ----------
@@ -16,27 +16,28 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.series import OF_A_COEFFICIENT, Detection, WhiteSeries, log_mean
 
 Array = NDArray[np.float64]
 
-SLOWEST = 2.5
-"""Periods of the slowest line in the record: a slower one is a drift."""
-NARROW = 3.0
-"""Width of a resonance, in inverse lengths of the record, below which it is a line."""
-FINE = 4
-"""Frequencies looked at, over the record's own."""
-WIDTHS = (0.005, 0.02, 0.06, 0.2)
+MIN_LINE_PERIODS = 2.5
+"""Periods of the slowest line that fit into the record: a slower one is a drift."""
+MIN_RESONANCE_WIDTH_BINS = 3.0
+"""Width of a resonance in bins (inverse lengths of the record) below which it is a spectral line."""
+PERIODOGRAM_OVERSAMPLING = 4
+"""Frequencies of the padded periodogram for each frequency of the record."""
+TRIAL_DAMPING_RATIOS = (0.005, 0.02, 0.06, 0.2)
 """Damping ratios at which a resonance is looked for."""
-RISEN = 2.0
-"""Deviations by which the noise at the upper end of the band is above the middle's where nothing falls off."""
+MAX_BAND_END_RISE_SIGMAS = 2.0
+"""Standard deviations by which the power at the upper end of the band may exceed the middle's in a low-pass."""
 
 
 @dataclass(frozen=True)
-class Sinusoid(Effect):
-    """A line: ``amplitude sin(2 pi frequency t + phase)``."""
+class Sinusoid(LinearProcess):
+    """A spectral line (tone): ``amplitude sin(2 pi frequency t + phase)``, from a fan, the mains, a vibration."""
 
     amplitude: Any = parameter("U", "solved")
     frequency: Any = parameter("Hz", "place")
@@ -104,10 +105,12 @@ class Sinusoid(Effect):
         """The highest of the finely spaced periodogram of the white series."""
         from scipy.fft import next_fast_len, rfft
 
-        size = next_fast_len(FINE * series.n, real=True)
+        size = next_fast_len(PERIODOGRAM_OVERSAMPLING * series.n, real=True)
         Z = rfft(series.z, size)
         f = np.arange(Z.size) / (size * series.dt)
-        keep = (f > SLOWEST / (series.n * series.dt)) & (f < 0.5 / series.dt * (1.0 - 2.0 / series.n))
+        keep = (f > MIN_LINE_PERIODS / (series.n * series.dt)) & (
+            f < 0.5 / series.dt * (1.0 - 2.0 / series.n)
+        )
         gain, f = np.abs(Z[keep]) ** 2 / series.n, f[keep]
         w = gain - np.log(np.maximum(2.0 * gain, 1.0) * 0.5 * OF_A_COEFFICIENT)
         # Half of the prior is uniform in frequency, half in its logarithm.
@@ -119,7 +122,7 @@ class Sinusoid(Effect):
             at = at + 0.5 * (a - c) / min(a - 2.0 * b + c, -1e-12) * (f[1] - f[0])
         weight = float(np.interp(2.0 * np.pi * at * series.dt, series.omega, series.weight))
         amplitude = 2.0 * float(np.sqrt(gain[k] / series.n)) / weight
-        # The frequency's deviation follows from the curvature of the likelihood [1]_.
+        # The frequency's standard deviation follows from the curvature of the likelihood [1]_.
         sd = float(np.sqrt(1.5 / max(gain[k], 0.5))) / (np.pi * series.n * series.dt)
         return [
             Detection(
@@ -131,7 +134,7 @@ class Sinusoid(Effect):
 
 
 @dataclass(frozen=True)
-class Resonance(Effect):
+class Resonance(LinearProcess):
     """Noise through a damped oscillator: a peak of finite width at `frequency`, `rms` in the output."""
 
     frequency: Any = parameter("Hz", "frequency")
@@ -157,14 +160,14 @@ class Resonance(Effect):
 
     def is_itself(self, duration: float) -> bool:
         """Whether its peak is wide enough to be told from a line."""
-        return 2.0 * float(self.damping) * float(self.frequency) * duration > NARROW
+        return 2.0 * float(self.damping) * float(self.frequency) * duration > MIN_RESONANCE_WIDTH_BINS
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """For each of a few widths the band whose power stands out most."""
         power = np.concatenate([[0.0], np.cumsum(series.X**2)])
         n, found = series.n, []
-        for damping in WIDTHS:
+        for damping in TRIAL_DAMPING_RATIOS:
             centre = np.exp(np.arange(np.log(12.0 / damping**0.5), np.log(0.97 * n), damping))
             lo = np.clip((centre * (1.0 - damping)).astype(np.int64), 1, n)
             hi = np.clip((centre * (1.0 + damping)).astype(np.int64) + 1, 1, n)
@@ -184,8 +187,8 @@ class Resonance(Effect):
 
 
 @dataclass(frozen=True)
-class LowPass(Effect):
-    """An internal low-pass: what is measured is filtered with everything that is in it."""
+class LowPass(AddsNothingAtRest):
+    """An internal low-pass of the sensor: it filters everything that the channel carries."""
 
     corner: Any = parameter("Hz", "corner")
     order: int = parameter("", "setting", 1)
@@ -196,9 +199,12 @@ class LowPass(Effect):
     sentence_template: ClassVar[str] = "is low-passed inside at {corner}"
     is_filter: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Left out: the noise of a filter is white."""
+        return NotModelled(
+            "a filter takes its samples for independent, and a low-pass correlates neighbours",
+            f"Run the filter at no more than twice the corner, {2.0 * float(self.corner):.4g} Hz, or name the lag of the sensor",
+        )
 
     def response(self, omega: Array, dt: float) -> Array:
         """One pole, or a Butterworth filter of second order, at the sampling rate."""
@@ -228,7 +234,7 @@ class LowPass(Effect):
         """From corners over the upper two decades of the band and above it, of either order."""
         nyquist, tenth = 0.5 / series.dt, max(series.n // 10, 1)
         upper, middle = (float(np.mean(series.X[at:][:tenth] ** 2)) for at in (-tenth, series.n // 2))
-        if upper > middle * (1.0 + RISEN * float(np.sqrt(4.0 / tenth))):
+        if upper > middle * (1.0 + MAX_BAND_END_RISE_SIGMAS * float(np.sqrt(4.0 / tenth))):
             return []  # it rises: nothing falls off
         corners = [(1, a) for a in (0.05, 0.2, 0.6, 1.2)] + [(2, a) for a in (0.05, 0.2, 0.4, 0.6, 0.8, 0.92)]
         return [Detection(cls(share * nyquist, order)) for order, share in corners]

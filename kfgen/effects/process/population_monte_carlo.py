@@ -1,4 +1,6 @@
-"""`integral`: a probability integrated by drawing, where one evaluation of many points at once is cheap.
+"""`integral`: a marginal likelihood by adaptive importance sampling (population Monte Carlo [1]_).
+
+For effects of a few parameters whose likelihood is not normal, and cheap to evaluate at many points at once.
 
 References
 ----------
@@ -15,24 +17,28 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-DRAWS = 64
-ROUNDS = 6
-LAST = 2
-"""Rounds from which the integral is taken; those before it find where the weight is."""
-NU = 6.0
-"""Degrees of freedom of the laws from which points are drawn: their tails are heavier than a normal one's."""
-HALF = 3
-"""Rounds after which it is seen whether there is any use in going on."""
-ENOUGH = 12.0
-"""Points of equal weight that a round is to be worth: else its weights are evened."""
+DRAWS_PER_ROUND = 64
+"""Points drawn in a round."""
+MAX_ROUNDS = 6
+"""Rounds, each from the law that the one before it found."""
+FINAL_ROUNDS = 2
+"""Last rounds, from which the integral is taken; those before find where the integrand is large."""
+STUDENT_DEGREES_OF_FREEDOM = 6.0
+"""Degrees of freedom of Student's law from which points are drawn: its tails are heavier than the normal ones."""
+HALFWAY_ROUND = 3
+"""Rounds after which `integral` gives up where its bar was not reached."""
+MIN_EFFECTIVE_DRAWS = 12.0
+"""Effective sample size of a round below which its weights are tempered."""
 
 
 @dataclass(frozen=True)
 class Integral:
-    """The logarithm of an integral, and the mean and the covariance of its law.
+    """The logarithm of an integral, and mean and covariance of the law that the integrand is proportional to.
 
     Parameters
     ----------
+    log : float
+        [nats].
     mean : ndarray, shape (k,)
     covariance : ndarray, shape (k, k)
     """
@@ -49,18 +55,25 @@ def integral(
     seed: int = 0,
     values: Array | None = None,
 ) -> Integral | None:
-    """Of ``exp(log_f)`` over its k arguments, from some points of which the best lie near its weight [1]_.
+    """The integral of ``exp(log_f)`` over its k arguments [1]_.
 
     Parameters
     ----------
     log_f : callable
-        Of points, shape (p, k), to values, shape (p,).
+        Of points, shape (p, k), to values, shape (p,) [nats].
     points : ndarray, shape (p, k)
-        First points; more than k.
+        First points, more than k, of which the best lie near the maximum.
     bar : float
-        What the function must have reached after half the rounds; else there is no answer.
+        What the function must have reached after half the rounds [nats]; else there is no answer.
+    seed : int
+        Of the random numbers.
     values : ndarray, shape (p,), optional
         The function at the first points, where it is known.
+
+    Returns
+    -------
+    Integral or None
+        None where `bar` was not reached.
     """
     rng = np.random.default_rng(seed)
     values = log_f(points) if values is None else values
@@ -68,15 +81,15 @@ def integral(
     logs: list[Array] = []
     points_of: list[Array] = []
     mean, covariance = _law(points, values)
-    for r in range(ROUNDS):
+    for r in range(MAX_ROUNDS):
         drawn = _draw(rng, mean, covariance)
         values = log_f(drawn)
         top = max(top, float(values.max()))
-        if r == HALF - 1 and top < bar:
+        if r == HALFWAY_ROUND - 1 and top < bar:
             return None
         w = values - _log_density(drawn, mean, covariance)
         mean, covariance = _law(drawn, w)
-        if r >= ROUNDS - LAST:
+        if r >= MAX_ROUNDS - FINAL_ROUNDS:
             logs.append(w)
             points_of.append(drawn)
     every = np.concatenate(logs)
@@ -91,22 +104,28 @@ def _law(points: Array, w: Array) -> tuple[Array, Array]:
     while True:
         p = np.exp(heat * (w - w.max()))
         p /= p.sum()
-        if 1.0 / float(p @ p) >= ENOUGH or heat < 1e-3:
+        if 1.0 / float(p @ p) >= MIN_EFFECTIVE_DRAWS or heat < 1e-3:
             break
         heat *= 0.7
     mean = p @ points
     d = points - mean
-    covariance = (p[:, None] * d).T @ d * ENOUGH / (ENOUGH - 1.0)
+    covariance = (p[:, None] * d).T @ d * MIN_EFFECTIVE_DRAWS / (MIN_EFFECTIVE_DRAWS - 1.0)
     return np.asarray(mean), np.asarray(covariance + 1e-8 * np.eye(k))
 
 
 def _draw(rng: np.random.Generator, mean: Array, covariance: Array) -> Array:
     L = np.linalg.cholesky(covariance)
-    normal = rng.standard_normal((DRAWS, mean.size))
-    return np.asarray(mean + (normal @ L.T) / np.sqrt(rng.chisquare(NU, (DRAWS, 1)) / NU))
+    normal = rng.standard_normal((DRAWS_PER_ROUND, mean.size))
+    return np.asarray(
+        mean
+        + (normal @ L.T)
+        / np.sqrt(
+            rng.chisquare(STUDENT_DEGREES_OF_FREEDOM, (DRAWS_PER_ROUND, 1)) / STUDENT_DEGREES_OF_FREEDOM
+        )
+    )
 
 
 def _log_density(points: Array, mean: Array, covariance: Array) -> Array:
     from scipy.stats import multivariate_t
 
-    return np.asarray(multivariate_t(mean, covariance, NU).logpdf(points))
+    return np.asarray(multivariate_t(mean, covariance, STUDENT_DEGREES_OF_FREEDOM).logpdf(points))

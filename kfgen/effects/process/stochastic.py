@@ -1,4 +1,6 @@
-"""Noise of a sensor at rest: white, quantisation, Gauss-Markov, flicker, random walk.
+"""Stochastic effects of a sensor at rest: white noise, quantisation, Gauss-Markov, flicker, random walk.
+
+Definitions and closed forms are in ``docs/noise.md``; here each is a linear system, from which they follow.
 
 References
 ----------
@@ -17,12 +19,16 @@ from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.effects.effect import Effect, Look, Meaning, parameter
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, Look, Meaning, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NotModelled, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
 
-FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+Array = NDArray[np.float64]
+
+FLICKER_FLOOR_OVER_B = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
 
 
@@ -41,7 +47,7 @@ def gauss_markov_peak() -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class WhiteNoise(Effect):
+class WhiteNoise(LinearProcess):
     """White noise (angle or velocity random walk): density ``N^2``, AVAR ``N^2 / tau``."""
 
     N: Any = parameter("U/sqrt(Hz)")
@@ -61,7 +67,30 @@ class WhiteNoise(Effect):
 
 
 @dataclass(frozen=True)
-class Quantisation(Effect):
+class SampleNoise(AddsNothingAtRest):
+    """White noise of the samples of an aiding channel, `sd` each, whatever their rate; ``white_noise`` with ``sd`` in a file."""
+
+    sd: Any = parameter("U", "setting")
+
+    name: ClassVar[str] = "sample_noise"
+    title: ClassVar[str] = "white noise of the samples"
+    sentence_template: ClassVar[str] = "carries white noise of {sd} in each sample"
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """All the variance that each sample has."""
+        return SampleVariance(self.sd**2, alone=True)
+
+    def sampled_density(self, omega: Array, dt: float, block: int = 1) -> Array:
+        """The same at every frequency [U^2]."""
+        return np.full(np.shape(omega), float(self.sd) ** 2 / block)
+
+    def simulate(self, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None) -> Array:
+        """Independent samples, shape (n,)."""
+        return np.asarray(float(self.sd) * rng.standard_normal(np.size(t)))
+
+
+@dataclass(frozen=True)
+class Quantisation(LinearProcess):
     """Quantisation of the integrated output: AVAR ``3 Q^2 / tau^2``."""
 
     Q: Any = parameter("U*s")
@@ -80,10 +109,19 @@ class Quantisation(Effect):
         """A white sequence of variance ``Q^2`` on the integral."""
         return LinearSystem(Z=self.Q**2)
 
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """White noise of a measurement; of an input it stays within a step of the integral for ever."""
+        if place.measured:
+            return LinearStates(self.form())
+        return NotModelled(
+            "the error of the integral of an input stays within Q and does not grow, so that no white noise stands for it",
+            "Add Q to the standard deviation of the angle or velocity that the filter gives",
+        )
+
 
 @dataclass(frozen=True)
-class GaussMarkov(Effect):
-    """First-order Gauss-Markov process, stationary deviation `sigma`, correlation time `tau`."""
+class GaussMarkov(LinearProcess):
+    """First-order Gauss-Markov process, stationary standard deviation `sigma`, correlation time `tau`."""
 
     sigma: Any = parameter("U")
     tau: Any = parameter("s", "time")
@@ -129,8 +167,8 @@ class GaussMarkov(Effect):
             "sigma",
             "flicker (bias instability) whose Allan floor is as high as this term's Allan peak",
             "IEEE Std 952, data sheets that divide the floor by 0.664",
-            lambda B, v: B * FLICKER_FLOOR / gauss_markov_peak()[1],
-            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR,
+            lambda B, v: B * FLICKER_FLOOR_OVER_B / gauss_markov_peak()[1],
+            lambda e: e.sigma * gauss_markov_peak()[1] / FLICKER_FLOOR_OVER_B,
         ),
         Meaning(
             "adev_min",
@@ -154,7 +192,7 @@ class GaussMarkov(Effect):
 
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
-        """Correlation times over the record, each with the deviation seen there at its peak."""
+        """Correlation times over the record, each with the Allan deviation seen there as its peak."""
         times = np.geomspace(max(look.duration / 1000.0, 20.0 * look.dt), look.duration / 10.0, 4)
         return [cls(float(np.interp(t, look.tau, look.deviation)) / 0.6, float(t)) for t in times]
 
@@ -169,12 +207,12 @@ class GaussMarkov(Effect):
         )
 
 
-UNSTATED = (1.0, 1e4)
-"""The band of a flicker of which only B is stated [s]."""
+DEFAULT_FLICKER_BAND_S = (1.0, 1e4)
+"""Shortest and longest time constant [s] of a flicker of which only B is stated."""
 
 
 @dataclass(frozen=True)
-class BiasInstability(Effect):
+class BiasInstability(LinearProcess):
     """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
 
     Time constants are spaced evenly in the logarithm with ratio ``r`` from `shortest` to
@@ -183,8 +221,8 @@ class BiasInstability(Effect):
     """
 
     B: Any = parameter("U")
-    shortest: float = parameter("s", "setting", UNSTATED[0])
-    longest: float = parameter("s", "setting", UNSTATED[1])
+    shortest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[0])
+    longest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[1])
 
     name: ClassVar[str] = "bias_instability"
     title: ClassVar[str] = "bias instability (flicker)"
@@ -207,7 +245,7 @@ class BiasInstability(Effect):
 
     def extended_band(self, dt: float, duration: float) -> Self:
         """The same B over all that the record shows, where its band was not stated."""
-        if (self.shortest, self.longest) != UNSTATED:
+        if (self.shortest, self.longest) != DEFAULT_FLICKER_BAND_S:
             return self
         return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))
 
@@ -231,7 +269,7 @@ class BiasInstability(Effect):
 
 
 @dataclass(frozen=True)
-class RateRandomWalk(Effect):
+class RateRandomWalk(LinearProcess):
     """Random walk of the output itself: density ``K^2 / (2 pi f)^2``, AVAR ``K^2 tau / 3``."""
 
     K: Any = parameter("U/sqrt(s)")

@@ -1,4 +1,4 @@
-"""`Switching`: a level that jumps between two values in the noise of a linear model.
+"""`Switching`: likelihood of a level that jumps between two values, beside the slow noise of a linear model.
 
 Given the jumps the samples are those of a Kalman filter; the number of possible histories doubles with every
 sample. Two filters, one for each level of the last cell, are run: each of their histories is followed through one
@@ -25,8 +25,9 @@ from kfgen.effects.process import markov_chain as chain
 
 Array = NDArray[np.float64]
 
-LEVELS = np.array([-0.5, 0.5])
-ONE = np.zeros(1)
+LEVEL_OFFSETS = np.array([-0.5, 0.5])
+"""Of the two levels from their middle, in units of their distance."""
+SINGLE_LEVEL_OFFSET = np.zeros(1)
 """The only level where there are no jumps."""
 
 
@@ -49,7 +50,19 @@ class Slow:
 
     @staticmethod
     def of(forms: Sequence[LinearSystem], dt: float) -> Slow:
-        """Of random effects with states, over a step `dt` [s]."""
+        """The slow noise of some random effects.
+
+        Parameters
+        ----------
+        forms : sequence of LinearSystem
+            Of the effects; those without states add nothing.
+        dt : float
+            Length of a cell [s].
+
+        Returns
+        -------
+        Slow
+        """
         steps = [discretise(f, dt) for f in forms]
         C = np.concatenate([np.zeros(0), *(np.array(f.C, dtype=np.float64) for f in forms)])
         starts = [initial_covariance(f) for f in forms]
@@ -76,7 +89,7 @@ class SwitchingParameters:
     size, dwell, middle : ndarray
         Distance of the levels [SI]; mean time on one of them [s]; half-way between them [SI].
     loud, wander : ndarray
-        Factors of the deviations of the white and of the slow noise.
+        Factors of the standard deviations of the white and of the slow noise.
     """
 
     size: Array
@@ -95,7 +108,7 @@ class Switching:
     mean : ndarray, shape (m,)
         Their means [SI], about zero.
     dt, sd : float
-        Length of a cell [s], deviation of its white noise [SI].
+        Length of a cell [s], standard deviation of its white noise [SI].
     slow : Slow
     """
 
@@ -105,27 +118,40 @@ class Switching:
     slow: Slow
 
     def log_likelihood(self, at: SwitchingParameters) -> Array:
-        """Of each point, shape (p,) [nats]."""
+        """Log-likelihood [nats] of each point, shape (p,)."""
         if self.slow.order:
             return self._run(at)[0]
-        levels = LEVELS if np.any(at.size) else ONE
+        levels = LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
         sd = self.sd * at.loud[:, None]
         left = (self.mean[:, None, None] - at.middle[:, None] - at.size[:, None] * levels) / sd
         log_e = -0.5 * left**2 - np.log(sd) - 0.5 * float(np.log(2.0 * np.pi))
-        if levels is ONE:
+        if levels is SINGLE_LEVEL_OFFSET:
             return np.asarray(log_e[:, :, 0].sum(axis=0))
         half = np.full(at.size.size, 0.5)
         return chain.log_likelihood(log_e, chain.transitions(half, at.dwell, self.dt), half)
 
     def innovations(self, at: SwitchingParameters) -> Array:
-        """What each cell shows that those before it did not foretell, shape (m,): unit normal if the model holds.
+        """Standardised innovation of each cell, shape (m,): unit normal if the model holds.
 
         The normal deviate of the probability that a cell is at most what it is, given those before it.
         """
         return self._run(at)[1]
 
     def quiet(self, at: SwitchingParameters, z: Array) -> Array:
-        """The cells that the model without levels would give for these innovations [SI], shape (m,)."""
+        """The cells that the model without levels would give for the same innovations.
+
+        Parameters
+        ----------
+        at : SwitchingParameters
+            One point, whose noise is taken.
+        z : ndarray, shape (m,)
+            Standardised innovations.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            [SI].
+        """
         slow, R = self.slow, float((self.sd * at.loud[0]) ** 2)
         x, P = np.zeros(slow.order), slow.P0 * float(at.wander[0]) ** 2
         Q, out = slow.Q * float(at.wander[0]) ** 2, np.empty_like(z)
@@ -142,14 +168,14 @@ class Switching:
     def _run(self, at: SwitchingParameters) -> tuple[Array, Array]:
         from scipy.special import ndtri
 
-        H, Phi, levels = self.slow.C, self.slow.Phi, LEVELS if np.any(at.size) else ONE
+        H, Phi, levels = self.slow.C, self.slow.Phi, LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
         Q, P = (at.wander[:, None, None] ** 2 * M for M in (self.slow.Q, self.slow.P0))
         count = at.size.size
         R = (self.sd * at.loud)[:, None] ** 2
         x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
         V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
         half = np.full(count, 0.5)
-        T = chain.transitions(half, at.dwell, self.dt) if levels is LEVELS else np.ones((count, 1, 1))
+        T = chain.transitions(half, at.dwell, self.dt) if levels is LEVEL_OFFSETS else np.ones((count, 1, 1))
         shift = at.middle[:, None, None] + at.size[:, None, None] * levels * np.ones((levels.size, 1))
         total, z, slow = np.zeros(count), np.empty(self.mean.size), H.size > 0
         S, ahead = np.broadcast_to(R, p.shape), np.zeros_like(shift)

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.effect import LinearProcess, parameter
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
@@ -25,35 +25,36 @@ from kfgen.effects.series import DECADES, Detection, WhiteSeries
 
 Array = NDArray[np.float64]
 
-CELLS = 2048
-"""Means into which a record is gathered."""
-PROMISING = 3.0
-"""Nats that the best of the first points must be worth at least, before levels are looked for in earnest."""
-SEVERAL = 8.0
-"""Jumps that a record holds on average at least: a single one is a step."""
-WIDTHS = (4, 16, 64)
-"""Cells over which means are smoothed to see how far apart levels may be."""
-FACTORS = (0.6, 1.0, 1.6)
-DWELLS = 9
-"""First points: distances of the levels about those seen, and dwell times."""
-STATES = 2
-"""Of slow noise, beside which levels are looked for at most: more of it can imitate them."""
-UNEVEN = 0.15
-"""Of their distance: how far from the record's mean the middle of the levels may be."""
-COLOURED = 1.15
+MAX_CELLS = 2048
+"""Cells into whose means a record is gathered, at most."""
+MIN_START_GAIN_NATS = 3.0
+"""Gain of log-likelihood [nats] of the best first point below which the search for levels ends."""
+MIN_JUMPS_IN_RECORD = 8.0
+"""Mean number of jumps in the record at least: a single one is a step."""
+SMOOTHING_WIDTHS_CELLS = (4, 16, 64)
+"""Cells over which means are smoothed to guess the distance of the levels."""
+SIZE_FACTORS = (0.6, 1.0, 1.6)
+"""Distances of the levels at the first points, over the one guessed."""
+DWELL_START_COUNT = 9
+"""Dwell times at the first points."""
+MAX_SLOW_STATES = 2
+"""States of the slow noise beside which levels are looked for: more of them can imitate levels."""
+MIDDLE_SD_OVER_SIZE = 0.15
+"""Standard deviation of the middle of the levels about the record's mean, over their distance."""
+MAX_WHITE_AMPLITUDE_RATIO = 1.15
 """Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
-HALF = 0.5
-"""Of what slow noise of the same spectrum gains: what the best of the first points must gain at least."""
-BEHIND = 3.0
-"""Nats by which levels may be worse than slow noise of the same spectrum half-way through the search for them."""
-GRID = 16
-"""Sizes, and times, at which that noise is tried."""
-NOISES = 64
-"""First points of the noise alone."""
+MIN_SHARE_OF_RIVAL_GAIN = 0.5
+"""Gain of the best first point over the gain of slow noise of the same spectrum, at least."""
+MAX_LOSS_TO_RIVAL_NATS = 3.0
+"""Nats by which levels may be worse than slow noise of the same spectrum half-way through the search."""
+RIVAL_GRID_POINTS = 16
+"""Sizes, and as many times, at which slow noise of the same spectrum is tried."""
+NOISE_START_COUNT = 64
+"""First points of the search for the noise without levels."""
 
 
 @dataclass(frozen=True)
-class RandomTelegraph(Effect):
+class RandomTelegraph(LinearProcess):
     """A bias that jumps by `size` between two levels, on each of which it stays for `dwell` on average."""
 
     size: Any = parameter("U")
@@ -86,14 +87,18 @@ class RandomTelegraph(Effect):
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """The level that explains the means of short cells best, integrated over its numbers and the noise's."""
         cells = Cells.of(series)
-        if cells.switching.slow.order > STATES or not cells.even:
+        if cells.switching.slow.order > MAX_SLOW_STATES or not cells.even:
             return []
         starts, quiet = cells.starts(), cells.noise_starts()
         still, rival = cells.noise_gain(quiet), cells.gauss_markov_gain()
         alone, gains = float(still.max()), cells.gain(starts)
-        if starts.size == 0 or float(gains.max()) < alone + max(PROMISING, HALF * rival):
+        if starts.size == 0 or float(gains.max()) < alone + max(
+            MIN_START_GAIN_NATS, MIN_SHARE_OF_RIVAL_GAIN * rival
+        ):
             return []
-        best = integral(cells.gain, starts, alone + max(PROMISING, rival - BEHIND), values=gains)
+        best = integral(
+            cells.gain, starts, alone + max(MIN_START_GAIN_NATS, rival - MAX_LOSS_TO_RIVAL_NATS), values=gains
+        )
         without = integral(cells.noise_gain, quiet, values=still) if best else None
         if best is None or without is None:
             return []
@@ -123,22 +128,24 @@ class RandomTelegraph(Effect):
 
 @dataclass(frozen=True)
 class Cells:
-    """A record gathered into cells, and what is believed of its noise.
+    """A record gathered into cells, and the prior of its noise.
 
     Parameters
     ----------
+    switching : Switching
+        The means of the cells, their white and their slow noise.
     even : bool
         Whether the noise that is not slow is white in the band of the cells.
     block : int
         Samples of a cell.
-    power : float
-        Sum of squares of the faster ordinates, of which there are `rest`.
+    power, rest : float, int
+        Sum of squares of the ordinates that are faster than the cells, and their number.
     density : ndarray, shape (m - 1,)
         What the model expects of the squares of the cosine ordinates of the cells' means [SI^2].
     still : float
-        Deviation of the record's mean without levels [SI].
-    level, wander : (mean, deviation)
-        What is believed of the logarithms of the levels of the white and of the slow noise over those of the fit.
+        Standard deviation of the record's mean without levels [SI].
+    level, wander : (mean, standard deviation)
+        Priors of the logarithms of the levels of the white and of the slow noise, over those of the fit.
     """
 
     switching: Switching
@@ -153,14 +160,14 @@ class Cells:
 
     @staticmethod
     def of(series: WhiteSeries) -> Cells:
-        """At most `CELLS` of them."""
-        block = max(1, -(-series.n // CELLS))
+        """At most `MAX_CELLS` of them."""
+        block = max(1, -(-series.n // MAX_CELLS))
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
         dt = series.dt * block
         band = np.maximum(series.weight[1:m], 1e-300) / np.sqrt(1.0 - series.slow[1:m])
         sd = 1.0 / float(np.mean(band)) / float(np.sqrt(block))
-        even = float(band.max()) < COLOURED * float(band.min())
+        even = float(band.max()) < MAX_WHITE_AMPLITUDE_RATIO * float(band.min())
         power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0
         rest = int(np.count_nonzero(series.weight[m:])) if block > 1 else 0
         switching = Switching(mean - mean.mean(), dt, sd, Slow.of(series.forms, dt))
@@ -175,8 +182,8 @@ class Cells:
 
     @property
     def longest(self) -> float:
-        """Logarithm of the longest: the record holds `SEVERAL` of them."""
-        return float(np.log(self.switching.mean.size * self.switching.dt / SEVERAL))
+        """Logarithm of the longest: the record holds `MIN_JUMPS_IN_RECORD` of them."""
+        return float(np.log(self.switching.mean.size * self.switching.dt / MIN_JUMPS_IN_RECORD))
 
     def starts(self) -> Array:
         """Points about the distances at which the smoothed means stand, shape (p, 4 or 5)."""
@@ -185,13 +192,15 @@ class Cells:
         mean, sd = self.switching.mean, self.switching.sd
         sizes = [
             2.0 * float(np.sqrt(max(np.var(uniform_filter1d(mean, w)) - sd**2 / w, 1e-2 * sd**2 / w)))
-            for w in WIDTHS
+            for w in SMOOTHING_WIDTHS_CELLS
             if mean.size >= 8 * w
         ]
-        dwells = np.linspace(self.shortest, self.longest, DWELLS + 1)[1:]
-        levels = np.array([[np.log(a * f), d] for a in sizes for f in FACTORS for d in dwells]).reshape(-1, 2)
+        dwells = np.linspace(self.shortest, self.longest, DWELL_START_COUNT + 1)[1:]
+        levels = np.array([[np.log(a * f), d] for a in sizes for f in SIZE_FACTORS for d in dwells]).reshape(
+            -1, 2
+        )
         deviation = np.tile(self.deviation, (len(levels), 1))
-        deviation[:, 0] = UNEVEN * np.exp(levels[:, 0])
+        deviation[:, 0] = MIDDLE_SD_OVER_SIZE * np.exp(levels[:, 0])
         drawn = np.random.default_rng(0).standard_normal(deviation.shape)
         return np.column_stack([levels, self.noise + deviation * drawn])
 
@@ -203,14 +212,14 @@ class Cells:
 
     @property
     def deviation(self) -> Array:
-        """How far off they may be without levels, shape (2,) or (3,)."""
+        """Standard deviations of `noise` without levels, shape (2,) or (3,)."""
         free = 1.0 / float(np.sqrt(2.0 * (self.rest + self.switching.mean.size)))
         return np.array([self.still, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
 
     def noise_starts(self) -> Array:
         """Points about the noise of the fast ordinates, and about that of a fit to all, shape (p, 2 or 3)."""
-        drawn = np.random.default_rng(0).standard_normal((NOISES, self.noise.size))
-        middle = np.where(np.arange(NOISES)[:, None] % 2, self.noise, 0.0)
+        drawn = np.random.default_rng(0).standard_normal((NOISE_START_COUNT, self.noise.size))
+        middle = np.where(np.arange(NOISE_START_COUNT)[:, None] % 2, self.noise, 0.0)
         return np.asarray(middle + 2.0 * self.deviation * drawn)
 
     def gauss_markov_gain(self) -> float:
@@ -221,9 +230,12 @@ class Cells:
         power = np.square(dct(self.switching.mean, norm="ortho")[1:])
         omega = np.pi * np.arange(1, m) / m
         best = 0.0
-        for phi in np.exp(-2.0 * dt / np.exp(np.linspace(self.shortest, self.longest, GRID))):
+        for phi in np.exp(-2.0 * dt / np.exp(np.linspace(self.shortest, self.longest, RIVAL_GRID_POINTS))):
             shape = (1.0 - phi**2) / (1.0 - 2.0 * phi * np.cos(omega) + phi**2)
-            S = self.density + np.geomspace(1e-3, 1e1, GRID)[:, None] * np.var(self.switching.mean) * shape
+            S = (
+                self.density
+                + np.geomspace(1e-3, 1e1, RIVAL_GRID_POINTS)[:, None] * np.var(self.switching.mean) * shape
+            )
             gain = 0.5 * np.sum(np.log(self.density / S) + power * (1.0 / self.density - 1.0 / S), axis=1)
             best = max(best, float(gain.max()))
         return best

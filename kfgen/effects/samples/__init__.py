@@ -1,1 +1,1 @@
-"""What happens to single samples: events, outliers, bursts, filters."""
+"""Effects that act on samples and have no states in a filter: steps, outliers, bursts, shared noise."""

@@ -1,4 +1,4 @@
-"""Noise that two channels share.
+"""Cross-axis noise: white noise that two channels share.
 
 References
 ----------
@@ -7,16 +7,15 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled, SharedNoise
 
 
 @dataclass(frozen=True)
-class CrossAxisNoise(Effect):
+class CrossAxisNoise(AddsNothingAtRest):
     """White noise that correlates by `rho` with that of the other channel which says so."""
 
     rho: Any = parameter("", "setting")
@@ -25,6 +24,11 @@ class CrossAxisNoise(Effect):
     title: ClassVar[str] = "noise shared with another channel"
     sentence_template: ClassVar[str] = "shares its white noise with another channel by a correlation of {rho}"
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added to a channel's own noise."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """Correlated driving noise of two inputs; the rows of a measurement are fused one by one."""
+        if not place.measured:
+            return SharedNoise(self.rho)
+        return NotModelled(
+            "the channels of a measurement are fused one by one, each with noise of its own",
+            f"Raise the white noise of both channels by {50.0 * abs(float(self.rho)):.3g} %",
+        )

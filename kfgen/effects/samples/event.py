@@ -1,4 +1,4 @@
-"""What happens at a time: a step of the bias, a change of the noise.
+"""Effects that begin at a time or hit single samples: step of the bias, change of the noise, outliers.
 
 References
 ----------
@@ -9,24 +9,25 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NoiseFactor, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_worth, log_mean, middle95
 
 Array = NDArray[np.float64]
 
-MARGIN = 8
+EDGE_MARGIN_SAMPLES = 8
 """Samples at either end at which no event is looked for."""
 
 
 @dataclass(frozen=True)
-class BiasStep(Effect):
+class BiasStep(LinearProcess):
     """A jump of the bias by `size` at `time` since the first sample: a one-off."""
 
     size: Any = parameter("U", "signed")
@@ -41,6 +42,11 @@ class BiasStep(Effect):
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """A constant; when it jumps, a filter's variance of it should grow by ``size^2`` [1]_."""
         return LinearSystem(A=((0,),), W=((0,),), C=(1,), x0=(0,), states=(State("bias", shared=True),))
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The next jump may come at any time: a random walk of its spread, one such jump in the time that this one took."""
+        density = float(self.size) ** 2 / max(float(self.time), 1.0)
+        return LinearStates(replace(self.form(), W=((density,),)))
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
         """``size`` from `time` on."""
@@ -61,7 +67,7 @@ class BiasStep(Effect):
         energy = (power.sum() - np.fft.fft(power).real[1:]) / n
         for q in series.nuisance.T:
             energy = energy - product(q) ** 2
-        keep = slice(MARGIN, n - 1 - MARGIN)
+        keep = slice(EDGE_MARGIN_SAMPLES, n - 1 - EDGE_MARGIN_SAMPLES)
         size = product(series.X)[keep] / np.maximum(energy[keep], 1e-9 * energy.max())
         w = coefficient_worth(size * np.sqrt(np.maximum(energy[keep], 0.0)))
         k = int(np.argmax(w))
@@ -71,8 +77,8 @@ class BiasStep(Effect):
 
 
 @dataclass(frozen=True)
-class NoiseChange(Effect):
-    """White noise whose deviation grows by `ratio` at `time` since the first sample."""
+class NoiseChange(AddsNothingAtRest):
+    """White noise whose standard deviation grows by the factor `ratio` at `time` since the first sample."""
 
     ratio: Any = parameter("", "ratio")
     time: Any = parameter("s", "place")
@@ -83,21 +89,21 @@ class NoiseChange(Effect):
     sentence_template: ClassVar[str] = "has noise that grows by a factor of {ratio} at {time}"
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The level that it has from now on."""
+        return NoiseFactor(self.ratio**2)
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """Every sample as its onset, by the sums of squares before and after."""
         square = np.cumsum(series.fast**2)
         n, total = series.n, float(square[-1])
-        k = np.arange(10 * MARGIN, n - 10 * MARGIN)
+        k = np.arange(10 * EDGE_MARGIN_SAMPLES, n - 10 * EDGE_MARGIN_SAMPLES)
         if k.size < 2:
             return []
         before, after = square[k] / (k + 1), (total - square[k]) / (n - 1 - k)
         mean, sd = series.level
-        # The noise before the change is what is believed of it; without a change all of it is.
+        # The prior is of the noise before the change; without a change of all of it.
         whole = -0.5 * n * np.log(total / n) - 0.5 * ((0.5 * np.log(total / n) - mean) / sd) ** 2
         parts = -0.5 * (k + 1) * np.log(before) - 0.5 * (n - 1 - k) * np.log(after)
         parts = parts - 0.5 * ((0.5 * np.log(before) - mean) / np.hypot(sd, np.sqrt(0.5 / (k + 1)))) ** 2
@@ -131,8 +137,8 @@ class NoiseChange(Effect):
 
 
 @dataclass(frozen=True)
-class Outliers(Effect):
-    """A `share` of the samples carries an error of deviation `sigma` beside the noise."""
+class Outliers(AddsNothingAtRest):
+    """A `share` of the samples carries an error of standard deviation `sigma` beside the noise."""
 
     share: Any = parameter("", "ratio")
     sigma: Any = parameter("U", "size")
@@ -143,9 +149,9 @@ class Outliers(Effect):
     sentence_template: ClassVar[str] = "has outliers of {sigma} in a share of {share}"
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added: a filter gates them."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The variance of the mixture; a gate refuses the largest of them."""
+        return SampleVariance(self.share * self.sigma**2)
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:

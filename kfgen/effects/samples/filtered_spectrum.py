@@ -1,4 +1,4 @@
-"""The spectrum of several effects together: their sum, and what is left of it by those that filter."""
+"""The spectrum of several effects together: the sum of those that add noise, through those that filter."""
 
 from __future__ import annotations
 
@@ -11,26 +11,33 @@ from kfgen.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
-STOP = 1e-3
-"""Share of the power that a filter passes below which nothing is said of a frequency: rounding and the ends of the
-record show there, and no model of the noise."""
-LEAK = 2048
-"""Lags over which what a filter passes is correlated at most."""
+MIN_PASSED_POWER_SHARE = 1e-3
+"""Share of the power that a filter passes below which a frequency is left out: rounding and the ends of the
+record show there, and not the noise."""
+MAX_LEAK_LAGS = 2048
+"""Lags [samples] over which the output of a filter is correlated at most."""
 
 
 def sampled_spectrum(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0) -> Array:
-    """Spectral density [U^2] of the samples of all random effects, shape (m,): what is filtered is filtered.
+    """Spectral density of the samples of all random effects together, filtered by those that filter.
 
     Parameters
     ----------
+    effects : sequence of Effect
+        Those with coefficients (deterministic ones) add nothing.
     omega : ndarray, shape (m,)
-        Radians per block.
+        Frequencies [rad per block].
     dt : float
         Sampling period [s].
     block : int
         Samples averaged to one.
     n : int
         Blocks of the record, of which so many cosine ordinates are made; zero for the density itself.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        [U^2].
     """
     random = [e for e in effects if not e.coefficients()]
     total = sum((e.sampled_density(omega, dt, block) for e in random), np.zeros(omega.size))
@@ -38,13 +45,33 @@ def sampled_spectrum(effects: Sequence[Effect], omega: Array, dt: float, block: 
 
 
 def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0) -> Array:
-    """Factor of the effects that filter, shape (m,), as the cosine ordinates of a record of `n` blocks show it."""
+    """Factor by which the effects that filter change the spectrum.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    omega : ndarray, shape (m,)
+        Frequencies [rad per block].
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples averaged to one.
+    n : int
+        Blocks of the record whose cosine ordinates are looked at; zero for a record without end.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+    """
     out = np.ones(omega.size)
     for e in effects:
         factor = e.response(omega / block, dt)
         out = out if factor is None else out * factor
     if n and block == 1 and any(e.is_filter for e in effects):
-        out = out + _leak(filtered(effects, np.pi * np.arange(LEAK + 1) / LEAK, dt), omega) / n
+        out = (
+            out
+            + _leak(filtered(effects, np.pi * np.arange(MAX_LEAK_LAGS + 1) / MAX_LEAK_LAGS, dt), omega) / n
+        )
     return out
 
 
@@ -64,10 +91,10 @@ def _leak(factor: Array, omega: Array) -> Array:
     """
     from scipy.fft import dct, dst, irfft
 
-    h = np.arange(1, LEAK)
-    gamma = irfft(factor)[1:LEAK]
-    grid = np.pi * h / LEAK
-    cosines = 0.5 * dct(np.concatenate([[0.0], h * gamma, [0.0]]), type=1)[1:LEAK]
+    h = np.arange(1, MAX_LEAK_LAGS)
+    gamma = irfft(factor)[1:MAX_LEAK_LAGS]
+    grid = np.pi * h / MAX_LEAK_LAGS
+    cosines = 0.5 * dct(np.concatenate([[0.0], h * gamma, [0.0]]), type=1)[1:MAX_LEAK_LAGS]
     sines = 0.5 * dst(gamma, type=1) / np.sin(grid)
     # Both parts cancel at the Nyquist frequency, to second order.
     even = -2.0 * (cosines + sines) / np.cos(0.5 * grid) ** 2

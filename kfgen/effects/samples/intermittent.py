@@ -18,34 +18,35 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.effect import Effect, parameter
-from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.effect import AddsNothingAtRest, parameter
+from kfgen.effects.filter_role import FilterPlace, FilterRole, NoiseFactor
 from kfgen.effects.process.markov_chain import drawn, history, log_likelihood, transitions
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.series import Detection, WhiteSeries
 
 Array = NDArray[np.float64]
 
-CELLS = 2048
-"""Sums of squares into which a record is gathered."""
-FINE = 65536
-"""As many where a history is drawn."""
-SEVERAL = 8.0
-"""Bursts of the longest mean length that would fill the record."""
-WIDTHS = (1, 4, 16, 64)
-"""Cells over which squares are gathered to see whether their level changes at all."""
-UNEVEN = 3.5
-"""Deviations by which those sums must scatter more than of one level."""
-PROMISING = 3.0
-"""Nats that the best of the first points must be worth."""
-RATIO = (float(np.log(1.05)), float(np.log(1e3)))
-ODDS = (-8.0, 2.0)
-"""Ranges of the logarithms of the ratio of deviations and of the odds of the share: uniform priors."""
+MAX_CELLS = 2048
+"""Cells into whose sums of squares a record is gathered, at most."""
+MAX_HISTORY_CELLS = 65536
+"""The same where a history of the bursts is drawn."""
+MIN_BURSTS_IN_RECORD = 8.0
+"""Bursts of the longest mean length that the record must hold."""
+SCATTER_WIDTHS_CELLS = (1, 4, 16, 64)
+"""Numbers of cells over which squares are summed to see whether their level changes at all."""
+MIN_SCATTER_SIGMAS = 3.5
+"""Standard deviations by which those sums must scatter more than sums of one level."""
+MIN_START_GAIN_NATS = 3.0
+"""Gain of log-likelihood [nats] of the best first point below which the search ends."""
+LOG_RATIO_RANGE = (float(np.log(1.05)), float(np.log(1e3)))
+"""Range of the logarithm of the ratio of standard deviations: a uniform prior."""
+LOG_ODDS_RANGE = (-8.0, 2.0)
+"""Range of the logarithm of the odds of the share of time: a uniform prior."""
 
 
 @dataclass(frozen=True)
-class IntermittentNoise(Effect):
-    """White noise whose deviation is `ratio` times as large in a `share` of the time, for `lasting` at a stretch."""
+class IntermittentNoise(AddsNothingAtRest):
+    """White noise whose sigma is `ratio` times as large in a `share` of the time, for `lasting` at a stretch."""
 
     ratio: Any = parameter("", "ratio")
     share: Any = parameter("", "ratio")
@@ -59,9 +60,9 @@ class IntermittentNoise(Effect):
     )
     changes_samples: ClassVar[bool] = True
 
-    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
-        """Nothing is added: a filter's R switches."""
-        return LinearSystem()
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """The mean variance over bursts and pauses."""
+        return NoiseFactor(1 + self.share * (self.ratio**2 - 1))
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
@@ -71,12 +72,16 @@ class IntermittentNoise(Effect):
             return []
         starts, alone = cells.starts(), cells.one_level()
         gains = cells.gain(starts)
-        if float(gains.max()) < alone + PROMISING:
+        if float(gains.max()) < alone + MIN_START_GAIN_NATS:
             return []
-        best = integral(cells.gain, starts, alone + PROMISING, values=gains)
+        best = integral(cells.gain, starts, alone + MIN_START_GAIN_NATS, values=gains)
         if best is None:
             return []
-        prior = np.log((RATIO[1] - RATIO[0]) * (ODDS[1] - ODDS[0]) * (cells.longest - cells.shortest))
+        prior = np.log(
+            (LOG_RATIO_RANGE[1] - LOG_RATIO_RANGE[0])
+            * (LOG_ODDS_RANGE[1] - LOG_ODDS_RANGE[0])
+            * (cells.longest - cells.shortest)
+        )
         spread = 1.96 * np.sqrt(np.diag(best.covariance))
         low, middle, high = (cls.at(best.mean + k * spread) for k in (-1.0, 0.0, 1.0))
         ci95 = {
@@ -94,7 +99,7 @@ class IntermittentNoise(Effect):
     def removed_from(self, series: WhiteSeries) -> Array:
         """The loud samples brought to the level of the others, where a history drawn from all says that they are."""
         z, ratio, share = series.fast, float(self.ratio), float(self.share)
-        block = -(-series.n // FINE)
+        block = -(-series.n // MAX_HISTORY_CELLS)
         m = series.n // block
         squares = (z[: m * block] ** 2).reshape(m, block).sum(axis=1)
         quiet = float(np.mean(z**2)) / (1.0 + share * (ratio**2 - 1.0))
@@ -124,10 +129,12 @@ class Squares:
     ----------
     sums : ndarray, shape (m,)
         Of `block` samples each, of unit variance if the model holds.
+    block : int
+        Samples of a cell.
     dt : float
         Length of a cell [s].
-    level : (mean, deviation)
-        What is believed of the logarithm of the noise's level over that of the fit.
+    level : (mean, standard deviation)
+        Prior of the logarithm of the noise's level over that of the fit.
     """
 
     sums: Array
@@ -137,8 +144,8 @@ class Squares:
 
     @staticmethod
     def of(series: WhiteSeries) -> Squares:
-        """At most `CELLS` of them."""
-        block = -(-series.n // CELLS)
+        """At most `MAX_CELLS` of them."""
+        block = -(-series.n // MAX_CELLS)
         m = series.n // block
         sums = (series.fast[: m * block] ** 2).reshape(m, block).sum(axis=1)
         return Squares(sums, block, series.dt * block, series.level)
@@ -150,19 +157,19 @@ class Squares:
 
     @property
     def longest(self) -> float:
-        """Logarithm of the longest: the record holds `SEVERAL` of them."""
-        return float(np.log(max(self.sums.size / SEVERAL, 4.0) * self.dt))
+        """Logarithm of the longest: the record holds `MIN_BURSTS_IN_RECORD` of them."""
+        return float(np.log(max(self.sums.size / MIN_BURSTS_IN_RECORD, 4.0) * self.dt))
 
     @property
     def uneven(self) -> bool:
         """Whether sums over some width scatter more than those of normal samples of one level."""
-        for w in WIDTHS:
+        for w in SCATTER_WIDTHS_CELLS:
             m = self.sums.size // w
             if m < 16:
                 break
             sums = self.sums[: m * w].reshape(m, w).sum(axis=1) / float(np.mean(self.sums)) / w
             scatter = float(np.var(sums)) * 0.5 * self.block * w
-            if (scatter - 1.0) * np.sqrt(0.5 * m) > UNEVEN:
+            if (scatter - 1.0) * np.sqrt(0.5 * m) > MIN_SCATTER_SIGMAS:
                 return True
         return False
 
@@ -188,7 +195,7 @@ class Squares:
         levels = np.stack([x[:, 3], x[:, 3] + ratio], axis=-1)
         log_e = -0.5 * self.sums[:, None, None] * np.exp(-2.0 * levels) - self.block * levels
         value = log_likelihood(log_e, transitions(share, lasting, self.dt), share) + self._prior(x[:, 3])
-        ranges = zip(x.T[:3], (RATIO, ODDS, (self.shortest, self.longest)))
+        ranges = zip(x.T[:3], (LOG_RATIO_RANGE, LOG_ODDS_RANGE, (self.shortest, self.longest)))
         inside = np.all([(lo <= v) & (v <= hi) for v, (lo, hi) in ranges], axis=0)
         return np.asarray(np.where(inside, value, -1e9))
 

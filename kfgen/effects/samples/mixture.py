@@ -1,4 +1,4 @@
-"""Two normal laws of one centre, fitted to a histogram.
+"""Outliers as a mixture of two normal laws of one centre (contaminated normal), fitted to a histogram.
 
 References
 ----------
@@ -16,17 +16,33 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-BINS = 3000
-FEWEST = 0.5
-"""Samples of the wider law that are asked for."""
-SHARE = (float(np.log(1e-6)), float(np.log(0.3)))
-KAPPA = (float(np.log(1.3)), float(np.log(1e3)))
-"""Ranges of the logarithms of the share and of the ratio of deviations: log-uniform priors."""
+HISTOGRAM_BINS = 3000
+"""Bins up to six standard deviations."""
+MIN_OUTLIERS_EXPECTED = 0.5
+"""Samples of the wide law on average below which there is none."""
+LOG_SHARE_RANGE = (float(np.log(1e-6)), float(np.log(0.3)))
+"""Range of the logarithm of the share: a log-uniform prior."""
+LOG_KAPPA_RANGE = (float(np.log(1.3)), float(np.log(1e3)))
+"""Range of the logarithm of the ratio of standard deviations: a log-uniform prior."""
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """``(1 - share) N(0, level^2) + share N(0, (kappa level)^2)``, with its evidence over one normal law."""
+    """``(1 - share) N(0, level^2) + share N(0, (kappa level)^2)``, with its evidence over one normal law.
+
+    Parameters
+    ----------
+    level : float
+        Standard deviation of the narrow law.
+    share : float
+        Share of the samples in the wide law.
+    kappa : float
+        Standard deviation of the wide law over that of the narrow one.
+    evidence : float
+        Logarithm of the ratio of marginal likelihoods [nats].
+    spread : ndarray, shape (3,)
+        Standard deviations of the logarithms of level, share and kappa.
+    """
 
     level: float
     share: float
@@ -35,20 +51,35 @@ class Mixture:
     spread: Array
 
     @staticmethod
-    def fitted(z: Array, believed: tuple[float, float]) -> Mixture | None:
-        """To a series, shape (n,), whose level has a log-normal prior of this mean and deviation."""
+    def fitted(z: Array, level_prior: tuple[float, float]) -> Mixture | None:
+        """Fit the mixture to a series.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+            The series, of about unit standard deviation.
+        level_prior : (mean, standard deviation)
+            Prior of the logarithm of `level`.
+
+        Returns
+        -------
+        Mixture or None
+            None where one normal law is as good, or fewer than `MIN_OUTLIERS_EXPECTED` samples are in the wide one.
+        """
         from scipy.optimize import minimize
 
         size = np.abs(z)
         top = float(size.max())
         edges = np.unique(
-            np.concatenate([np.linspace(0.0, 6.0, BINS), np.geomspace(6.0, max(top, 6.1) * 1.01, 300)])
+            np.concatenate(
+                [np.linspace(0.0, 6.0, HISTOGRAM_BINS), np.geomspace(6.0, max(top, 6.1) * 1.01, 300)]
+            )
         )
         count = np.histogram(size, edges)[0].astype(float)
         middle = 0.5 * (edges[1:] + edges[:-1])
         some = count > 0.0
         count, square = count[some], middle[some] ** 2
-        mean, sd = believed
+        mean, sd = level_prior
 
         def normal(log_level: float) -> Array:
             return np.asarray(-0.5 * square * np.exp(-2.0 * log_level) - log_level)
@@ -57,11 +88,12 @@ class Mixture:
             return -float(count @ normal(float(p[0]))) + 0.5 * ((float(p[0]) - mean) / sd) ** 2
 
         def two(p: Any) -> float:
-            share = float(np.exp(np.clip(p[1], *SHARE)))
+            share = float(np.exp(np.clip(p[1], *LOG_SHARE_RANGE)))
             narrow, wide = normal(float(p[0])), normal(float(p[0] + p[2]))
             both = np.logaddexp(float(np.log1p(-share)) + narrow, float(np.log(share)) + wide)
             outside = sum(
-                max(0.0, lo - v) + max(0.0, v - hi) for v, (lo, hi) in ((p[1], SHARE), (p[2], KAPPA))
+                max(0.0, lo - v) + max(0.0, v - hi)
+                for v, (lo, hi) in ((p[1], LOG_SHARE_RANGE), (p[2], LOG_KAPPA_RANGE))
             )
             return float(-(count @ both) + 0.5 * ((p[0] - mean) / sd) ** 2 + 1e3 * outside)
 
@@ -76,13 +108,15 @@ class Mixture:
                 best = found
         assert best is not None
         share, kappa = float(np.exp(best.x[1])), float(np.exp(best.x[2]))
-        if best.fun >= base.fun or share * z.size < FEWEST:
+        if best.fun >= base.fun or share * z.size < MIN_OUTLIERS_EXPECTED:
             return None
         H, H0 = _second(two, best.x), _second(one, base.x)
         values = np.maximum(np.linalg.eigvalsh(H), 1e-2)
         gain = float(base.fun - best.fun) + np.log(2.0 * np.pi) - 0.5 * float(np.log(values).sum())
         gain += 0.5 * float(np.log(max(float(H0[0, 0]), 1e-2)))
-        gain -= float(np.log((SHARE[1] - SHARE[0]) * (KAPPA[1] - KAPPA[0])))
+        gain -= float(
+            np.log((LOG_SHARE_RANGE[1] - LOG_SHARE_RANGE[0]) * (LOG_KAPPA_RANGE[1] - LOG_KAPPA_RANGE[0]))
+        )
         spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True))))
         return Mixture(float(np.exp(best.x[0])), share, kappa, float(gain), spread)
 

@@ -50,12 +50,28 @@ ARRAY = "UD"
 
 
 def U(i: int | str, j: int | str) -> Ref:
-    """An element of the factors."""
+    """An element of the factors.
+
+    Parameters
+    ----------
+    i : int or str
+        Row, or a loop's variable.
+    j : int or str
+        Column, not before the row.
+    """
     return cell(i, j, ARRAY)
 
 
 def let(body: list[Stmt], name: str, value: Expr) -> Expr:
-    """A new local, unless it is one already; appended to the body."""
+    """A new local, unless it is one already; appended to the body.
+
+    Parameters
+    ----------
+    body : list of Stmt
+        To which the local is appended.
+    name : str
+    value : Expr
+    """
     core = value.a if isinstance(value, Una) and value.op == "neg" else value
     if isinstance(core, Num) or (isinstance(core, Ref) and core.index is None):
         return value

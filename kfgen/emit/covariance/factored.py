@@ -41,15 +41,24 @@ from kfgen.emit.ir.ir import (
     sub,
 )
 
-OVER = Ref("o_", 0)
-"""One over a variance of the noise; nothing where there is none, to the last bit."""
-WAITING = Ref("waiting", 0)
-LEAST = 1e-24
-"""Variance of a state that starts known exactly: a zero in D would stop noise on its way up."""
+INVERSE_VARIANCE = Ref("o_", 0)
+"""Scratch scalar 1/q of a noise variance q; exactly 0 where q is 0."""
+WAITING_TIME = Ref("waiting", 0)
+"""Time since the noise of slow states last came in [s]."""
+MIN_D_ENTRY = 1e-24
+"""Floor of an entry of D [SI^2]: where one is zero, the Agee-Turner update adds no noise to the states above it."""
 
 
 def triangular(n: int, Phi: Mapping[int, Sequence[int]]) -> tuple[int, ...] | None:
-    """An order in which every row needs only later ones, None where rows drive one another."""
+    """An order in which every row needs only later ones, None where rows drive one another.
+
+    Parameters
+    ----------
+    n : int
+        States.
+    Phi : mapping of int to sequence of int
+        Non-zeros of the rows that differ from the identity's.
+    """
     needed = {i: {j for j in row if j != i} for i, row in Phi.items()}
     left, out = list(range(n)), []
     while left:
@@ -79,7 +88,7 @@ class Factored(Bierman):
 
     def init(self, priors: Sequence[float]) -> list[Stmt]:
         """U is the identity, D the variances."""
-        variance = [max(priors[s] ** 2, LEAST) for s in self.order]
+        variance = [max(priors[s] ** 2, MIN_D_ENTRY) for s in self.order]
         return [
             Store(U(i, j), Num(variance[i] if i == j else 0.0))
             for i in range(self.n)
@@ -106,13 +115,13 @@ class Factored(Bierman):
         """Slow noise waits, and comes in when it has waited long enough."""
         if not self.slow:
             return []
-        due = When(Compare(">=", WAITING, Num(self.q_interval)), (FunctionCall("settle", ()),))
-        return [Store(WAITING, add(WAITING, Ref("dt"))), due]
+        due = When(Compare(">=", WAITING_TIME, Num(self.q_interval)), (FunctionCall("settle", ()),))
+        return [Store(WAITING_TIME, add(WAITING_TIME, Ref("dt"))), due]
 
     @property
     def memory(self) -> dict[str, tuple[int, str]]:
         """How long slow noise has waited."""
-        return {WAITING.name: (1, "time whose slow noise is still to come in [s]")} if self.slow else {}
+        return {WAITING_TIME.name: (1, "time whose slow noise is still to come in [s]")} if self.slow else {}
 
     @property
     def internals(self) -> tuple[Routine, ...]:
@@ -125,10 +134,10 @@ class Factored(Bierman):
             body += [
                 For("i", 0, top, (Store(Ref("a_", "i"), Num(0.0)),)),
                 Store(Ref("a_", top), Num(1.0)),
-                Store(Ref("c_", 0), mul(Num(density), WAITING)),
+                Store(Ref("c_", 0), mul(Num(density), WAITING_TIME)),
                 *agee_turner(top + 1),
             ]
-        body.append(Store(WAITING, Num(0.0)))
+        body.append(Store(WAITING_TIME, Num(0.0)))
         settle = Routine(
             "settle",
             "The noise of slow states that has waited comes in.",
@@ -266,6 +275,8 @@ def factors(
     ----------
     noise : mapping
         Upper non-zeros.
+    n : int
+        States.
     use : callable
         Statements of one term: last place, the other places, c.
     """
@@ -283,8 +294,11 @@ def factors(
             continue
         c = let(body, f"q_{j}", c)
         positive = Compare(">", c, Num(0.0))
-        body += [Store(OVER, Num(0.0)), When(positive, (Store(OVER, Bin("/", Num(1.0), c)),))]
-        over = let(body, f"q_{j}_over", OVER)
+        body += [
+            Store(INVERSE_VARIANCE, Num(0.0)),
+            When(positive, (Store(INVERSE_VARIANCE, Bin("/", Num(1.0), c)),)),
+        ]
+        over = let(body, f"q_{j}_over", INVERSE_VARIANCE)
         a = {i: let(body, f"q_{i}_{j}", mul(q, over)) for i, q in above.items()}
         for i, q in above.items():
             for k in (k for k in above if k <= i):

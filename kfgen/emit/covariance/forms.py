@@ -104,15 +104,33 @@ class CovarianceForm:
         return tuple(range(self.n))
 
     def init(self, priors: Sequence[float]) -> list[Stmt]:
-        """The stored numbers for independent states of given deviations."""
+        """The stored numbers for independent states of given standard deviations [SI]."""
         raise NotImplementedError
 
     def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
-        """Statements of ``P <- Phi P Phi' + Qd``."""
+        """Statements of ``P <- Phi P Phi' + Qd``.
+
+        Parameters
+        ----------
+        Phi : dict of int to Row
+            Rows that differ from the identity's.
+        Qd : dict of (int, int) to Expr
+            Non-zeros of the upper triangle of the process noise.
+        """
         raise NotImplementedError
 
     def fuse(self, tag: str, H: Row, R: float) -> Fusion:
-        """One scalar of Jacobian H and noise variance R."""
+        """One scalar of Jacobian H and noise variance R.
+
+        Parameters
+        ----------
+        tag : str
+            In the names of locals.
+        H : dict of int to Expr
+            Non-zeros of the Jacobian.
+        R : float
+            Variance of the noise [SI^2].
+        """
         raise NotImplementedError
 
     @property
@@ -150,7 +168,19 @@ def smaller(value: Expr) -> list[Stmt]:
 
 
 def corrected(n: int, y: Expr, loops: bool, order: Sequence[int] = ()) -> list[Stmt]:
-    """The correction gathers gain times innovation, the gain from its array, in an order of the states."""
+    """The correction gathers gain times innovation, the gain from its array, in an order of the states.
+
+    Parameters
+    ----------
+    n : int
+        States.
+    y : Expr
+        The innovation.
+    loops : bool
+        In a loop where the order is that of the states.
+    order : sequence of int, optional
+        The state of each element of the gain; their own order where left out.
+    """
     if loops and list(order) in ([], list(range(n))):
         dx = Ref("dx", "i")
         return [For("i", 0, n, (Store(dx, add(dx, mul(Ref(GAIN, "i"), y))),))]

@@ -25,13 +25,24 @@ Row = dict[int, Expr]
 """The non-zeros of a row by column, as atoms."""
 Noise = dict[tuple[int, int], Expr]
 """Upper non-zeros of the process noise, as atoms."""
-TOGETHER = 3
+MAX_ROWS_TOGETHER = 3
 """Rows that are updated together: with what they share they fit the registers of a small core."""
-SHORTEST_LOOP = 3
+MIN_LOOP_COLUMNS = 3
+"""Columns that are worth a loop."""
 
 
 def cell(i: Whole, j: Whole, name: str = "P") -> Ref:
-    """The element (i, j) of a packed triangle; of a loop's variable the order must be known to the caller."""
+    """The element (i, j) of a packed triangle; of a loop's variable the order must be known to the caller.
+
+    Parameters
+    ----------
+    i : int or str
+        Row.
+    j : int or str
+        Column.
+    name : str
+        Of the array.
+    """
     if isinstance(i, int) and isinstance(j, int):
         i, j = min(i, j), max(i, j)
     return Ref(name, (i, j))
@@ -43,7 +54,17 @@ def packed_size(n: int) -> int:
 
 
 def place(n: int, i: int, j: int) -> int:
-    """Where the element (i, j), i <= j, of an upper triangle by rows is stored."""
+    """Where the element (i, j), i <= j, of an upper triangle by rows is stored.
+
+    Parameters
+    ----------
+    n : int
+        Rows of the triangle.
+    i : int
+        Row.
+    j : int
+        Column, not before the row.
+    """
     return i * n - i * (i - 1) // 2 + (j - i)
 
 
@@ -54,7 +75,7 @@ def groups(rows: dict[int, Row]) -> list[list[int]]:
 
 
 def batches(rows: dict[int, Row]) -> list[list[int]]:
-    """The groups, those of one row and equal depth gathered to `TOGETHER` rows."""
+    """The groups, those of one row and equal depth gathered to `MAX_ROWS_TOGETHER` rows."""
     depth: dict[int, int] = {}
     ordered = groups(rows)
     for group in ordered:
@@ -64,7 +85,7 @@ def batches(rows: dict[int, Row]) -> list[list[int]]:
     for group in sorted(ordered, key=lambda g: (depth[g[0]], g)):
         last = out[-1] if out else []
         alone = len(group) == 1 and all(_acyclic(rows, i, last) for i in group)
-        if last and alone and len(last) < TOGETHER and depth[last[0]] == depth[group[0]]:
+        if last and alone and len(last) < MAX_ROWS_TOGETHER and depth[last[0]] == depth[group[0]]:
             last += group
         else:
             out.append(list(group))
@@ -160,7 +181,19 @@ Place = int | PackedColumn
 def each(
     columns: Sequence[int], special: set[int], of: Callable[[Place], list[Stmt]], loops: bool
 ) -> list[Stmt]:
-    """The statements of every column; in loops over those that lie on one side of every special one."""
+    """The statements of every column; in loops over those that lie on one side of every special one.
+
+    Parameters
+    ----------
+    columns : sequence of int
+        In rising order.
+    special : set of int
+        Columns that are treated on their own.
+    of : callable
+        The statements of a column.
+    loops : bool
+        Whether loops are wanted.
+    """
     body: list[Stmt] = []
     runs: list[list[int]] = []
     for k in columns:
@@ -169,7 +202,7 @@ def each(
         else:
             runs.append([k])
     for run in runs:
-        if loops and len(run) >= SHORTEST_LOOP:
+        if loops and len(run) >= MIN_LOOP_COLUMNS:
             column = PackedColumn("col", max((s for s in special if s < run[0]), default=-1))
             turn = tuple(of(column))
             body += [For("col", run[0], run[-1] + 1, turn)] if turn else []
@@ -179,7 +212,17 @@ def each(
 
 
 def at(i: int, k: Place, name: str = "P") -> Ref:
-    """The element of row i in a column, which may be a loop's."""
+    """The element of row i in a column, which may be a loop's.
+
+    Parameters
+    ----------
+    i : int
+        Row.
+    k : int or PackedColumn
+        Column.
+    name : str
+        Of the array.
+    """
     if isinstance(k, int):
         return cell(i, k, name)
     return cell(i, k.var, name) if i <= k.after else cell(k.var, i, name)

@@ -164,7 +164,20 @@ class Routine:
 
 
 def turns(loop: For, env: Mapping[str, int]) -> range:
-    """The values of a loop's variable, given those of the loops around it."""
+    """The values of a loop's variable, given those of the loops around it.
+
+    Parameters
+    ----------
+    loop : For
+    env : mapping of str to int
+        Values of the variables of the loops around it.
+
+    Parameters
+    ----------
+    loop : For
+    env : mapping of str to int
+        Values of the variables of the loops around it.
+    """
     start, stop = (env[b] if isinstance(b, str) else b for b in (loop.start, loop.stop))
     start += loop.skip
     return range(stop - 1, start - 1, -1) if loop.down else range(start, stop)
@@ -215,7 +228,13 @@ def _count(e: Expr) -> int:
 
 
 def add(a: Expr, b: Expr) -> Expr:
-    """``a + b``, without a zero."""
+    """``a + b``, without a zero.
+
+    Parameters
+    ----------
+    a : Expr
+    b : Expr
+    """
     if a == Num(0.0):
         return b
     if isinstance(b, Una) and b.op == "neg":
@@ -224,14 +243,28 @@ def add(a: Expr, b: Expr) -> Expr:
 
 
 def sub(a: Expr, b: Expr) -> Expr:
-    """``a - b``, without a zero."""
+    """``a - b``, without a zero.
+
+    Parameters
+    ----------
+    a : Expr
+    b : Expr
+    """
+    if isinstance(b, Una) and b.op == "neg":
+        return add(a, b.a)
     if b == Num(0.0):
         return a
     return neg(b) if a == Num(0.0) else Bin("-", a, b)
 
 
 def mul(a: Expr, b: Expr) -> Expr:
-    """``a * b``, without ones; a sign goes outside."""
+    """``a * b``, without ones; a sign goes outside.
+
+    Parameters
+    ----------
+    a : Expr
+    b : Expr
+    """
     if isinstance(a, Una) and a.op == "neg":
         return neg(mul(a.a, b))
     if isinstance(b, Una) and b.op == "neg":

@@ -1,29 +1,39 @@
-"""From sympy to the intermediate form: common parts once, every operation binary."""
+"""From the straight-line form to the intermediate form: what is read once is written in place, what is read again is a local."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from functools import reduce
-from typing import Any
 
 import sympy as sp
 
 from kfgen.core.errors import InputError
+from kfgen.core.straight_line import CONSTANT, Operation, straight_line
 from kfgen.emit.ir import functions
-from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Stmt, Una, add, mul, neg
+from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Stmt, Una, add, mul, neg, sub
 
-FUNCTIONS: dict[Any, Callable[[Expr, Callable[[Expr], Expr]], Expr]] = {
-    sp.sin: functions.sine,
-    sp.cos: functions.cosine,
-    sp.tan: functions.tangent,
-    sp.exp: functions.exponential,
-    sp.tanh: functions.hyperbolic_tangent,
-    sp.atan: functions.arctangent,
-    sp.Abs: lambda x, _: Una("abs", x),
-    sp.sign: lambda x, _: Una("sign", x),
+ARITHMETIC: dict[str, Callable[..., Expr]] = {
+    "neg": neg,
+    "add": add,
+    "sub": sub,
+    "mul": mul,
+    "div": lambda a, b: Bin("/", a, b),
+    "inv": lambda a: Bin("/", Num(1.0), a),
+    "sqrt": lambda a: Una("sqrt", a),
 }
-LONGEST_POWER = 8
-ONE: Expr = Num(1.0)
+"""Operations that every core has."""
+FUNCTIONS: dict[str, Callable[..., Expr]] = {
+    "sin": functions.sine,
+    "cos": functions.cosine,
+    "tan": functions.tangent,
+    "exp": functions.exponential,
+    "tanh": functions.hyperbolic_tangent,
+    "atan": functions.arctangent,
+    "atan2": functions.arctangent2,
+    "abs": lambda x, _: Una("abs", x),
+    "sign": lambda x, _: Una("sign", x),
+}
+"""Operations on locals that make locals of their own."""
 
 
 class Lowering:
@@ -32,7 +42,7 @@ class Lowering:
     Parameters
     ----------
     places : mapping of str to Expr
-        What stands for each symbol: an element, a local, or its negative.
+        What stands for each symbol: an element, or a local.
     prefix : str
         Begins every local name, so that two lowerings can share a routine.
     """
@@ -41,7 +51,6 @@ class Lowering:
         self.places: dict[str, Expr] = dict(places)
         self.prefix = prefix
         self._next = 0
-        self._pending: list[Stmt] = []
 
     def fresh(self, stem: str = "t") -> str:
         """A new local name."""
@@ -50,7 +59,15 @@ class Lowering:
         return name
 
     def let(self, value: Expr, stem: str = "t") -> tuple[Expr, list[Stmt]]:
-        """The value as an atom: itself, or a new local and the statement that makes it."""
+        """The value as an atom, and the statement that makes it.
+
+        Parameters
+        ----------
+        value : Expr
+            An atom, or the negative of one, stays as it is and needs no statement.
+        stem : str
+            Begins the local's name.
+        """
         core = value.a if isinstance(value, Una) and value.op == "neg" else value
         if isinstance(core, Num | Ref):
             return value, []
@@ -60,89 +77,49 @@ class Lowering:
         return Ref(name), [Let(name, value)]
 
     def many(self, expressions: Sequence[sp.Expr]) -> tuple[list[Expr], list[Stmt]]:
-        """Lower several expressions together, sharing what they have in common."""
-        shared, reduced = sp.cse(list(expressions), symbols=sp.numbered_symbols("__cse"), order="canonical")
-        body: list[Stmt] = []
-        for symbol, value in shared:
-            atom, statements = self.let(self.expression(value))
-            body += [*self._made(), *statements]
-            self.places[symbol.name] = atom
-        values = [self.expression(e) for e in reduced]
-        body += self._made()
-        for symbol, _ in shared:
-            del self.places[symbol.name]
-        return values, body
+        """Lower several expressions together, sharing what they have in common.
 
-    def expression(self, e: sp.Expr) -> Expr:
-        """One expression, without sharing.
+        Returns
+        -------
+        values : list of Expr
+            One for each expression.
+        body : list of Stmt
+            The locals that they read.
 
         Raises
         ------
         InputError
-            It has a function that the intermediate form lacks, or a symbol that lives nowhere.
+            A function that emitted code lacks, or a symbol that lives nowhere.
         """
-        if e.is_Symbol:
-            if e.name not in self.places:
-                raise InputError(f"the symbol {e.name} has no place in the emitted filter")
-            return self.places[e.name]
-        if e.is_Number:
-            return Num(float(e))
-        if e.is_Add:
-            return reduce(add, sorted(map(self.expression, e.args), key=_negative))
-        if e.is_Mul:
-            return self._product(e)
-        if e.is_Pow:
-            return self._power(e.base, e.exp)
-        if e.func in FUNCTIONS:
-            value = FUNCTIONS[e.func](self._local(self.expression(e.args[0])), self._local)
-            return self._local(value)
-        if e.func == sp.atan2:
-            y, x = (self._local(self.expression(a)) for a in e.args)
-            return self._local(functions.arctangent2(y, x, self._local))
-        raise InputError(
-            f"the function {e.func} cannot be emitted",
-            remedy=f"Can be: + - * /, whole powers, sqrt, atan2, {', '.join(str(f) for f in FUNCTIONS)}",
-        )
+        symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=lambda s: str(s.name))
+        missing = [s.name for s in symbols if s.name not in self.places]
+        if missing:
+            raise InputError(f"the symbol {missing[0]} has no place in the emitted filter")
+        line = straight_line(expressions, symbols, order="canonical")
+        reads = Counter((*line.outputs, *(p for o in line.operations for p in o.operands)))
+        body: list[Stmt] = []
 
-    def _local(self, value: Expr) -> Expr:
-        """A value as an atom; the statement that makes it comes before the next one of `many`."""
-        atom, statements = self.let(value, "u")
-        self._pending += statements
-        return atom
+        def local(value: Expr, stem: str = "u") -> Expr:
+            atom, statements = self.let(value, stem)
+            body.extend(statements)
+            return atom
 
-    def _made(self) -> list[Stmt]:
-        """Statements of functions' values that are not yet in a body."""
-        made, self._pending = self._pending, []
-        return made
-
-    def _product(self, e: sp.Mul) -> Expr:
-        above, below = [], []
-        for factor in e.args:
-            if factor.is_Pow and factor.exp.is_Integer and factor.exp < 0:
-                below.append(self._power(factor.base, -factor.exp))
-            else:
-                above.append(self.expression(factor))
-        sign = [f for f in above if f == Num(-1.0)]
-        above = [f for f in above if f != Num(-1.0)]
-        value = reduce(mul, above, ONE)
-        if below:
-            value = Bin("/", value, reduce(mul, below))
-        return neg(value) if len(sign) % 2 else value
-
-    def _power(self, base: sp.Expr, exponent: sp.Expr) -> Expr:
-        if (2 * exponent).is_Integer and not exponent.is_Integer and abs(exponent) < LONGEST_POWER:
-            b, whole = self.expression(base), int(abs(exponent))
-            b = self._local(b) if whole else b
-            start: Expr = Una("sqrt", b)
-            root = reduce(mul, [b] * whole, start)
-            return root if exponent > 0 else Bin("/", Num(1.0), root)
-        if not exponent.is_Integer or abs(int(exponent)) > LONGEST_POWER:
-            raise InputError(f"the power {exponent} cannot be emitted")
-        b = self.expression(base)
-        value = reduce(mul, [b] * abs(int(exponent)), ONE)
-        return Bin("/", Num(1.0), value) if exponent < 0 else value
+        values = [self.places[s.name] for s in line.variables]
+        for place, operation in enumerate(line.operations[len(values) :], len(values)):
+            value = _value(operation, [values[p] for p in operation.operands], local)
+            values.append(local(value, "t") if reads[place] > 1 else value)
+        return [values[p] for p in line.outputs], body
 
 
-def _negative(e: Expr) -> bool:
-    """Negative terms last, so that a sum does not begin with a minus."""
-    return isinstance(e, Una) and e.op == "neg"
+def _value(operation: Operation, operands: Sequence[Expr], local: Callable[[Expr], Expr]) -> Expr:
+    """An operation as an expression on its operands."""
+    if operation.name == CONSTANT:
+        return Num(float(operation.value))
+    if operation.name in ARITHMETIC:
+        return ARITHMETIC[operation.name](*operands)
+    if operation.name in FUNCTIONS:
+        return local(FUNCTIONS[operation.name](*map(local, operands), local))
+    raise InputError(
+        f"the function {operation.name} cannot be emitted",
+        remedy=f"Can be: + - * /, whole powers and their halves, sqrt, {', '.join(FUNCTIONS)}",
+    )

@@ -1,6 +1,6 @@
 """What the expressions of a filter stand on: where symbols live, and which parts of them are atoms.
 
-The entries of the rotation matrix and the inputs freed of what their effects show are atoms: they are worked
+The entries of the rotation matrix and the inputs corrected by what their effects show are atoms: they are worked
 out once, and no expression that goes into the covariance is written out beyond them.
 """
 
@@ -13,17 +13,27 @@ import sympy as sp
 from kfgen.emit.ir.ir import Let, Ref, Stmt
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.targets.names import argument
-from kfgen.model.discretise import DT, DiscreteModel
-from kfgen.model.parts.motion import Constant
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.constant import Constant
+from kfgen.model.register import DT
 from kfgen.model.symbols.rotation import matrix_of
 
 Rows = dict[int, dict[int, sp.Expr]]
-LONGEST = 200
+MAX_OPERATIONS_FOR_IDENTITY = 200
 """Operations of an entry beyond which no identity is looked for."""
 
 
 def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str = "") -> Lowering:
-    """A lowering that knows state, constants, inputs, drivers and step."""
+    """A lowering that knows state, constants, inputs, drivers and step.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+    constants : sequence of Constant
+        In the order of the filter's array ``k``.
+    prefix : str
+        Begins every local name.
+    """
     places = {name: Ref("x", i) for i, name in enumerate(discrete.nominal_names)}
     places |= {c.name: Ref("k", i) for i, c in enumerate(constants)}
     places |= {
@@ -46,31 +56,35 @@ class Atoms:
     def __init__(self, discrete: DiscreteModel) -> None:
         self.model = discrete.model
         self.inputs: dict[sp.Symbol, sp.Expr] = {}
-        self.freed: dict[sp.Symbol, sp.Expr] = {}
+        self.corrected: dict[sp.Symbol, sp.Expr] = {}
         self.shown: set[sp.Symbol] = set()
         for channel in (c for i in self.model.motion.inputs for c in i.channels):
-            symbol, value = sp.Symbol(channel, real=True), self.model.freed(channel, False)
+            symbol, value = sp.Symbol(channel, real=True), self.model.corrected_input(channel, False)
             if value != symbol:
                 atom = sp.Symbol(f"{channel}_hat", real=True)
                 self.inputs[atom] = value
-                self.freed[symbol] = atom + symbol - value
+                self.corrected[symbol] = atom + symbol - value
                 self.shown |= value.free_symbols - {symbol}
 
-    def free(self, e: sp.Expr) -> sp.Expr:
-        """An expression of the freed inputs in place of the raw ones."""
-        return e.xreplace(self.freed) if self.freed and e.free_symbols & self.freed.keys() else e
+    def of_corrected_inputs(self, e: sp.Expr) -> sp.Expr:
+        """An expression of the corrected inputs in place of the raw ones."""
+        return e.xreplace(self.corrected) if self.corrected and e.free_symbols & self.corrected.keys() else e
 
     def entry(self, e: sp.Expr) -> sp.Expr:
-        """An entry of Phi or Qd of the freed inputs; in factors where it came multiplied out."""
-        freed = self.free(e)
-        if freed is e or not freed.free_symbols & self.shown:
-            return freed
-        return sp.factor_terms(sp.expand(freed))
+        """An entry of Phi or Qd of the corrected inputs; in factors where it came multiplied out."""
+        entry = self.of_corrected_inputs(e)
+        if entry is e or not entry.free_symbols & self.shown:
+            return entry
+        return sp.factor_terms(sp.expand(entry))
 
     def orthonormal(self, e: sp.Expr) -> sp.Expr:
         """An entry with ``R R' = I`` used up, where that makes it shorter."""
         attitude = self.model.attitude
-        if attitude is None or not e.free_symbols & set(attitude.nominal) or e.count_ops() > LONGEST:
+        if (
+            attitude is None
+            or not e.free_symbols & set(attitude.nominal)
+            or e.count_ops() > MAX_OPERATIONS_FOR_IDENTITY
+        ):
             return e
         last = list(attitude.nominal[:, 2])
         terms = [self._without_last(t, last) for t in sp.Add.make_args(sp.expand(e))]
@@ -89,7 +103,15 @@ class Atoms:
         return term / (last[i] * last[j]) * other
 
     def make(self, lower: Lowering, used: Sequence[sp.Expr]) -> list[Stmt]:
-        """The atoms that `used` needs, as locals."""
+        """The atoms that `used` needs, as locals.
+
+        Parameters
+        ----------
+        lower : Lowering
+            Gets to know the atoms.
+        used : sequence of sympy expression
+            What stands on them.
+        """
         symbols = set().union(*(e.free_symbols for e in used)) if used else set()
         wanted = [(s, e) for s, e in self.inputs.items() if s in symbols]
         attitude = self.model.attitude
@@ -104,7 +126,13 @@ class Atoms:
 
 
 def transition(discrete: DiscreteModel, atoms: Atoms) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
-    """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd."""
+    """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+    atoms : Atoms
+    """
     Phi, Qd, n = discrete.Phi, discrete.Qd, discrete.Phi.rows
     rows = {i: {j: Phi[i, j] for j in range(n) if Phi[i, j] != 0} for i in range(n)}
     moving = {i: row for i, row in rows.items() if row != {i: 1}}

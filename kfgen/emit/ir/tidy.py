@@ -1,6 +1,6 @@
 """Straight-line code without repetition: values that are already there are not worked out again.
 
-Value numbering on locals, and removal of what nobody reads. The order of every sum stays, so the words of a
+Value numbering on locals, and removal of what nobody reads. The order of every sum stays, so the bits of a
 result do not change.
 """
 

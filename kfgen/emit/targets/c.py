@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import kfgen
-from kfgen.audit.audit import hidden_directions
+from kfgen.audit.audit import unobservable_directions
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
@@ -20,7 +20,7 @@ from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames
+from kfgen.emit.targets.words import frames, omitted
 from kfgen.model.filter import FilterModel
 
 TARGET = "c"
@@ -170,19 +170,20 @@ def _uses(routine: Routine, name: str) -> bool:
     return name in names_of(routine.body)
 
 
-def header(program: Program, hidden: Sequence[str] = ()) -> str:
+def header(program: Program, unobservable: Sequence[str] = ()) -> str:
     """The header's text.
 
     Parameters
     ----------
     program : Program
-    hidden : sequence of str
-        What no measurement shows at rest, as the audit says it.
+    unobservable : sequence of str
+        Directions that no measurement shows at rest, as the audit says them.
     """
     return render(
         "c/filter.h.j2",
         **_common(program),
-        hidden=hidden,
+        unobservable=unobservable,
+        omitted=omitted(program.discrete.model, len(" *   ")),
         status=STATUS,
         states=list(enumerate(program.discrete.model.states)),
         constants=list(enumerate(program.constants)),
@@ -228,12 +229,12 @@ def _blocks(program: Program) -> list[tuple[str, str, int, int]]:
     ]
 
 
-def hidden(model: FilterModel) -> tuple[str, ...]:
+def unobservable_at_rest(model: FilterModel) -> tuple[str, ...]:
     """What the audit at rest says no measurement shows, in sentences.
 
     Nothing of a model that a driver acts on: it hides other directions at every temperature.
     """
-    return () if model.drivers else tuple(d.sentence for d in hidden_directions(model))
+    return () if model.drivers else tuple(d.sentence for d in unobservable_directions(model))
 
 
 PLAIN = ("main.c", "CMakeLists.txt", "library.properties", "library.json")
@@ -245,14 +246,14 @@ def files(program: Program) -> dict[str, str]:
     calls = recorded(program)
     first = {c.routine: c for c in reversed(calls)}
     common = _common(program) | {
-        "calls": _listed(program, calls),
+        "calls": [(k, r.name, call_arguments(r)) for k, r in enumerate(program.routines[1:])],
         "first": [
             (r.name, [(a, v) for a, v in zip(r.arguments, _literals(program, r, first[r.name].inputs))])
             for r in program.routines[1:]
         ],
     }
     return {
-        f"{program.name}.h": header(program, hidden(program.discrete.model)),
+        f"{program.name}.h": header(program, unobservable_at_rest(program.discrete.model)),
         f"{program.name}_delay.h": render(
             "c/delay.h.j2",
             **common,
@@ -276,20 +277,17 @@ def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> li
     ]
 
 
-def _listed(program: Program, calls: Sequence[RecordedCall]) -> list[tuple[int, str, str]]:
-    """For the self-test's switch: number, routine, arguments read from the vector."""
-    listed = []
-    for number, routine in enumerate(program.routines[1:]):
-        texts, at = [], 0
-        for a in routine.arguments:
-            texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
-            at += a.size or 1
-        listed.append((number, routine.name, ", ".join(["&kf", *texts])))
-    return listed
+def call_arguments(routine: Routine) -> str:
+    """The arguments of a call of a routine on ``kf``, taken from an array ``in`` that has them in a row."""
+    texts, at = ["&kf"], 0
+    for a in routine.arguments:
+        texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
+        at += a.size or 1
+    return ", ".join(texts)
 
 
 def _vectors(program: Program, calls: Sequence[RecordedCall]) -> str:
-    """Inputs and expected words of a short scenario, as exact bit patterns."""
+    """Inputs and expected values of a short scenario, as bit patterns."""
     numbers = {r.name: i for i, r in enumerate(program.routines[1:])}
     short = calls
     width = max(len(c.inputs) for c in short)

@@ -6,11 +6,11 @@ import kfgen
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.ir.ir import STATUS, Argument, Routine
-from kfgen.emit.routines import GATE, HUGE, Program
+from kfgen.emit.routines import GATE, MAX_INPUT_SQUARE_SUM, Program
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames
+from kfgen.emit.targets.words import frames, omitted
 
 TARGET = "filterpy"
 TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
@@ -90,6 +90,7 @@ def module(program: Program) -> dict[str, str]:
         model=discrete.model,
         version=kfgen.__version__,
         frames=frames(discrete.model),
+        omitted=omitted(discrete.model, len("    ")),
         hash=discrete.hash[:16],
         n=program.n,
         klass=class_name(program),
@@ -98,7 +99,7 @@ def module(program: Program) -> dict[str, str]:
         states=discrete.model.states,
         constants=program.constants[:-1],
         gate=GATE,
-        huge=HUGE,
+        huge=MAX_INPUT_SQUARE_SUM,
         status=STATUS,
         longest=discrete.max_step,
         rows=program.rows,

@@ -1,4 +1,4 @@
-"""Emitted Python, imported."""
+"""EmittedFilter Python, imported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Python: a class on numpy alone, with the words of the reference in the program's precision."""
+"""Python: a class on numpy alone, equal to the C of the same model in every bit."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, exactly, recorded, selftest
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames
+from kfgen.emit.targets.words import frames, omitted
 
 TARGET = "numpy"
-TITLE = "Python class on numpy alone, with the very words of the C"
+TITLE = "Python class on numpy alone, equal to the C in every bit"
 
 
 class NumpyPrinter(PythonPrinter):
@@ -66,6 +66,7 @@ def module(program: Program) -> dict[str, str]:
         model=discrete.model,
         version=kfgen.__version__,
         frames=frames(discrete.model),
+        omitted=omitted(discrete.model, len("    ")),
         hash=discrete.hash[:16],
         program=program,
         form=form,

@@ -54,11 +54,27 @@ class Printer:
         raise NotImplementedError
 
     def loop(self, head: tuple[str, str, str, bool], body: list[str]) -> list[str]:
-        """A loop: variable, start, stop, whether downwards."""
+        """A loop: variable, start, stop, whether downwards.
+
+        Parameters
+        ----------
+        head : (str, str, str, bool)
+            Variable, first value, value after the last, whether it runs down.
+        body : list of str
+            Lines.
+        """
         raise NotImplementedError
 
     def call(self, routine: str, arguments: list[str]) -> str:
-        """An internal routine at work."""
+        """An internal routine at work.
+
+        Parameters
+        ----------
+        routine : str
+            Its name.
+        arguments : list of str
+            Printed.
+        """
         raise NotImplementedError
 
     def root(self, argument: str) -> str:
@@ -78,11 +94,26 @@ class Printer:
         raise NotImplementedError
 
     def let(self, name: str, value: str) -> str:
-        """A new local."""
+        """A new local.
+
+        Parameters
+        ----------
+        name : str
+        value : str
+            Printed.
+        """
         raise NotImplementedError
 
     def store(self, target: str, value: str) -> str:
-        """An assignment to an element."""
+        """An assignment to an element.
+
+        Parameters
+        ----------
+        target : str
+            Printed.
+        value : str
+            Printed.
+        """
         raise NotImplementedError
 
     def note(self, text: str) -> str:
@@ -94,7 +125,17 @@ class Printer:
         raise NotImplementedError
 
     def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
-        """A branch with indented bodies."""
+        """A branch with indented bodies.
+
+        Parameters
+        ----------
+        condition : str
+            Printed.
+        body : list of str
+            Lines.
+        orelse : list of str
+            Lines; none where there is no other branch.
+        """
         raise NotImplementedError
 
     def expression(self, e: Expr) -> str:
@@ -122,7 +163,14 @@ class Printer:
         return text[1:-1] if isinstance(e, Bin) else text
 
     def statements(self, body: tuple[Stmt, ...], depth: int = 1) -> list[str]:
-        """Lines of a body."""
+        """Lines of a body.
+
+        Parameters
+        ----------
+        body : sequence of Stmt
+        depth : int
+            Levels of indentation.
+        """
         pad = self.indent * depth
         lines: list[str] = []
         for s in body:

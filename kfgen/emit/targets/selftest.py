@@ -19,13 +19,20 @@ Expected = Sequence[tuple[float, float]]
 
 SELFTEST_CALLS = 100
 """Calls in the self-test that goes with emitted code."""
-TOLERANCE = 1e-6
-"""Share of a deviation, or of the product of two, by which an arithmetic of its own may be off."""
+TOLERANCE_SIGMAS = 1e-6
+"""Standard deviations (or products of two) by which an arithmetic of its own may be off."""
 FILE = "selftest.py"
 
 
 def deviations(program: Program, sd: Array) -> Array:
-    """The deviation of each stored component; of a quaternion's, half the attitude's smallest."""
+    """The standard deviation of each stored component; of a quaternion's, half the attitude's smallest.
+
+    Parameters
+    ----------
+    program : Program
+    sd : ndarray, shape (n,)
+        Standard deviations of the error states [SI].
+    """
     names = [s.name for s in program.discrete.model.states]
     attitude = program.discrete.model.attitude
     least = min((sd[names.index(n)] for n in attitude.error_names), default=1.0) / 2.0 if attitude else 1.0
@@ -33,12 +40,19 @@ def deviations(program: Program, sd: Array) -> Array:
 
 
 def exactly(calls: Sequence[RecordedCall]) -> Expected:
-    """The very words after the last call."""
+    """The values after the last call, to the last bit."""
     return [(float(v), 0.0) for v in calls[-1].words]
 
 
 def nearly(program: Program, calls: Sequence[RecordedCall]) -> Expected:
-    """State and upper triangle of the covariance in double precision after the calls."""
+    """State and upper triangle of the covariance in double precision after the calls.
+
+    Parameters
+    ----------
+    program : Program
+    calls : sequence of RecordedCall
+        From ``init`` on.
+    """
     machine = Machine(program, np.float64)
     machine.call("init")
     for call in calls:
@@ -47,7 +61,7 @@ def nearly(program: Program, calls: Sequence[RecordedCall]) -> Expected:
     sd = np.sqrt(np.diag(P))
     values = [*machine.arrays["x"], *P[upper]]
     scales = [*deviations(program, sd), *np.outer(sd, sd)[upper]]
-    return [(float(v), TOLERANCE * float(s)) for v, s in zip(values, scales)]
+    return [(float(v), TOLERANCE_SIGMAS * float(s)) for v, s in zip(values, scales)]
 
 
 def recorded(program: Program) -> tuple[RecordedCall, ...]:
@@ -62,6 +76,7 @@ def selftest(
 
     Parameters
     ----------
+    program : Program
     klass : str
         The emitted class.
     calls : sequence of Call

@@ -1,7 +1,10 @@
-"""What generated code says about its frames and its samples, in every language alike."""
+"""What generated code says about its frames, samples, drivers and effects, in every language alike."""
 
 from __future__ import annotations
 
+import textwrap
+
+from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.motion import AFTER, AT, BEFORE
 
@@ -17,7 +20,7 @@ def frames(model: FilterModel) -> tuple[str, ...]:
     return (*said, "SI units and radians.", *handling(model))
 
 
-HELD = {
+SAMPLE_OF_A_STEP = {
     AFTER: "the sample at its beginning",
     AT: "the mean of the samples at its beginning and its end",
     BEFORE: "the sample at its end",
@@ -27,9 +30,44 @@ HELD = {
 
 def handling(model: FilterModel) -> tuple[str, ...]:
     """What is done with samples before the filter gets them: options that act on a log, for who has none."""
-    steps = f"Inputs of a step: {HELD[model.motion.chosen.get('samples', AFTER)]}."
+    steps = f"Inputs of a step: {SAMPLE_OF_A_STEP[model.motion.chosen.get('samples', AFTER)]}."
     remembered = [line.sentence for line in model.motion.late] + [
         s.play.sentence for s in model.sensors if s.play
     ]
     handled = [h for s in model.sensors for h in s.handling()]
     return (*((steps,) if model.motion.inputs else ()), *remembered, *handled)
+
+
+def driver_text(name: str) -> str:
+    """What a driver is, with its unit; of a channel that is no usual driver only that it is SI, as in the noise file."""
+    return f"{name} [{DRIVERS[name].unit or '1'}]" if name in DRIVERS else f"{name} [SI unit of the channel]"
+
+
+LINE_COLUMNS = 100
+"""Columns of a line of generated comments [characters]."""
+
+
+def omitted(model: FilterModel, indent: int) -> tuple[str, ...]:
+    """Lines on the effects that the filter leaves out: where, which, why, and what to do instead; none where all are in.
+
+    Parameters
+    ----------
+    model : FilterModel
+        Its ``omitted``, where it has that: a tuple (where, effect, why, instead) for each effect.
+    indent : int
+        Columns that the caller puts before each line.
+
+    Returns
+    -------
+    tuple of str
+        An effect begins at the left, what continues it does not.
+    """
+    lines: list[str] = []
+    for where, effect, why, instead in getattr(model, "omitted", ()):
+        text = f"{where} {effect}: {why.rstrip('.')}." + (
+            f" Instead: {instead.rstrip('.')}." if instead else ""
+        )
+        for closing, harmless in (("*/", "* /"), ('"""', "'"), ("\\", "/")):
+            text = text.replace(closing, harmless)
+        lines += textwrap.wrap(text, LINE_COLUMNS - indent, subsequent_indent="  ")
+    return tuple(lines)

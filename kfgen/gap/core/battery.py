@@ -54,6 +54,8 @@ class Test:
         Time [s] from the first sample on, where it is not the whole record.
     other : str
         The channel that it was held against, of which no effect is known.
+    channel : str
+        That was tested.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Test:
     ratio: float
     span: tuple[float, float] | None = None
     other: str = ""
+    channel: str = ""
 
     @property
     def significant(self) -> bool:

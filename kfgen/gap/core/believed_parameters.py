@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kfgen.effects.plant.terms import ParameterError
-from kfgen.gap.core.engine import Added, Explained, explained, with_values
 from kfgen.gap.core.newton import fitted
 from kfgen.gap.core.scene import Scene, ScenePoint, Trusting
-
-ROUNDS = 3
-"""Times that more numbers may turn out to be moved."""
+from kfgen.gap.core.scene_search import Explained, FittedAddition, explained, with_values
+from kfgen.gap.core.search import Chosen
+from kfgen.gap.core.thresholds import MAX_ITERATIONS
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def answered(scene: Scene) -> Answered:
     # A start far from where it should be is mostly a sign of something else, and takes up little of it.
     starts = {u.own for u in scene.unknowns if u.once}
     wrong = moved(scene, fitted(scene, start_of(scene)).point) - starts
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         here = scene.held(wrong) if wrong else scene
         found = explained(here)
         more = moved(here, found.fit.point)
@@ -55,21 +54,22 @@ def answered(scene: Scene) -> Answered:
         wrong |= more
     far = {u.own: u.far * u.sd for u in scene.unknowns if u.own}
     named = {
-        a.trial.placed.where
+        a.addition.placed.where
         for a in found.added
         if _is_error(a)
-        and abs(float(getattr(a.trial.placed.effect, "value", 0.0))) > far.get(a.trial.placed.where, 0.0)
+        and abs(float(getattr(a.addition.placed.effect, "value", 0.0)))
+        > far.get(a.addition.placed.where, 0.0)
     }
     if wrong <= named:
         return Answered(here, here, found)
     free = scene.held(wrong & named)
-    kept = [a for a in found.added if not (_is_error(a) and a.trial.placed.where in wrong - named)]
-    fit = fitted(free, ScenePoint(tuple(a.trial.placed for a in kept), start_of(free).unknowns))
-    return Answered(free, here, Explained(found.believed, tuple(with_values(kept, fit)), fit))
+    kept = [a for a in found.added if not (_is_error(a) and a.addition.placed.where in wrong - named)]
+    fit = fitted(free, ScenePoint(tuple(a.addition.placed for a in kept), start_of(free).unknowns))
+    return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit))
 
 
-def _is_error(added: Added) -> bool:
-    return isinstance(added.trial.placed.effect, ParameterError)
+def _is_error(added: Chosen[FittedAddition]) -> bool:
+    return isinstance(added.addition.placed.effect, ParameterError)
 
 
 def start_of(scene: Scene) -> ScenePoint:

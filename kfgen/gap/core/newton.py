@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.effects.inertial.errors import free
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]

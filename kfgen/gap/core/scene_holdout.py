@@ -156,7 +156,7 @@ def held_out(answer: Answered, louder: Mask | None = None) -> Gap:
     if any(b - a < SHORTEST for blocks in cut.stretches for a, b in blocks):
         return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
     learnt, trained, after = _foretold(scene, cut, found.fit)
-    before = _foretold(answer.written, cut, found.believed)[2]
+    before = _foretold(answer.written, cut, found.assumed)[2]
     levels = np.ones(len(scene.channels))
     if not found.fit.point.placed and (louder is None or not louder.any()):
         after = before  # nothing was mended

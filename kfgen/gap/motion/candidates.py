@@ -12,7 +12,6 @@ from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven.proportional import DriverProportional
 from kfgen.effects.inertial.errors import (
-    AXES,
     EarthRate,
     GravityError,
     GSensitivity,
@@ -24,9 +23,9 @@ from kfgen.effects.inertial.errors import (
     ScaleDrift,
     ScaleFactor,
     VibrationRectification,
-    free,
     products,
 )
+from kfgen.effects.inertial.inertial_error import AXES, free
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.gap.core.scene import Placed
@@ -36,6 +35,7 @@ from kfgen.gap.motion.truth import Truth
 
 Array = NDArray[np.float64]
 
+INERTIAL = ("gyro", "accel")
 SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
 SOME = 4000
@@ -98,12 +98,12 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
     found: list[list[Placed]] = []
     sensors = list(dict.fromkeys(s for _, s, _ in bench.moved))
     for name, sensor, axis in bench.moved:
-        if sensor != "mag":
+        if sensor in INERTIAL:
             found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
         found += _in_time(bench, name, sensor)
     for name, sensor, axis in bench.still:
         if sensor in sensors:
-            found += [] if sensor == "mag" else _rows(bench, name, sensor, axis)
+            found += _rows(bench, name, sensor, axis) if sensor in INERTIAL else []
             found += _in_time(bench, name, sensor)
     for sensor in sensors:
         found += _lags(bench, sensor)

@@ -15,12 +15,14 @@ from kfgen.effects.noise_model import NoiseModel
 from kfgen.effects.series import DetectedFault
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.motion.reference import frozen
-from kfgen.gap.motion.truth import Truth, place
+from kfgen.gap.motion.truth import Truth
 from kfgen.gap.rest.faults import believed_deviation, spotted_moving
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
+SLOWER_ROWS = 2.0
+"""Rows from one sample to the next from which on a sensor is slower than the log."""
 NEAR_A_LIMIT = 0.02
 """Relative distance of a truth from the limit of a clipped channel within which it is not compared: a choice of
 samples by what was read would be one of their noise."""
@@ -41,6 +43,10 @@ class Compared:
         Ordinates that are compared, from the lowest frequency on.
     there : ndarray of bool, shape (n,)
         Where it was read, and not clipped.
+    rows : ndarray of int, shape (m,), optional
+        Where it has samples, of a sensor slower than the log.
+    biased : bool
+        Whether a constant of its own is no gap.
     """
 
     name: str
@@ -51,6 +57,24 @@ class Compared:
     noise: tuple[Effect, ...]
     keep: int
     there: NDArray[np.bool_]
+    rows: NDArray[np.intp] | None = None
+    biased: bool = True
+
+    @property
+    def at(self) -> NDArray[np.intp] | slice:
+        """The rows of the log at which it is compared."""
+        return slice(None) if self.rows is None else self.rows
+
+    def size(self, n: int) -> int:
+        """How many these are, of a log of `n` rows."""
+        return n if self.rows is None else self.rows.size
+
+    @property
+    def step(self) -> float:
+        """The distance between them, in rows."""
+        if self.rows is None:
+            return 1.0
+        return float(self.rows[-1] - self.rows[0]) / (self.rows.size - 1)
 
 
 def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared | None:
@@ -61,7 +85,7 @@ def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compare
     InputError
         Its unit does not meet that of its noise.
     """
-    sensor, axis = place(name)
+    sensor, axis = truth.place(name)
     if name not in log.channels or axis not in truth.axes.get(sensor, ()):
         return None
     channel, believed = log.channels[name], noise.channel(name)
@@ -71,11 +95,34 @@ def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compare
             where=log.source,
             remedy="Give the unit with --columns",
         )
-    keep = log.n
+    there = np.isfinite(channel.values)
+    rows = sample_rows(there)
+    keep = log.n if rows is None else rows.size
     if sensor in truth.bandwidth:
         keep = min(keep, int(2.0 * log.n * truth.dt * truth.bandwidth[sensor]))
-    y = np.where(np.isfinite(channel.values), channel.values, 0.0)
-    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep, np.isfinite(channel.values))
+    y = np.where(there, channel.values, 0.0)
+    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep, there, rows, sensor != "mag")
+
+
+def sample_rows(there: NDArray[np.bool_]) -> NDArray[np.intp] | None:
+    """The rows of a log at which a slower sensor has its samples; None for one as fast as the log.
+
+    Parameters
+    ----------
+    there : ndarray of bool, shape (n,)
+        Where it has a number.
+    """
+    at = np.flatnonzero(there)
+    if at.size < 2 or float(np.median(np.diff(at))) < SLOWER_ROWS:
+        return None
+    return at
+
+
+def _frozen(c: Compared, should: Array, truth: Truth) -> NDArray[np.bool_]:
+    """Where a channel repeats itself while its truth moves, shape (n,)."""
+    out = np.zeros(c.y.size, dtype=bool)
+    out[c.at] = frozen(c.y[c.at], should[c.at], believed_deviation(c.noise, c.step * truth.dt))
+    return out
 
 
 def sound_samples(c: Compared, truth: Truth) -> tuple[Compared, list[Placed], list[Placed]]:
@@ -84,12 +131,12 @@ def sound_samples(c: Compared, truth: Truth) -> tuple[Compared, list[Placed], li
     should = truth.read[c.sensor][:, c.axis] if known else c.y
     if known:
         between = (c.y < c.y[there].max()) & (c.y > c.y[there].min())  # else it is clipped
-        stuck = there & between & frozen(c.y, should, believed_deviation(c.noise, truth.dt))
+        stuck = there & between & _frozen(c, should, truth)
         if stuck.any():
             share = float(stuck.mean())
             faults.append(DetectedFault(RepeatedSamples(share), float(stuck.sum()), spoils=share > 0.5))
             there &= ~stuck
-    faults += spotted_moving(truth.t[there], c.y[there], c.noise, truth.dt)
+    faults += spotted_moving(truth.t[there], c.y[there], c.noise, c.step * truth.dt)
     for limit in (float(f.effect.limit) for f in faults if isinstance(f.effect, Clipping)):
         side = np.sign(limit - float(np.median(c.y[there])))
         there &= side * c.y < side * limit

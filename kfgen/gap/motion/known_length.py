@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 
 from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect, make
-from kfgen.effects.inertial.errors import AXES, InertialError, Misalignment, ScaleFactor, Signals, free
+from kfgen.effects.inertial.errors import Misalignment, ScaleFactor
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import AXES, InertialError, free
 from kfgen.effects.inertial.magnetic import HardIron, SoftIron
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
@@ -160,7 +162,7 @@ def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
     """
     from scipy.ndimage import binary_erosion, label
 
-    from kfgen.gap.motion.truth import running_variance
+    from kfgen.effects.inertial.vibration import running_variance
 
     dt = log.uniform_dt()
     y = np.array([log.values(f"{sensor}_{a}") for a in AXES]).T

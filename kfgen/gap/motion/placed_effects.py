@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from kfgen.effects import Effect
-from kfgen.effects.inertial.errors import InertialError, Signals
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
 
 

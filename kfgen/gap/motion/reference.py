@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects.faults.reference import HeldReference, StuckReference
-from kfgen.effects.inertial.errors import AXES
+from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.series import noise_of
 from kfgen.gap.core.scene import Placed
 from kfgen.log.log import Log

@@ -20,7 +20,8 @@ from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import axis_faults
 from kfgen.effects.faults.reference import OtherMotion
-from kfgen.effects.inertial.errors import InertialError, Signals
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.core.cache import RecentResults
@@ -102,7 +103,7 @@ class MotionScene:
         """The biases and the field in space, believed as least squares has them."""
         found = []
         for c in self.compared:
-            if c.sensor != "mag":
+            if c.biased:
                 away = (c.y - self.truth.signals(c.sensor).y[:, c.axis])[self.good & c.there]
                 found.append(Unknown(f"bias of {c.name}", parse_unit(c.unit).si, float(away.mean()), np.inf))
         field = self.believed_field()
@@ -137,7 +138,7 @@ class MotionScene:
         return tuple(self._whitener(c) for c in self.compared)
 
     def _whitener(self, c: Compared) -> Whitener:
-        n, dt = self.truth.t.size, self.dt
+        n, dt = c.size(self.truth.t.size), c.step * self.dt
         white = Whitener.of(c.noise, n, dt, constant=True)
         if c.sensor == "gyro" and "gyro" in self.truth.bandwidth:
             reference = self.truth.floor.density(np.arange(n) / (2.0 * n * dt))
@@ -181,7 +182,7 @@ class MotionScene:
         return RecentResults(RECENT)
 
     def left(self, point: ScenePoint) -> list[Array]:
-        """What is left of each channel in time [SI], each of shape (n,); zero where nothing is compared."""
+        """What is left of each channel at its own samples [SI], each of shape (rows,)."""
         placed = (*self.own, *point.placed)
         return [
             self._left(c, self._acting(c, placed), self._unknowns_of(c, point.unknowns))
@@ -190,15 +191,15 @@ class MotionScene:
 
     def _unknowns_of(self, c: Compared, unknowns: Array) -> tuple[float, ...]:
         """The bias of a channel, or the field in space of a magnetometer."""
-        biased = [b.name for b in self.compared if b.sensor != "mag"]
-        if c.sensor == "mag":
+        biased = [b.name for b in self.compared if b.biased]
+        if not c.biased:
             return tuple(map(float, unknowns[len(biased) :]))
         return tuple(map(float, unknowns[: len(biased)][biased.index(c.name) :][:1]))
 
     def _left(self, c: Compared, here: Sequence[Effect], unknowns: tuple[float, ...]) -> Array:
-        """What effects and unknowns of a channel leave of it in time [SI], shape (n,)."""
-        m_n = np.array(unknowns if c.sensor == "mag" else ())
-        bias = sum(() if c.sensor == "mag" else unknowns)
+        """What effects and unknowns of a channel leave of its samples [SI], shape (rows,)."""
+        m_n = np.array(() if c.biased else unknowns)
+        bias = sum(unknowns if c.biased else ())
         lags = tuple(e for e in here if isinstance(e, Lag))
         felt = (
             self.truth.signals(c.sensor, m_n)
@@ -209,7 +210,8 @@ class MotionScene:
             )
         )
         left = c.y - self._shown(c, felt, here) - bias
-        left = self._believed_where(c, left, self.good & c.there & ~unheard(self.truth.t, here))
+        known = self.good & c.there & ~unheard(self.truth.t, here)
+        left = self._believed_where(c, left[c.at], known[c.at])
         return self._believed_within(c, left, edges_of(here))
 
     def _believed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
@@ -231,7 +233,7 @@ class MotionScene:
     def _believed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
         """What is left, with noise as it is believed where nobody knows what should have been read."""
         for start, stop in edges:
-            i, j = np.searchsorted(self.truth.t, [start, stop])
+            i, j = np.searchsorted(self.truth.t[c.at], [start, stop])
             beside = [left[max(i - BESIDE, 0) : i], left[j : j + BESIDE]]
             if j - i < 2 or not all(b.size for b in beside):
                 continue
@@ -248,14 +250,14 @@ class MotionScene:
     def made_up(self) -> tuple[Array, ...]:
         """Noise of each channel as it is believed, always the same [SI]."""
         rng = np.random.default_rng(0)
-        z = rng.standard_normal((len(self.compared), self.truth.t.size))
+        z = [rng.standard_normal(c.size(self.truth.t.size)) for c in self.compared]
         weights = [np.where(w.weight > 0.0, w.weight, np.inf) for w in self.whiteners]
         return tuple(Whitener.back(x / w) for x, w in zip(z, weights))
 
     @staticmethod
     def _acting(c: Compared, placed: Sequence[Placed]) -> list[Effect]:
         """The effects on a channel."""
-        return [p.effect for p in placed if p.where in (c.name, c.sensor)]
+        return [p.effect for p in placed if p.where == c.name or c.name.startswith(f"{p.where}_")]
 
     def _shown(self, c: Compared, felt: Signals, here: Sequence[Effect]) -> Array:
         """What a channel should read of what its triad felt, late already [SI], shape (n,)."""
@@ -272,7 +274,7 @@ class MotionScene:
         field = self.believed_field()
         u = self.truth.signals(c.sensor, field).y[:, c.axis]
         white = self.whiteners[self.compared.index(c)]
-        z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0))[1 : c.keep]
+        z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0)[c.at])[1 : c.keep]
         return bool(0.05 * np.linalg.norm(z) > NOTICED)
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
@@ -296,7 +298,7 @@ class MotionScene:
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))
         field = self.believed_field(extra)
-        good = self.good.copy()
+        good = self.good & np.all([c.there for c in self.compared if c.sensor == "mag"], axis=0)
         for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
             good[(self.truth.t >= start) & (self.truth.t < stop)] = False
         return MotionCandidates(self.truth, moved, still, good, y - extra, spread, field, self.drive)
@@ -325,7 +327,9 @@ class MotionScene:
         pairs = [
             (c, w, self.good & c.there) for c, w in zip(self.compared, self.whiteners) if c.sensor == sensor
         ]
-        return likeness([(w, about(c.y, good), about(X, good), c.axis, top) for c, w, good in pairs])
+        return likeness(
+            [(w, about(c.y, good)[c.at], about(X, good)[c.at], c.axis, top) for c, w, good in pairs]
+        )
 
 
 def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:

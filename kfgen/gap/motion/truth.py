@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY
-from kfgen.effects.inertial.errors import AXES, Signals
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.inertial_error import AXES
+from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.series import noise_of_differences
 from kfgen.gap.motion.reference import long_holes
 from kfgen.gap.motion.wiener import noiseless
@@ -28,10 +30,6 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-WINDOW = 1.0
-"""Length [s] over which the variance of the vibration runs."""
-QUICK = 0.1
-"""Length [s] over which the specific force of motion does not change: what does is vibration."""
 ABOVE = 4.0
 """How far the power of a rate must stand above the attitude's noise to be taken."""
 ORDERS = (2, 4, 6, 8)
@@ -85,6 +83,8 @@ class Truth:
         The noise of the rate that was taken from it.
     words : tuple of str
         What was decided.
+    places : mapping of str to (str, int)
+        Sensor and axis of channels whose names do not say them.
     """
 
     t: Array
@@ -101,6 +101,11 @@ class Truth:
     angle: float = 0.0
     floor: Floor = Floor()
     words: tuple[str, ...] = ()
+    places: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+
+    def place(self, name: str) -> tuple[str, int]:
+        """The sensor and the axis of a channel."""
+        return self.places[name] if name in self.places else place(name)
 
     @property
     def dt(self) -> float:
@@ -366,18 +371,8 @@ def _with_drivers(truth: Truth, log: Log) -> Truth:
     if omega_b is None and len(turned) == 3:
         omega_b = noiseless(_bridged(truth.t, _triad(log, "gyro", turned)))
     shaken = accel if accel is not None else f_b
-    power = None if shaken is None else running_variance(shaken, QUICK / truth.dt, WINDOW / truth.dt)
+    power = None if shaken is None else vibration_power(shaken, truth.dt)
     return replace(truth, f_b=f_b, omega_b=omega_b, power=power)
-
-
-def running_variance(x: Array, quick: float, samples: float) -> Array:
-    """Variance of columns, shape (n, k), about their means over `quick` samples, over a window of `samples`."""
-    from scipy.ndimage import uniform_filter1d
-
-    short, size = (max(3, min(int(m), x.shape[0])) for m in (quick, samples))
-    away = x - uniform_filter1d(x, short, axis=0, mode="nearest")
-    square = uniform_filter1d(away * away, size, axis=0, mode="nearest")
-    return np.asarray(square * short / (short - 1.0))
 
 
 def _liveliest(there: NDArray[np.bool_], power: Array) -> slice:

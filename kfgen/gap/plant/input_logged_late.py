@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from kfgen.effects.faults.samples import TooEarly
 from kfgen.effects.plant.terms import InputDelay
-from kfgen.gap.core.engine import DETECTABLE, ranked
 from kfgen.gap.core.newton import fitted
 from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.core.scene_search import ranked
 from kfgen.gap.core.screen import screen
+from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import Shooting
 from kfgen.log.log import Channel
@@ -67,7 +68,7 @@ def _samples(shooting: Shooting, x0: Array, name: str) -> int:
         return float(moved.cost(x[:, None], 0, n - longest)[0])
 
     costs = {k: cost(k) for k in (0, 1)}
-    if not costs[1] < costs[0] - 2.0 * DETECTABLE:
+    if not costs[1] < costs[0] - 2.0 * DETECTION_LIMIT_NATS:
         return 0
     k = 1
     while 2 * k <= longest and costs.setdefault(2 * k, cost(2 * k)) < costs[k]:
@@ -101,7 +102,7 @@ def _tried(scene: PlantScene, name: str, k: int) -> _Lead | None:
         return None
     others = ranked(here, base, screen(here, base))
     best = max((t.fit.value - base.value for t in others), default=0.0)
-    return _Lead(Placed(TooEarly(lead), name), gain) if gain > best + DETECTABLE else None
+    return _Lead(Placed(TooEarly(lead), name), gain) if gain > best + DETECTION_LIMIT_NATS else None
 
 
 def _in_one(scene: PlantScene, name: str, lost: int, by: int) -> PlantScene:

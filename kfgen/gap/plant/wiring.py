@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import SignError
 from kfgen.effects.faults.samples import (
-    FEW,
-    KNOWN,
+    MIN_STEPS_FOR_REPEATS,
+    UNIT_FACTORS,
     Clipping,
     CoarseQuantisation,
     RepeatedSamples,
@@ -94,7 +94,7 @@ def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]
 def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Effect], bool]:
     """The faults of a channel's samples, shape (n,), and whether they spoil it; those at fault become no numbers."""
     at = np.flatnonzero(np.isfinite(values))
-    if at.size < FEW:
+    if at.size < MIN_STEPS_FOR_REPEATS:
         return [], False
     y, believed = values[at], believed_deviation(effects, float(np.median(np.diff(t))))
     faults: list[Effect] = []
@@ -103,7 +103,7 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
         faults.append(Stuck(float(t[at[a]] - t[0]), float(t[at[b - 1]] - t[at[a]])))
         there[a + 1 : b] = False
     bad = bool(np.mean(~there) > OVER)
-    if there.sum() >= FEW and not bad:
+    if there.sum() >= MIN_STEPS_FOR_REPEATS and not bad:
         dt = float(np.median(np.diff(t)))
         for fault in spotted_moving(t[at[there]], y[there], effects, dt):
             if isinstance(fault.effect, CoarseQuantisation | RepeatedSamples):
@@ -118,7 +118,7 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
         faults.append(RepeatedSamples(share))  # the first of each run is a sample
         there &= ~again
     values[at[~there]] = np.nan
-    return faults, bad or bool(there.sum() < FEW)
+    return faults, bad or bool(there.sum() < MIN_STEPS_FOR_REPEATS)
 
 
 def _near(y: Array, limit: float, noise: float) -> NDArray[np.bool_]:
@@ -140,7 +140,7 @@ class _Mended:
 def _miswired(scene: PlantScene) -> list[Placed]:
     """The columns with which nothing can be followed: the best explanation, then others as good."""
     shooting, n = scene.shooting, scene.log.n
-    if n < FEW or not shooting.inputs or not shooting.states:
+    if n < MIN_STEPS_FOR_REPEATS or not shooting.inputs or not shooting.states:
         return []
     own, x0 = _left(shooting, 0, n)
     stuck = _stuck_inputs(shooting) if own > FOLLOWED else []
@@ -180,7 +180,7 @@ def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
 def _turned(shooting: Shooting) -> Iterator[_Mended]:
     """Every column turned round or in another unit."""
     wrong: list[tuple[Effect, float]] = [(SignError(), -1.0)]
-    wrong += [(UnitError(f), f) for _, k in KNOWN for f in (k, 1.0 / k)]
+    wrong += [(UnitError(f), f) for _, k in UNIT_FACTORS for f in (k, 1.0 / k)]
     for effect, factor in wrong:
         for name, (at, values) in shooting.data.items():
             data = {**shooting.data, name: (at, values / factor)}
@@ -213,7 +213,7 @@ def _stuck_inputs(shooting: Shooting) -> list[Placed]:
         if b - a < LONG * n or not others.size or b - a < UNUSUAL * float(np.median(others)):
             continue
         outside = max(((0, a), (b, n)), key=lambda s: s[1] - s[0])
-        if outside[1] - outside[0] < FEW or b - a < FEW:
+        if outside[1] - outside[0] < MIN_STEPS_FOR_REPEATS or b - a < MIN_STEPS_FOR_REPEATS:
             continue
         if _left(shooting, *outside)[0] < FOLLOWED and _left(shooting, a, b)[0] > ASTRAY:
             t = shooting.t

@@ -11,61 +11,28 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from kfgen.effects import Effect, effect_named
+from kfgen.gap.core.search import Distinguishability
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.evidence import Candidate
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
 
-TOLD = 3.0
-"""Nats at which two names are told apart: twenty to one."""
-ENDLESS = 1000.0
-"""Times the length of a record beyond which nobody logs."""
 
-
-@dataclass(frozen=True)
-class Distinguishability:
-    """Another name for what was found.
+def told_apart(named: Candidate, other: Candidate, nothing: Candidate) -> Distinguishability:
+    """How far what was named is from another candidate.
 
     Parameters
     ----------
-    other : str
-    cos2 : float
-        Squared cosine between the two in this record: one where nothing tells them apart.
-    nats : float
-        By which this record is expected to tell them apart.
+    named, other : Candidate
+        Fitted to the same record.
+    nothing : Candidate
+        The model with neither.
     """
-
-    other: str
-    cos2: float
-    nats: float
-
-    @property
-    def longer(self) -> float:
-        """How many times as long a record would tell them apart, if both are stationary."""
-        return max(1.0, TOLD / max(self.nats, 1e-9))
-
-    def words(self, named: type[Effect]) -> str:
-        """The other name, and what would tell."""
-        ways = [f"a record {self.longer:.2g} times as long"] if 1.0 < self.longer < ENDLESS else []
-        known = (
-            named.separating_experiment or effect_named(self.other).separating_experiment
-            if self.other != "retune"
-            else ""
-        )
-        ways += [known] if known else []
-        told = f", told apart by {' or '.join(ways)}" if ways else ""
-        return f"{self.other} (cos2 {self.cos2:.2f}{told})"
-
-
-def apart(named: Candidate, other: Candidate, nothing: Candidate) -> Distinguishability:
-    """How far what was named is from another candidate, beside none."""
     nats, whole = divergence(named, other), divergence(named, nothing)
-    return Distinguishability(other.name, float(np.clip(1.0 - nats / max(whole, 1e-12), 0.0, 1.0)), nats)
+    cos2 = float(np.clip(1.0 - nats / max(whole, 1e-12), 0.0, 1.0))
+    return Distinguishability(other.name, "", cos2, nats)
 
 
 def divergence(a: Candidate, b: Candidate) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.driven.proportional import DRIVERS
-from kfgen.effects.faults.samples import FEW
+from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import odd_samples, words_of
@@ -109,7 +109,7 @@ def regular(
     good = np.isfinite(y)
     logged = log.t[good]
     faults: tuple[DetectedFault, ...] = ()
-    if logged.size > FEW:
+    if logged.size > MIN_STEPS_FOR_REPEATS:
         odd, faults = odd_samples(
             RawSamples(logged, y[good], believed_deviation(believed, float(np.median(np.diff(logged)))))
         )

@@ -6,8 +6,7 @@ hardly bounds numerically, over places (an onset, a frequency) by the scan that 
 times have log-uniform priors, the believed model's numbers keep the priors that trust in them gives,
 and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
 competes openly: the same structure with the trust taken away. Each addition costs the
-logarithm of the number of candidates (and what its class says that it is rarer than others, ``prior_penalty_nats``), and
-`ABOVE` nats are asked for before one more is named.
+logarithm of the number of candidates (and what its class says that it is rarer than others, ``prior_penalty_nats``).
 
 References
 ----------
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, log_mean
+from kfgen.gap.core.search import Label
 from kfgen.gap.core.whitener import Whitener
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
@@ -31,18 +31,18 @@ from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, curvature, maximise
 
 Array = NDArray[np.float64]
 
-ABOVE = 3.0
-"""Nats of evidence above which one more effect is named."""
-BETWEEN = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
+RETUNE = "retune"
+"""The name of the candidate that adds no effect and sets the assumed numbers free."""
+TIME_LIMITS = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
 """Longest time in the record, shortest in periods: beyond, one is a random walk or white, the other a ramp."""
-TIMES = 9
+TIME_GRID_POINTS = 9
 """Grid on which a time is integrated that the record hardly bounds."""
-CLOSED = 0.45
-"""Deviation of a logarithm below which Laplace's method is good for a time."""
-SIZES = (1.0, 0.3, 0.1, 0.03)
+LAPLACE_MAX_SD_OF_LOG_TIME = 0.45
+"""Standard deviation of a logarithm below which Laplace's method is good for a time."""
+START_SIZE_FACTORS = (1.0, 0.3, 0.1, 0.03)
 """Of the start value's: sizes at which a candidate is tried before it is fitted."""
-RETUNED = 0.7
-"""Deviation of the logarithm of a number that is no longer trusted: a factor of two either way."""
+RETUNED_SD_OF_LOG = 0.7
+"""Standard deviation of the logarithm of a number that is no longer trusted: a factor of two either way."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Candidate:
     Parameters
     ----------
     gain : float
-        Evidence in nats over the believed model, the cost of adding taken off.
-    sought : Sought, optional
+        ln(evidence ratio to the model without it) - ln(number of candidates + 1) - what its class says that it is rarer [nats].
+    detect : Detection, optional
         Where the effect was found, if it was looked for.
     """
 
@@ -62,6 +62,11 @@ class Candidate:
     problem: Problem
     gain: float
     detect: Detection | None = None
+
+    @property
+    def label(self) -> Label:
+        """The effect, in the one channel that there is."""
+        return self.name, ""
 
     @property
     def effect(self) -> Effect:
@@ -173,7 +178,7 @@ def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
         prior = base.problem.priors.get((i, name))
         if base.fit.effects[i] in effects and name in base.fit.effects[i].sizes() and prior is not None:
             return prior.mean - x, prior.deviation
-    return 0.0, RETUNED
+    return 0.0, RETUNED_SD_OF_LOG
 
 
 def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[Candidate]:
@@ -186,7 +191,7 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
         for f in allowed
     ]
     found = [c for c in found if np.isfinite(c.gain)]
-    if "retune" not in without:
+    if RETUNE not in without:
         found.append(_retuned(base, reference))
     return sorted(found, key=lambda c: -c.gain)
 
@@ -212,12 +217,12 @@ def _new(starts: Sequence[Detection], present: frozenset[str] | set[str]) -> boo
 def _retuned(base: Candidate, reference: float) -> Candidate:
     problem = replace(base.problem, priors=loosened(base.problem.priors))
     fit = maximise(problem.starting(base.fit.effects))
-    return Candidate("retune", fit, problem, log_evidence(problem, fit) - reference)
+    return Candidate(RETUNE, fit, problem, log_evidence(problem, fit) - reference)
 
 
 def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
     """Trust taken away."""
-    return {key: replace(p, deviation=max(RETUNED, p.deviation)) for key, p in priors.items()}
+    return {key: replace(p, deviation=max(RETUNED_SD_OF_LOG, p.deviation)) for key, p in priors.items()}
 
 
 def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost: float) -> Candidate:
@@ -231,7 +236,7 @@ def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost:
         (*known, starts[0].effect),
         base.problem.priors,
         base.problem.fixed,
-        {**base.problem.times, **({at: BETWEEN[name]} if name in BETWEEN else {})},
+        {**base.problem.times, **({at: TIME_LIMITS[name]} if name in TIME_LIMITS else {})},
     )
     places = any(p.kind == "place" for p in starts[0].effect.parameters())
     if places and len(starts) > 1:
@@ -239,7 +244,9 @@ def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost:
     tried = [
         (first.starting((*known, scaled)), s)
         for s in starts
-        for scaled in (_scaled(s.effect, size) for size in (SIZES if s.effect.sizes() else (1.0,)))
+        for scaled in (
+            _scaled(s.effect, size) for size in (START_SIZE_FACTORS if s.effect.sizes() else (1.0,))
+        )
     ]
     values = [p.objective(p.start()) for p, _ in tried]
     problem, detection = tried[int(np.argmin(values))]
@@ -300,14 +307,14 @@ def _is_closed(problem: Problem, fit: Fit, key: Key, H: Array) -> bool:
     variance = float(np.linalg.pinv(H, hermitian=True)[index, index])
     x = float(fit.point[index])
     sd = float(np.sqrt(max(variance, 0.0)))
-    return 0.0 < sd < CLOSED and lo + 2.0 * sd < x < hi - 2.0 * sd
+    return 0.0 < sd < LAPLACE_MAX_SD_OF_LOG_TIME and lo + 2.0 * sd < x < hi - 2.0 * sd
 
 
 def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
     """The evidence integrated numerically over one time, the rest by Laplace's method; the best fit on the way."""
     lo, hi = problem.bounds[fit.free.index(key)]
     values, fits = [], []
-    for x in lo + (hi - lo) * (np.arange(TIMES) + 0.5) / TIMES:
+    for x in lo + (hi - lo) * (np.arange(TIME_GRID_POINTS) + 0.5) / TIME_GRID_POINTS:
         held = problem.starting(fit.effects).pin(key, float(np.exp(x)))
         fits.append(maximise(held))
         values.append(log_evidence(held, fits[-1]))
@@ -316,11 +323,3 @@ def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
 
 def _scaled(effect: Effect, scale: float) -> Effect:
     return replace(effect, **{name: scale * float(getattr(effect, name)) for name in effect.sizes()})
-
-
-def probabilities(ranked: Sequence[Candidate]) -> dict[str, float]:
-    """Posterior probability of each candidate, "none" among them."""
-    gains = np.array([0.0, *(c.gain for c in ranked)])
-    weights = np.exp(gains - gains.max())
-    shares = weights / weights.sum()
-    return dict(zip(["none", *(c.name for c in ranked)], shares.tolist()))

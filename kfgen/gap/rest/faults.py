@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.faults.samples import FEW, Clipping, Fault, runs
+from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS, Clipping, Fault, runs
 from kfgen.effects.noise_model import ChannelNoise
 from kfgen.effects.series import SAME, DetectedFault, RawSamples
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.rest.finding import ChannelGap, Finding
+from kfgen.gap.core.result import BAD_DATA, Finding
+from kfgen.gap.rest.comparison import ChannelGap, span_of
+from kfgen.gap.rest.second_recording import lasts
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -68,11 +70,14 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
         assert isinstance(one.effect, Clipping)
         inside = raw.y != float(one.effect.limit)
         raw = replace(raw, t=raw.t[inside], y=raw.y[inside])
-        if raw.n < FEW:
+        if raw.n < MIN_STEPS_FOR_REPEATS:
             break
     spoilt = sum(c.samples for c in clipped) > 0.5 * y.size
     others = [c for c in looked if c is not Clipping]
-    return [*(replace(c, spoils=spoilt) for c in clipped), *(_of(raw, others) if raw.n >= FEW else ())]
+    return [
+        *(replace(c, spoils=spoilt) for c in clipped),
+        *(_of(raw, others) if raw.n >= MIN_STEPS_FOR_REPEATS else ()),
+    ]
 
 
 def by_chance(y: Array, believed: float) -> float:
@@ -114,17 +119,37 @@ def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int,
     return [(a, a + k) for a, k in spans if k >= max(longest, least, 2) and y[a] not in limits]
 
 
-def said_of(fault: DetectedFault, record: Record) -> Finding:
-    """A fault as a finding."""
-    test = Test(fault.effect.title, 0.0, (0.0, 0.5 / record.dt), 1.0)
-    return Finding(fault.effect, {}, 1.0, fault.samples, (), test)
+def fault_finding(fault: DetectedFault, channel: str, record: Record, unit: str) -> Finding:
+    """A fault as a finding; its evidence is the number of samples that show it.
+
+    Parameters
+    ----------
+    fault : DetectedFault
+    channel : str
+    record : Record
+        Of the channel.
+    unit : str
+        Of the channel.
+    """
+    test = Test(fault.effect.title, 0.0, (0.0, 0.5 / record.dt), 1.0, channel=channel)
+    once = not lasts(type(fault.effect))
+    return Finding(fault.effect, channel, unit, evidence_nats=fault.samples, test=test, once=once)
 
 
 def spoilt(channel: str, record: Record, noise: ChannelNoise, faults: Sequence[DetectedFault]) -> ChannelGap:
     """The answer where a fit would mean nothing: the faults alone."""
-    findings = tuple(said_of(f, record) for f in faults)
-    tests = tuple(f.worst for f in findings)
-    nothing = Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no fit was made")
+    findings = tuple(fault_finding(f, channel, record, noise.unit) for f in faults)
+    tests = tuple(f.test for f in findings if f.test)
     return ChannelGap(
-        channel, noise.unit, "bad_data", findings, tests, tests, nothing, noise.effects, noise, (), record
+        channels=(channel,),
+        unit=noise.unit,
+        verdict=BAD_DATA,
+        findings=findings,
+        before=tests,
+        after=tests,
+        gap=Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no fit was made"),
+        span_s=span_of(record),
+        assumed=noise.effects,
+        updated=noise,
+        record=record,
     )

@@ -12,12 +12,12 @@ import numpy as np
 
 from kfgen.effects import Effect
 from kfgen.gap.core.holdout import Gap, divergence, is_line, ratios
-from kfgen.gap.rest.finding import ChannelGap
+from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.identify.evidence.record import Record
 
 
-def again_on(found: ChannelGap, other: Record, words: str) -> Gap:
-    """The gap over another recording under the believed and the mended model.
+def gap_on(found: ChannelGap, other: Record, words: str) -> Gap:
+    """The gap over another recording under the assumed and the updated model.
 
     Parameters
     ----------
@@ -26,18 +26,18 @@ def again_on(found: ChannelGap, other: Record, words: str) -> Gap:
     other : Record
         With the drivers of what was found.
     words : str
-        What it is called.
+        What the other recording is called.
     """
-    lasting = [e for e in found.mended.effects if not happens_once(e) and not e.changes_samples]
+    lasting = [e for e in found.updated.effects if not happens_once(e) and not e.changes_samples]
     lines = [e for e in lasting if e.coefficients() and is_line(e)]
     shapes = [e for e in lasting if e.coefficients() and not is_line(e)]
     noise = [e for e in lasting if not e.coefficients()]
-    trusted = [e for e in found.believed if e.coefficients()]
+    trusted = [e for e in found.assumed if e.coefficients()]
     before = _less(other, trusted)
-    r0, m = ratios(before, [e for e in found.believed if not e.coefficients()], np.zeros(0))
-    after, mended = _less(other, shapes), (*noise, *lines)
-    theta = after.ordinates(mended).log_likelihood(mended).coefficients
-    r1, _ = ratios(after, mended, theta)
+    r0, m = ratios(before, [e for e in found.assumed if not e.coefficients()], np.zeros(0))
+    after, updated = _less(other, shapes), (*noise, *lines)
+    theta = after.ordinates(updated).log_likelihood(updated).coefficients
+    r1, _ = ratios(after, updated, theta)
     return divergence(r0, r1, m, words)
 
 
@@ -45,6 +45,11 @@ def happens_once(effect: Effect | type[Effect]) -> bool:
     """Whether an effect has a time at which it happened."""
     placed = any(p.kind == "place" for p in effect.parameters())
     return placed and not effect.driver and not is_line(effect)
+
+
+def lasts(cls: type[Effect]) -> bool:
+    """Whether an effect is the same in each recording: no event, no change of single samples, no line with its phase."""
+    return not (cls.changes_samples or happens_once(cls) or is_line(cls))
 
 
 def _less(record: Record, effects: list[Effect]) -> Record:

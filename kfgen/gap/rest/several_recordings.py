@@ -17,29 +17,31 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.noise_model import ChannelNoise
-from kfgen.gap.core.holdout import Gap, divergence, is_line, judged
-from kfgen.gap.rest.evidence import Candidate
-from kfgen.gap.rest.finding import ChannelGap, Finding
-from kfgen.gap.rest.search import RETUNE, searched
-from kfgen.gap.rest.second_recording import happens_once
-from kfgen.gap.rest.trust import merged, moved
-from kfgen.gap.rest.workflow import (
+from kfgen.gap.core.holdout import Gap, divergence, judged
+from kfgen.gap.core.result import BAD_DATA
+from kfgen.gap.core.search import searched
+from kfgen.gap.rest.channel_gap import (
     Prepared,
+    as_written,
+    channel_gap,
     checked,
-    find_gap,
     limits_of,
     prepared,
     terms_of,
     tests_of,
     verdict_of,
-    written,
 )
+from kfgen.gap.rest.comparison import ChannelGap
+from kfgen.gap.rest.evidence import Candidate
+from kfgen.gap.rest.explanation import LIMITS
+from kfgen.gap.rest.second_recording import lasts
+from kfgen.gap.rest.trust import merged, moved
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-SURE = 0.95
+ONCE_MIN_PROBABILITY = 0.95
 """Probability above which what happened once is taken out of its recording; below, it may be slow noise."""
 
 
@@ -54,7 +56,7 @@ class Recording:
     stamps : ndarray, optional
         Time stamps as logged [s].
     stated : float
-        As of `kfgen.gap.rest.workflow.find_gap`.
+        As of `kfgen.gap.rest.channel_gap.channel_gap`.
     """
 
     name: str
@@ -78,22 +80,27 @@ class JointGap:
     gap: ChannelGap
     alone: tuple[tuple[str, ChannelGap], ...]
 
-    @property
-    def once(self) -> list[tuple[str, ChannelGap, Finding]]:
-        """What happened in one recording, its name before it."""
-        return [(n, g, f) for n, g in self.alone for f in g.findings if not _lasts(type(f.effect))]
 
+def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise) -> JointGap:
+    """Compare several recordings of one channel with the noise that is assumed of it.
 
-def find_together(channel: str, recordings: Sequence[Recording], noise: ChannelNoise) -> JointGap:
-    """Compare several recordings of one channel with the noise model that is believed of it.
+    Parameters
+    ----------
+    channel : str
+    recordings : sequence of Recording
+    noise : ChannelNoise
+
+    Returns
+    -------
+    JointGap
 
     Raises
     ------
     InputError
-        No recording can be used, or as of `find_gap`.
+        No recording can be used, or as of `channel_gap`.
     """
-    alone = [(r.name, find_gap(channel, r.record, noise, r.stamps, r.stated)) for r in recordings]
-    good = [(r, g) for r, (_, g) in zip(recordings, alone) if g.verdict != "bad_data"]
+    alone = [(r.name, channel_gap(channel, r.record, noise, r.stamps, r.stated)) for r in recordings]
+    good = [(r, g) for r, (_, g) in zip(recordings, alone) if g.verdict != BAD_DATA]
     if not good:
         raise InputError(
             f"the samples of {channel} are faulty in every recording", remedy="See each by itself"
@@ -106,14 +113,11 @@ def find_together(channel: str, recordings: Sequence[Recording], noise: ChannelN
     return JointGap(_of_all(channel, ready, good[0][1], noise), tuple(alone))
 
 
-def _lasts(cls: type[Effect]) -> bool:
-    """Whether an effect is the same in each recording."""
-    return not (cls.changes_samples or happens_once(cls) or is_line(cls))
-
-
 def _steady(record: Record, found: ChannelGap) -> Record:
     """A recording without what surely happened once in it."""
-    sure = [f.effect for f in found.findings if f.probability > SURE and not _lasts(type(f.effect))]
+    sure = [
+        f.effect for f in found.findings if f.probability > ONCE_MIN_PROBABILITY and not lasts(type(f.effect))
+    ]
     clean = found.clean if found.clean is not None else record
     return replace(clean, y=clean.y - clean.drift([e for e in sure if e.coefficients()]), block=1)
 
@@ -121,14 +125,14 @@ def _steady(record: Record, found: ChannelGap) -> Record:
 def _of_all(channel: str, ready: Sequence[Prepared], first: ChannelGap, noise: ChannelNoise) -> ChannelGap:
     joint = JointRecord(tuple(p.raw for p in ready))
     at = ready[0]
-    passing = frozenset(name for name, cls in catalogue().items() if not _lasts(cls))
+    passing = frozenset(name for name, cls in catalogue().items() if not lasts(cls))
     start = replace(at.search, record=joint, without=at.search.without | passing)
-    before = tests_of(written(joint, at.random.effects))
-    search = searched(start)
-    base = search.base()
-    after = tests_of(base)
-    retuned = any(c.name == RETUNE for c in search.chosen) or moved(base.problem, base.fit, at.random.effects)
-    findings, terms = terms_of(search, base, at.random, retuned, before)
+    before = tests_of(channel, as_written(joint, at.random.effects))
+    search = searched(start, LIMITS)
+    base = search.base
+    after = tests_of(channel, base)
+    retuned = search.is_retuned or moved(base.problem, base.fit, at.random.effects)
+    findings, terms = terms_of(channel, search, at.random, retuned, before)
     return replace(
         first,
         verdict=verdict_of(findings, retuned, after, 0.0),
@@ -136,22 +140,23 @@ def _of_all(channel: str, ready: Sequence[Prepared], first: ChannelGap, noise: C
         before=tuple(before),
         after=tuple(after),
         gap=_in_turn(base, at.random.effects),
-        mended=replace(noise, terms=(*merged(at.trusted, terms), *at.altering), covariance=None),
-        limits=tuple(m for m in limits_of(base) if m[0].name not in {t.effect.name for t in at.trusted}),
+        updated=replace(noise, terms=(*merged(at.trusted, terms), *at.altering), covariance=None),
+        limits=limits_of(channel, noise.unit, base, at.trusted),
+        comb_hz=0.0,
         retuned=retuned,
         white=np.zeros(0),
-        checks=checked(search, base, findings) if findings else None,
+        checks=checked(search, findings) if findings else None,
     )
 
 
-def _in_turn(base: Candidate, believed: Sequence[Effect]) -> Gap:
-    """Each recording under what is believed, and under the mended model fitted to the others."""
+def _in_turn(base: Candidate, assumed: Sequence[Effect]) -> Gap:
+    """Each recording under what is assumed, and under the updated model fitted to the others."""
     problem, joint = base.problem, base.problem.record
     assert isinstance(joint, JointRecord)
     parts = []
     for k, left_out in enumerate(joint.records):
         rest = joint.records[:k] + joint.records[k + 1 :]
-        mended = replace(problem, effects=base.fit.effects)
-        parts.append(judged(left_out, left_out, rest, believed, mended))
+        updated = replace(problem, effects=base.fit.effects)
+        parts.append(judged(left_out, left_out, rest, assumed, updated))
     r0, r1, m = (np.concatenate(x) for x in zip(*parts))
     return divergence(r0, r1, m, "each recording in turn")

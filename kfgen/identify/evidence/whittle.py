@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, filtered, sampled_spectrum
-from kfgen.effects.samples.filtered_spectrum import STOP
+from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE
 from kfgen.identify.evidence.peaks import SpectralPeak, split_edges
 
 Array = NDArray[np.float64]
@@ -191,7 +191,7 @@ class Ordinates:
     def density(self, effects: Sequence[Effect]) -> Array:
         """``S`` [U^2] of the differences under the random effects, shape (m,): where a filter stops, as it is."""
         S = self._shapes.total(effects)
-        stopped = self._shapes.factor(effects) < STOP
+        stopped = self._shapes.factor(effects) < MIN_PASSED_POWER_SHARE
         return np.where(stopped, self.gram[:, 0, 0] / self.count, S) if np.any(stopped) else S
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:

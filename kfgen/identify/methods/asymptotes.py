@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, make
-from kfgen.effects.process.stochastic import FLICKER_FLOOR
+from kfgen.effects.process.stochastic import FLICKER_FLOOR_OVER_B
 from kfgen.identify.evidence.allan import AllanCurve
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.estimate import Estimate
@@ -85,7 +85,7 @@ class AsymptoteReading:
         """Whether the floor lies above what N and K alone give; without a rise it must be level for long."""
         if self.K is None and self.flat < FLAT:
             return False
-        return self.B.size * FLICKER_FLOOR > self.crossing * (1.0 + BY_CHANCE * self.B.deviation)
+        return self.B.size * FLICKER_FLOOR_OVER_B > self.crossing * (1.0 + BY_CHANCE * self.B.deviation)
 
 
 def read_asymptotes(curve: AllanCurve) -> AsymptoteReading:
@@ -103,7 +103,9 @@ def read_asymptotes(curve: AllanCurve) -> AsymptoteReading:
     K = _asymptote(curve, make("rate_random_walk", K=1.0), (np.abs(slope - 0.5) < NEAR) & (at > lowest))
     tau = float(curve.tau[lowest])
     B = Asymptote(
-        float(curve.deviation[lowest]) / FLICKER_FLOOR, float(np.sqrt(0.5 / curve.edf[lowest])), (tau, tau)
+        float(curve.deviation[lowest]) / FLICKER_FLOOR_OVER_B,
+        float(np.sqrt(0.5 / curve.edf[lowest])),
+        (tau, tau),
     )
     flat = int(np.sum(known & (np.abs(slope) < LEVEL)))
     return AsymptoteReading(N, B, K, _crossing(curve, N, K), flat)

@@ -1,6 +1,6 @@
-"""CSV: one header row ``name [unit]``, or a foreign file whose columns the user maps.
+"""Reads and writes CSV logs: a header row ``name [unit],...``, or foreign columns that the user maps.
 
-Lines before the header (comments, settings) are passed over: the header is the last
+Lines before the header (comments, settings) are skipped: the header is the last
 line before the first row that is all numbers, when it has as many cells.
 """
 
@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
-from kfgen.log.readers.table import LogTable, TableColumn, stated_rate
+from kfgen.log.readers.table import LogTable, TableColumn, stated_rate, stated_samples
 
 SUFFIXES = (".csv", ".txt", ".tsv")
 
 _HEADER = re.compile(r"^\s*(.*?)\s*(?:\[([^\]]*)\])?\s*$")
-_SEARCH = 200
+_MAX_HEADER_LINES = 200
 
 
 def read(path: Path) -> LogTable:
@@ -41,17 +41,22 @@ def read(path: Path) -> LogTable:
     columns = {
         name: TableColumn(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
     }
-    return LogTable(str(path), columns, rate, warnings, stated)
+    return LogTable(str(path), columns, rate, warnings, stated, stated_samples(lines[:first]))
 
 
 def write(log: Log, path: str | Path) -> None:
-    """Write a log as CSV in the users' units, whole or not at all."""
+    """Write a log as CSV in the users' units, whole or not at all.
+
+    Parameters
+    ----------
+    log : Log
+    path : path-like
+    """
     columns, names = [np.asarray(log.t)], ["t [s]"]
     digits = ["%.17g"]
     for name, channel in log.channels.items():
         digits.append("%.10g")
-        unit = parse_unit(channel.unit)
-        columns.append((channel.values - unit.offset) / unit.factor)
+        columns.append(from_si(channel.values, channel.unit))
         names.append(f"{name} [{channel.unit}]")
     with write_whole(path) as temporary:
         np.savetxt(
@@ -59,7 +64,7 @@ def write(log: Log, path: str | Path) -> None:
             np.column_stack(columns),
             fmt=digits,
             delimiter=",",
-            header=",".join(names),
+            header=(f"# samples: {log.samples}\n" if log.samples else "") + ",".join(names),
             comments="",
         )
 
@@ -80,7 +85,7 @@ def _is_number(cell: str) -> bool:
 
 def _first_row(path: Path, lines: list[str]) -> tuple[str, int]:
     """The separator, and the index of the first line of numbers and empty cells."""
-    for index, line in enumerate(lines[:_SEARCH]):
+    for index, line in enumerate(lines[:_MAX_HEADER_LINES]):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         for separator in (",", ";", "\t", ""):
@@ -93,13 +98,13 @@ def _first_row(path: Path, lines: list[str]) -> tuple[str, int]:
 
 def _no_row(path: Path, lines: list[str]) -> None:
     """Say why no line is all numbers: mostly a bad cell right in the first one."""
-    for index, line in enumerate(lines[:_SEARCH]):
+    for index, line in enumerate(lines[:_MAX_HEADER_LINES]):
         for k, cell in enumerate(_cells(line, ",")):
             if cell and not _is_number(cell) and any(_is_number(c) for c in _cells(line, ",")) and index:
                 raise InputError(
                     f"'{cell}' is not a number",
                     where=f"{path}: line {index + 1}, column {k + 1}",
-                    remedy="Mend or remove that line",
+                    remedy="Correct or remove that line",
                 )
     raise InputError(
         "no line of it is all numbers",
@@ -122,7 +127,7 @@ def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[l
             raise InputError(
                 f"'{cells[bad]}' is not a number",
                 where=f"{path}: line {index + 1}, column {bad + 1}",
-                remedy="Mend or remove that line",
+                remedy="Correct or remove that line",
             )
         if len(cells) == width:
             return _names(path, index, cells)
@@ -177,12 +182,12 @@ def _explain(path: Path, rows: list[str], first: int, separator: str, names: lis
             raise InputError(
                 f"has {len(cells)} cells instead of {len(names)}",
                 where=f"{path}: line {number}",
-                remedy="Mend or remove that line",
+                remedy="Correct or remove that line",
             )
         for k, cell in enumerate(cells):
             if (cell and not _is_number(cell)) or (not cell and names[k] == "t"):
                 raise InputError(
                     f"'{cell}' is not a number" if cell else "an empty cell",
                     where=f"{path}: line {number}, column {k + 1} ({names[k]})",
-                    remedy="Mend or remove that line",
+                    remedy="Correct or remove that line",
                 )

@@ -1,4 +1,4 @@
-"""NPY: one array of numpy, mapped from the file and not read into memory.
+"""Reads NPY logs: one array of numpy, mapped from the file and not read into memory.
 
 A row of samples is the column ``#1``; of two dimensions, each column is a channel: ``#1``, ``#2``. The format
 knows neither names nor units nor time, so the user says them: ``--columns "gyro_x=#1 [deg/s]" --rate 100``.

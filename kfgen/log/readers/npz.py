@@ -1,4 +1,4 @@
-"""NPZ: kfgen's own logs, and foreign archives of arrays.
+"""Reads and writes NPZ logs: kfgen's own, and archives of arrays of other programs.
 
 A foreign archive may hold triads under their usual names (``gyr``, ``acc``, ``mag``), a
 reference attitude ``quat``, a rate ``fs`` and a text ``meta`` that states units. Other
@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
 from kfgen.log.readers.table import LogTable, TableColumn, stated_rate
 
 SUFFIXES = (".npz",)
 
-_USUAL = {
+_USUAL_NAMES = {
     "gyr": ("gyro", "rad/s"),
     "gyro": ("gyro", "rad/s"),
     "acc": ("accel", "m/s^2"),
@@ -34,7 +34,7 @@ _USUAL = {
     "quat": ("ref_q", ""),
     "movement": ("movement", ""),
 }
-_SUFFIX = {3: "xyz", 4: "wxyz"}
+_AXIS_SUFFIXES = {3: "xyz", 4: "wxyz"}
 # ENU axes seen from NED: a half turn about the bisector of north and east.
 _Q_NED_ENU = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
 
@@ -68,9 +68,8 @@ def read(path: Path) -> LogTable:
     try:
         units = _own_units(arrays)
         if units is not None:
-            return LogTable(
-                str(path), {k: TableColumn(np.asarray(arrays[k], float), u) for k, u in units.items()}
-            )
+            columns = {k: TableColumn(np.asarray(arrays[k], float), u) for k, u in units.items()}
+            return LogTable(str(path), columns, samples=str(arrays.get("kfgen_samples", "")))
     except (ValueError, TypeError, AttributeError):
         raise InputError(
             "its units or arrays are garbled", where=str(path), remedy="Write the log again"
@@ -79,23 +78,25 @@ def read(path: Path) -> LogTable:
 
 
 def write(log: Log, path: str | Path) -> None:
-    """Write a log as kfgen's own NPZ, whole or not at all."""
+    """Write a log as kfgen's own NPZ, whole or not at all.
+
+    Parameters
+    ----------
+    log : Log
+    path : path-like
+    """
     units = {"t": "s", **{name: c.unit for name, c in log.channels.items()}}
     arrays: dict[str, NDArray[np.generic]] = {
-        name: np.asarray(from_si_array(c.values, c.unit)) for name, c in log.channels.items()
+        name: np.asarray(from_si(c.values, c.unit)) for name, c in log.channels.items()
     }
     arrays["t"] = np.asarray(log.t)
     arrays["kfgen_units"] = np.array(json.dumps(units))
+    if log.samples:
+        arrays["kfgen_samples"] = np.array(log.samples)
     with write_whole(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
-
-
-def from_si_array(values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
-    """`values` [SI] in `unit`, any shape."""
-    parsed = parse_unit(unit)
-    return np.asarray((values - parsed.offset) / parsed.factor)
 
 
 def _own_units(arrays: dict[str, NDArray[np.generic]]) -> dict[str, str] | None:
@@ -121,7 +122,7 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> LogTable:
         if array.ndim not in (1, 2) or array.shape[0] != n or array.dtype.kind not in "fiub":
             continue
         columns.update(_columns(name, np.asarray(array, float), text))
-    if any(name not in _USUAL for name in arrays) and any(c.unit is not None for c in columns.values()):
+    if any(name not in _USUAL_NAMES for name in arrays) and any(c.unit is not None for c in columns.values()):
         columns = {k: c for k, c in columns.items() if c.unit is not None or k == "t"}
     fs = arrays.get("fs")
     if fs is None or fs.ndim:
@@ -143,7 +144,7 @@ def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
 
 
 def _columns(name: str, values: NDArray[np.float64], text: str) -> dict[str, TableColumn]:
-    channel, unit = _USUAL.get(name, (name, None))
+    channel, unit = _USUAL_NAMES.get(name, (name, None))
     if unit:
         stated = re.search(rf"\b{name}(?:\[[^\]]*\])?\s+([A-Za-z][\w/^]*)", text)
         unit = stated.group(1) if stated else unit
@@ -151,7 +152,7 @@ def _columns(name: str, values: NDArray[np.float64], text: str) -> dict[str, Tab
         return {channel: TableColumn(values, unit)}
     if channel == "ref_q" and "ENU" in text:
         values = _hamilton(_Q_NED_ENU, values)
-    axes = _SUFFIX.get(values.shape[1], "0123456789")
+    axes = _AXIS_SUFFIXES.get(values.shape[1], "0123456789")
     return {f"{channel}_{axes[k]}": TableColumn(values[:, k], unit) for k in range(min(values.shape[1], 10))}
 
 

@@ -1,4 +1,4 @@
-"""`LogTable`: columns as a file has them; `ColumnMap`: what the user says they are."""
+"""From a file's columns to a `Log`: `LogTable`, what a reader found; `ColumnMap`, what the user says the columns are."""
 
 from __future__ import annotations
 
@@ -14,17 +14,26 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
-from kfgen.log.log import CONTRADICTION, Channel, Log, StoredChannel, StoredLog
+from kfgen.log.log import RATE_RELATIVE_TOLERANCE, Channel, Log, StoredChannel, StoredLog
 
-CHUNK = 1 << 20
+CHUNK_SAMPLES = 1 << 20
 """Samples in a slice of a mapped file."""
 _SETTING = re.compile(r"\s*#?\s*(Fs|Logging time)\s*[,;=:]\s*([0-9.]+)", re.I)
+_SAMPLES = re.compile(r"\s*#\s*samples\s*[,;=:]\s*(after|before|at)\s*$", re.I)
 _ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s*$")
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """Values as stored, and the unit that the file states (None where it states none)."""
+    """A column as a file has it.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        As stored.
+    unit : str, optional
+        The unit that the file states; None where it states none.
+    """
 
     values: NDArray[np.float64]
     unit: str | None = None
@@ -32,13 +41,27 @@ class TableColumn:
 
 @dataclass(frozen=True)
 class LogTable:
-    """What a reader found: columns by the file's own names, a rate where it states one."""
+    """What a reader found in a file.
+
+    Parameters
+    ----------
+    source : str
+        The file's name, for messages.
+    columns : mapping of str to TableColumn
+        By the file's own names, or ``#1``, ``#2`` where it has none.
+    rate : float, optional
+        Sampling rate that the file states [Hz].
+    warnings : tuple of str
+    stated : float
+        Duration that the file states [s]; zero where it states none.
+    """
 
     source: str
     columns: Mapping[str, TableColumn]
     rate: float | None = None
     warnings: tuple[str, ...] = field(default=())
     stated: float = 0.0
+    samples: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,19 +101,28 @@ class ColumnMap:
 
 
 def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, float, tuple[str, ...]]:
-    """The rate [Hz] of header lines like ``Fs,50``, the ``Logging time,3600`` [s], a warning where they disagree.
+    """The rate [Hz] of header lines like ``Fs,50``, the ``Logging time,3600`` [s], a warning where they contradict.
 
     Parameters
     ----------
     lines : sequence of str
+        The header.
     n : int
         Samples in the file.
+
+    Returns
+    -------
+    rate : float or None
+        Sampling rate [Hz].
+    duration : float
+        Stated duration [s]; zero where none is stated.
+    warnings : tuple of str
     """
     found = {m.group(1).lower(): float(m.group(2)) for line in lines if (m := _SETTING.match(line))}
     rate, duration = found.get("fs"), found.get("logging time", 0.0)
     if rate is None or not 0.0 < rate < float("inf"):
         return None, 0.0, ()
-    if duration > 0.0 and abs(n / rate / duration - 1.0) > CONTRADICTION:
+    if duration > 0.0 and abs(n / rate / duration - 1.0) > RATE_RELATIVE_TOLERANCE:
         words = (
             f"the header says {rate:g} Hz, but {n} samples in {duration:g} s are {n / duration:.4g} Hz; "
             "give --rate to say which holds"
@@ -99,8 +131,28 @@ def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, float, tupl
     return rate, duration, ()
 
 
+def stated_samples(lines: Sequence[str]) -> str:
+    """What the samples stand for by a header line like ``# samples: after``; empty where there is none."""
+    return next((m.group(1).lower() for line in lines if (m := _SAMPLES.match(line))), "")
+
+
 def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha256: str) -> Log:
     """A `Log` from a `LogTable`: names mapped, units converted, time found.
+
+    Parameters
+    ----------
+    table : LogTable
+    columns : ColumnMap or None
+        Which column is which channel; None takes every column by its own name.
+    rate : float or None
+        Sampling rate [Hz] that replaces the time and the rate of the file.
+    sha256 : str
+        Hash of the file.
+
+    Returns
+    -------
+    Log
+        A column ``tau`` without ``t`` makes it a published Allan deviation.
 
     Raises
     ------
@@ -136,11 +188,25 @@ def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha
             )
         return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
-    return Log(t, channels, table.source, sha256, warnings, stated=stated)
+    return Log(t, channels, table.source, sha256, warnings, stated=stated, samples=table.samples)
 
 
 def stored(table: LogTable, columns: ColumnMap | None, rate: float | None, sha256: str) -> StoredLog:
     """A `StoredLog` from a `LogTable` whose columns are mapped files.
+
+    Parameters
+    ----------
+    table : LogTable
+    columns : ColumnMap or None
+        Which column is which channel; None takes every column by its own name.
+    rate : float or None
+        Sampling rate [Hz]; None takes that of the file.
+    sha256 : str
+        Hash of the file.
+
+    Returns
+    -------
+    StoredLog
 
     Raises
     ------
@@ -162,7 +228,7 @@ def stored(table: LogTable, columns: ColumnMap | None, rate: float | None, sha25
     return StoredLog(1.0 / rate, channels, table.source, sha256, table.warnings)
 
 
-def chunks(values: NDArray[Any], size: int = CHUNK) -> Iterator[NDArray[Any]]:
+def chunks(values: NDArray[Any], size: int = CHUNK_SAMPLES) -> Iterator[NDArray[Any]]:
     """Slices of a row, one after the other; what was read of a mapped file is given back to the system.
 
     Without that, the whole file would in the end count as memory of this process.
@@ -173,6 +239,10 @@ def chunks(values: NDArray[Any], size: int = CHUNK) -> Iterator[NDArray[Any]]:
         An array, or a column of a mapped file.
     size : int
         Samples in a slice. Use a slice before the next one is taken.
+
+    Returns
+    -------
+    iterator of ndarray
     """
     mapped: Any = values
     while isinstance(mapped, np.ndarray):

@@ -16,7 +16,8 @@ from typing import Any, ClassVar
 import sympy as sp
 
 from kfgen.model.option import NOTHING, Option, Quantity, YesNo
-from kfgen.model.parts.motion import LEFT_OUT, NED, Constant
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import LEFT_OUT, NED
 from kfgen.model.parts.sensor import Sensor, Views, triad
 from kfgen.model.symbols.blocks import Vector
 
@@ -29,13 +30,20 @@ class Barometer(Sensor):
     unit = "m"
     channels = ("baro",)
     sd = 0.3
+    usual_rate = 20.0
     needs = ("height",)
     biases = True
     bias_prior = 10.0
 
+    rate_needs = ("v", "level")
+
     def predict(self, x: Views) -> sp.Matrix:
         """The height."""
         return x["height"]
+
+    def rate(self, x: Views) -> sp.Matrix:
+        """The velocity upwards."""
+        return sp.Matrix([-(x["level"] * x["v"])[2]])
 
 
 class ZeroVelocity(Sensor):
@@ -139,8 +147,15 @@ class Airspeed(Sensor):
     def predict(self, x: Views) -> sp.Matrix:
         """The length of velocity less wind; at least a little, where its slope would have no meaning."""
         away = x["level"] * x["v"] - sp.Matrix([*x["w"], 0])
-        return sp.Matrix([sp.sqrt(away.dot(away) + LEAST_SPEED**2)])
+        return sp.Matrix([sp.sqrt(away.dot(away) + LEAST_SPEED_M_PER_S**2)])
+
+    rate_needs = ("v", "level", "acceleration")
+
+    def rate(self, x: Views) -> sp.Matrix:
+        """The acceleration along the airspeed."""
+        away = x["level"] * x["v"] - sp.Matrix([*x["w"], 0])
+        return sp.Matrix([away.dot(x["level"] * x["acceleration"]) / self.predict(x)[0]])
 
 
-LEAST_SPEED = 0.1
-"""[m/s]"""
+LEAST_SPEED_M_PER_S = 0.1
+"""Airspeed at least: below, its slope would have no meaning."""

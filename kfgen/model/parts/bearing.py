@@ -16,7 +16,8 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 from kfgen.model.option import NOTHING, Option, Quantity
-from kfgen.model.parts.motion import NED, Constant
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import NED
 from kfgen.model.parts.sensor import Sensor, Views
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import sympy as sp
 
 from kfgen.model.option import Option, YesNo
+from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.earth import EARTH_RATE, geodetic, gravity_e, place
 from kfgen.model.parts.motion import (
     COMMON,
@@ -20,7 +21,6 @@ from kfgen.model.parts.motion import (
     LATITUDE,
     LONGITUDE,
     NORMAL,
-    Constant,
     Inertial,
     Strapdown,
     Views,

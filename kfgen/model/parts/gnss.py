@@ -1,7 +1,8 @@
 """GNSS: the antenna away from the IMU by a lever arm, its solution late by a delay.
 
-The antenna is at ``p + R_nb l``; what arrives was valid a delay ``td`` ago, taken back by first order along the
-motion: ``p_a(t - td) = p_a - td v_a``, ``v_a(t - td) = v_a - td a_a``.
+Both are effects (`kfgen.effects.inertial`), attached by the options ``lever_arm`` and ``delay`` or by a file: the antenna is
+at ``p + R_nb l``, and what arrives was valid a delay ``td`` ago, taken back by first order along the motion,
+``p_a(t - td) = p_a - td v_a``, ``v_a(t - td) = v_a - td a_a``.
 
 References
 ----------
@@ -16,64 +17,42 @@ from typing import Any
 
 import sympy as sp
 
+from kfgen.effects import make
+from kfgen.effects.filter_role import AntennaOffset, ReadingLag, Use
 from kfgen.model.option import NOTHING, Option, OrState, Quantity
-from kfgen.model.parts.motion import NED, Constant
+from kfgen.model.parts.attached_error import attached, unknown_state
+from kfgen.model.parts.motion import NED
 from kfgen.model.parts.sensor import Sensor, Views, triad, unknown
-from kfgen.model.symbols.blocks import Vector
 
 LEVER_ARM = Option(
     "lever_arm", "from IMU to antenna in body axes: known, or states", OrState(Quantity("m", 3)), "0 0 0 m"
 )
 DELAY = Option("delay", "age of the GNSS solution: known, or a state", OrState(Quantity("s")), "0 s")
+ARM_SD_M = 1.0
+"""Standard deviation of an unknown lever arm before the log [m]."""
+DELAY_SD_S = 0.2
+"""Standard deviation of an unknown age of a solution before the log [s]."""
 
 
 class Antenna(Sensor):
-    """What GNSS sensors share: the point of the antenna, and when."""
+    """What GNSS sensors share: where the antenna is, and how old its solution."""
 
     options = (LEVER_ARM, DELAY)
+    usual_rate = 5.0
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
         super().__init__(chosen, axes)
-        arm, delay = self.chosen["lever_arm"], self.chosen["delay"]
-        blocks, constants = [], []
-        self.offset = unknown("lever_arm", self) or any(arm)
-        self.late = unknown("delay", self) or delay != 0.0
-        if unknown("lever_arm", self):
-            blocks.append(Vector("l", ("x", "y", "z"), "m", "GNSS lever arm", 1.0))
-        elif self.offset:
-            constants += [
-                Constant(f"l_{a}", "m", v, f"GNSS lever arm, {a}") for a, v in zip("xyz", arm, strict=True)
-            ]
-        if unknown("delay", self):
-            blocks.append(Vector("td", ("",), "s", "GNSS delay", 0.2))
-        elif self.late:
-            constants.append(Constant("td", "s", delay, "GNSS delay"))
-        self.blocks, self.constants = tuple(blocks), tuple(constants)
-
-    def arm(self, x: Views) -> sp.Matrix:
-        """The lever arm in body axes [m], shape (3, 1)."""
-        if unknown("lever_arm", self):
-            return x["l"]
-        return sp.Matrix([c.symbol for c in self.constants[:3]])
-
-    def delay(self, x: Views) -> sp.Expr:
-        """The age [s]."""
-        return x["td"][0] if unknown("delay", self) else self.constants[-1].symbol
-
-    def position(self, x: Views) -> sp.Matrix:
-        """Of the antenna now, shape (3, 1) [m]."""
-        return x["p"] + x["phi"] * self.arm(x) if self.offset else x["p"]
-
-    def velocity(self, x: Views) -> sp.Matrix:
-        """Of the antenna now, shape (3, 1) [m/s]."""
-        return x["v"] + x["phi"] * x["omega"].cross(self.arm(x)) if self.offset else x["v"]
-
-    def acceleration(self, x: Views) -> sp.Matrix:
-        """Of the antenna now at a steady rate of turn, shape (3, 1) [m/s^2]."""
-        if not self.offset:
-            return x["acceleration"]
-        inward = x["omega"].cross(x["omega"].cross(self.arm(x)))
-        return x["acceleration"] + x["phi"] * inward
+        found, arm, delay = [], self.chosen["lever_arm"], self.chosen["delay"]
+        free_arm, free_delay = unknown("lever_arm", self), unknown("delay", self)
+        if free_arm or any(arm):
+            effect = make("lever_arm", **dict(zip("xyz", (0.0, 0.0, 0.0) if free_arm else arm)))
+            use = unknown_state(ARM_SD_M, "xyz") if free_arm else Use()
+            found.append(attached("gnss", effect, "m", use, "xyz", AntennaOffset()))
+        if free_delay or delay != 0.0:
+            effect = make("time_delay", delay=0.0 if free_delay else delay)
+            use = unknown_state(DELAY_SD_S, ("delay",)) if free_delay else Use()
+            found.append(attached("gnss", effect, "s", use, ("delay",), ReadingLag()))
+        self.errors = tuple(found)
 
 
 class GnssPosition(Antenna):
@@ -84,22 +63,22 @@ class GnssPosition(Antenna):
     unit = "m"
     sd = 1.5
     shows = "p"
+    needs = ("p",)
+    rate_needs = ("v",)
+    arm_order = 0
 
     @property
     def channels(self) -> tuple[str, ...]:  # type: ignore[override]
         """By navigation axes."""
         return triad("gnss_p", self.axes)
 
-    @property
-    def needs(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Position; attitude with a lever arm, velocity with a delay."""
-        turned = ("phi", *(("omega",) if self.late else ())) if self.offset else ()
-        return ("p", *turned, *(("v",) if self.late else ()))
-
     def predict(self, x: Views) -> sp.Matrix:
-        """``p_a - td v_a``."""
-        p = self.position(x)
-        return p - self.velocity(x) * self.delay(x) if self.late else p
+        """The position."""
+        return x["p"]
+
+    def rate(self, x: Views) -> sp.Matrix:
+        """The velocity."""
+        return x["v"]
 
 
 class GnssVelocity(Antenna):
@@ -110,19 +89,19 @@ class GnssVelocity(Antenna):
     unit = "m/s"
     sd = 0.1
     shows = "v"
+    needs = ("v",)
+    rate_needs = ("acceleration",)
+    arm_order = 1
 
     @property
     def channels(self) -> tuple[str, ...]:  # type: ignore[override]
         """By navigation axes."""
         return triad("gnss_v", self.axes)
 
-    @property
-    def needs(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Velocity; attitude and rate with a lever arm, acceleration with a delay."""
-        more = (("phi", "omega") if self.offset else ()) + (("acceleration",) if self.late else ())
-        return ("v", *more)
-
     def predict(self, x: Views) -> sp.Matrix:
-        """``v_a - td a_a``."""
-        v = self.velocity(x)
-        return v - self.acceleration(x) * self.delay(x) if self.late else v
+        """The velocity."""
+        return x["v"]
+
+    def rate(self, x: Views) -> sp.Matrix:
+        """The acceleration."""
+        return x["acceleration"]

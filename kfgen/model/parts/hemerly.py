@@ -41,7 +41,7 @@ class Augmented(MotionModel):
 
     blocks = tuple(
         Vector(n, ("",), u, t, p, (v,))
-        for n, u, t, p, v in zip(state_space.NAMES, UNITS, TITLES, PRIORS, USUAL)
+        for n, u, t, p, v in zip(state_space.STATE_NAMES, UNITS, TITLES, PRIORS, USUAL)
     )
     inputs = (DRIVER,)
 
@@ -57,7 +57,7 @@ class AugmentedOutput(AtRest):
     """One sensor axis at rest, seen through the augmented state, eq. (20)."""
 
     title = "one axis at rest, its noise in states"
-    needs = state_space.NAMES
+    needs = state_space.STATE_NAMES
 
     def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
         """The output."""

@@ -13,13 +13,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import sympy as sp
 
 from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.model.option import NOTHING, Choice, Configured, Option, Quantity, YesNo
+from kfgen.model.parts.attached_error import AttachedError
 from kfgen.model.parts.bounded_velocity import ACCELERATION, BOUNDED, SPEED, SPEED_TIME, BoundedVelocity
+from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.earth import EARTH_RATE, normal_gravity, radii
 from kfgen.model.parts.intrinsics import (
     FULL,
@@ -27,7 +29,7 @@ from kfgen.model.parts.intrinsics import (
     INTRINSICS_SD,
     MISALIGNMENT,
     SCALE_FACTORS,
-    Intrinsics,
+    intrinsic_errors,
 )
 from kfgen.model.register import DelayLine
 from kfgen.model.symbols.blocks import Attitude, Block, Vector
@@ -36,21 +38,6 @@ from kfgen.model.symbols.convention import Phi, conventions
 NED = ("N", "E", "D")
 
 Views = Mapping[str, sp.Matrix]
-
-
-@dataclass(frozen=True)
-class Constant:
-    """A number of the model that firmware may set: name, SI unit, default, meaning."""
-
-    name: str
-    unit: str
-    value: float
-    title: str
-
-    @property
-    def symbol(self) -> sp.Symbol:
-        """Its symbol."""
-        return sp.Symbol(self.name, real=True)
 
 
 @dataclass(frozen=True)
@@ -133,6 +120,8 @@ class MotionModel(Configured):
         Of the navigation frame.
     late : tuple of DelayLine
         Inputs that act late.
+    is_plant : bool
+        Whether it is a model file's, which carries effects inside its equations.
     """
 
     blocks: tuple[Block, ...] = ()
@@ -140,6 +129,7 @@ class MotionModel(Configured):
     late: tuple[DelayLine, ...] = ()
     constants: tuple[Constant, ...] = ()
     axes: tuple[str, ...] = NED
+    is_plant: ClassVar[bool] = False
 
     def rates(self, x: Views, u: Views) -> dict[str, sp.Matrix]:
         """Time derivative of each block that moves; of an attitude, the body rate ``omega_nb_b`` [rad/s].
@@ -153,9 +143,14 @@ class MotionModel(Configured):
         """
         return {}
 
-    def true_inputs(self, x: Views, shown: Views) -> Views:
-        """The true triads from what they show beyond biases and noise; `x` by block name."""
-        return shown
+    @property
+    def errors(self) -> tuple[AttachedError, ...]:
+        """Effects that its options attach to its inputs."""
+        return ()
+
+    def force_at_rest(self, down: sp.Matrix) -> sp.Matrix:
+        """Specific force of a body that is not accelerated, in body axes [m/s^2], shape (3, 1); `down` in the same axes."""
+        return -GRAVITY.symbol * down
 
     def turning(self, x: Views, change: sp.Matrix) -> sp.Matrix:
         """The rotation [rad] of the navigation frame over a small change of ``p``, shape (3, 1)."""
@@ -212,7 +207,6 @@ class Rotating(MotionModel):
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING) -> None:
         super().__init__(chosen)
-        self.intrinsics = Intrinsics(self.chosen, ("gyro",))
         convention = conventions()[self.chosen["attitude_error"]]
         chosen = self.chosen
         self.moved = (
@@ -221,13 +215,14 @@ class Rotating(MotionModel):
             else None
         )
         moving = self.moved.blocks if self.moved else ()
-        self.blocks = (Attitude(convention=convention), *moving, *self.intrinsics.blocks)
+        self.blocks = (Attitude(convention=convention), *moving)
         known = chosen["scale_factors"] and chosen["misalignment"] == FULL
         self.inputs = (replace(GYRO, left_out=1e-3 if chosen["left_out"] and not known else 0.0),)
 
-    def true_inputs(self, x: Views, shown: Views) -> Views:
-        """Without scale factors and misalignments."""
-        return self.intrinsics.true_inputs(x, shown)
+    @property
+    def errors(self) -> tuple[AttachedError, ...]:
+        """Scale factors and misalignments of the gyros."""
+        return intrinsic_errors(self.chosen, {GYRO.name: GYRO.unit})
 
     def rates(self, x: Views, u: Views) -> dict[str, sp.Matrix]:
         """The body rate is the gyros'; the velocity's as of `BoundedVelocity`."""
@@ -242,17 +237,16 @@ class Inertial(MotionModel):
     def __init__(self, chosen: Mapping[str, Any] = NOTHING) -> None:
         super().__init__(chosen)
         convention = conventions()[self.chosen["attitude_error"]]
-        self.intrinsics = Intrinsics(self.chosen)
-        moving: tuple[Block, ...] = (
+        self.blocks = (
             Vector("p", self.axes, "m", "position", 10.0),
             Vector("v", self.axes, "m/s", "velocity", 1.0),
             Attitude(convention=convention, frame=self.axes),
         )
-        self.blocks = (*moving, *self.intrinsics.blocks)
 
-    def true_inputs(self, x: Views, shown: Views) -> Views:
-        """Without scale factors, misalignments and g-sensitivity."""
-        return self.intrinsics.true_inputs(x, shown)
+    @property
+    def errors(self) -> tuple[AttachedError, ...]:
+        """Scale factors, misalignments and g-sensitivity."""
+        return intrinsic_errors(self.chosen, {GYRO.name: GYRO.unit, ACCEL.name: ACCEL.unit})
 
 
 class Strapdown(Inertial):

@@ -10,7 +10,9 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.model.option import NOTHING, STATE, Configured
-from kfgen.model.parts.motion import LEFT_OUT, NED, Constant
+from kfgen.model.parts.attached_error import AttachedError
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import LEFT_OUT, NED
 from kfgen.model.register import BacklashOperator
 from kfgen.model.symbols.blocks import Vector
 
@@ -40,6 +42,8 @@ class Sensor(Configured):
         What the model leaves out (a body that accelerates, a field that bends), as a density
         [SI/sqrt(Hz)]: it is slow against the samples, so it must not be averaged away faster at a
         higher rate. The filter adds it, the simulation does not.
+    usual_rate : float
+        At which such sensors sample [Hz]; zero for that of the inputs.
     needs : tuple of str
         State blocks and what a motion offers, that it looks at.
     blocks : tuple of Vector
@@ -52,8 +56,14 @@ class Sensor(Configured):
         The block whose first value is its first sample, where there is one.
     at_rest : str
         The level axis along which the triad points when nothing moves: ``up``, ``north``, or none.
-    play : Play, optional
+    play : BacklashOperator, optional
         Between what `predict` says and its one channel.
+    errors : tuple of AttachedError
+        Effects that its options attach to its channels.
+    rate_needs : tuple of str
+        What `rate` looks at; it can be asked for a rate where there is any.
+    arm_order : int
+        Which derivative of a place it measures: 0 a position, 1 a velocity; -1 neither.
     """
 
     name: ClassVar[str] = ""
@@ -62,6 +72,7 @@ class Sensor(Configured):
     channels: tuple[str, ...] = ()
     sd: float = 0.0
     left_out: float = 0.0
+    usual_rate: float = 0.0
     needs: tuple[str, ...] = ()
     constants: tuple[Constant, ...] = ()
     blocks: tuple[Vector, ...] = ()
@@ -71,6 +82,9 @@ class Sensor(Configured):
     shows: str = ""
     at_rest: str = ""
     play: BacklashOperator | None = None
+    errors: tuple[AttachedError, ...] = ()
+    rate_needs: tuple[str, ...] = ()
+    arm_order: int = -1
     axes: tuple[str, ...] = NED
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
@@ -81,6 +95,10 @@ class Sensor(Configured):
 
     def predict(self, x: Views) -> sp.Matrix:
         """The expected measurement, shape (m, 1), from the blocks (``R_nb`` for an attitude) and offers."""
+        raise NotImplementedError
+
+    def rate(self, x: Views) -> sp.Matrix:
+        """The time derivative of what `predict` says, shape (m, 1), where `rate_needs` says that there is one."""
         raise NotImplementedError
 
     def plausible(self, z: Array, known: Mapping[str, float]) -> NDArray[np.bool_]:

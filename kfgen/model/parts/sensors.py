@@ -5,20 +5,24 @@ To add a sensor, write one class in this file, or in a file that this one import
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from kfgen.effects import make
+from kfgen.effects.filter_role import ReadingLag, Use
 from kfgen.model.option import NOTHING, STATE, Choice, Option, OrState, Quantity, YesNo
 from kfgen.model.parts.aiding import Airspeed, Barometer, NonHolonomic, Odometer, ZeroVelocity
+from kfgen.model.parts.attached_error import AttachedError, attached, unknown_state
 from kfgen.model.parts.bearing import BeaconRange, Heading, LandmarkBearing
 from kfgen.model.parts.bounded_velocity import ACCELERATION, BOUNDED
+from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.gnss import GnssPosition, GnssVelocity
-from kfgen.model.parts.motion import GRAVITY, LEFT_OUT, NED, Constant
+from kfgen.model.parts.motion import GRAVITY, LEFT_OUT, NED
 from kfgen.model.parts.sensor import Array, Sensor, Views, triad, unknown
 from kfgen.model.symbols.blocks import Vector
 
@@ -79,24 +83,28 @@ class GravityDirection(Sensor):
 
 FIELD_PRIOR = 1e-5
 """How well the components of the field are known before a log [T]."""
-A_SAMPLE = 0.01
+A_SAMPLE_S = 0.01
 """How old a sample may be [s]: magnetometers convert some hundred times a second and are read between."""
+SOFT_IRON_SD = 0.1
+"""Standard deviation of the entries of soft iron before a log."""
+SYMMETRIC = ("xx", "yy", "zz", "xy", "xz", "yz")
+MIRRORED = {"yx": "xy", "zx": "xz", "zy": "yz"}
+"""Entries of a symmetric matrix, and those that equal others."""
 
 
 class MagneticField(Sensor):
-    """A magnetometer triad: ``m_b = (I + S) R_bn m_n + hard iron``, north being magnetic north.
-
-    What arrives was valid a delay ago, taken back by first order: ``m_b(t - tm) = m_b + tm omega x m_b``.
-    """
+    """A magnetometer triad: ``m_b = R_bn m_n``, north being magnetic north; iron and delay are attached effects."""
 
     name = "mag"
     title = "magnetic field vector"
     unit = "T"
     channels = triad("mag")
     sd = 2e-7
+    usual_rate = 50.0
     bias_prior = 2e-5
     needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"
+    rate_needs = ("omega",)
     options = (
         LEFT_OUT,
         Option(
@@ -137,31 +145,36 @@ class MagneticField(Sensor):
         if self.field:
             start = tuple(known.get(a, 0.0) for a in self.field)
             blocks.append(Vector("mag", self.field, "T", "magnetic field", FIELD_PRIOR, start))
+        self.blocks, self.constants = tuple(blocks), () if self.field else FIELD
+        self.errors = tuple(self._attached())
+
+    def _attached(self) -> Iterator[AttachedError]:
+        """Soft iron, symmetric, and the delay, as the options say."""
         if self.chosen["soft_iron"]:
-            blocks.append(Vector("si", ("xx", "yy", "zz", "xy", "xz", "yz"), "1", "soft iron", 0.1))
-        delay = self.chosen["mag_delay"]
-        self.late = unknown("mag_delay", self) or delay != 0.0
-        constants = () if self.field else FIELD
-        if unknown("mag_delay", self):
-            blocks.append(Vector("tm", ("",), "s", "magnetometer delay", A_SAMPLE))
-        elif self.late:
-            constants = (*constants, Constant("tm", "s", delay, "magnetometer delay"))
-        self.blocks, self.constants = tuple(blocks), constants
-        if self.late:
-            self.needs = ("phi", "level", "omega")
+            entries = (*SYMMETRIC, *MIRRORED)
+            iron = attached(
+                "mag", make("soft_iron"), self.unit, unknown_state(SOFT_IRON_SD, entries), entries
+            )
+            yield replace(
+                iron,
+                parameters=tuple(replace(p, axis=MIRRORED.get(p.parameter, p.axis)) for p in iron.parameters),
+            )
+        delay, free = self.chosen["mag_delay"], unknown("mag_delay", self)
+        if free or delay != 0.0:
+            effect = make("time_delay", delay=0.0 if free else delay)
+            use = unknown_state(A_SAMPLE_S, ("delay",)) if free else Use()
+            yield attached("mag", effect, "s", use, ("delay",), ReadingLag())
 
     def predict(self, x: Views) -> sp.Matrix:
         """The field in body axes."""
         part = dict(zip(self.field, x["mag"])) if self.field else {c.name[-1]: c.symbol for c in FIELD}
         m_l = sp.Matrix([part.get(a, 0) for a in NED])
         m_b = x["phi"].T * (x["level"].T * m_l)
-        if self.late:
-            age = x["tm"][0] if unknown("mag_delay", self) else self.constants[-1].symbol
-            m_b = m_b + age * x["omega"].cross(m_b)
-        if not self.chosen["soft_iron"]:
-            return m_b
-        xx, yy, zz, xy, xz, yz = x["si"]
-        return m_b + sp.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) * m_b
+        return m_b
+
+    def rate(self, x: Views) -> sp.Matrix:
+        """``-omega x m_b``: a field that is constant in space."""
+        return -x["omega"].cross(self.predict(x))
 
     def plausible(self, z: Array, known: Mapping[str, float]) -> NDArray[np.bool_]:
         """Those whose magnitude is the field's, within the gate."""

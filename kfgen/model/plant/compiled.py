@@ -13,7 +13,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from kfgen.core.tape import CODES, UNARY
+from kfgen.core.straight_line import UNARY
+from kfgen.core.tape import CODES
 
 if numba.config.DISABLE_JIT:
     raise ImportError("numba is told not to compile: vectors of numpy are faster than loops of Python")
@@ -22,7 +23,8 @@ NEG, SIN, COS, TAN = CODES["neg"], CODES["sin"], CODES["cos"], CODES["tan"]
 ASIN, ACOS, ATAN, EXP = CODES["asin"], CODES["acos"], CODES["atan"], CODES["exp"]
 LOG, SQRT, ABS, SIGN = CODES["log"], CODES["sqrt"], CODES["abs"], CODES["sign"]
 TANH, INV, ADD, MUL = CODES["tanh"], CODES["inv"], CODES["add"], CODES["mul"]
-DIV, POW, ATAN2, MIN = CODES["div"], CODES["pow"], CODES["atan2"], CODES["min"]
+SUB, DIV, POW, ATAN2 = CODES["sub"], CODES["div"], CODES["pow"], CODES["atan2"]
+MIN = CODES["min"]
 FIRST_BINARY = len(UNARY)
 
 
@@ -89,6 +91,9 @@ def _run(operations: Any, first: int, r: Any) -> None:
         elif code == MUL:
             for j in range(columns):
                 r[out, j] = r[a, j] * r[b, j]
+        elif code == SUB:
+            for j in range(columns):
+                r[out, j] = r[a, j] - r[b, j]
         elif code == NEG:
             for j in range(columns):
                 r[out, j] = -r[a, j]
@@ -122,7 +127,31 @@ def integrate(  # noqa: PLR0913, PLR0917
     X0: Any,
     out: Any,
 ) -> None:
-    """The classical Runge-Kutta method; see `kfgen.model.plant.runge_kutta.Steps`."""
+    """The classical Runge-Kutta method; see `kfgen.model.plant.runge_kutta.Steps`.
+
+    Parameters
+    ----------
+    operations : ndarray of int64, shape (m, 3)
+        As of `kfgen.core.tape.Tape`.
+    outputs : ndarray of int64, shape (k,)
+        Registers of the rates of the states.
+    first : int
+        Register of the first operation's result.
+    r : ndarray, shape (registers, batch)
+        Registers, of which constants and what is given are filled in; states and inputs are filled in here.
+    U : ndarray, shape (inputs, n - 1, substeps or 1, 3 or 1, batch or 1)
+        Inputs [SI], as of `Steps`.
+    dt : ndarray, shape (n - 1,)
+        [s]
+    substeps : int
+        Parts of a step.
+    starts : ndarray of int64, shape (segments,)
+        Samples at which the states are set.
+    X0 : ndarray, shape (segments, k, batch)
+        To what they are set [SI].
+    out : ndarray, shape (n, k, batch)
+        The states [SI]; written.
+    """
     n, k, batch = out.shape
     u0, inputs, M, N, B = k, U.shape[0], U.shape[2], U.shape[3], U.shape[4]
     x, total, slope = np.zeros((k, batch)), np.zeros((k, batch)), np.zeros((k, batch))

@@ -22,7 +22,8 @@ from kfgen.effects.noise_model import NoiseModel
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange, PlantEffect, StateTerm
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import Constant, Input, MotionModel
+from kfgen.model.parts.constant import Constant
+from kfgen.model.parts.motion import Input, MotionModel
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.file import model_text, parse_model
 from kfgen.model.plant.user import Measurement, UserModel
@@ -53,6 +54,8 @@ class Equations(MotionModel):
     late : tuple of DelayLine
         As of `MotionModel`.
     """
+
+    is_plant = True
 
     def __init__(
         self,
@@ -108,6 +111,7 @@ class Shown(Sensor):
         value: sp.Expr,
         states: tuple[str, ...],
         play: BacklashOperator | None = None,
+        slope: sp.Expr | None = None,
     ) -> None:
         self.name = channel  # type: ignore[misc]
         self.title = f"measured {channel}"  # type: ignore[misc]
@@ -116,10 +120,17 @@ class Shown(Sensor):
         self.value = value
         self.needs = states
         self.play = play
+        self.slope = slope
+        self.rate_needs = states if slope is not None else ()
 
     def predict(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
         """The measurement's expression."""
         return sp.Matrix([self.value.xreplace({symbol(n): x[n][0] for n in self.needs})])
+
+    def rate(self, x: Mapping[str, sp.Matrix]) -> sp.Matrix:
+        """Its derivative along the dynamics."""
+        slope = sp.Integer(0) if self.slope is None else self.slope
+        return sp.Matrix([slope.xreplace({symbol(n): x[n][0] for n in x if len(x[n]) == 1})])
 
 
 class _Builder:
@@ -207,7 +218,8 @@ class _Builder:
                 value = self.lag(effect, name, m.unit, value)
         names = {b.name for b in self.blocks}
         needs = tuple(sorted(s.name for s in value.free_symbols if s.name in names))
-        return Shown(name, unit, value, needs, play[1] if play else None)
+        slope = sum((value.diff(symbol(n)) * self.derivatives[n] for n in needs), sp.Integer(0))
+        return Shown(name, unit, value, needs, play[1] if play else None, slope)
 
 
 def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
@@ -264,23 +276,23 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
     )
     parts = tuple(builder.blocks), inputs, tuple(builder.constants)
     motion = Equations(user, *parts, builder.derivatives, builder.late)
-    effects = {
-        n: tuple(e for e in m.noise.effects if not isinstance(e, PlantEffect))
+    terms = {
+        n: tuple(t for t in m.noise.terms if not isinstance(t.effect, PlantEffect))
         for n, m in user.measurements.items()
     }
     for channel, given in (noise.channels if noise else {}).items():
-        own = user.inputs.get(channel) or (user.measurements[channel].unit if channel in effects else None)
+        own = user.inputs.get(channel) or (user.measurements[channel].unit if channel in terms else None)
         if own is None:
             continue
         if not parse_unit(given.unit).same_dimension(parse_unit(own)):
             raise InputError(
                 f"channel {channel} is in {given.unit} in the noise file, {user.name} needs {own}"
             )
-        effects[channel] = given.effects
+        terms[channel] = given.terms
     units = dict(user.inputs) | {n: m.unit for n, m in user.measurements.items()}
     title = f"the model file {re.sub(r'[^A-Za-z0-9 _-]', '_', user.name)}"
     for channel in user.measurements:
-        if not any(e.form().V or e.form().Z for e in effects[channel]):
+        if not any(t.effect.form().V or t.effect.form().Z for t in terms[channel]):
             raise InputError(
                 f"the model of {channel} has no white noise",
                 where=user.path,
@@ -288,4 +300,12 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
             )
     name = re.sub(r"[^A-Za-z0-9]+", "_", user.name).strip("_") or "plant"
     name = name if name[0].isalpha() else f"plant_{name}"
-    return FilterModel(name, title, motion, tuple(sensors), effects, units)
+    return FilterModel(
+        name,
+        title,
+        motion,
+        tuple(sensors),
+        {c: tuple(t.effect for t in ts) for c, ts in terms.items()},
+        units,
+        uses={c: tuple(t.use for t in ts) for c, ts in terms.items()},
+    )

@@ -14,7 +14,7 @@ from kfgen.core.tape import Tape
 
 Array = NDArray[np.float64]
 
-WORKERS = min(4, os.cpu_count() or 1)
+MAX_THREADS = min(4, os.cpu_count() or 1)
 """Threads that share the columns of a batch; the compiled loop holds no lock."""
 
 
@@ -52,13 +52,14 @@ def integrate(steps: Steps, starts: NDArray[np.int64], X0: Array) -> Array:
 
     Parameters
     ----------
+    steps : Steps
     starts, X0 : ndarray, shape (segments,), (segments, states, batch)
     """
     try:
         from kfgen.model.plant.compiled import integrate as compiled
     except ImportError:
         return _integrate(steps, starts, X0)
-    parts = np.array_split(np.arange(X0.shape[2]), min(WORKERS, X0.shape[2]))
+    parts = np.array_split(np.arange(X0.shape[2]), min(MAX_THREADS, X0.shape[2]))
     if len(parts) < 2:
         return _run(compiled, steps, starts, X0)
     with ThreadPoolExecutor(len(parts)) as pool:

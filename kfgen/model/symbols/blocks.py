@@ -30,6 +30,8 @@ class Vector:
         The stored components before it [SI]; zeros where left out.
     driven : float
         Root density of the white noise that drives each component's rate [SI/sqrt(s)]; zero for none.
+    priors : tuple of float
+        Standard deviations by component, where they are not all `prior` [SI].
     """
 
     name: str
@@ -39,6 +41,12 @@ class Vector:
     prior: float
     initial: tuple[float, ...] = ()
     driven: float = 0.0
+    priors: tuple[float, ...] = ()
+
+    @property
+    def deviations(self) -> tuple[float, ...]:
+        """Standard deviation of each component before the first measurement [SI]."""
+        return self.priors or (self.prior,) * len(self.axes)
 
     @cached_property
     def nominal(self) -> sp.Matrix:
@@ -90,6 +98,11 @@ class Attitude:
     prior: float = 0.1
     convention: type[Convention] = Phi
     frame: tuple[str, ...] = ("N", "E", "D")
+
+    @property
+    def deviations(self) -> tuple[float, ...]:
+        """Standard deviation of each component before the first measurement [rad]."""
+        return (self.prior,) * 3
 
     @property
     def axes(self) -> tuple[str, ...]:

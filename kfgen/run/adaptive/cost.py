@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.process.stochastic import FLICKER_FLOOR
+from kfgen.effects.process.stochastic import FLICKER_FLOOR_OVER_B
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve
 from kfgen.identify.methods.asymptotes import KNOWN
 from kfgen.run.adaptive.loop import Filtered, ScalarModel, run_filter
@@ -100,7 +100,7 @@ def noise_of(y: Array, dt: float) -> Noise:
     means = y[: y.size // block * block].reshape(-1, block).mean(axis=1)
     return Noise(
         float(curve.deviation[at] * np.sqrt(curve.tau[at])),
-        float(curve.deviation[known].min()) / FLICKER_FLOOR,
+        float(curve.deviation[known].min()) / FLICKER_FLOOR_OVER_B,
         float(means.std()),
         curve,
     )

@@ -8,13 +8,22 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.arma.estimate import estimate
 from kfgen.arma.process import Arma
-from kfgen.arma.series import LONGEST, Correlations, Order, SeriesTests, correlations, orders, series_tests
+from kfgen.arma.series import (
+    MAX_ORDER_SAMPLES,
+    Correlations,
+    Order,
+    SeriesTests,
+    correlations,
+    orders,
+    series_tests,
+)
 from kfgen.core.errors import InputError
 from kfgen.run.adaptive.cost import FilterCost, Noise, cost_of, noise_of
 from kfgen.run.adaptive.loop import RATIO, WINDOW, Filtered, ScalarModel, run_filter
@@ -84,11 +93,16 @@ class Denoised:
     ----------
     values : ndarray, shape (n,)
         Filtered samples [U], its mean at rest put back.
-    rest : Rest
-    model : LinearModel
+    rest : RestStatistics
+        The channel at rest.
+    model : ScalarModel
+        What is filtered with.
     filtered : Filtered
+        Estimate, gain and innovations.
     before, after : Noise
-    cost : Cost
+        Read off the Allan deviation.
+    cost : FilterCost
+        What becomes of a true rate.
     """
 
     values: Array
@@ -98,6 +112,31 @@ class Denoised:
     before: Noise
     after: Noise
     cost: FilterCost
+
+    def to_dict(self, unit: str) -> dict[str, Any]:
+        """The numbers of the JSON, for a channel in `unit` (SI)."""
+        c, used, tests = self.cost, self.filtered.nis > 0.0, self.rest.tests
+        process = self.rest.process
+        return {
+            "unit": unit,
+            "process": {"phi": process.phi, "theta": process.theta, "sigma": process.sigma},
+            "level": self.rest.level,
+            "before": {"N": self.before.N, "B": self.before.B, "drift": self.before.drift},
+            "after": {"N": self.after.N, "B": self.after.B, "drift": self.after.drift},
+            "cost": {
+                "dc": c.dc,
+                "dc_hidden": c.hidden,
+                "delay_s": c.delay,
+                "bandwidth_hz": c.bandwidth,
+                "attenuation": c.attenuation,
+                "sentence": c.words,
+            },
+            "mean_nis": float(np.mean(self.filtered.nis[used])) if used.any() else None,
+            "tests": {v.name: {"p": v.p, "rejected": v.rejected} for v in tests.verdicts},
+            "aic": {f"{o.model.order[0]},{o.model.order[1]}": o.aic for o in self.rest.orders},
+            "skewness": tests.skewness,
+            "kurtosis": tests.kurtosis,
+        }
 
 
 def at_rest(y: Array, settings: Settings) -> RestStatistics:
@@ -109,6 +148,12 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
     ----------
     y : ndarray, shape (n,)
         Samples [U]; those that are no numbers are left out.
+    settings : Settings
+        Order and estimator of the process.
+
+    Returns
+    -------
+    RestStatistics
 
     Raises
     ------
@@ -134,7 +179,7 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
         )
     if not tests.named("Ljung-Box").rejected:
         said.append("its samples are not correlated: an ARMA process has nothing to predict in white noise")
-    series = series[:LONGEST]
+    series = series[:MAX_ORDER_SAMPLES]
     tried: tuple[Order, ...] = ()
     if settings.order is None:
         tried = tuple(orders(series, method=settings.estimator))
@@ -146,8 +191,8 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
     return RestStatistics(level, process, tests, correlations(series), tried, tuple(said))
 
 
-def denoise(y: Array, dt: float, settings: Settings, rest: RestStatistics | None = None) -> Denoised:
-    """Filter a channel.
+def denoise_samples(y: Array, dt: float, settings: Settings, rest: RestStatistics | None = None) -> Denoised:
+    """Filter the samples of a channel.
 
     Parameters
     ----------
@@ -156,8 +201,12 @@ def denoise(y: Array, dt: float, settings: Settings, rest: RestStatistics | None
     dt : float
         Sampling period [s].
     settings : Settings
-    rest : Rest, optional
+    rest : RestStatistics, optional
         The channel at rest; of these samples where left out.
+
+    Returns
+    -------
+    Denoised
 
     Raises
     ------

@@ -1,0 +1,78 @@
+"""The verb `emit`: a filter as code, with its self-test, in a folder of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from kfgen.effects.noise_model import NoiseModel
+from kfgen.emit.folder import EmittedFilter, write_folder
+from kfgen.emit.routines import Program
+from kfgen.model.build import ModelSource, NoiseSource, filter_of
+from kfgen.model.discretise import DiscreteModel
+
+CostCounter = Callable[[Program], tuple[str, ...]]
+"""What the routines of a program cost on a processor, in lines for its header."""
+
+
+def emit(  # noqa: PLR0913 - the choices of one command
+    model: ModelSource,
+    folder: str | Path,
+    target: str = "c",
+    form: str = "p",
+    real: str = "float",
+    *,
+    noise: NoiseSource | None = None,
+    rate: float = 100.0,
+    order: int = 1,
+    max_step: float | None = None,
+    loops: bool = False,
+    q_interval: float = 0.0,
+    costs: CostCounter | None = None,
+) -> EmittedFilter:
+    """Write a filter as code, all files or none.
+
+    Parameters
+    ----------
+    model : FilterModel, str or Path
+        A filter of `kfgen.build`, the name of a library model, or the path of a filter file or a model file.
+    folder : path-like
+        A new folder, an empty one, or one of an emitted filter, which is replaced.
+    target : str
+        ``c``, ``numpy`` or ``filterpy``; see `kfgen.list_all`.
+    form : str
+        Of the covariance: ``p``, the matrix itself, or ``ud``, its factors.
+    real : str
+        Type of the numbers: ``float`` or ``double``.
+    noise : NoiseModel or path-like, optional
+        The effects of the channels; only beside a name or a path.
+    rate : float
+        Sampling rate [Hz].
+    order : int
+        Order in the step of the motion's coupling, 1 to 3.
+    max_step : float, optional
+        Longest step [s]; a tenth of a second, or what the fastest effect allows, where left out.
+    loops : bool
+        Loops in place of repeated columns: less code, more instructions.
+    q_interval : float
+        Seconds between two additions of process noise to states that keep their value (``ud`` only); 0: every step.
+    costs : callable, optional
+        Counts what the routines cost, for the header: `kfgen.verify.compare.costs` with its cores chosen.
+
+    Returns
+    -------
+    EmittedFilter
+
+    Raises
+    ------
+    InputError
+        As in `kfgen.build`, an unknown target, form or type, or a folder that holds files of other origin.
+    """
+    built = filter_of(model, noise)
+    program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
+    if costs is not None:
+        program = replace(program, costs=costs(program))
+    noise_file = built.given if isinstance(built.given, NoiseModel) else None
+    names = write_folder(program, target, noise_file, folder)
+    return EmittedFilter(program, target, Path(folder), tuple(names))

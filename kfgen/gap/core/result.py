@@ -1,0 +1,184 @@
+"""What was found: `Finding`, `DetectionLimit`, and `Comparison` of some channels with what is assumed of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from kfgen.effects import Effect
+from kfgen.gap.core.battery import Test
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.noise_scale import NoiseScale
+from kfgen.gap.core.search import NO_EFFECT, Distinguishability
+from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY
+
+NO_GAP = "no_gap"
+EFFECTS_FOUND = "effects_found"
+UNKNOWN_EFFECT = "unknown_effect"
+BAD_DATA = "bad_data"
+GRAVEST_FIRST = (BAD_DATA, UNKNOWN_EFFECT, EFFECTS_FOUND, NO_GAP)
+"""The verdicts: of several comparisons together the first of these that one of them has."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A missing effect, or a fault of the data.
+
+    Parameters
+    ----------
+    effect : Effect
+        With its fitted values [SI].
+    where : str
+        Where it acts: a channel, a triad of channels, a state or an input of a plant.
+    unit : str
+        The unit U of its parameters, as the user writes it.
+    ci95 : mapping of str to (float, float)
+        95 % intervals of its parameters [SI].
+    probability : float
+        Among all candidates and none.
+    evidence_nats : float
+        Over the explanation without it.
+    alternatives : tuple of (effect, where, probability)
+        What else competed for its place.
+    others : tuple of Distinguishability
+        How far others are from it in this record.
+    test : Test, optional
+        The one that showed most disagreement before it was added.
+    assumed_value : float, optional
+        What is assumed of the number of which it is the error [SI].
+    once : bool
+        Whether it belongs to this recording alone: a step, single samples, a line with its phase, where a state starts.
+    """
+
+    effect: Effect
+    where: str
+    unit: str = ""
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    probability: float = 1.0
+    evidence_nats: float = 0.0
+    alternatives: tuple[tuple[str, str, float], ...] = ()
+    others: tuple[Distinguishability, ...] = ()
+    test: Test | None = None
+    assumed_value: float | None = None
+    once: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.effect.name
+
+    @property
+    def indistinguishable(self) -> tuple[str, ...]:
+        """Names that the record does not rule out, each once."""
+        return tuple(
+            dict.fromkeys(
+                n
+                for n, _, p in self.alternatives
+                if p > CONFUSION_SET_MIN_PROBABILITY and n not in (NO_EFFECT[0], self.name)
+            )
+        )
+
+
+@dataclass(frozen=True)
+class DetectionLimit:
+    """The size below which an effect that was not found would not have been seen.
+
+    Parameters
+    ----------
+    effect : Effect
+    where : str
+    parameter : str
+        Of the effect.
+    value : float
+        Of the parameter [SI]; infinite where no size would be seen.
+    unit : str
+        The unit U of the effect's parameters, as the user writes it.
+    """
+
+    effect: Effect
+    where: str
+    parameter: str
+    value: float
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What the checks of the added effects gave.
+
+    Parameters
+    ----------
+    nested_nats : float
+        Largest change of log-likelihood when an addition's size is taken to zero.
+    seen : mapping of str to bool
+        Whether the 95 % interval of each addition's size excludes zero.
+    found_again : tuple of str, optional
+        What was found in a record simulated from the updated model; None where none was simulated.
+    named : tuple of str
+        What the updated model adds.
+    """
+
+    nested_nats: float
+    seen: Mapping[str, bool]
+    found_again: tuple[str, ...] | None
+    named: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Channels that were compared together: one at rest by itself, all channels of sensors that move or of a plant.
+
+    Parameters
+    ----------
+    channels : tuple of str
+    verdict : str
+        One of `GRAVEST_FIRST`.
+    findings : tuple of Finding
+    before, after : tuple of Test
+        The battery under the assumed and under the updated model, each with its channel.
+    gap : Gap
+        The held-out mismatch.
+    span_s : (float, float)
+        First and last time [s].
+    limits : tuple of DetectionLimit
+    retuned : bool
+        Whether assumed numbers were estimated again.
+    noise_scales : tuple of NoiseScale
+        Channels whose noise is of another size than assumed.
+    checks : Checks, optional
+        Of what was added.
+    rms : tuple of (channel, before, after)
+        Root mean square of the residuals in standard deviations of the noise.
+    unknowns : mapping of str to (unit, value)
+        What was fitted beside the effects [SI].
+    constant_inputs : tuple of str
+        Inputs of a plant that never change.
+    """
+
+    is_at_rest: ClassVar[bool] = False
+
+    channels: tuple[str, ...]
+    verdict: str
+    findings: tuple[Finding, ...]
+    before: tuple[Test, ...]
+    after: tuple[Test, ...]
+    gap: Gap
+    span_s: tuple[float, float]
+    limits: tuple[DetectionLimit, ...] = ()
+    retuned: bool = False
+    noise_scales: tuple[NoiseScale, ...] = ()
+    checks: Checks | None = None
+    rms: tuple[tuple[str, float, float], ...] = ()
+    unknowns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    constant_inputs: tuple[str, ...] = ()
+
+    @property
+    def is_updated(self) -> bool:
+        """Whether anything is added to the model or changed in it."""
+        return bool(self.findings or self.retuned or self.noise_scales)
+
+    @property
+    def retuned_channels(self) -> list[str]:
+        """Channels of which assumed numbers were estimated again."""
+        return list(self.channels) if self.retuned else [s.channel for s in self.noise_scales]

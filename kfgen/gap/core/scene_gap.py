@@ -1,0 +1,246 @@
+"""What was found in a scene: effects with their places, the proof on held-out data, what would not have been seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
+from kfgen.gap.core.believed_parameters import Answered, answered
+from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed
+from kfgen.gap.core.noise_scale import NoiseScale, levels_in, louder_in
+from kfgen.gap.core.result import (
+    BAD_DATA,
+    EFFECTS_FOUND,
+    NO_GAP,
+    UNKNOWN_EFFECT,
+    Comparison,
+    DetectionLimit,
+    Finding,
+)
+from kfgen.gap.core.scene import HasInputs, Inspected, Placed, Scene, ScenePoint, Telling, Trusting, Undecided
+from kfgen.gap.core.scene_holdout import band_edges, held_out
+from kfgen.gap.core.scene_search import Explained, FittedAddition, limits
+from kfgen.gap.core.screen import basis
+from kfgen.gap.core.search import Chosen
+from kfgen.gap.core.whitener import Whitener
+
+Array = NDArray[np.float64]
+
+UnitOf = Callable[[Placed], str]
+"""The unit ``U`` of a placed effect's parameters, as the user writes it."""
+
+MIN_TESTED_ORDINATES = 64
+"""Of a channel, below which nothing is tested."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneGap(Comparison):
+    """The answer for a scene: all channels of sensors that move, or of a plant.
+
+    Parameters
+    ----------
+    scene : Scene
+        In which the explanation holds.
+    assumed, fit : SceneFit
+        Of what is assumed, and of the updated model.
+    """
+
+    scene: Scene
+    assumed: SceneFit
+    fit: SceneFit
+
+
+def no_unit(placed: Placed) -> str:
+    """Of an effect whose unit nobody says."""
+    return ""
+
+
+def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
+    """Where a scene disagrees with its log, and what is missing.
+
+    Parameters
+    ----------
+    scene : Scene
+    unit_of : callable
+        Units of what is found.
+    """
+    faults = scene.faults() if isinstance(scene, Inspected) else ()
+    return _spoilt(scene, faults, unit_of) if faults else _gap_of(answered(scene), unit_of)
+
+
+def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
+    """The answer where a fit would mean nothing: the faults alone."""
+    assumed = fitted(scene, ScenePoint((), _values(scene)))
+    findings = tuple(_fault_finding(f, unit_of) for f in faults)
+    if findings and isinstance(scene, Undecided):
+        labels = dict.fromkeys((p.effect.name, p.where) for p in scene.either)
+        labels.pop((findings[0].name, findings[0].where), None)
+        share = 1.0 / (1 + len(labels))
+        others = tuple((*label, share) for label in labels)
+        findings = (replace(findings[0], probability=share, alternatives=others), *findings[1:])
+    tests = tuple(tests_of(scene, assumed))
+    return SceneGap(
+        channels=tuple(scene.channels),
+        verdict=BAD_DATA,
+        findings=findings,
+        before=tests,
+        after=tests,
+        gap=Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: no effect was fitted"),
+        span_s=scene.span,
+        rms=tuple((c, r, r) for c, r, _ in _rms(scene, assumed, assumed)),
+        unknowns=_unknowns(scene, assumed),
+        scene=scene,
+        assumed=assumed,
+        fit=assumed,
+    )
+
+
+def _fault_finding(fault: Placed, unit_of: UnitOf) -> Finding:
+    return Finding(fault.effect, fault.where, unit_of(fault))
+
+
+def _unknowns(scene: Scene, fit: SceneFit) -> dict[str, tuple[str, float]]:
+    """What was fitted beside the effects, units and values [SI]."""
+    return {u.name: (u.unit, float(v)) for u, v in zip(scene.unknowns, fit.point.unknowns)}
+
+
+def _limits(scene: Scene, fit: SceneFit, unit_of: UnitOf) -> tuple[DetectionLimit, ...]:
+    return tuple(
+        DetectionLimit(p.effect, p.where, name, value, unit_of(p)) for p, name, value in limits(scene, fit)
+    )
+
+
+def _rms(scene: Scene, before: SceneFit, after: SceneFit) -> tuple[tuple[str, float, float], ...]:
+    """Root mean square of the residuals of each channel under two fits."""
+    cuts = np.cumsum(scene.lengths)[:-1]
+    parts = zip(scene.channels, np.split(before.residual, cuts), np.split(after.residual, cuts))
+    return tuple((c, float(np.sqrt(np.mean(a**2))), float(np.sqrt(np.mean(b**2)))) for c, a, b in parts)
+
+
+def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
+    """The answer where effects were looked for."""
+    scene, found = answer.scene, answer.found
+    before = tests_of(scene, found.assumed)
+    after, noise_scales = _updated_tests(scene, found.fit)
+    levels = levels_in(scene, noise_scales)
+    said = scene.said if isinstance(scene, Telling) else ()
+    findings = (
+        *(_fault_finding(f, unit_of) for f in said),
+        *(_finding(scene, a, i, found, unit_of) for i, a in enumerate(found.added)),
+    )
+    verdict = EFFECTS_FOUND if findings or noise_scales else NO_GAP
+    if any(t.significant for t in after):
+        verdict = UNKNOWN_EFFECT
+    constant_inputs = scene.constant_inputs if isinstance(scene, HasInputs) else ()
+    if (
+        verdict == UNKNOWN_EFFECT
+        and constant_inputs
+        and isinstance(scene, HasInputs)
+        and scene.follows_nowhere
+    ):
+        unseen = _limits(scene, found.assumed, unit_of)
+        return replace(_spoilt(scene, (), unit_of), limits=unseen, constant_inputs=constant_inputs)
+    return SceneGap(
+        channels=tuple(scene.channels),
+        verdict=verdict,
+        findings=findings,
+        before=tuple(before),
+        after=tuple(after),
+        gap=held_out(answer, levels != 1.0),
+        span_s=scene.span,
+        limits=_limits(scene, found.fit, unit_of),
+        noise_scales=noise_scales,
+        rms=tuple(
+            (c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, found.fit), levels.tolist())
+        ),
+        unknowns=_unknowns(scene, found.fit),
+        constant_inputs=constant_inputs,
+        scene=scene,
+        assumed=found.assumed,
+        fit=found.fit,
+    )
+
+
+def _updated_tests(scene: Scene, fit: SceneFit) -> tuple[list[Test], tuple[NoiseScale, ...]]:
+    """The tests on what the updated model leaves; noise of another size is in it where that explains all."""
+    after = tests_of(scene, fit)
+    if not any(t.significant for t in after):
+        return after, ()
+    noise_scales = louder_in(scene, fit)
+    each = np.repeat(levels_in(scene, noise_scales), scene.lengths)
+    anew = tests_of(scene, replace(fit, residual=fit.residual / each)) if noise_scales else after
+    return (after, ()) if any(t.significant for t in anew) else (anew, noise_scales)
+
+
+def _finding(
+    scene: Scene, added: Chosen[FittedAddition], index: int, found: Explained, unit_of: UnitOf
+) -> Finding:
+    """With 95 % intervals from the last fit."""
+    fit, x = found.fit, coordinates(found.fit.point)
+    placed = fit.point.placed[index]
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    ci95 = {}
+    for i, (at, name) in enumerate(fit.keys):
+        if at == index:
+            lo, hi = float(x[i] - 1.96 * deviation[i]), float(x[i] + 1.96 * deviation[i])
+            if not is_signed(placed.effect, name):
+                lo, hi = float(np.exp(lo)), float(np.exp(min(hi, 700.0)))
+            ci95[name] = (lo, hi)
+    wrong = isinstance(scene, Trusting) and placed.effect.name == "parameter_error"
+    return Finding(
+        placed.effect,
+        placed.where,
+        unit_of(placed),
+        ci95,
+        added.probability,
+        added.gain,
+        added.alternatives,
+        added.others,
+        assumed_value=scene.stated(placed.where) if isinstance(scene, Trusting) and wrong else None,
+        once=wrong and any(u.once and u.own == placed.where for u in scene.unknowns),
+    )
+
+
+def tests_of(scene: Scene, fit: SceneFit) -> list[Test]:
+    """All tests on the white residuals of every channel, by adjusted p value.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    """
+    named: list[Test] = []
+    cuts = np.cumsum(scene.lengths)[:-1]
+    Q = basis(fit.jacobian)
+    parts = np.split(fit.residual, cuts), np.split(1.0 - np.sum(Q**2, axis=1), cuts)
+    t0, t1 = scene.span
+    for channel, X, left in zip(scene.channels, *parts):
+        if X.size < MIN_TESTED_ORDINATES:
+            continue
+        dt = (t1 - t0) / X.size
+        # What was fitted takes power away: it is given back before powers are looked at in time.
+        whole = X / np.sqrt(np.clip(left, 0.05, 1.0))
+        found = [*_band_tests(X, np.clip(left, 1e-3, 1.0), dt), *white_tests(Whitener.back(whole), dt, whole)]
+        named += [replace(t, channel=channel) for t in found]
+    return holm(named)
+
+
+def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
+    """Power in bands, of which each ordinate has as many degrees of freedom as are left to it."""
+    edges, n = band_edges(X.size), X.size
+    out = []
+    for lo, hi in zip(edges[:-1].tolist(), edges[1:].tolist()):
+        total, m = float(X[lo:hi] @ X[lo:hi]), float(left[lo:hi].sum())
+        band = (0.5 * lo / (n * dt), 0.5 * hi / (n * dt))
+        out.append(Test("power", chance_of(total, m), band, total / m))
+    return out
+
+
+def _values(scene: Scene) -> Array:
+    return np.array([u.start for u in scene.unknowns])

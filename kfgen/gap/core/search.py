@@ -1,0 +1,265 @@
+"""The search of every world: add what has most evidence, again, and take out what a later effect makes superfluous.
+
+It knows nothing of spectra and residuals. A world is an `Explanation` that can rank what may be added to it, with
+one effect more or one fewer; what it fits, and how it weighs evidence, is its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar
+
+import numpy as np
+
+from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, SearchLimits
+
+Label = tuple[str, str]
+"""Effect and where it acts ("" where there is one channel)."""
+
+NO_EFFECT: Label = ("none", "")
+
+
+class Addition(Protocol):
+    """An effect that could be added, fitted."""
+
+    @property
+    def label(self) -> Label:
+        """Effect and place."""
+
+    @property
+    def gain(self) -> float:
+        """Evidence over the explanation without it, the cost of choosing it taken off [nats]."""
+
+
+A = TypeVar("A", bound=Addition)
+E = TypeVar("E", bound="Explanation")  # type: ignore[type-arg]
+
+
+@dataclass(frozen=True)
+class Distinguishability:
+    """How well a record tells another explanation from the effect that was named.
+
+    Parameters
+    ----------
+    effect, where : str
+        The other.
+    cos2 : float
+        Squared cosine between what the two do to this record: one where nothing tells them apart.
+    nats : float, optional
+        By which this record is expected to tell them apart, where that was computed.
+    """
+
+    effect: str
+    where: str
+    cos2: float
+    nats: float | None = None
+
+    @property
+    def record_factor(self) -> float | None:
+        """How many times as long a record would tell them apart, if both are stationary; None where not computed."""
+        return None if self.nats is None else max(1.0, MIN_EVIDENCE_NATS / max(self.nats, 1e-9))
+
+
+@dataclass(frozen=True)
+class Chosen(Generic[A]):
+    """An effect that was added, and what competed for its place.
+
+    Parameters
+    ----------
+    addition : Addition
+    probabilities : mapping of Label to float
+        Of everything that competed, `NO_EFFECT` among it.
+    others : tuple of Distinguishability
+        How far others are from it.
+    """
+
+    addition: A
+    probabilities: Mapping[Label, float]
+    others: tuple[Distinguishability, ...] = ()
+
+    @property
+    def label(self) -> Label:
+        """Effect and place."""
+        return self.addition.label
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.addition.label[0]
+
+    @property
+    def gain(self) -> float:
+        """Its evidence when it was added [nats]."""
+        return self.addition.gain
+
+    @property
+    def probability(self) -> float:
+        """Of the effect, among everything that competed."""
+        return self.probabilities[self.label]
+
+    @property
+    def alternatives(self) -> tuple[tuple[str, str, float], ...]:
+        """Effect, place and probability of everything else, the most probable first."""
+        others = [(*label, p) for label, p in self.probabilities.items() if label != self.label]
+        return tuple(sorted(others, key=lambda a: -a[2]))
+
+
+@dataclass(frozen=True)
+class Contest(Generic[E, A]):
+    """What could stand in the place of an effect.
+
+    Parameters
+    ----------
+    rest : Explanation
+        Without the effect.
+    ranked : sequence of Addition
+        What could be added to it, by evidence, the best first.
+    own : Addition, optional
+        The one of them that is the effect itself.
+    """
+
+    rest: E
+    ranked: Sequence[A]
+    own: A | None
+
+
+class Explanation(Protocol[A]):
+    """A record, what is assumed of it, and the effects that were added so far; never changed in place."""
+
+    @property
+    def chosen(self) -> Sequence[Chosen[A]]:
+        """The effects that were added, in order."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing more is to be added, for it would have no end."""
+
+    def ranked(self) -> Sequence[A]:
+        """What could be added, by evidence, the best first."""
+
+    def plus(self, addition: A, ranked: Sequence[A]) -> Self:
+        """With one more, at the end, out of what competed with it."""
+
+    def merged(self, addition: A) -> Self | None:
+        """With the addition and an effect that is there already as one effect of another name, if that is worth more."""
+
+    def moved(self, index: int) -> Self:
+        """With the last effect put at `index`."""
+
+    def doubts(self) -> Sequence[bool]:
+        """Of each effect, whether it is to be put to the test again."""
+
+    def contest(self, index: int) -> Contest[Self, A] | None:
+        """What could stand in the place of an effect; None where it needs no test after all."""
+
+    def absorbers_last(self) -> Self | None:
+        """Nothing chosen, and not to be added what could absorb other effects; None where that needs no trial."""
+
+    def with_absorbers(self) -> Self:
+        """With what was kept back by `absorbers_last` allowed again."""
+
+
+def searched(start: E, limits: SearchLimits) -> E:
+    """The list of effects with most evidence, of two: grown freely, and grown without absorbers first.
+
+    Parameters
+    ----------
+    start : Explanation
+        With nothing chosen.
+    limits : SearchLimits
+
+    Returns
+    -------
+    Explanation
+    """
+    free = grown(start, limits)
+    again = free.absorbers_last()
+    if again is not None:
+        shaped = grown(again, limits)
+        if shaped.chosen:
+            shaped = grown(shaped.with_absorbers(), limits)
+            if worth(shaped) > worth(free):
+                free = shaped
+    return settled(free, limits)
+
+
+def worth(explanation: E) -> float:
+    """Evidence of all that was chosen [nats]."""
+    return sum(c.gain for c in explanation.chosen)
+
+
+def grown(explanation: E, limits: SearchLimits) -> E:
+    """With every addition that has evidence, the best first.
+
+    Parameters
+    ----------
+    explanation : Explanation
+    limits : SearchLimits
+    """
+    while len(explanation.chosen) < limits.max_effects and not explanation.is_closed:
+        ranked = explanation.ranked()
+        asked = limits.min_evidence_nats if explanation.chosen else limits.min_first_evidence_nats
+        if not ranked or ranked[0].gain < asked:
+            break
+        explanation = explanation.merged(ranked[0]) or explanation.plus(ranked[0], ranked)
+    return explanation
+
+
+def settled(explanation: E, limits: SearchLimits) -> E:
+    """Pruned, and grown again where that made room, until nothing changes.
+
+    Parameters
+    ----------
+    explanation : Explanation
+    limits : SearchLimits
+    """
+    for _ in range(limits.max_iterations):
+        if len(explanation.chosen) < 2:
+            break
+        better = reconsidered(explanation, limits)
+        if labels(better) == labels(explanation):
+            return better
+        explanation = grown(better, limits)
+    return explanation
+
+
+def reconsidered(explanation: E, limits: SearchLimits) -> E:
+    """Each effect in doubt judged anew beside all others: kept, taken out, or replaced by a better name.
+
+    Parameters
+    ----------
+    explanation : Explanation
+    limits : SearchLimits
+    """
+    index = 0
+    for doubtful in explanation.doubts():
+        contest = explanation.contest(index) if doubtful else None
+        if contest is None:
+            index += 1
+            continue
+        best = contest.ranked[0] if contest.ranked else None
+        if best is None or best.gain < limits.min_evidence_nats:
+            explanation = contest.rest
+            continue
+        own = contest.own
+        keep = own if own is not None and best.gain - own.gain < limits.tie_nats else best
+        explanation = contest.rest.plus(keep, contest.ranked).moved(index)
+        index += 1
+    return explanation
+
+
+def labels(explanation: E) -> list[Label]:
+    """Effect and place of all that was chosen, in order."""
+    return [c.label for c in explanation.chosen]
+
+
+def probabilities(ranked: Sequence[Addition]) -> dict[Label, float]:
+    """Posterior probability of each addition by its evidence, `NO_EFFECT` among them; the starts of one label together."""
+    gains = np.array([0.0, *(a.gain for a in ranked)])
+    weights = np.exp(gains - gains.max())
+    weights /= weights.sum()
+    out: dict[Label, float] = {NO_EFFECT: float(weights[0])}
+    for a, w in zip(ranked, weights[1:].tolist()):
+        out[a.label] = out.get(a.label, 0.0) + w
+    return out

@@ -1,0 +1,46 @@
+"""The thresholds of every world of the gap, each once.
+
+Evidence is a difference of logarithms of marginal likelihoods, in nats: 3 nats are twenty to one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MIN_EVIDENCE_NATS = 3.0
+"""Evidence above which one more effect is named."""
+TIE_NATS = 1.0
+"""Evidence by which another name must be better to take the place of the one that stands."""
+DETECTION_LIMIT_NATS = 8.0
+"""Expected gain of log-likelihood of an effect that is named at its detection limit."""
+CONFUSION_SET_MIN_PROBABILITY = 0.05
+"""Probability above which another name belongs to what cannot be told apart."""
+NEARLY_ALIKE_MIN_COS2 = 0.95
+"""Squared cosine above which an effect that is ruled out is still said to look alike."""
+MAX_ITERATIONS = 3
+"""Times that the whole list of effects is gone through again."""
+
+
+@dataclass(frozen=True)
+class SearchLimits:
+    """When a search names an effect, and when it ends.
+
+    Parameters
+    ----------
+    max_effects : int
+        Beyond, what is missing is no list of effects.
+    min_first_evidence_nats : float
+        Evidence above which the first effect is named [nats].
+    min_evidence_nats : float
+        Evidence above which one more is named, and below which one is taken out again [nats].
+    tie_nats : float
+        Evidence by which another name must be better to take a place [nats].
+    max_iterations : int
+        Times that the whole list is gone through again.
+    """
+
+    max_effects: int
+    min_first_evidence_nats: float = MIN_EVIDENCE_NATS
+    min_evidence_nats: float = MIN_EVIDENCE_NATS
+    tie_nats: float = TIE_NATS
+    max_iterations: int = MAX_ITERATIONS

@@ -1,0 +1,329 @@
+"""`find_gap`: where a model and a log disagree, whatever the model and the log are.
+
+The log and the model decide the world: a plant from a model file; sensors that move, beside references of their own
+or in several poses; or sensors at rest, each channel by itself.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
+from kfgen.effects.faults.samples import Fault
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise
+from kfgen.gap.core.noise_scale import scaled
+from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
+from kfgen.gap.core.scene import Placed
+from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
+from kfgen.gap.motion.filter_scene import filter_scene
+from kfgen.gap.motion.known_length import norm_scene
+from kfgen.gap.motion.missing_rows import with_missing
+from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.plant.updated_model import updated_model
+from kfgen.gap.plant.wiring import plant_scene
+from kfgen.gap.rest.channel_gap import channel_gap
+from kfgen.gap.rest.comparison import ChannelGap
+from kfgen.gap.rest.cross_axis import with_pairs
+from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.second_recording import gap_on, happens_once
+from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
+from kfgen.gap.result import GapResult, LogSource, Proof, RecordingGap
+from kfgen.log.log import Log
+from kfgen.log.readers import read_log
+from kfgen.model.filter import FilterModel
+from kfgen.model.library import build
+from kfgen.model.plant.user import FORMAT, UserModel, read_model
+
+Model = NoiseModel | UserModel | FilterModel
+
+
+def find_gap(
+    logs: Log | str | Path | Sequence[Log | str | Path],
+    model: Model | str | Path,
+    *,
+    channels: Sequence[str] | str | None = None,
+    proof: Sequence[Log | str | Path] = (),
+) -> GapResult:
+    """Where a model and a log disagree, the missing effects by name, and the updated model.
+
+    Parameters
+    ----------
+    logs : Log or path, or a sequence of them
+        One log; or several recordings of one sensor at rest, which are compared together.
+    model : NoiseModel, UserModel, FilterModel, str or Path
+        What is assumed: a model, a noise file, a model file, or the name of a library model.
+    channels : sequence of str, or str with commas, optional
+        The channels to compare; every one that the model and the log have when left out.
+    proof : sequence of Log or path
+        Other recordings of the sensor at rest, on which what was found is judged.
+
+    Returns
+    -------
+    GapResult
+
+    Raises
+    ------
+    InputError
+        Model and log have no channel in common or not the same units, a log cannot be compared, or recordings are
+        given that this world cannot use.
+    """
+    data = [_log(x) for x in ([logs] if isinstance(logs, (Log, str, Path)) else logs)]
+    others = [_log(x) for x in proof]
+    if not data:
+        raise InputError("there is no log to compare", remedy="Give one")
+    name, assumed = _name(model), assumed_model(model)
+    wanted = [c.strip() for c in channels.split(",") if c.strip()] if isinstance(channels, str) else channels
+    if len(data) > 1:
+        return _several(name, assumed, data, wanted, others)
+    if isinstance(assumed, UserModel):
+        _refuse(others, name)
+        return _plant(assumed, data[0])
+    if isinstance(assumed, FilterModel):
+        flown = _flown(name, assumed, data[0], wanted)
+        if flown is not None:
+            _refuse(others, data[0].source)
+            return flown
+    noise, warnings = _common(name, _noise(assumed, data[0]), data[0])
+    noise = noise.extended_band(data[0].dt, data[0].duration)
+    names = list(wanted or noise.channels)
+    moving = _moving(replace(noise, channels={n: noise.channel(n) for n in names}), data[0])
+    if moving is not None:
+        _refuse(others, data[0].source)
+        return replace(moving, warnings=(*warnings, *moving.warnings))
+    return _at_rest(noise, data[0], names, others, warnings)
+
+
+def _log(log: Log | str | Path) -> Log:
+    return log if isinstance(log, Log) else read_log(Path(log))
+
+
+def _name(model: Model | str | Path) -> str:
+    """How a model is called in messages."""
+    if isinstance(model, NoiseModel):
+        return "the noise model"
+    return model.name if isinstance(model, (UserModel, FilterModel)) else str(model)
+
+
+def assumed_model(model: Model | str | Path) -> Model:
+    """A model as it is, from a noise file or a model file by its format, or from the library by its name."""
+    if not isinstance(model, (str, Path)):
+        return model
+    if _is_model_file(model):
+        return read_model(str(model))
+    return read_noise(Path(model)) if str(model).endswith(".toml") else build(str(model))
+
+
+def _is_model_file(model: str | Path) -> bool:
+    """Whether a path is a model file, by its format."""
+    path = Path(model)
+    if not path.is_file() or path.suffix != ".toml":
+        return False
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError, OSError):
+        return False  # the reader of noise files says what is wrong
+    return document.get("format") == FORMAT
+
+
+def _noise(model: NoiseModel | FilterModel, log: Log) -> NoiseModel:
+    """The noise that is assumed of the channels of a log."""
+    if isinstance(model, NoiseModel):
+        return model
+    units = {c: log.channels[c].unit if c in log.channels else u for c, u in model.channel_units.items()}
+    terms = {c: tuple(Term(e) for e in model.noise[c] if e.name != "bias") for c in units if c in model.noise}
+    return NoiseModel({c: ChannelNoise(units[c], t) for c, t in terms.items()})
+
+
+def _common(name: str, noise: NoiseModel, log: Log) -> tuple[NoiseModel, list[str]]:
+    """The channels that the model and the log have, and what is to be said of the others."""
+    known = {c: n for c, n in noise.channels.items() if c in log.channels}
+    if not known:
+        raise InputError(
+            f"no channel of {name} is in the log",
+            where=log.source,
+            remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}",
+        )
+    for c, n in known.items():
+        if not parse_unit(n.unit).same_dimension(parse_unit(log.channels[c].unit)):
+            raise InputError(
+                f"channel {c} is in {log.channels[c].unit} in the log, in {n.unit} in {name}",
+                where=log.source,
+                remedy="Correct the unit of one of them",
+            )
+    lacking = [c for c in noise.channels if c not in known]
+    it = "it" if len(lacking) == 1 else "them"
+    said = [f"{', '.join(lacking)} of {name} cannot be compared: the log lacks {it}"] if lacking else []
+    return NoiseModel(known, noise.provenance), said
+
+
+def _refuse(others: Sequence[Log], where: str) -> None:
+    if others:
+        raise InputError(
+            "another recording can be given for sensors at rest only", where=where, remedy="Leave --proof out"
+        )
+
+
+def _source(log: Log) -> LogSource:
+    return LogSource(log.source, log.sha256)
+
+
+def _plant(assumed: UserModel, log: Log) -> GapResult:
+    """Of a plant: what was found is written into its model file."""
+    scene = plant_scene(assumed, log)
+    found = scene_gap(scene, scene.unit)
+    trusted = {n: v for n, (_, v) in found.unknowns.items() if n in assumed.parameters}
+    missing = [Placed(f.effect, f.where) for f in found.findings if not isinstance(f.effect, Fault)]
+    after = updated_model(assumed, missing, trusted if missing else None)
+    noises = _rescaled({n: m.noise for n, m in after.measurements.items()}, found)
+    measurements = {n: replace(m, noise=noises[n]) for n, m in after.measurements.items()}
+    return _of_scene(log, found, assumed, replace(after, measurements=measurements))
+
+
+def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None) -> GapResult | None:
+    """Of the sensors of a filter along a motion that references say; None where they do not."""
+    found = filter_scene(log, model, names)
+    if found is None:
+        return None
+    scene, noise = found
+    _, warnings = _common(
+        name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
+    )
+    gap = scene_gap(scene, units_of(log))
+    return _of_scene(log, gap, noise, _with_findings(noise, gap), warnings)
+
+
+def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
+    """Of sensors that move, beside references or in several poses; None where nothing moves."""
+    whole, said = with_missing(log)
+    scene = motion_scene(whole, assumed)
+    if scene is not None:
+        found = scene_gap(scene, units_of(log))
+        return _of_scene(log, found, assumed, _with_findings(assumed, found), said)
+    try:
+        poses = norm_scene(log, assumed)
+    except InputError:  # holes or uneven time: at rest, one channel by itself can do with them
+        return None
+    if poses is None:
+        return None
+    found = scene_gap(poses, units_of(log))
+    return _of_scene(log, found, assumed, _with_findings(assumed, found))
+
+
+def _of_scene(
+    log: Log,
+    found: SceneGap,
+    assumed: NoiseModel | UserModel,
+    updated: NoiseModel | UserModel,
+    warnings: Sequence[str] = (),
+) -> GapResult:
+    still = [f"the input {n} never changes: no effect of it can be seen" for n in found.constant_inputs]
+    return GapResult((_source(log),), (found,), assumed, updated, (*warnings, *still))
+
+
+def units_of(log: Log) -> UnitOf:
+    """Units of effects placed at channels of a log, or at a triad of them."""
+    return lambda placed: log.unit_at(placed.where)
+
+
+def _with_findings(assumed: NoiseModel, found: SceneGap) -> NoiseModel:
+    """Every finding but a fault of the rig as a term of the channels where it acts."""
+    channels = _rescaled(assumed.channels, found)
+    for f in [f for f in found.findings if not isinstance(f.effect, Fault)]:
+        for name in [c for c in channels if f.where in (c, c.rpartition("_")[0])]:
+            old = channels[name]
+            channels[name] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
+    return replace(assumed, channels=channels)
+
+
+def _rescaled(channels: Mapping[str, ChannelNoise], found: SceneGap) -> dict[str, ChannelNoise]:
+    """The noise of channels, of the size that was found."""
+    out = dict(channels)
+    for s in found.noise_scales:
+        for name in [c for c in out if s.channel in (c, c.rpartition("_")[0])]:
+            terms = tuple(Term(scaled(t.effect, s.times)) for t in out[name].terms)
+            out[name] = replace(out[name], terms=terms, covariance=None)
+    return out
+
+
+def _at_rest(
+    assumed: NoiseModel, log: Log, names: Sequence[str], others: Sequence[Log], said: Sequence[str]
+) -> GapResult:
+    """Of sensors at rest, each channel by itself, and the noise that channels share."""
+    drive, words = drivers_of(log)
+    warnings = [*said, *words]
+    gaps = {}
+    for name in names:
+        noise = assumed.channel(name)
+        record, stamps, words = regular(log, name, noise.effects, drive)
+        warnings += [w for w in words if w not in warnings]
+        gaps[name] = channel_gap(name, record, noise, stamps, log.stated)
+    gaps = with_pairs(gaps)
+    proofs = tuple(p for other in others for p in _proofs(gaps, other))
+    updated = _updated(assumed, gaps)
+    return GapResult((_source(log),), tuple(gaps.values()), assumed, updated, tuple(warnings), proofs=proofs)
+
+
+def _updated(assumed: NoiseModel, gaps: Mapping[str, ChannelGap]) -> NoiseModel:
+    """The noise model with every finding added."""
+    channels = {n: gaps[n].updated if n in gaps else c for n, c in assumed.channels.items()}
+    return NoiseModel(channels, assumed.provenance)
+
+
+def _proofs(gaps: Mapping[str, ChannelGap], other: Log) -> list[Proof]:
+    """The gap of every channel with a finding over another recording."""
+    drive, _ = drivers_of(other)
+    out = []
+    for name, g in gaps.items():
+        if g.verdict != BAD_DATA and (g.findings or g.retuned):
+            record, _, _ = regular(other, name, g.updated.effects, drive)
+            gap = gap_on(g, record, Path(other.source).name)
+            once = tuple(f.effect.title for f in g.findings if happens_once(f.effect))
+            out.append(Proof(_source(other), name, gap, once))
+    return out
+
+
+def _several(
+    name: str, model: Model, logs: Sequence[Log], names: Sequence[str] | None, others: Sequence[Log]
+) -> GapResult:
+    """Of several recordings of one sensor at rest, together and each by itself."""
+    moving = isinstance(model, UserModel) or any(n.startswith("ref_") for g in logs for n in g.channels)
+    if isinstance(model, UserModel) or moving or others:
+        why = "beside --proof" if others else "that moves, or of a plant"
+        raise InputError(
+            f"several recordings {why} are not compared together", remedy="Give one log at a time"
+        )
+    files = [log.sha256 for log in logs if log.sha256]
+    if len(set(files)) < len(files):
+        raise InputError("a log is given twice", where=logs[0].source, remedy="Give each log once")
+    assumed, warnings = _common(name, _noise(model, logs[0]), logs[0])
+    drives = [drivers_of(log) for log in logs]
+    found: dict[str, JointGap] = {}
+    for channel in names or assumed.channels:
+        noise, parts = assumed.channel(channel), []
+        for log, (drive, words) in zip(logs, drives):
+            _common(name, _noise(model, log), log)
+            record, stamps, more = regular(log, channel, noise.effects, drive)
+            parts.append(Recording(log.source, record, stamps, log.stated))
+            warnings += [f"{log.source}: {w}" for w in (*words, *more)]
+        found[channel] = joint_gap(channel, parts, noise)
+    alone = tuple(
+        RecordingGap(log.source, tuple(j.alone[k][1] for j in found.values())) for k, log in enumerate(logs)
+    )
+    return GapResult(
+        tuple(map(_source, logs)),
+        tuple(_with_once(j) for j in found.values()),
+        assumed,
+        _updated(assumed, {n: j.gap for n, j in found.items()}),
+        tuple(dict.fromkeys(warnings)),
+        recordings=alone,
+    )
+
+
+def _with_once(joint: JointGap) -> Comparison:
+    """What lasts in all recordings; what happened once in one of them is a gap too."""
+    once = any(f.once for _, g in joint.alone for f in g.findings)
+    return replace(joint.gap, verdict=EFFECTS_FOUND) if joint.gap.verdict == NO_GAP and once else joint.gap

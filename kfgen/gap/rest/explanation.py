@@ -1,0 +1,215 @@
+"""A channel at rest as the search sees it: the assumed noise, effects added to it, all fitted together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from kfgen.effects import Effect
+from kfgen.gap.core.search import Chosen, Contest, Label, probabilities, worth
+from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, SearchLimits
+from kfgen.gap.rest.comb import comb_of
+from kfgen.gap.rest.distinguishability import told_apart
+from kfgen.gap.rest.evidence import (
+    RETUNE,
+    TIME_LIMITS,
+    Candidate,
+    candidates,
+    log_evidence,
+    loosened,
+    series_of,
+)
+from kfgen.identify.evidence.joint import records_of
+from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.fit.fit import Key, Prior, Problem, maximise
+
+LIMITS = SearchLimits(max_effects=8, min_first_evidence_nats=0.3)
+"""Of 200 records without a gap one reached 1.43 nats for a first effect, one 0.11, all others less than zero."""
+UNRIVALLED_PROBABILITY = 0.9999
+"""Probability of a name that had no rival."""
+UNRIVALLED_EVIDENCE_NATS = 40.0
+"""Evidence that such a name keeps beside the others, above which it is not judged anew."""
+LINE = "sinusoid"
+ONE_LINE_MAX_INVERSE_RECORDS = 40.0
+"""Distance of two lines, in inverse lengths of the record, within which they may be one that wanders."""
+ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
+"""Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
+SHAPE_MIN_PROBABILITY = 1e-12
+"""Probability of a shape beside slow noise below which it is not followed."""
+
+
+@dataclass(frozen=True)
+class ChannelExplanation:
+    """A record against what is assumed of it, and what was added so far.
+
+    Parameters
+    ----------
+    record : Evidence
+        One record, or several together; less the trusted deterministic terms.
+    effects : tuple of Effect
+        The assumed random ones, with `priors`.
+    priors : mapping of Key to Prior
+    chosen : tuple of Chosen
+    without : frozenset of str
+        Effects that are not looked for.
+    known : tuple of Effect
+        The assumed and the chosen ones as they were fitted together last.
+    absorbers_wait : bool
+        Whether slow noise is kept back.
+    """
+
+    record: Evidence
+    effects: tuple[Effect, ...]
+    priors: Mapping[Key, Prior]
+    chosen: tuple[Chosen[Candidate], ...] = ()
+    without: frozenset[str] = field(default_factory=frozenset)
+    known: tuple[Effect, ...] = ()
+    absorbers_wait: bool = False
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """The chosen effects that are sums of a spectrum or a shape."""
+        return tuple(c.addition.effect for c in self.chosen if _is_summed(c))
+
+    @property
+    def altering(self) -> tuple[Effect, ...]:
+        """The chosen effects that change samples."""
+        return tuple(c.addition.effect for c in self.chosen if c.addition.changes_samples)
+
+    @property
+    def is_retuned(self) -> bool:
+        """Whether the assumed numbers were set free."""
+        return any(c.name == RETUNE for c in self.chosen)
+
+    @property
+    def comb_hz(self) -> float:
+        """The fundamental [Hz] of which its lines are harmonics; zero where they are not."""
+        lines = [_frequency_hz(c.addition) for c in self.chosen if c.name == LINE]
+        return comb_of(lines, self.record.duration)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether its lines are a comb, which would have no end."""
+        return self.comb_hz > 0.0
+
+    @cached_property
+    def base(self) -> Candidate:
+        """The model with all that was chosen, fitted to the record without what changes samples."""
+        priors = loosened(self.priors) if self.is_retuned else dict(self.priors)
+        at = len(self.effects)
+        times = {at + k: TIME_LIMITS[e.name] for k, e in enumerate(self.added) if e.name in TIME_LIMITS}
+        problem = Problem(self.record, (*self.effects, *self.added), priors, times=times)
+        fits = [maximise(problem)]
+        if len(self.known) == len(problem.effects):
+            # Else what is added next would be credited with leading out of a worse maximum.
+            fits.append(maximise(problem.starting(self.known)))
+        best = max(fits, key=lambda f: f.value)
+        base = Candidate("", best, problem, 0.0)
+        for effect in self.altering:
+            series = series_of(base)
+            clean = effect.removed_from(series)
+            assert clean is not None
+            (record,) = records_of(base.problem.record)
+            record = replace(record, y=record.y - series.y + clean)
+            problem = replace(problem, record=record, effects=base.fit.effects)
+            base = Candidate("", maximise(problem), problem, 0.0)
+        return base
+
+    def ranked(self) -> list[Candidate]:
+        """What could be added, by evidence, the best first."""
+        taken = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
+        kept_back = ABSORBERS if self.absorbers_wait else frozenset()
+        return candidates(self.base, frozenset(taken) | self.without | kept_back)
+
+    def plus(self, addition: Candidate, ranked: Sequence[Candidate]) -> ChannelExplanation:
+        """With one more, out of what competed with it; how far those are from it that are not ruled out."""
+        below, shares = self.base, probabilities(ranked)
+        known = below.fit.effects if addition.changes_samples else addition.fit.effects
+        near = [
+            c
+            for c in ranked
+            if shares[c.label] > CONFUSION_SET_MIN_PROBABILITY and c is not addition and not c.changes_samples
+        ]
+        others = () if addition.changes_samples else tuple(told_apart(addition, c, below) for c in near)
+        return replace(self, chosen=(*self.chosen, Chosen(addition, shares, others)), known=known)
+
+    def less(self, index: int) -> ChannelExplanation:
+        """Without the effect at `index`."""
+        place = self._place(index)
+        known = self.known[:place] + self.known[place + _is_summed(self.chosen[index]) :]
+        return replace(self, chosen=self.chosen[:index] + self.chosen[index + 1 :], known=known)
+
+    def moved(self, index: int) -> ChannelExplanation:
+        """With the last effect put at `index`."""
+        *rest, last = self.chosen
+        known, place = self.known, self._place(index)
+        if _is_summed(last):
+            known = (*known[:place], known[-1], *known[place:-1])
+        return replace(self, chosen=(*rest[:index], last, *rest[index:]), known=known)
+
+    def merged(self, addition: Candidate) -> ChannelExplanation | None:
+        """Where a second line stands beside a first: both as one resonance, if that is worth more."""
+        if addition.name != LINE:
+            return None
+        reach = ONE_LINE_MAX_INVERSE_RECORDS / self.record.duration
+        for index, chosen in enumerate(self.chosen):
+            if chosen.name != LINE:
+                continue
+            if abs(_frequency_hz(chosen.addition) - _frequency_hz(addition)) < reach:
+                rest = replace(self.less(index), without=self.without | {LINE})
+                ranked = rest.ranked()
+                if ranked and ranked[0].gain > chosen.gain + addition.gain:
+                    return replace(rest.plus(ranked[0], ranked), without=self.without)
+        return None
+
+    def doubts(self) -> Sequence[bool]:
+        """All: what stands beyond doubt is seen when its turn comes."""
+        return [True] * len(self.chosen)
+
+    def contest(self, index: int) -> Contest[ChannelExplanation, Candidate] | None:
+        """What could stand in the place of an effect; None where one that had no rival is still worth much."""
+        old, rest = self.chosen[index], self.less(index)
+        judged_again = old.addition.changes_samples or self.altering or old.name == RETUNE
+        if not judged_again and old.probability >= UNRIVALLED_PROBABILITY:
+            base, below = self.base, rest.base
+            kept = log_evidence(base.problem, base.fit) - log_evidence(below.problem, below.fit)
+            if kept > UNRIVALLED_EVIDENCE_NATS:
+                return None
+        ranked = rest.ranked()
+        return Contest(rest, ranked, next((c for c in ranked if c.name == old.name), None))
+
+    def absorbers_last(self) -> ChannelExplanation | None:
+        """With slow noise kept back; None where there is none of it, or nothing else comes near."""
+        names = {c.name for c in self.chosen}
+        if not names & ABSORBERS:
+            return None
+        bare = replace(self, chosen=(), known=())
+        alone = len(names) == len(names & ABSORBERS) == 1
+        sure = alone and _has_no_shape(self.chosen[0].probabilities)
+        if sure and series_of(bare.base).driven < worth(self):
+            return None
+        return replace(bare, absorbers_wait=True)
+
+    def with_absorbers(self) -> ChannelExplanation:
+        """With slow noise allowed again."""
+        return replace(self, absorbers_wait=False)
+
+    def _place(self, index: int) -> int:
+        """Where the effect of the chosen one is among all that are fitted."""
+        return len(self.effects) + sum(map(_is_summed, self.chosen[:index]))
+
+
+def _is_summed(chosen: Chosen[Candidate]) -> bool:
+    """Whether it adds a spectrum or a shape."""
+    return not chosen.addition.changes_samples and chosen.name != RETUNE
+
+
+def _has_no_shape(shares: Mapping[Label, float]) -> bool:
+    """Whether nothing without randomness comes near."""
+    rest = [p for (n, _), p in shares.items() if n not in ABSORBERS and n not in ("none", RETUNE)]
+    return max(rest, default=0.0) < SHAPE_MIN_PROBABILITY
+
+
+def _frequency_hz(line: Candidate) -> float:
+    return float(line.effect.row("")["frequency"][0])

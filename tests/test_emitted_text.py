@@ -1,0 +1,81 @@
+"""Proves what generated code tells its reader: the units of its arguments, and the effects that it leaves out."""
+
+from __future__ import annotations
+
+import ast
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from kfgen.effects.noise_model import parse_noise
+from kfgen.emit.routines import Program
+from kfgen.emit.targets import c, filterpy, plain
+from kfgen.emit.targets.words import LINE_COLUMNS, omitted
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.library import build
+
+OMITTED = (
+    (
+        "gyro_x",
+        "bandwidth",
+        "a corner of 40 Hz is no state of this model",
+        "filter the log, or sample faster",
+    ),
+    ("accel", "vibration_rectification", "the filter has no vibration channel " * 4 + '*/ \\ """', ""),
+)
+
+
+def program(effect: str) -> Program:
+    noise = parse_noise(
+        'format = "kfgen-noise-1"\n[gyro_x]\nunit = "rad/s"\n'
+        f'effects = [ {{ effect = "white_noise", N = 1e-4 }}, {{ effect = "{effect}", coefficient = 1e-6 }} ]\n',
+        "n.toml",
+    )
+    return Program(DiscreteModel(build("ahrs6", noise)))
+
+
+@pytest.mark.parametrize(
+    ("effect", "wanted"),
+    [
+        ("temperature", "temperature [K]"),
+        ("air_pressure", "pressure [Pa]"),
+        ("supply_voltage", "voltage [V]"),
+        ("supply_current", "current [A]"),
+        ("humidity", "humidity [1]"),
+        ("coupling:rotor_speed", "rotor_speed [SI unit of the channel]"),
+    ],
+)
+def test_a_driver_has_its_own_unit(effect: str, wanted: str) -> None:
+    filter_ = program(effect)
+    name = wanted.split(maxsplit=1)[0]
+    assert f" * @param {name} {wanted}\n" in c.header(filter_)
+    for target in (filterpy, plain):
+        (text,) = target.module(filter_).values()
+        assert wanted in text
+
+
+def texts(filter_: Program) -> list[str]:
+    return [c.header(filter_), *(next(iter(t.module(filter_).values())) for t in (filterpy, plain))]
+
+
+def test_effects_that_are_left_out_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    filter_ = Program(DiscreteModel(build("gyro-static")))
+    plain_texts = texts(filter_)
+    monkeypatch.setattr(type(filter_.discrete.model), "omitted", OMITTED, raising=False)
+    for without, text in zip(plain_texts, texts(filter_), strict=True):
+        assert "Not in this filter" not in without
+        begun = text.index("Not in this filter:")
+        assert (
+            "gyro_x bandwidth: a corner of 40 Hz is no state of this model. Instead: filter the log" in text
+        )
+        lines = text[begun:].split("vibration channel */")[0].splitlines()[:8]
+        assert all(len(line) <= LINE_COLUMNS for line in lines)
+    assert texts(filter_)[0].count("*/") == plain_texts[0].count("*/")
+    for text in texts(filter_)[1:]:
+        ast.parse(text)
+
+
+def test_a_filter_that_has_everything_says_nothing() -> None:
+    model: Any = SimpleNamespace(omitted=())
+    assert omitted(model, 5) == omitted(SimpleNamespace(), 5) == ()  # type: ignore[arg-type]

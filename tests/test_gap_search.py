@@ -1,0 +1,229 @@
+"""Proves the search with a world that is a table: which names explain which units of evidence.
+
+An effect explains a set of parts of the record; its evidence beside others is the worth of the parts that these do not
+explain, less a cost. All numbers are exact, so every decision of the loop is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import exp
+
+import pytest
+
+from kfgen.gap.core import scene_search
+from kfgen.gap.core.search import (
+    NO_EFFECT,
+    Chosen,
+    Contest,
+    Label,
+    grown,
+    labels,
+    probabilities,
+    reconsidered,
+    searched,
+    settled,
+)
+from kfgen.gap.core.thresholds import SearchLimits
+from kfgen.gap.rest import explanation
+
+LIMITS = explanation.LIMITS
+"""Those of a channel at rest."""
+
+
+@dataclass(frozen=True)
+class Name:
+    """An effect of the table with its evidence."""
+
+    name: str
+    gain: float
+
+    @property
+    def label(self) -> Label:
+        return self.name, ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Names and the parts that each explains, parts and their worth [nats]."""
+
+    parts: Mapping[str, str]
+    worth: Mapping[str, float]
+    cost: float = 0.0
+    bonus: Mapping[str, float] = field(default_factory=dict)
+    chosen: tuple[Chosen[Name], ...] = ()
+    absorbers: frozenset[str] = frozenset()
+    waits: bool = False
+    sure: frozenset[str] = frozenset()
+    pairs: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    is_closed: bool = False
+
+    def left(self) -> set[str]:
+        there = {p for c in self.chosen for p in self.parts[c.name]}
+        return set(self.worth) - there
+
+    def ranked(self) -> list[Name]:
+        names = set(self.parts) - {c.name for c in self.chosen} - (self.absorbers if self.waits else set())
+        gains = {
+            n: sum(self.worth[p] for p in self.parts[n] if p in self.left())
+            + self.bonus.get(n, 0.0)
+            - self.cost
+            for n in names
+        }
+        return sorted((Name(n, g) for n, g in gains.items()), key=lambda a: (-a.gain, a.name))
+
+    def plus(self, addition: Name, ranked: Sequence[Name]) -> Table:
+        return replace(self, chosen=(*self.chosen, Chosen(addition, probabilities(ranked))))
+
+    def less(self, index: int) -> Table:
+        return replace(self, chosen=self.chosen[:index] + self.chosen[index + 1 :])
+
+    def moved(self, index: int) -> Table:
+        *rest, last = self.chosen
+        return replace(self, chosen=(*rest[:index], last, *rest[index:]))
+
+    def merged(self, addition: Name) -> Table | None:
+        for index, c in enumerate(self.chosen):
+            if both := self.pairs.get((c.name, addition.name)):
+                rest = self.less(index)
+                ranked = [a for a in rest.ranked() if a.name == both]
+                return rest.plus(ranked[0], ranked)
+        return None
+
+    def doubts(self) -> list[bool]:
+        return [c.name not in self.sure for c in self.chosen]
+
+    def contest(self, index: int) -> Contest[Table, Name]:
+        rest, name = self.less(index), self.chosen[index].name
+        ranked = rest.ranked()
+        return Contest(rest, ranked, next((a for a in ranked if a.name == name), None))
+
+    def absorbers_last(self) -> Table | None:
+        if not {c.name for c in self.chosen} & self.absorbers:
+            return None
+        return replace(self, chosen=(), waits=True)
+
+    def with_absorbers(self) -> Table:
+        return replace(self, waits=False)
+
+    def having(self, *names: str) -> Table:
+        """With these chosen, in order."""
+        out = self
+        for name in names:
+            ranked = out.ranked()
+            out = out.plus(next(a for a in ranked if a.name == name), ranked)
+        return out
+
+
+def names(table: Table) -> list[str]:
+    return [name for name, _ in labels(table)]
+
+
+def test_the_thresholds_of_the_worlds() -> None:
+    """Those with which the rates of false alarms were measured."""
+    assert SearchLimits(8, 0.3, 3.0, 1.0, 3) == LIMITS
+    assert SearchLimits(10, 3.0, 3.0, 1.0, 3) == scene_search.LIMITS
+
+
+@pytest.mark.parametrize(("evidence", "found"), [(0.29, []), (0.31, ["a"]), (5.0, ["a"])])
+def test_a_first_effect_needs_the_evidence_that_its_world_asks_for(evidence: float, found: list[str]) -> None:
+    assert names(grown(Table({"a": "1"}, {"1": evidence}), LIMITS)) == found
+
+
+@pytest.mark.parametrize(("evidence", "found"), [(2.99, ["a"]), (3.01, ["a", "b"])])
+def test_one_more_effect_needs_three_nats(evidence: float, found: list[str]) -> None:
+    table = Table({"a": "1", "b": "2"}, {"1": 50.0, "2": evidence})
+    assert names(grown(table, LIMITS)) == found
+
+
+def test_the_best_comes_first() -> None:
+    table = Table({"a": "1", "b": "2", "c": "3"}, {"1": 10.0, "2": 30.0, "3": 20.0})
+    assert names(grown(table, LIMITS)) == ["b", "c", "a"]
+
+
+def test_no_more_effects_than_the_world_allows() -> None:
+    table = Table({n: n for n in "abcdefgh"}, dict.fromkeys("abcdefgh", 50.0))
+    assert len(grown(table, replace(LIMITS, max_effects=3)).chosen) == 3
+    assert not grown(replace(table, is_closed=True), LIMITS).chosen
+
+
+@pytest.mark.parametrize(("better", "kept"), [(0.9, "a"), (1.1, "b")])
+def test_the_name_that_stands_keeps_its_place_in_a_tie(better: float, kept: str) -> None:
+    """Two names explain the same part; another is better by less than a nat, or by more."""
+    table = Table({"a": "1", "b": "1", "c": "2"}, {"1": 40.0, "2": 30.0}, bonus={"b": better})
+    again = reconsidered(table.having("a", "c"), LIMITS)
+    assert names(again) == [kept, "c"]
+
+
+def test_an_effect_that_a_later_one_makes_superfluous_is_taken_out() -> None:
+    """What two effects explain a third explains alone, with a part of its own that makes it worth adding."""
+    table = Table({"a": "12", "b": "123", "c": "4"}, {"1": 20.0, "2": 20.0, "3": 10.0, "4": 30.0})
+    grown_ = table.having("a", "b", "c")
+    assert names(reconsidered(grown_, LIMITS)) == ["b", "c"]
+    assert names(settled(grown_, LIMITS)) == ["b", "c"]
+
+
+def test_what_was_reconsidered_keeps_its_order() -> None:
+    table = Table({n: n for n in "abcd"}, {"a": 40.0, "b": 30.0, "c": 20.0, "d": 10.0})
+    assert names(reconsidered(table.having("c", "a", "d", "b"), LIMITS)) == ["c", "a", "d", "b"]
+
+
+def test_what_is_beyond_doubt_is_not_judged_again() -> None:
+    table = Table({"a": "1", "b": "1"}, {"1": 40.0}, bonus={"b": 5.0})
+    assert names(reconsidered(table.having("a"), LIMITS)) == ["b"]
+    assert names(reconsidered(replace(table, sure=frozenset("a")).having("a"), LIMITS)) == ["a"]
+
+
+def test_room_that_was_made_is_filled() -> None:
+    """Without the effect that was superfluous another is worth its evidence: the list settles on it."""
+    table = Table(
+        {"a": "12", "b": "13", "c": "24", "d": "5"}, {"1": 9.0, "2": 9.0, "3": 8.0, "4": 8.0, "5": 30.0}
+    )
+    found = searched(table, LIMITS)
+    assert names(found) == ["d", "b", "c"]
+
+
+def test_a_list_that_never_settles_ends() -> None:
+    """Each of two names is better than the other by more than a tie: as often as is allowed, no more."""
+
+    @dataclass(frozen=True)
+    class Restless(Table):
+        asked: list[int] = field(default_factory=list)
+
+        def ranked(self) -> list[Name]:
+            self.asked.append(1)
+            there = {c.name for c in self.chosen}
+            best = "ab"[len(self.asked) % 2]
+            every = [Name(best, 50.0), Name("ab"["ab".index(best) - 1], 40.0), Name("c", 30.0)]
+            return [n for n in every if n.name not in there]
+
+    table = Restless({"a": "1", "b": "1", "c": "2"}, {"1": 40.0, "2": 30.0})
+    settled(table.having("a", "c"), replace(LIMITS, max_iterations=3))
+    assert len(table.asked) < 30
+
+
+def test_two_effects_may_be_one_of_another_name() -> None:
+    table = Table({"a": "1", "b": "2", "ab": "12"}, {"1": 20.0, "2": 10.0}, bonus={"ab": -15.0})
+    assert names(grown(table, LIMITS)) == ["a", "b"]
+    assert names(grown(replace(table, pairs={("a", "b"): "ab"}), LIMITS)) == ["ab"]
+
+
+def test_what_absorbs_others_is_added_last_where_that_is_worth_more() -> None:
+    """It explains most at first, but with the shapes first more is explained."""
+    worth = {"1": 20.0, "2": 15.0, "3": 4.0}
+    table = Table({"slow": "123", "x": "1", "y": "2"}, worth, absorbers=frozenset({"slow"}))
+    assert names(searched(table, LIMITS)) == ["slow"]  # 39 nats against 35 and then 4: no more
+    better = replace(table, bonus={"x": 2.0, "slow": -1.0}, sure=frozenset("xy"))
+    assert names(searched(better, LIMITS)) == ["x", "y", "slow"]
+    assert names(grown(better, LIMITS)) == ["slow"]
+
+
+def test_probabilities_are_those_of_the_evidence() -> None:
+    found = probabilities([Name("a", 2.0), Name("b", 1.0), Name("a", 0.0)])
+    total = 1.0 + exp(2.0) + exp(1.0) + 1.0
+    assert found[NO_EFFECT] == pytest.approx(1.0 / total)
+    assert found["a", ""] == pytest.approx((exp(2.0) + 1.0) / total)
+    chosen = Chosen(Name("a", 2.0), found)
+    name, _, share = chosen.alternatives[0]
+    assert (name, share) == ("b", pytest.approx(exp(1.0) / total))
