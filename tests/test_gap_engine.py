@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import OF_A_COEFFICIENT
-from kfgen.gap.core.newton import TRUST, coordinates, fitted, levels_of, log_posterior, moved
+from kfgen.gap.core.newton import NOISE_LEVEL_SD_OF_LOG, coordinates, fitted, levels_of, log_posterior, moved
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.core.scene_evidence import evidence
 from kfgen.gap.core.scene_gap import scene_gap
@@ -104,12 +104,12 @@ NONE = ScenePoint((), np.zeros(0))
 
 
 def test_the_level_of_the_noise_is_the_most_likely_one() -> None:
-    """Of ``n ln s + p / 2 s^2 + (ln s)^2 / 2 TRUST^2``, by a fine grid."""
+    """Of ``n ln s + p / 2 s^2 + (ln s)^2 / 2 NOISE_LEVEL_SD_OF_LOG^2``, by a fine grid."""
     scene = Lines(noise(1) * np.array([[1.3], [0.7]]))
     r = scene.residuals([NONE])[:, 0]
     s = np.exp(np.linspace(-1.0, 1.0, 200_001))
     for part, level in zip(np.split(r, 2), levels_of(scene, r)):
-        cost = N * np.log(s) + 0.5 * (part @ part) / s**2 + 0.5 * (np.log(s) / TRUST) ** 2
+        cost = N * np.log(s) + 0.5 * (part @ part) / s**2 + 0.5 * (np.log(s) / NOISE_LEVEL_SD_OF_LOG) ** 2
         assert level == pytest.approx(s[np.argmin(cost)], rel=1e-4)
 
 

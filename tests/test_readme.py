@@ -10,11 +10,16 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import kfgen
+from kfgen.effects.noise_model import parse_noise
+from kfgen.manoeuvre.file import parse_manoeuvre
+from kfgen.model.filter_file import parse_filter
+from kfgen.model.plant.file import parse_model
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -89,6 +94,23 @@ def test_python_of_the_readme(tmp_path: Path) -> None:
         assert "temperature" in done.stdout
 
 
+FORMATS = {
+    "kfgen-noise-1": parse_noise,
+    "kfgen-model-1": parse_model,
+    "kfgen-filter-1": parse_filter,
+    "kfgen-manoeuvre-1": parse_manoeuvre,
+}
+
+
+def test_files_that_are_shown_are_read() -> None:
+    """The page of file formats shows one file of each, and its reader takes it."""
+    shown = blocks(ROOT / "docs/files.md", "toml")
+    formats = [str(tomllib.loads(text)["format"]) for text in shown]
+    assert sorted(formats) == sorted(FORMATS)
+    for name, text in zip(formats, shown, strict=True):
+        assert FORMATS[name](text, "docs/files.md") is not None
+
+
 def test_pages_are_short_and_their_links_lead_somewhere() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert readme.count("\n") <= 150
@@ -96,6 +118,9 @@ def test_pages_are_short_and_their_links_lead_somewhere() -> None:
         text = page.read_text(encoding="utf-8")
         for link in re.findall(r"\]\((?!http)([^)#]+)", text):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
+        if page.name != "CHANGELOG.md":
+            cited = re.findall(r"`((?:kfgen|tests|examples|benchmarks|docs)/[\w/.]+)", text)
+            assert [c for c in cited if not (ROOT / c).exists()] == [], page.name
         prose = re.sub(r"```.*?```", "", text, flags=re.S).splitlines()
         long = [line for line in prose if len(line) > 120 and not line.startswith(("|", "!", "    "))]
         assert long == [], page.name

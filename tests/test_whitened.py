@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import make
-from kfgen.gap.core.whitener import GRID, Whitener
+from kfgen.gap.core.whitener import DENSITY_GRID_POINTS, Whitener
 from kfgen.gap.rest.evidence import believed, series_of
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import residual_ratio
@@ -24,7 +24,7 @@ def samples(n: int, seed: int = 1) -> Array:
     return np.cumsum(np.random.default_rng(seed).standard_normal(n)) * 0.1 + 3.0
 
 
-@pytest.mark.parametrize("n", [7, 64, 3 * GRID + 5])
+@pytest.mark.parametrize("n", [7, 64, 3 * DENSITY_GRID_POINTS + 5])
 def test_of_white_noise_the_series_is_the_samples_over_their_deviation(n: int) -> None:
     """N^2 / dt is the variance of a sample; the constant has no weight. Parseval follows, and is asked for."""
     y, sd = samples(n), 0.3 / np.sqrt(DT)

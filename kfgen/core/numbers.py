@@ -21,5 +21,9 @@ def quantity(value: float, unit: str) -> str:
         In SI.
     unit : str
         In which it is shown.
+
+    Returns
+    -------
+    str
     """
     return f"{from_si(value, unit):.3g} {unit}".rstrip() if math.isfinite(value) else "unbounded"

@@ -22,84 +22,36 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 from kfgen.core.errors import InputError
+from kfgen.core.unit_names import (
+    BASE_UNITS,
+    PREFIX_FACTORS,
+    SI_NAMES,
+    STANDARD_GRAVITY,
+    TYPED_SIGNS,
+    UNIT_NAMES,
+)
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+__all__ = [
+    "STANDARD_GRAVITY",
+    "Unit",
+    "derived_unit",
+    "display_unit",
+    "from_si",
+    "parse_quantity",
+    "parse_unit",
+    "to_si",
+]
+
 Real = TypeVar("Real", float, "NDArray[np.float64]")
 """A number, or an array of them."""
 
-STANDARD_GRAVITY = 9.80665
-"""Standard acceleration of free fall [m/s^2]."""
-
-BASE_UNITS = ("m", "kg", "s", "A", "K", "rad", "count")
-
-_PREFIX = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
-
-# name: (factor to SI, exponents of BASE, takes prefixes)
-_NAMES: dict[str, tuple[float, dict[str, int], bool]] = {
-    "m": (1.0, {"m": 1}, True),
-    "kg": (1.0, {"kg": 1}, False),
-    "s": (1.0, {"s": 1}, True),
-    "min": (60.0, {"s": 1}, False),
-    "h": (3600.0, {"s": 1}, False),
-    "hr": (3600.0, {"s": 1}, False),
-    "sec": (1.0, {"s": 1}, False),
-    "A": (1.0, {"A": 1}, True),
-    "K": (1.0, {"K": 1}, True),
-    "degC": (1.0, {"K": 1}, False),
-    "rad": (1.0, {"rad": 1}, True),
-    "deg": (math.pi / 180.0, {"rad": 1}, True),
-    "dps": (math.pi / 180.0, {"rad": 1, "s": -1}, True),
-    "arcmin": (math.pi / 10800.0, {"rad": 1}, False),
-    "arcsec": (math.pi / 648000.0, {"rad": 1}, False),
-    "rev": (2.0 * math.pi, {"rad": 1}, False),
-    "rpm": (2.0 * math.pi / 60.0, {"rad": 1, "s": -1}, False),
-    "Hz": (1.0, {"s": -1}, True),
-    "g": (STANDARD_GRAVITY, {"m": 1, "s": -2}, True),
-    "Gal": (1e-2, {"m": 1, "s": -2}, True),
-    "N": (1.0, {"kg": 1, "m": 1, "s": -2}, True),
-    "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}, True),
-    "hPa": (100.0, {"kg": 1, "m": -1, "s": -2}, False),
-    "bar": (1e5, {"kg": 1, "m": -1, "s": -2}, True),
-    "J": (1.0, {"kg": 1, "m": 2, "s": -2}, True),
-    "W": (1.0, {"kg": 1, "m": 2, "s": -3}, True),
-    "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}, True),
-    "ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}, True),
-    "Ohm": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -2}, True),
-    "T": (1.0, {"kg": 1, "s": -2, "A": -1}, True),
-    "G": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
-    "gauss": (1e-4, {"kg": 1, "s": -2, "A": -1}, True),
-    "count": (1.0, {"count": 1}, False),
-    "LSB": (1.0, {"count": 1}, False),
-    "%": (1e-2, {}, False),
-    "ppm": (1e-6, {}, False),
-}
-
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z%]+)|([/*^()]))")
 
-# The same sign as people type it; the degree of temperature before that of angle.
-_SIGNS = (
-    ("\N{DEGREE SIGN}C", "degC"),
-    ("\N{DEGREE SIGN}", "deg"),
-    ("\N{MICRO SIGN}", "u"),
-    ("\N{GREEK SMALL LETTER MU}", "u"),
-    ("\N{OHM SIGN}", "ohm"),
-    ("\N{GREEK CAPITAL LETTER OMEGA}", "ohm"),
-    ("\N{SUPERSCRIPT TWO}", "^2"),
-    ("\N{SUPERSCRIPT THREE}", "^3"),
-    ("\N{MIDDLE DOT}", "*"),
-)
 _ROOT = re.compile("\N{SQUARE ROOT}([A-Za-z]+)")
-
-_NAMED_SI = {
-    "kg/s^2/A": "T",
-    "m*kg/s^2": "N",
-    "kg/m/s^2": "Pa",
-    "m^2*kg/s^2": "N m",
-    "m^2*kg/s^3/A": "V",
-}
 
 
 @dataclass(frozen=True)
@@ -140,7 +92,7 @@ class Unit:
         if not up and down == ["s"]:
             return "Hz"
         text = "/".join(["*".join(up) or "1", *down])
-        return _NAMED_SI.get(text, text)
+        return SI_NAMES.get(text, text)
 
 
 def _number(value: Fraction) -> str:
@@ -149,7 +101,7 @@ def _number(value: Fraction) -> str:
 
 def _typed(text: str) -> str:
     """A unit's text in the letters of the grammar."""
-    for sign, plain in _SIGNS:
+    for sign, plain in TYPED_SIGNS:
         text = text.replace(sign, plain)
     return _ROOT.sub(r"sqrt(\1)", text).strip()
 
@@ -249,10 +201,10 @@ class _Parser:
         """A unit with or without a prefix."""
         for split in (0, 1):
             prefix, root = token[:split], token[split:]
-            if root in _NAMES and prefix in _PREFIX and (not prefix or _NAMES[root][2]):
-                factor, powers, _ = _NAMES[root]
+            if root in UNIT_NAMES and prefix in PREFIX_FACTORS and (not prefix or UNIT_NAMES[root][2]):
+                factor, powers, _ = UNIT_NAMES[root]
                 exponents = tuple(Fraction(powers.get(base, 0)) for base in BASE_UNITS)
-                return Unit(token, _PREFIX[prefix] * factor, exponents)
+                return Unit(token, PREFIX_FACTORS[prefix] * factor, exponents)
         raise self.error(f"has the unknown part '{token}'")
 
 

@@ -98,8 +98,9 @@ class GapResult(Result):
         lines += [", ".join([*found[:MAX_SUMMARY_FINDINGS], *more])] if found else []
         gap = self.gap
         if gap.before > 0.0:
+            left = f"{gap.after:.3g} nats per sample" if gap.after > 0.0 else "none above chance"
             lines.append(
-                f"held-out mismatch before {gap.before:.3g}, after {gap.after:.3g} nats per sample, "
+                f"held-out mismatch before {gap.before:.3g} nats per sample, after {left}, "
                 f"closed {100.0 * gap.closed:.0f} %"
             )
         return lines
@@ -254,7 +255,14 @@ def _test(c: Comparison, t: Test) -> dict[str, Any]:
 
 
 def span_of_test(c: Comparison, t: Test) -> tuple[float, float]:
-    """The stretch of time that a test of a comparison looked at [s]."""
+    """The stretch of time that a test of a comparison looked at [s].
+
+    Parameters
+    ----------
+    c : Comparison
+        To which the test belongs.
+    t : Test
+    """
     first, last = c.span_s
     return (first + t.span[0], first + t.span[1]) if t.span else (first, last)
 

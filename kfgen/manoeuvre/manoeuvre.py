@@ -161,6 +161,11 @@ class Manoeuvre:
             Of the manoeuvre [s], unless its segments say their own; that of the times where left out.
         start : float, optional
             When it begins [s]; the first of the times where left out.
+
+        Returns
+        -------
+        rate, acceleration, body_acceleration : ndarray, shape (n, 3)
+            In body axes [rad/s], navigation axes [m/s^2] and body axes [m/s^2].
         """
         length = length or (float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S)
         since = t - (t[0] if start is None else start)

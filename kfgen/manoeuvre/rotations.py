@@ -12,7 +12,17 @@ SMALL_ANGLE_RAD = 1e-4
 
 
 def product(p: Array, q: Array) -> Array:
-    """Hamilton products of quaternions (..., 4), broadcast against each other."""
+    """Hamilton products of quaternions, ``p q``.
+
+    Parameters
+    ----------
+    p, q : ndarray, shape (..., 4)
+        Scalar first, broadcast against each other.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+    """
     pw, px, py, pz = (p[..., k] for k in range(4))
     qw, qx, qy, qz = (q[..., k] for k in range(4))
     return np.stack(
@@ -27,7 +37,7 @@ def product(p: Array, q: Array) -> Array:
 
 
 def inverse(q: Array) -> Array:
-    """Of unit quaternions (..., 4)."""
+    """Inverses of unit quaternions (..., 4)."""
     return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
@@ -49,7 +59,19 @@ def logarithm(q: Array) -> Array:
 
 
 def rotated(q: Array, v: Array) -> Array:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    """Vectors turned by unit quaternions.
+
+    Parameters
+    ----------
+    q : ndarray, shape (..., 4)
+        Unit quaternions, scalar first.
+    v : ndarray, shape (..., 3)
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        ``R v``, in the unit of `v`.
+    """
     w, u = q[..., :1], q[..., 1:]
     t = 2.0 * np.cross(u, v)
     return np.asarray(v + w * t + np.cross(u, t))

@@ -6,7 +6,7 @@ import difflib
 
 from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit
-from kfgen.gap.core.battery import RATE, Test
+from kfgen.gap.core.battery import FALSE_ALARM_RATE, Test
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.result import Comparison, Finding
 from kfgen.gap.rest.comparison import ChannelGap
@@ -66,7 +66,7 @@ def comparison_lines(c: Comparison) -> list[str]:
 def _comparison_parts(c: Comparison) -> list[PagePart]:
     tests = [_test_cells(c, t) for t in c.before if t.significant][:MAX_TEST_ROWS]
     head = ("channel", "test", "time [s]", "band [Hz]", "power found / expected", "adjusted p")
-    caption = f"Tests that the assumed model fails (family-wise rate {100 * RATE:g} %)."
+    caption = f"Tests that the assumed model fails (family-wise rate {100 * FALSE_ALARM_RATE:g} %)."
     parts = [
         heading(", ".join(c.channels)),
         *(sentence(f"{w}.") for w in sentences(c)),

@@ -110,8 +110,8 @@ def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) ->
     """Residual power over its expectation, before and after."""
     fig, (ax,) = _figure(7.4, 3.0)
     ax.axhline(1.0, color=MEASURED, linewidth=0.8)
-    ax.plot(frequency, before, color=BEFORE, linewidth=1.2, marker=".", label="believed model")
-    ax.plot(frequency, after, color=AFTER, linewidth=1.2, marker=".", label="mended model")
+    ax.plot(frequency, before, color=BEFORE, linewidth=1.2, marker=".", label="assumed model")
+    ax.plot(frequency, after, color=AFTER, linewidth=1.2, marker=".", label="updated model")
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="residual power / expected")
     ax.legend(frameon=False, fontsize=8.5)
     return _svg(fig, key)

@@ -249,7 +249,7 @@ def of_channel(general: type[T], channel: str) -> type[T]:
         "name": f"{general.name}:{channel}",
         "driver": channel,
         "title": f"{general.title.replace('another channel', channel)}, per SI unit of it",
-        "saying": general.sentence_template.replace("other channel", channel),
+        "sentence_template": general.sentence_template.replace("other channel", channel),
         "__doc__": f"{general.__doc__} Here: {channel}.",
     }
     made: Any = type(f"{general.__name__}OfChannel", (general,), words)

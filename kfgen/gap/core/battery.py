@@ -31,16 +31,16 @@ from kfgen.identify.evidence.whittle import Ordinates, residual_ratio
 
 Array = NDArray[np.float64]
 
-RATE = 0.001
+FALSE_ALARM_RATE = 0.001
 """Family-wise false alarm rate of the battery."""
 BANDS_PER_DECADE = 3
-STRETCHES = 8
+ATLAS_STRETCHES = 8
 """Of the atlas."""
-LAGS = 20
+SQUARE_LAGS = 20
 """At which squares are correlated."""
-LOWER = 0.9
+BAND_POWER_SHARE = 0.9
 """Share of a regressor's power below the band that is said of it."""
-CELL = 24
+MIN_CELL_ORDINATES = 24
 """Ordinates that a cell of the atlas has at least."""
 
 
@@ -69,7 +69,7 @@ class Test:
     @property
     def significant(self) -> bool:
         """At the family-wise rate."""
-        return self.p < RATE
+        return self.p < FALSE_ALARM_RATE
 
 
 def battery(
@@ -120,7 +120,15 @@ def _band(data: Ordinates, ratio: Array, lo: int, hi: int) -> Test:
 
 
 def chance_of(total: float, m: float) -> float:
-    """Two-sided p value of a chi-square of m degrees of freedom."""
+    """Two-sided p value of a chi-square of m degrees of freedom.
+
+    Parameters
+    ----------
+    total : float
+        Power found: a sum of squares of unit normal deviates.
+    m : float
+        Its degrees of freedom.
+    """
     from scipy.stats import chi2
 
     return min(2.0 * min(float(chi2.sf(total, m)), float(chi2.cdf(total, m))), 1.0)
@@ -145,7 +153,7 @@ def _followed(series: WhiteSeries, name: str) -> Test:
 
     z, u = series.regression(series.drive[name])
     share = np.cumsum(u**2) / max(float(u @ u), 1e-300)
-    last = int(np.searchsorted(share, LOWER))
+    last = int(np.searchsorted(share, BAND_POWER_SHARE))
     p = float(2.0 * norm.sf(abs(z)))
     band = (0.0, 0.5 * last / (series.n * series.dt))
     return Test(f"regression on {name}", p, band, 1.0 + z**2, other=name)
@@ -160,7 +168,17 @@ def _louder(series: WhiteSeries, name: str) -> Test:
 
 
 def white_tests(z: Array, dt: float, X: Array) -> list[Test]:
-    """Tests of a series that should be white and normal, shape (n,), with its cosine ordinates."""
+    """Tests of a series that should be white and normal, shape (n,), with its cosine ordinates.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        White series in time, of unit variance.
+    dt : float
+        Sampling period [s].
+    X : ndarray, shape (n,)
+        Its cosine transform.
+    """
     whole = (0.0, 0.5 / dt)
     return [*_atlas(z, dt), _line(X, dt), _tails(z, whole), _skewed(z, whole), _squares(z, whole)]
 
@@ -169,13 +187,13 @@ def _atlas(z: Array, dt: float) -> list[Test]:
     """Power in stretches of time and octaves of frequency."""
     from scipy.fft import dct
 
-    size, tests = z.size // STRETCHES, []
-    if size < 2 * CELL:
+    size, tests = z.size // ATLAS_STRETCHES, []
+    if size < 2 * MIN_CELL_ORDINATES:
         return []
     edges = [1]
     while edges[-1] < size:
-        edges.append(min(max(2 * edges[-1], edges[-1] + CELL), size))
-    for k in range(STRETCHES):
+        edges.append(min(max(2 * edges[-1], edges[-1] + MIN_CELL_ORDINATES), size))
+    for k in range(ATLAS_STRETCHES):
         X2 = dct(z[k * size : (k + 1) * size], type=2, norm="ortho") ** 2
         span = (k * size * dt, (k + 1) * size * dt)
         for lo, hi in pairwise(edges):
@@ -216,7 +234,7 @@ def _squares(z: Array, whole: tuple[float, float]) -> Test:
 
     q = z**2 - np.mean(z**2)
     power = float(q @ q)
-    r = np.array([float(q[k:] @ q[:-k]) / power for k in range(1, min(LAGS, z.size // 4) + 1)])
+    r = np.array([float(q[k:] @ q[:-k]) / power for k in range(1, min(SQUARE_LAGS, z.size // 4) + 1)])
     n = z.size
     total = float(n * (n + 2) * np.sum(r**2 / (n - np.arange(1, r.size + 1))))
     return Test("correlated squares", float(chi2.sf(total, r.size)), whole, 1.0 + float(r.max(initial=0.0)))

@@ -1,7 +1,7 @@
-"""A model as it is written: numbers that the data move far from what is believed of them are in question.
+"""A model as it is written: numbers that the data move far from what is assumed of them are in question.
 
 A number with a deviation is fitted beside the effects, and would take up a gap in silence. One that is moved too far
-is held at what is believed of it, and its error competes with every other explanation; where that is not needed,
+is held at what is assumed of it, and its error competes with every other explanation; where that is not needed,
 the number is given its freedom back.
 """
 
@@ -78,6 +78,13 @@ def start_of(scene: Scene) -> ScenePoint:
 
 
 def moved(scene: Scene, point: ScenePoint) -> set[str]:
-    """The numbers that a fit moved far from what is believed of them."""
+    """The numbers that a fit moved far from what is assumed of them.
+
+    Parameters
+    ----------
+    scene : Scene
+    point : ScenePoint
+        Where a fit ended.
+    """
     pairs = zip(scene.unknowns, point.unknowns.tolist())
     return {u.own for u, x in pairs if u.own and abs(x - u.value) > u.far * u.sd}

@@ -32,15 +32,15 @@ from kfgen.identify.fit.fit import Fit, Problem, maximise
 
 Array = NDArray[np.float64]
 
-HELD_OUT = 0.3
+HELD_OUT_SHARE = 0.3
 """Share of the record, at its end, that no fit sees."""
 FOLDS = 3
 """Parts of a record, each of which is predicted from the others where no shape ties it to its time."""
-OVER = 0.01
+MIN_TAIL_POWER_SHARE = 0.01
 """Share of a shape's power in the tail below which the tail cannot show it."""
 BLOCKS = 32
 """Into which a record is cut to leave out every other one."""
-DRAWS = 2000
+INTERVAL_DRAWS = 2000
 METRIC = "held-out log-likelihood per sample above the noise floor"
 
 
@@ -61,32 +61,32 @@ class Gap:
     held_out: str = ""
 
 
-def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
-    """Compare the believed and the mended model on data that the compared fits did not see.
+def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
+    """Compare the assumed and the updated model on data that the compared fits did not see.
 
     Parameters
     ----------
     raw, clean : Record
         As it was logged (less trusted terms), and without what alters samples.
     written : sequence of Effect
-        The believed random effects, as they are written.
-    mended : Problem
-        The mended model on the clean record.
+        The assumed random effects, as they are written.
+    updated : Problem
+        The updated model on the clean record.
     """
-    shapes = [e for e in mended.effects if e.coefficients()]
+    shapes = [e for e in updated.effects if e.coefficients()]
     blocked = [e for e in shapes if e.driver or (e.repeatable and not is_line(e)) or _is_over(e, clean)]
     if blocked:
-        return _masked(clean, mended, blocked)
+        return _masked(clean, updated, blocked)
     if not shapes:
-        return _folded(raw, clean, written, mended)
-    return _tail(raw, clean, written, mended)
+        return _folded(raw, clean, written, updated)
+    return _tail(raw, clean, written, updated)
 
 
 def _is_over(effect: Effect, record: Record) -> bool:
     """Whether next to nothing of a shape is left in the tail: an exponential that has died."""
     power = np.sum(np.square(effect.regressors(record.elapsed, record.drive)), axis=0)
-    tail = int(record.n * (1.0 - HELD_OUT))
-    return bool(np.sum(power[tail:]) < OVER * np.sum(power))
+    tail = int(record.n * (1.0 - HELD_OUT_SHARE))
+    return bool(np.sum(power[tail:]) < MIN_TAIL_POWER_SHARE * np.sum(power))
 
 
 def is_line(effect: Effect | type[Effect]) -> bool:
@@ -94,42 +94,63 @@ def is_line(effect: Effect | type[Effect]) -> bool:
     return len(effect.coefficients()) > 1
 
 
-def _tail(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
-    k = int(raw.n * (1.0 - HELD_OUT))
-    r0, r1, m = judged(raw.cut(k, raw.n), clean.cut(k, raw.n), (clean.cut(0, k),), written, mended)
+def _tail(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
+    k = int(raw.n * (1.0 - HELD_OUT_SHARE))
+    r0, r1, m = judged(raw.cut(k, raw.n), clean.cut(k, raw.n), (clean.cut(0, k),), written, updated)
     return divergence(r0, r1, m, "the last 30 % of the record")
 
 
-def _folded(raw: Record, clean: Record, written: Sequence[Effect], mended: Problem) -> Gap:
+def _folded(raw: Record, clean: Record, written: Sequence[Effect], updated: Problem) -> Gap:
     """Each part of equal length by a fit to the others; the powers of all parts are averaged in each band."""
     size, parts = raw.n // FOLDS, []
     cuts = [(k * size, (k + 1) * size) for k in range(FOLDS)]
     for left_out in cuts:
         rest = tuple(clean.cut(*cut) for cut in cuts if cut != left_out)
-        parts.append(judged(raw.cut(*left_out), clean.cut(*left_out), rest, written, mended))
+        parts.append(judged(raw.cut(*left_out), clean.cut(*left_out), rest, written, updated))
     r0, r1 = (np.mean([part[i] for part in parts], axis=0) for i in (0, 1))
     return divergence(r0, r1, FOLDS * parts[0][2], "every third of the record, by a fit to the other two")
 
 
 def judged(
-    raw: Record, clean: Record, rest: tuple[Record, ...], written: Sequence[Effect], mended: Problem
+    raw: Record, clean: Record, rest: tuple[Record, ...], written: Sequence[Effect], updated: Problem
 ) -> tuple[Array, Array, Array]:
-    """Power over expectation on what is left out, believed and mended, the latter fitted to the rest.
+    """Power over expectation on what is left out, assumed and updated, the latter fitted to the rest.
+
+    Parameters
+    ----------
+    raw, clean : Record
+        What is left out, as it was logged and without what changes samples.
+    rest : tuple of Record
+        To which the updated model is fitted.
+    written : sequence of Effect
+        The assumed random effects.
+    updated : Problem
+        The updated model.
 
     Returns
     -------
     tuple of ndarray, shape (bands,)
         Mean ratios before and after, and how many ordinates each has.
     """
-    after = maximise(replace(mended, record=rest[0] if len(rest) == 1 else JointRecord(rest)))
+    after = maximise(replace(updated, record=rest[0] if len(rest) == 1 else JointRecord(rest)))
     r0, m = ratios(raw, written, np.zeros(0))
     r1, _ = ratios(clean, after.effects, after.likelihood.coefficients)
     return r0, r1, m
 
 
 def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
-    """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance."""
-    chance = np.random.default_rng(0).chisquare(m, (DRAWS, m.size)) / m
+    """The gap from ratios of power before and after in bands of m ordinates; the interval from draws of their chance.
+
+    Parameters
+    ----------
+    r0, r1 : ndarray, shape (bands,)
+        Power over expectation, before and after.
+    m : ndarray, shape (bands,)
+        Degrees of freedom.
+    held_out : str
+        What was held out, in words.
+    """
+    chance = np.random.default_rng(0).chisquare(m, (INTERVAL_DRAWS, m.size)) / m
     lost0, lost1, n = float(lost(r0, m)), float(lost(r1, m)), float(m.sum())
     draws0 = lost(r0 * chance, m) - 0.5 * m.size
     draws1 = np.maximum(lost(r1 * chance, m) - 0.5 * m.size, 0.0)
@@ -141,9 +162,9 @@ def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
     return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), held_out)
 
 
-def _masked(clean: Record, mended: Problem, blocked: Sequence[Effect]) -> Gap:
+def _masked(clean: Record, updated: Problem, blocked: Sequence[Effect]) -> Gap:
     """Shapes fitted to one part of the white series, and judged on the other."""
-    fit: Fit = maximise(mended)
+    fit: Fit = maximise(updated)
     others = [e for e in fit.effects if e.coefficients() and e.name not in {b.name for b in blocked}]
     shapes = [e for e in fit.effects if e.coefficients() and e not in others]
     whitener = Whitener.of(fit.effects, clean.n, clean.dt)
@@ -183,7 +204,15 @@ def _block_ratios(z: Array, unseen: NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tuple[Array, Array]:
-    """Mean power of a record over what is expected in bands, and how many ordinates each has."""
+    """Mean power of a record over what is expected in bands, and how many ordinates each has.
+
+    Parameters
+    ----------
+    tail : Record
+    effects : sequence of Effect
+    coefficients : ndarray, shape (k,)
+        Of the deterministic ones [SI].
+    """
     data = tail.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
     parts = [
@@ -194,5 +223,13 @@ def ratios(tail: Record, effects: Sequence[Effect], coefficients: Array) -> tupl
 
 
 def lost(r: Array, m: Array) -> Array:
-    """Nats lost against each band's own level, less what chance loses, shape (...,) of ratios (..., bands)."""
+    """Nats lost against each band's own level, less what chance loses, shape (...,) of ratios (..., bands).
+
+    Parameters
+    ----------
+    r : ndarray, shape (..., bands)
+        Power over expectation.
+    m : ndarray, shape (bands,)
+        Degrees of freedom.
+    """
     return np.asarray((0.5 * m * (r - 1.0 - np.log(r)) - 0.5).sum(axis=-1))

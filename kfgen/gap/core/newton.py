@@ -1,7 +1,7 @@
 """Fitting a scene: damped Gauss-Newton steps in the effects' parameters and the world's unknowns.
 
 Signed parameters are fitted as they are, positive ones in their logarithm. Each channel's noise may be
-louder or quieter than believed: its level has a log-normal prior of `TRUST` and is profiled out, so that a
+louder or quieter than believed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
 noise of the wrong size is no evidence for anything else.
 
 References
@@ -23,20 +23,20 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 
-TRUST = 0.1
+NOISE_LEVEL_SD_OF_LOG = 0.1
 """Deviation of the logarithm of a channel's noise level."""
-ROUNDS = 15
-CLOSE = 3e-3
+MAX_NEWTON_STEPS = 15
+GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
-SHARE = 1e-5
+GAIN_TOLERANCE_SHARE = 1e-5
 """Or this share of what the fit gained in all."""
-VISIBLE = 0.1
+DIFFERENCE_STEP_SD = 0.1
 """Change of the residuals [deviations] by which they are differentiated."""
-FARTHEST = 1e12
+MAX_RELATIVE_STEP = 1e12
 """Largest relative change where nothing shows it."""
-LONGEST = 1.0
+MAX_LOG_STEP = 1.0
 """Longest step in a logarithm."""
-BENT = 0.1
+MAX_LINEAR_LOG_STEP = 0.1
 """Step in a logarithm from which on it is no longer one in the number itself."""
 
 Key = tuple[int, str]
@@ -87,7 +87,14 @@ def keys_of(placed: Sequence[Placed]) -> tuple[Key, ...]:
 
 
 def is_signed(effect: Effect, name: str) -> bool:
-    """Whether a parameter is fitted as it is, and not in its logarithm."""
+    """Whether a parameter is fitted as it is, and not in its logarithm.
+
+    Parameters
+    ----------
+    effect : Effect
+    name : str
+        Of its parameter.
+    """
     return {p.name: p.kind for p in effect.parameters()}[name] == "signed"
 
 
@@ -101,7 +108,14 @@ def coordinates(point: ScenePoint) -> Array:
 
 
 def moved(point: ScenePoint, x: Array) -> ScenePoint:
-    """The point at these coordinates."""
+    """The point at these coordinates.
+
+    Parameters
+    ----------
+    point : ScenePoint
+    x : ndarray, shape (k + q,)
+        Coordinates of the effects' parameters, then the unknowns [SI].
+    """
     placed, keys = list(point.placed), keys_of(point.placed)
     for (i, name), v in zip(keys, x.tolist()):
         value = v if is_signed(placed[i].effect, name) else float(np.exp(min(v, 690.0)))
@@ -110,25 +124,49 @@ def moved(point: ScenePoint, x: Array) -> ScenePoint:
 
 
 def levels_of(scene: Scene, residual: Array) -> Array:
-    """The most likely level of each channel's noise, shape (channels,)."""
+    """The most likely level of each channel's noise, shape (channels,).
+
+    Parameters
+    ----------
+    scene : Scene
+    residual : ndarray, shape (N,)
+        In standard deviations of the assumed noise.
+    """
     out = []
     for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
         power, s = float(part @ part), 1.0
-        for _ in range(30):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 TRUST^2
+        for _ in range(
+            30
+        ):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 NOISE_LEVEL_SD_OF_LOG^2
             x = float(np.log(s))
-            slope = n - power / s**2 + x / TRUST**2
-            s *= float(np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / TRUST**2), -1.0, 1.0)))
+            slope = n - power / s**2 + x / NOISE_LEVEL_SD_OF_LOG**2
+            s *= float(
+                np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / NOISE_LEVEL_SD_OF_LOG**2), -1.0, 1.0))
+            )
         out.append(s)
     return np.array(out)
 
 
 def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
-    """Log-likelihood with the levels at their best, plus the log prior of the unknowns [nats]."""
+    """Log-likelihood with the levels at their best, plus the log prior of the unknowns [nats].
+
+    Parameters
+    ----------
+    scene : Scene
+    residual : ndarray, shape (N,)
+        In standard deviations of the assumed noise.
+    unknowns : ndarray, shape (q,)
+        [SI].
+    """
     levels = levels_of(scene, residual)
     value = 0.0
     parts = np.split(residual, np.cumsum(scene.lengths)[:-1])
     for part, n, s in zip(parts, scene.lengths, levels.tolist()):
-        value -= n * float(np.log(s)) + 0.5 * float(part @ part) / s**2 + 0.5 * (np.log(s) / TRUST) ** 2
+        value -= (
+            n * float(np.log(s))
+            + 0.5 * float(part @ part) / s**2
+            + 0.5 * (np.log(s) / NOISE_LEVEL_SD_OF_LOG) ** 2
+        )
     return value - 0.5 * float(np.sum(_pulls(scene, unknowns) ** 2))
 
 
@@ -143,13 +181,32 @@ def _weights(scene: Scene) -> Array:
 
 
 def over_levels(scene: Scene, x: Array, levels: Array) -> Array:
-    """Residuals, shape (N, ...), over the levels of their channels."""
+    """Residuals, shape (N, ...), over the levels of their channels.
+
+    Parameters
+    ----------
+    scene : Scene
+    x : ndarray, shape (N, ...)
+        Residuals or their derivatives.
+    levels : ndarray, shape (channels,)
+        Noise levels over the assumed ones.
+    """
     each = np.repeat(levels, scene.lengths)
     return np.asarray(x / each.reshape(-1, *(1,) * (x.ndim - 1)))
 
 
 def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -> tuple[Array, Array]:
-    """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,)."""
+    """Jacobian of the residuals, shape (N, p), and steps that make it visible, shape (p,).
+
+    Parameters
+    ----------
+    scene : Scene
+    point : ScenePoint
+    residual : ndarray, shape (N,)
+        There.
+    steps : ndarray, shape (k + q,)
+        Differences of the coordinates from which it begins.
+    """
     x = coordinates(point)
     if not x.size:
         return np.zeros((residual.size, 0)), steps
@@ -163,11 +220,11 @@ def derivative(scene: Scene, point: ScenePoint, residual: Array, steps: Array) -
     for _ in range(2):
         change = changed(steps)
         size = np.linalg.norm(change, axis=0)
-        good = (size > 0.01 * VISIBLE) & (size < 100.0 * VISIBLE)
+        good = (size > 0.01 * DIFFERENCE_STEP_SD) & (size < 100.0 * DIFFERENCE_STEP_SD)
         if good.all():
             break
-        better = steps * np.clip(VISIBLE / np.maximum(size, 1e-12), 1e-8, 1e8)
-        better = np.minimum(better, FARTHEST * np.maximum(np.abs(x), 1.0))
+        better = steps * np.clip(DIFFERENCE_STEP_SD / np.maximum(size, 1e-12), 1e-8, 1e8)
+        better = np.minimum(better, MAX_RELATIVE_STEP * np.maximum(np.abs(x), 1.0))
         logs = np.array([not is_signed(point.placed[i].effect, n) for i, n in keys_of(point.placed)], bool)
         better[: logs.size][logs] = np.minimum(better[: logs.size][logs], 0.05)
         steps = np.where(good, steps, better)
@@ -183,14 +240,23 @@ def first_steps(point: ScenePoint) -> Array:
 
 
 def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> SceneFit:
-    """The scene at its best point, from a start."""
+    """The scene at its best point, from a start.
+
+    Parameters
+    ----------
+    scene : Scene
+    start : ScenePoint
+        Where the fit begins.
+    steps : ndarray, shape (k + q,), optional
+        Differences by which coordinates are varied.
+    """
     point = start
     steps = first_steps(start) if steps is None else steps
     residual = scene.residuals([point])[:, 0]
     value = log_posterior(scene, residual, point.unknowns)
     damping, keys, begun = 1e-6, keys_of(point.placed), value
     k, gain = len(keys), 0.0
-    for _ in range(ROUNDS):
+    for _ in range(MAX_NEWTON_STEPS):
         levels = levels_of(scene, residual)
         J, steps = derivative(scene, point, residual, steps)
         J = over_levels(scene, J, levels)
@@ -200,10 +266,10 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
         g[k:] += _pulls(scene, point.unknowns) * _weights(scene)
         H = _information(scene, J, k)
         gain, point, residual, value, damping = _stepped(scene, (point, residual, value), g, H, damping)
-        if gain < max(CLOSE, SHARE * (value - begun)):
+        if gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (value - begun)):
             break
     levels = levels_of(scene, residual)
-    if gain > CLOSE:  # else the derivatives are those of the point, or of one as good
+    if gain > GAIN_TOLERANCE_NATS:  # else the derivatives are those of the point, or of one as good
         J, steps = derivative(scene, point, residual, steps)
         J = over_levels(scene, J, levels)
     return SceneFit(point, residual, levels, value, _information(scene, J, k), keys, steps, J)
@@ -253,9 +319,9 @@ def _ways(d: Array, logs: NDArray[np.bool_]) -> list[Array]:
     """
     along = d[: logs.size][logs]
     largest = float(np.abs(along).max(initial=0.0))
-    shortened = d * min(1.0, LONGEST / max(largest, 1e-300))
-    if largest <= BENT:
+    shortened = d * min(1.0, MAX_LOG_STEP / max(largest, 1e-300))
+    if largest <= MAX_LINEAR_LOG_STEP:
         return [shortened]
     straight = d.copy()
-    straight[: logs.size][logs] = np.log1p(np.maximum(along, np.expm1(-2.0 * LONGEST)))
+    straight[: logs.size][logs] = np.log1p(np.maximum(along, np.expm1(-2.0 * MAX_LOG_STEP)))
     return [shortened, straight]

@@ -26,7 +26,7 @@ class Placed:
     ----------
     effect : Effect
     where : str
-    rare : float
+    prior_penalty_nats : float
         Nats by which it is rarer there than elsewhere, beside what its class says.
     held : tuple of str
         Its parameters that a fit leaves as they are.
@@ -175,3 +175,12 @@ class Telling(Protocol):
     @property
     def said(self) -> tuple[Placed, ...]:
         """Those faults."""
+
+
+@runtime_checkable
+class ReadingByReading(Protocol):
+    """A world whose residuals are its readings one by one, where those of others are cosine transforms of them."""
+
+    @property
+    def is_reading_by_reading(self) -> bool:
+        """Always."""

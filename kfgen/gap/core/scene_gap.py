@@ -12,7 +12,7 @@ from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.core.believed_parameters import Answered, answered
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed
-from kfgen.gap.core.noise_scale import NoiseScale, levels_in, louder_in
+from kfgen.gap.core.noise_scale import NoiseScale, levels_in, noise_scales_in
 from kfgen.gap.core.result import (
     BAD_DATA,
     EFFECTS_FOUND,
@@ -171,7 +171,7 @@ def _updated_tests(scene: Scene, fit: SceneFit) -> tuple[list[Test], tuple[Noise
     after = tests_of(scene, fit)
     if not any(t.significant for t in after):
         return after, ()
-    noise_scales = louder_in(scene, fit)
+    noise_scales = noise_scales_in(scene, fit)
     each = np.repeat(levels_in(scene, noise_scales), scene.lengths)
     anew = tests_of(scene, replace(fit, residual=fit.residual / each)) if noise_scales else after
     return (after, ()) if any(t.significant for t in anew) else (anew, noise_scales)

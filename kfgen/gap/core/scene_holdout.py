@@ -1,13 +1,13 @@
-"""The proof of a scene: samples that no fit saw, foretold by the believed and by the mended model.
+"""The proof of a scene: samples that no fit saw, foretold by the assumed and by the updated model.
 
 The whole scene is run, so that what is inside it (the state of a filter, of a plant) is carried over from the part
 that was fitted into the part that was not; its white series is cut in time. Effects, biases and all that is unknown
 are fitted to the samples that are seen, under either model. On the others, to which only states that start there, or
-are seen there too, are fitted anew, the mended model gains
+are seen there too, are fitted anew, the updated model gains
 
     G = (|z0|^2 - m0 - |z1|^2 + m1) / 2   nats
 
-over the believed one, ``z`` the white series under either, ``m`` as many as are left to chance. What the mended model
+over the assumed one, ``z`` the white series under either, ``m`` as many as are left to chance. What the updated model
 itself still loses, ``A``, is what it loses in each band against one that has the band's own level, see
 `kfgen.gap.core.holdout`; below what chance alone exceeds at the rate of the battery it is none. The gap is ``A + G`` before and ``A``
 after.
@@ -22,25 +22,24 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.core.battery import BANDS_PER_DECADE, RATE
+from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.believed_parameters import Answered
-from kfgen.gap.core.holdout import BLOCKS, DRAWS, HELD_OUT, OVER, Gap, lost
+from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
 from kfgen.gap.core.newton import SceneFit, fitted
-from kfgen.gap.core.scene import Placed, Scene, ScenePoint, Unknown
+from kfgen.gap.core.scene import Placed, ReadingByReading, Scene, ScenePoint, Unknown
 from kfgen.gap.core.screen import basis, freed
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.motion.known_length import NormScene
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-VISIBLE = 1e-3
+MIN_SEEN_SHARE = 1e-3
 """Share of an unknown's effect that must fall on samples for it to be fitted to them."""
-LEAST = 0.5
+MIN_DEGREES_OF_FREEDOM = 0.5
 """Degrees of freedom below which a band says nothing."""
-SHORTEST = 4
+MIN_STRETCH_SAMPLES = 4
 """Samples of a stretch that has a spectrum."""
-MANY = 20000
+CHANCE_DRAWS = 20000
 """Draws by which is seen what chance exceeds rarely."""
 
 
@@ -60,9 +59,9 @@ class Cut:
 
 def tail(lengths: Sequence[int]) -> Cut:
     """The last samples."""
-    at = [(int(n * (1.0 - HELD_OUT)), n) for n in lengths]
+    at = [(int(n * (1.0 - HELD_OUT_SHARE)), n) for n in lengths]
     unseen = tuple(np.arange(n) >= k for k, n in at)
-    return Cut(unseen, tuple(((k, n),) for k, n in at), f"the last {100 * HELD_OUT:.0f} % of the log")
+    return Cut(unseen, tuple(((k, n),) for k, n in at), f"the last {100 * HELD_OUT_SHARE:.0f} % of the log")
 
 
 def every_other(lengths: Sequence[int]) -> Cut:
@@ -80,8 +79,15 @@ def every_other(lengths: Sequence[int]) -> Cut:
 
 
 def series(scene: Scene, X: Array) -> Array:
-    """Residuals of all channels, shape (N, ...), in time."""
-    if isinstance(scene, NormScene):
+    """Residuals of all channels, shape (N, ...), in time.
+
+    Parameters
+    ----------
+    scene : Scene
+    X : ndarray, shape (N, ...)
+        Residuals of all channels, one after the other.
+    """
+    if isinstance(scene, ReadingByReading):
         return X  # one for each pose
     return np.concatenate([Whitener.back(x) for x in np.split(X, np.cumsum(scene.lengths)[:-1])])
 
@@ -143,26 +149,26 @@ class ScenePart:
         return fitted(self, ScenePoint(placed, self.values[self.free]))
 
 
-def held_out(answer: Answered, louder: Mask | None = None) -> Gap:
+def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     """The gap on samples that the fits of the effects did not see.
 
     Parameters
     ----------
-    louder : ndarray of bool, shape (channels,), optional
-        Channels whose noise is mended too.
+    rescaled : ndarray of bool, shape (channels,), optional
+        Channels whose noise is of another size.
     """
     scene, found = answer.scene, answer.found
     cut = _cut(scene, found.fit)
-    if any(b - a < SHORTEST for blocks in cut.stretches for a, b in blocks):
+    if any(b - a < MIN_STRETCH_SAMPLES for blocks in cut.stretches for a, b in blocks):
         return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
     learnt, trained, after = _foretold(scene, cut, found.fit)
     before = _foretold(answer.written, cut, found.assumed)[2]
     levels = np.ones(len(scene.channels))
-    if not found.fit.point.placed and (louder is None or not louder.any()):
-        after = before  # nothing was mended
-    if louder is not None and louder.any():
+    if not found.fit.point.placed and (rescaled is None or not rescaled.any()):
+        after = before  # nothing was updated
+    if rescaled is not None and rescaled.any():
         split = np.split(trained.residual, np.cumsum(learnt.lengths)[:-1])
-        levels = np.where(louder, [np.sqrt(np.mean(z**2)) for z in split], 1.0)
+        levels = np.where(rescaled, [np.sqrt(np.mean(z**2)) for z in split], 1.0)
     return _gap(cut, before, after, levels)
 
 
@@ -182,14 +188,14 @@ def _shown(scene: Scene, kept: tuple[Mask, ...], fit: SceneFit) -> Mask:
     """The unknowns that some samples show."""
     J = series(scene, fit.jacobian[:, len(fit.keys) :])
     there = np.linalg.norm(J[np.concatenate(kept)], axis=0)
-    return np.asarray(there > VISIBLE * np.maximum(np.linalg.norm(J, axis=0), 1e-300))
+    return np.asarray(there > MIN_SEEN_SHARE * np.maximum(np.linalg.norm(J, axis=0), 1e-300))
 
 
 def _cut(scene: Scene, fit: SceneFit) -> Cut:
     """What is held out: the tail, or every other block where the tail cannot show what was found."""
     last, blocks = tail(scene.lengths), every_other(scene.lengths)
     placed = fit.point.placed
-    if not placed or min(scene.lengths) < SHORTEST * BLOCKS:
+    if not placed or min(scene.lengths) < MIN_STRETCH_SAMPLES * BLOCKS:
         return last
     if any(float(getattr(p.effect, "duration", 0.0)) > 0.0 for p in placed):
         return blocks
@@ -200,7 +206,7 @@ def _cut(scene: Scene, fit: SceneFit) -> Cut:
         np.sum(freed(alone[rows], basis(J[rows])) ** 2, axis=0)
         for rows in (np.ones(len(alone), dtype=bool), last.rows)
     )
-    return blocks if (shown < OVER * power).any() else last
+    return blocks if (shown < MIN_TAIL_POWER_SHARE * power).any() else last
 
 
 def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
@@ -214,7 +220,7 @@ def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
         loss1 += 0.5 * float(p1.sum() / s**2 - f1.sum()) + float(f1.sum() * np.log(s))
         edges = band_edges(p1.size)
         power, count = (np.add.reduceat(x, edges[:-1]) for x in (p1 / s**2, f1))
-        told = count > LEAST
+        told = count > MIN_DEGREES_OF_FREEDOM
         r.append(np.maximum(power[told] / count[told], 1e-12))
         m.append(count[told])
     noise = float(np.sqrt(sum(p.sum() for p in P1) / max(sum(f.sum() for f in m1), 1.0)))
@@ -225,22 +231,22 @@ def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
 
 
 def gap_of(r: Array, m: Array, gain: float, deviation: float, words: str) -> Gap:
-    """The gap from what the mended model leaves and from what it gains.
+    """The gap from what the updated model leaves and from what it gains.
 
     Parameters
     ----------
     r, m : ndarray, shape (bands,)
-        Power over expectation under the mended model, and degrees of freedom.
+        Power over expectation under the updated model, and degrees of freedom.
     gain, deviation : float
-        Nats over the believed model, and how far chance moves them.
+        Nats over the assumed model, and how far chance moves them.
     """
     rng = np.random.default_rng(0)
-    chance = rng.chisquare(m, (MANY, m.size)) / m
+    chance = rng.chisquare(m, (CHANCE_DRAWS, m.size)) / m
     left, n = float(lost(r, m)), float(m.sum())
-    A = left if left > float(np.quantile(lost(chance, m), 1.0 - RATE)) else 0.0
+    A = left if left > float(np.quantile(lost(chance, m), 1.0 - FALSE_ALARM_RATE)) else 0.0
     before, after = A + max(gain, 0.0), A + max(-gain, 0.0)
-    drawn = np.maximum(lost(r * chance[:DRAWS], m) - 0.5 * m.size, 0.0)
-    gains = gain + deviation * rng.standard_normal(DRAWS)
+    drawn = np.maximum(lost(r * chance[:INTERVAL_DRAWS], m) - 0.5 * m.size, 0.0)
+    gains = gain + deviation * rng.standard_normal(INTERVAL_DRAWS)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(gains > 0.0, gains / (gains + drawn), np.maximum(gains / drawn, -1.0))
     closed = max(1.0 - after / before, -1.0) if before > 0.0 else 0.0

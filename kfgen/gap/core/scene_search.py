@@ -19,7 +19,7 @@ from kfgen.effects.plant.terms import InputChange
 from kfgen.gap.core.newton import SceneFit, fitted, is_signed, keys_of
 from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 from kfgen.gap.core.scene_evidence import evidence, time_limits
-from kfgen.gap.core.screen import LOST, Screened, basis, freed, new_columns, screen
+from kfgen.gap.core.screen import MIN_OWN_SHARE, Screened, basis, freed, new_columns, screen
 from kfgen.gap.core.search import Chosen, Contest, Distinguishability, Label, probabilities, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS, SearchLimits
 from kfgen.gap.rest.evidence import TIME_LIMITS
@@ -93,7 +93,14 @@ class SceneExplanation:
         return ranked(self.scene, self.fit, self.others)
 
     def plus(self, addition: FittedAddition, ranked: Sequence[FittedAddition]) -> SceneExplanation:
-        """With one more, at the end, out of what competed with it."""
+        """With one more, at the end, out of what competed with it.
+
+        Parameters
+        ----------
+        addition : FittedAddition
+        ranked : sequence of FittedAddition
+            All that competed, itself among them.
+        """
         chosen = (*self.chosen, _chosen(addition, ranked))
         return SceneExplanation(self.scene, addition.fit, with_values(chosen, addition.fit))
 
@@ -320,7 +327,7 @@ def limits(scene: Scene, fit: SceneFit) -> list[tuple[Placed, str, float]]:
         column = new_columns(scene, fit, point, residual)[:, 0]
         own = float(np.linalg.norm(freed(column, Q)))
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
-        if own > LOST * float(np.linalg.norm(column)):
+        if own > MIN_OWN_SHARE * float(np.linalg.norm(column)):
             out[what] = starts[0], name, scale * float(np.sqrt(2.0 * DETECTION_LIMIT_NATS)) / own
     return list(out.values())
 

@@ -16,7 +16,7 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 
-LOST = 0.02
+MIN_OWN_SHARE = 0.02
 """Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
 
 
@@ -42,7 +42,14 @@ class Screened:
 
 
 def screen(scene: Scene, base: SceneFit) -> list[Screened]:
-    """Every addition by its linear gain beside a fit, the best first."""
+    """Every addition by its linear gain beside a fit, the best first.
+
+    Parameters
+    ----------
+    scene : Scene
+    base : SceneFit
+        Of the scene with what is there.
+    """
     Q, own = basis(base.jacobian), _own(base)
     before = freed(over_levels(scene, base.residual, base.levels), Q)
     found = [_screened(scene, base, g, Q, own, before) for g in scene.candidates(base.point.placed)]
@@ -70,7 +77,7 @@ def _screened(
         columns = new_columns(scene, base, point, found[:, j])
         A = freed(columns, Q)
         size = np.linalg.norm(A, axis=0)
-        told = size > LOST * np.linalg.norm(columns, axis=0)
+        told = size > MIN_OWN_SHARE * np.linalg.norm(columns, axis=0)
         rest = freed(over_levels(scene, found[:, j], base.levels), Q)
         if told.any():
             B = A[:, told] / size[told]
@@ -88,12 +95,30 @@ def _claims(columns: Array, size: Array, own: Sequence[Array]) -> Array:
 
 
 def freed(x: Array, Q: Array) -> Array:
-    """Vectors without what lies in the columns of `Q`."""
+    """Vectors without what lies in the columns of `Q`.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, ...)
+    Q : ndarray, shape (N, k)
+        Orthonormal columns.
+    """
     return np.asarray(x - Q @ (Q.T @ x))
 
 
 def new_columns(scene: Scene, base: SceneFit, point: ScenePoint, residual: Array) -> Array:
-    """Derivatives in the parameters of the last effect only, over the levels, shape (N, k)."""
+    """Derivatives in the parameters of the last effect only, over the levels, shape (N, k).
+
+    Parameters
+    ----------
+    scene : Scene
+    base : SceneFit
+        Without the last effect.
+    point : ScenePoint
+        With it.
+    residual : ndarray, shape (N,)
+        At that point.
+    """
     alone = _Alone(scene, point)
     last = ScenePoint((point.placed[-1],), np.zeros(0))
     J, _ = derivative(alone, last, residual, first_steps(last))

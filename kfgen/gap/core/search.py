@@ -139,7 +139,14 @@ class Explanation(Protocol[A]):
         """What could be added, by evidence, the best first."""
 
     def plus(self, addition: A, ranked: Sequence[A]) -> Self:
-        """With one more, at the end, out of what competed with it."""
+        """With one more, at the end, out of what competed with it.
+
+        Parameters
+        ----------
+        addition : Addition
+        ranked : sequence of Addition
+            All that competed, itself among them.
+        """
 
     def merged(self, addition: A) -> Self | None:
         """With the addition and an effect that is there already as one effect of another name, if that is worth more."""

@@ -20,12 +20,12 @@ from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE
 
 Array = NDArray[np.float64]
 
-GRID = 512
+DENSITY_GRID_POINTS = 512
 """Frequencies at which a density is computed; between them it is interpolated."""
 
-STEPS = 12
+MAX_GRADIENT_STEPS = 12
 """Conjugate gradients that complete a series at most."""
-CLOSE = 1e-6
+SLOPE_TOLERANCE = 1e-6
 """Of the squared slope, at which a series is complete."""
 
 
@@ -54,8 +54,8 @@ class Whitener:
         """
         omega: Array = np.array(np.arange(1, n) * (np.pi / n), dtype=np.float64)
         grid = omega
-        if n > 2 * GRID:
-            grid = np.array(np.geomspace(omega[0], omega[-1], GRID), dtype=np.float64)
+        if n > 2 * DENSITY_GRID_POINTS:
+            grid = np.array(np.geomspace(omega[0], omega[-1], DENSITY_GRID_POINTS), dtype=np.float64)
         S = np.maximum(sampled_spectrum(effects, grid, dt, n=n), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
@@ -77,6 +77,12 @@ class Whitener:
         """The most probable series that has the known samples of `x`, shape (n,).
 
         Conjugate gradients on the unknown samples, from those of `x`; white noise takes one step.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            With anything where it is not known.
+        known : ndarray of bool, shape (n,)
         """
 
         def slope(z: Array) -> Array:
@@ -84,8 +90,8 @@ class Whitener:
 
         z, left = x.copy(), -slope(x)
         way, size = left, float(left @ left)
-        enough = CLOSE * size
-        for _ in range(STEPS):
+        enough = SLOPE_TOLERANCE * size
+        for _ in range(MAX_GRADIENT_STEPS):
             if size <= enough:
                 break
             uphill = slope(way)

@@ -16,9 +16,9 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-BETTER = 0.1
+MAX_REMAINING_SHARE = 0.1
 """Share of what is left under the given convention that another must leave, to be said ..."""
-SEEN = 0.5
+MIN_BAND_POWER_SHARE = 0.5
 """... in a band that holds no less than this share of the power."""
 
 OTHERS: tuple[tuple[tuple[Effect, ...], str, float], ...] = (
@@ -42,12 +42,12 @@ def misread(
         The likeness of the gyros under a rate, shape (n, 3), known up to a frequency [Hz].
     """
     best: tuple[Effect, ...] = ()
-    error = BETTER * given.error
+    error = MAX_REMAINING_SHARE * given.error
     for wrong, order, sign in OTHERS:
         truth = truth_of(_as(log, order, sign), bandwidth)
         assert truth is not None
         found = compare(truth.read["gyro"], truth.bandwidth["gyro"])
-        if found.total > SEEN * given.total and found.error < error:
+        if found.total > MIN_BAND_POWER_SHARE * given.total and found.error < error:
             best, error = wrong, found.error
     return best
 

@@ -29,7 +29,7 @@ from kfgen.effects.inertial.inertial_error import AXES, free
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.gap.core.scene import Placed
-from kfgen.gap.core.screen import LOST
+from kfgen.gap.core.screen import MIN_OWN_SHARE
 from kfgen.gap.motion.on_off_times import best_span
 from kfgen.gap.motion.truth import Truth
 
@@ -239,7 +239,7 @@ def _told_apart(bench: MotionCandidates, entries: Sequence[str]) -> list[str]:
         if columns:
             A = np.column_stack(columns)
             left = new - A @ np.linalg.lstsq(A, new, rcond=1e-9)[0]
-        if np.linalg.norm(left) > LOST * np.linalg.norm(new):
+        if np.linalg.norm(left) > MIN_OWN_SHARE * np.linalg.norm(new):
             kept.append(e)
             columns.append(new)
     return kept

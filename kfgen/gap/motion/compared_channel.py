@@ -80,6 +80,16 @@ class Compared:
 def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compared | None:
     """A channel of a log against its truth; none where it is not in the log, or has no truth.
 
+    Parameters
+    ----------
+    log : Log
+    noise : ChannelNoise
+        Assumed of the channel.
+    truth : Truth
+        What should have been read.
+    name : str
+        Of the channel.
+
     Raises
     ------
     InputError
@@ -126,7 +136,13 @@ def _frozen(c: Compared, should: Array, truth: Truth) -> NDArray[np.bool_]:
 
 
 def sound_samples(c: Compared, truth: Truth) -> tuple[Compared, list[Placed], list[Placed]]:
-    """A channel without its clipped and frozen samples, its faults that can be left out, and those that spoil it."""
+    """A channel without its clipped and frozen samples, its faults that can be left out, and those that spoil it.
+
+    Parameters
+    ----------
+    c : Compared
+    truth : Truth
+    """
     there, known, faults = c.there.copy(), c.sensor in truth.read, []
     should = truth.read[c.sensor][:, c.axis] if known else c.y
     if known:

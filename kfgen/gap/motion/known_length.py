@@ -32,16 +32,16 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-QUIET = 3.0
+MAX_REST_NOISE_RATIO = 3.0
 """How far above its quietest tenth the running deviation of a sensor at rest may be."""
-WINDOW = 0.5
+RUNNING_WINDOW_S = 0.5
 """Length [s] of that running deviation."""
-REST = 1.0
+MIN_REST_S = 1.0
 """Shortest rest [s] that counts as a pose."""
-FEWEST = 4
+MIN_POSES = 4
 """Poses, or spread of samples, below which nothing is compared."""
 UPPER = ("xy", "xz", "yz")
-SMALL = 1e-3
+START_RELATIVE_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,8 @@ class NormScene:
     y: Array
     variance: Array
     length: float = 0.0
+
+    is_reading_by_reading = True
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -132,17 +134,19 @@ class NormScene:
         size = float(np.linalg.norm(self.y, axis=1).mean())
         found: list[Placed] = []
         if self.sensor == "mag":
-            h = SMALL * size
+            h = START_RELATIVE_ERROR * size
             entries = ("xx", "yy", *UPPER)  # the size of the field measures the third axis
             found.append(Placed(HardIron(h, h, h), "mag"))
-            found += [Placed(SoftIron(**{e: SMALL}), "mag") for e in entries]
-            found.append(Placed(SoftIron(**dict.fromkeys(entries, SMALL)), "mag"))
+            found += [Placed(SoftIron(**{e: START_RELATIVE_ERROR}), "mag") for e in entries]
+            found.append(Placed(SoftIron(**dict.fromkeys(entries, START_RELATIVE_ERROR)), "mag"))
         else:
             for a in AXES:
                 name = f"{self.sensor}_{a}"
-                found.append(Placed(make("bias", value=SMALL * size), name))
-                found.append(Placed(ScaleFactor(SMALL), name))
-            found += [Placed(Misalignment(**{e: SMALL}), f"{self.sensor}_{e[0]}") for e in UPPER]
+                found.append(Placed(make("bias", value=START_RELATIVE_ERROR * size), name))
+                found.append(Placed(ScaleFactor(START_RELATIVE_ERROR), name))
+            found += [
+                Placed(Misalignment(**{e: START_RELATIVE_ERROR}), f"{self.sensor}_{e[0]}") for e in UPPER
+            ]
         return [[p] for p in found if not any(_same(p, old) for old in placed)]
 
 
@@ -155,6 +159,12 @@ def _same(new: Placed, old: Placed) -> bool:
 def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
     """The rests of a sensor, as slices: its running deviation is near that of its quietest tenth.
 
+    Parameters
+    ----------
+    log : Log
+    sensor : str
+        Whose three channels rest in the poses.
+
     Raises
     ------
     InputError
@@ -166,12 +176,12 @@ def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
 
     dt = log.uniform_dt()
     y = np.array([log.values(f"{sensor}_{a}") for a in AXES]).T
-    size = max(3, round(WINDOW / dt))
+    size = max(3, round(RUNNING_WINDOW_S / dt))
     deviation = np.sqrt(running_variance(y, size, size).sum(axis=1))
-    still = deviation < QUIET * max(float(np.quantile(deviation, 0.1)), 1e-9)
+    still = deviation < MAX_REST_NOISE_RATIO * max(float(np.quantile(deviation, 0.1)), 1e-9)
     marked, count = label(binary_erosion(still, iterations=size // 2))
     found = [np.flatnonzero(marked == k + 1) for k in range(count)]
-    return [(int(at[0]), int(at[-1]) + 1) for at in found if at.size * dt >= REST]
+    return [(int(at[0]), int(at[-1]) + 1) for at in found if at.size * dt >= MIN_REST_S]
 
 
 def norm_scene(log: Log, noise: NoiseModel, sensor: str = "accel") -> NormScene | None:
@@ -199,7 +209,7 @@ def norm_scene(log: Log, noise: NoiseModel, sensor: str = "accel") -> NormScene 
         scene = NormScene(sensor, unit, np.asarray(log.t), y, variance)
     else:
         rests = poses(log, sensor)
-        if len(rests) < FEWEST:
+        if len(rests) < MIN_POSES:
             return None
         variance = np.array([[_variance(e, (j - i) * dt) for e in effects] for i, j in rests])
         means = np.array([y[i:j].mean(axis=0) for i, j in rests])

@@ -16,17 +16,17 @@ from kfgen.gap.core.whitener import Whitener
 
 Array = NDArray[np.float64]
 
-UNLIKE = 0.2
+MAX_UNEXPLAINED_AXIS_SHARE = 0.2
 """Share of a channel's power that may be no motion of the triad where its axes are looked at."""
-HALF = 0.5
+MAX_UNEXPLAINED_SHARE = 0.5
 """Share of the power beside the noise that may be no motion of the reference."""
-LOUD = 4.0
+MIN_MOTION_POWER_RATIO = 4.0
 """Power over that of the noise from which on there is motion at all."""
-STILL = 0.01
+MIN_REFERENCE_POWER_SHARE = 0.01
 """Share of the reference's power below which a sensor does not move."""
-BAND = 0.99
+BAND_POWER_SHARE = 0.99
 """Share of the reference's power within its band."""
-LONGEST = 0.25
+MAX_LAG_FRACTION_OF_RECORD = 0.25
 """The longest lag, in lengths of the log."""
 
 
@@ -53,11 +53,14 @@ class Likeness:
     @property
     def alike(self) -> bool:
         """Whether it may be the same motion."""
-        if max(self.total, self.truth) < LOUD * self.noise:
+        if max(self.total, self.truth) < MIN_MOTION_POWER_RATIO * self.noise:
             return True
-        if self.total < LOUD * self.noise:
-            return self.total > STILL * self.truth or self.left < HALF * self.total
-        return self.left - self.noise < HALF * (self.total - self.noise)
+        if self.total < MIN_MOTION_POWER_RATIO * self.noise:
+            return (
+                self.total > MIN_REFERENCE_POWER_SHARE * self.truth
+                or self.left < MAX_UNEXPLAINED_SHARE * self.total
+            )
+        return self.left - self.noise < MAX_UNEXPLAINED_SHARE * (self.total - self.noise)
 
     @property
     def error(self) -> float:
@@ -101,7 +104,7 @@ def _band(X: Array) -> int:
     from scipy.fft import dct
 
     power = np.cumsum(dct(X, type=2, axis=0, norm="ortho")[1:] ** 2, axis=0)
-    return int(max(np.searchsorted(p, BAND * p[-1]) for p in power.T)) + 2
+    return int(max(np.searchsorted(p, BAND_POWER_SHARE * p[-1]) for p in power.T)) + 2
 
 
 def _lagged(pairs: Sequence[tuple[Array, Array]]) -> float:
@@ -109,7 +112,7 @@ def _lagged(pairs: Sequence[tuple[Array, Array]]) -> float:
     from scipy.fft import irfft, next_fast_len, rfft
 
     n = pairs[0][0].size
-    size, reach = next_fast_len(2 * n, real=True), int(LONGEST * n)
+    size, reach = next_fast_len(2 * n, real=True), int(MAX_LAG_FRACTION_OF_RECORD * n)
     explained = np.zeros(2 * reach + 1)
     for z, A in pairs:
         y, x = Whitener.back(z), Whitener.back(A)
@@ -120,7 +123,14 @@ def _lagged(pairs: Sequence[tuple[Array, Array]]) -> float:
 
 
 def combination(X: Array, y: Array) -> Array:
-    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not."""
+    """Coefficients of the columns of `X`, shape (n, 3), of which `y` consists; zeros where it does not.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n, k)
+        Columns.
+    y : ndarray, shape (n,)
+    """
     row = np.linalg.lstsq(np.nan_to_num(X), y, rcond=1e-6)[0]
     left = y - np.nan_to_num(X) @ row
-    return np.asarray(row if left @ left < UNLIKE * float(y @ y) else np.zeros(3))
+    return np.asarray(row if left @ left < MAX_UNEXPLAINED_AXIS_SHARE * float(y @ y) else np.zeros(3))

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from kfgen.effects.driven.proportional import DRIVERS
-from kfgen.gap.rest.even_record import MOST_MISSING
+from kfgen.gap.rest.even_record import MAX_MISSING_SHARE
 from kfgen.log.log import Channel, Log
 
-WHOLE = 0.1
+STEP_TOLERANCE_PERIODS = 0.1
 """Of a period: how far a step without its rows may be off a multiple of it."""
 
 
@@ -29,7 +29,7 @@ def with_missing(log: Log) -> tuple[Log, tuple[str, ...]]:
     off = np.abs(steps - whole * dt)[~usual] / dt
     place = np.concatenate([[0.0], np.cumsum(whole)])
     n = int(place[-1]) + 1
-    if not off.size or off.max() > WHOLE or log.n < MOST_MISSING * n:
+    if not off.size or off.max() > STEP_TOLERANCE_PERIODS or log.n < MAX_MISSING_SHARE * n:
         return log, ()
     even = np.arange(n)
     at = place.astype(np.intp)

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ABOVE = 5.0
+MIN_VIBRATION_NOISE_RATIO = 5.0
 """How far the deviation of a vibration stands above that of the sensor's noise."""
-BLOCKS = 120
+COARSE_BLOCKS = 120
 """Blocks of the first look; the edges are then found again inside theirs."""
-FINE = 24
-SMOOTH = 0.2
+FINE_BLOCKS = 24
+FIELD_WINDOW_S = 0.2
 """Length [s] of means that show whether a field is there, or not, or on its way."""
-ON_ITS_WAY = 0.25
+MIN_TRANSITION_SHARE = 0.25
 """Share of a field that such a mean is off while it is on its way."""
-ABOVE_NOISE = 2.5
+MIN_TRANSITION_MEDIANS = 2.5
 """Or so many medians of what such means are off elsewhere: one in a thousand of noise is."""
-PAUSE = 1.0
+MAX_PAUSE_S = 1.0
 """Pauses [s] on the way that are bridged, distance from the sharp edge at which it is looked for."""
 
 
@@ -71,17 +71,17 @@ def best_span(
         Whether the vector turns with the body.
     """
     n = t.size
-    if n < 4 * BLOCKS:
+    if n < 4 * COARSE_BLOCKS:
         return None
-    edges = np.unique(np.linspace(0, n, BLOCKS + 1).astype(np.int64))
+    edges = np.unique(np.linspace(0, n, COARSE_BLOCKS + 1).astype(np.int64))
     found = _search(m_b, good, R_bn, in_body, edges, edges)
     if found is None:
         return None
-    width = n // BLOCKS + 1
+    width = n // COARSE_BLOCKS + 1
     while width > 0:  # until neighbours of the grid are neighbours of the log
         near = [_about(e, width, n) for e in found[:2]]
         found = _search(m_b, good, R_bn, in_body, near[0], near[1]) or found
-        width = (2 * width) // (FINE - 1)
+        width = (2 * width) // (FINE_BLOCKS - 1)
     start, stop, h, gain = found
     dt = float((t[-1] - t[0]) / (n - 1))
     start, stop, edge = _edges(
@@ -95,7 +95,7 @@ def best_span(
 
 def _about(at: int, width: int, n: int) -> NDArray[np.int64]:
     """Samples about one, evenly."""
-    return np.unique(np.clip(np.linspace(at - width, at + width, FINE).round(), 0, n).astype(np.int64))
+    return np.unique(np.clip(np.linspace(at - width, at + width, FINE_BLOCKS).round(), 0, n).astype(np.int64))
 
 
 def _off(
@@ -119,12 +119,12 @@ def _edges(start: int, stop: int, off: Array, dt: float, size: float) -> tuple[i
     """The first and last+1 sample at which a field of a size begins to come and has gone, and the samples between."""
     from scipy.ndimage import binary_closing, label, uniform_filter1d
 
-    n, window, near = len(off), max(1, round(SMOOTH / dt)), max(1, round(PAUSE / dt))
+    n, window, near = len(off), max(1, round(FIELD_WINDOW_S / dt)), max(1, round(MAX_PAUSE_S / dt))
     d = np.linalg.norm(uniform_filter1d(off, window, axis=0), axis=1)
-    noise = ABOVE_NOISE * float(np.median(d))
-    if ON_ITS_WAY * size < 0.4 * noise:  # too small a field for its edges to be seen
+    noise = MIN_TRANSITION_MEDIANS * float(np.median(d))
+    if MIN_TRANSITION_SHARE * size < 0.4 * noise:  # too small a field for its edges to be seen
         return start, stop, 0
-    between = d > max(ON_ITS_WAY * size, noise)
+    between = d > max(MIN_TRANSITION_SHARE * size, noise)
     marked, _ = label(binary_closing(np.pad(between, near), iterations=max(1, near // 2))[near:-near])
     ends = []
     for at in (start, stop):
@@ -221,7 +221,9 @@ def vibrations(
     X[: int(2.0 * n * dt * corner)] = 0.0
     size = max(3, round(window / dt))
     power = uniform_filter1d((idct(X, type=2, axis=0, norm="ortho") ** 2).sum(axis=1), size)
-    loud = binary_closing(np.pad(power > (ABOVE * noise) ** 2, size), iterations=size // 2)[size:-size]
+    loud = binary_closing(
+        np.pad(power > (MIN_VIBRATION_NOISE_RATIO * noise) ** 2, size), iterations=size // 2
+    )[size:-size]
     marked, count = label(loud)
     spans = [np.flatnonzero(marked == k + 1) for k in range(count)]
     return [(float(t[at[0]]), float(t[at[-1]])) for at in spans if at.size >= size]

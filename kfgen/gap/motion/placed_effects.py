@@ -29,7 +29,15 @@ def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:
 
 
 def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
-    """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them."""
+    """What a triad feels after its delays and then its bandwidths; drivers too where an effect needs them.
+
+    Parameters
+    ----------
+    felt : Signals
+        What a triad should have read.
+    effects : sequence of Effect
+        Of the triad, lags among them.
+    """
     lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
     lags += [e for e in effects if isinstance(e, Bandwidth)]
     needed = needs_of(effects)

@@ -20,23 +20,23 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-LONG = 8
+MIN_LONG_RUN_SAMPLES = 8
 """Equal samples in a row that are looked at one by one."""
-MOVES = 8.0
+MIN_MOTION_SD = 8.0
 """Deviations of a sample's noise by which more than half of a stretch must be off its median ..."""
-OF_ALL = 0.05
+MIN_MOTION_SHARE = 0.05
 """... and share of the deviation of the whole log: then the sensor moves."""
-HELD = 1.0
+MAX_HOLD_S = 1.0
 """Seconds for which a reference is held at most; what repeats itself for longer was set."""
-REGULAR = 0.9
+MIN_REGULAR_SHARE = 0.9
 """Share of the samples that stand in stretches of the usual length, give or take one."""
-SHAKES = 4.0
+MIN_VARIANCE_RATIO = 4.0
 """Ratio of the variance within a stretch to that of the noise from which on the sensor moves in it."""
-DEGREE = 9
+SPLINE_DEGREE = 9
 """Of the spline between held values: at a quarter of their rate its error is 3e-5."""
-UNSURE = 5.0
+SPLINE_MARGIN_VALUES = 5.0
 """Held values at either end between which the spline is not taken: it has none beyond."""
-KNOWN = 0.3
+MAX_KNOWN_RATE_SHARE = 0.3
 """Share of the rate of held values up to which the spline is compared: its error there is 4e-4."""
 
 
@@ -103,7 +103,7 @@ def _read(log: Log, names: Sequence[str]) -> Array | None:
     for name in (n for n in names if n in log.channels):
         y = log.channels[name].values
         there = np.isfinite(y)
-        if there.sum() >= LONG:
+        if there.sum() >= MIN_LONG_RUN_SAMPLES:
             columns.append(np.interp(log.t, log.t[there], y[there]))
     return np.array(columns).T if columns else None
 
@@ -142,7 +142,17 @@ def _stretches(u: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def frozen(y: Array, truth: Array, noise: float) -> NDArray[np.bool_]:
-    """Where a sensor, shape (n,), repeats itself for long while what it should read moves; the first of them too."""
+    """Where a sensor, shape (n,), repeats itself for long while what it should read moves; the first of them too.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples [SI].
+    truth : ndarray, shape (n,)
+        What should have been read [SI].
+    noise : float
+        Standard deviation of a sample [SI].
+    """
     out = _stuck(*_stretches(y[:, None]), truth[:, None], np.array([noise]))
     out[:-1] |= out[1:]
     return out
@@ -151,20 +161,20 @@ def frozen(y: Array, truth: Array, noise: float) -> NDArray[np.bool_]:
 def _is_held(first: NDArray[np.intp], length: NDArray[np.intp], read: Array, noise: Array, dt: float) -> bool:
     """Whether values stand for equal times, and the sensor moves within them."""
     usual = float(np.median(length))
-    regular = length[np.abs(length - usual) <= 1.0].sum() > REGULAR * length.sum()
-    if usual < 2.0 or not regular or usual * dt > HELD or length.size < 4 * DEGREE:
+    regular = length[np.abs(length - usual) <= 1.0].sum() > MIN_REGULAR_SHARE * length.sum()
+    if usual < 2.0 or not regular or usual * dt > MAX_HOLD_S or length.size < 4 * SPLINE_DEGREE:
         return False
     total, square = (np.add.reduceat(x, first, axis=0) for x in (read, read**2))
     n = length[:, None]
     within = (square - total**2 / n) / np.maximum(n - 1.0, 1.0)
-    return bool((np.median(within, axis=0) > SHAKES * noise**2).any())
+    return bool((np.median(within, axis=0) > MIN_VARIANCE_RATIO * noise**2).any())
 
 
 def _stuck(first: NDArray[np.intp], length: NDArray[np.intp], read: Array, noise: Array) -> NDArray[np.bool_]:
     """Repeated samples during which the sensor moves, shape (n,)."""
     out = np.zeros(len(read), dtype=bool)
-    least = np.maximum(MOVES * noise, OF_ALL * read.std(axis=0))
-    for i, m in zip(first[length >= LONG], length[length >= LONG]):
+    least = np.maximum(MIN_MOTION_SD * noise, MIN_MOTION_SHARE * read.std(axis=0))
+    for i, m in zip(first[length >= MIN_LONG_RUN_SAMPLES], length[length >= MIN_LONG_RUN_SAMPLES]):
         part = read[i : i + m]
         if (np.median(np.abs(part - np.median(part, axis=0)), axis=0) > least).any():
             out[i + 1 : i + m] = True
@@ -179,7 +189,7 @@ def _turned(first: NDArray[np.intp], length: NDArray[np.intp], turns: Array, q: 
     steps = np.abs(np.diff(q, axis=0))
     least = 4.0 * float(steps[steps > 0.0].min(initial=np.inf)) if length.max() < len(q) else 0.0
     out = np.zeros(len(q), dtype=bool)
-    for i, m in zip(first[length >= LONG], length[length >= LONG]):
+    for i, m in zip(first[length >= MIN_LONG_RUN_SAMPLES], length[length >= MIN_LONG_RUN_SAMPLES]):
         out[i : i + m] = float(np.linalg.norm(np.cumsum(turns[i : i + m], axis=0), axis=1).max()) > least
     return out
 
@@ -199,9 +209,11 @@ def _between(out: Heard, sensor: str, names: tuple[str, ...], u: Array, first: N
     came = first.astype(np.float64) if whole else np.polyval(np.polyfit(k, first, 1), k)
     there = np.isfinite(u[first]).all(axis=1)
     n = np.arange(len(u), dtype=np.float64)
-    smooth = make_interp_spline(came[there], u[first][there], k=DEGREE)(n)
-    smooth[(n < came[0] + UNSURE * period) | (n > came[-1] - UNSURE * period)] = np.nan
-    known = dict(out.bandwidth) | {sensor: KNOWN / (period * log.dt)}
+    smooth = make_interp_spline(came[there], u[first][there], k=SPLINE_DEGREE)(n)
+    smooth[(n < came[0] + SPLINE_MARGIN_VALUES * period) | (n > came[-1] - SPLINE_MARGIN_VALUES * period)] = (
+        np.nan
+    )
+    known = dict(out.bandwidth) | {sensor: MAX_KNOWN_RATE_SHARE / (period * log.dt)}
     return Heard(_with(log, names, smooth), known, said)
 
 
@@ -212,7 +224,16 @@ def _with(log: Log, names: tuple[str, ...], values: Array) -> Log:
 
 
 def long_holes(holes: NDArray[np.bool_], short: int, margin: int) -> NDArray[np.bool_]:
-    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well."""
+    """Holes longer than `short` samples, and `margin` on either side; shorter ones are bridged well.
+
+    Parameters
+    ----------
+    holes : ndarray of bool, shape (n,)
+    short : int
+        Samples of a hole that is bridged.
+    margin : int
+        Samples beside a longer one that are left out with it.
+    """
     from scipy.ndimage import binary_dilation, binary_opening
 
     wide = binary_opening(np.pad(holes, 1), structure=np.ones(short + 1))[1:-1]

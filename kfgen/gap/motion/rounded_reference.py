@@ -19,9 +19,9 @@ from kfgen.gap.motion.reference import references
 from kfgen.gap.rest.faults import believed_deviation
 from kfgen.log.log import Log
 
-MOST = 0.015
+MAX_ROUNDING_POWER_RATIO = 0.015
 """Power of what the rounding adds to a direction, over that of the noise, that is of no account in a few minutes."""
-OF_A_RATE = 3.0
+MAX_RATE_ROUNDING_POWER_RATIO = 3.0
 """The same at 1 Hz for a rate, where the noise of the attitude is counted as far as it is white."""
 
 
@@ -37,7 +37,13 @@ def step_of(log: Log) -> float:
 
 
 def rounded(log: Log, compared: Sequence[Compared]) -> list[Placed]:
-    """The sensors for which the rounding of the reference attitude cannot be neglected."""
+    """The sensors for which the rounding of the reference attitude cannot be neglected.
+
+    Parameters
+    ----------
+    log : Log
+    compared : sequence of Compared
+    """
     step, given = step_of(log), references(log)
     if step == 0.0 or "q" not in given:
         return []
@@ -47,9 +53,10 @@ def rounded(log: Log, compared: Sequence[Compared]) -> list[Placed]:
         axes = [c for c in compared if c.sensor == sensor]
         noise = min(believed_deviation(c.noise, log.dt) for c in axes)
         length = float(np.sqrt(sum(np.mean(c.y[c.there] ** 2) for c in axes)))
-        size, most = {"accel": (STANDARD_GRAVITY, MOST), "gyro": (2.0 * np.pi, OF_A_RATE)}.get(
-            sensor, (length, MOST)
-        )
+        size, most = {
+            "accel": (STANDARD_GRAVITY, MAX_ROUNDING_POWER_RATIO),
+            "gyro": (2.0 * np.pi, MAX_RATE_ROUNDING_POWER_RATIO),
+        }.get(sensor, (length, MAX_ROUNDING_POWER_RATIO))
         if noise > 0.0 and (size * angle / noise) ** 2 > most:
             found.append(Placed(RoundedReference(step), sensor))
     return found

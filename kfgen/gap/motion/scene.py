@@ -30,7 +30,7 @@ from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.candidates import MotionCandidates, offers
 from kfgen.gap.motion.compared_channel import Compared, compared_of, sound_samples
-from kfgen.gap.motion.likeness import HALF, Likeness, combination, likeness
+from kfgen.gap.motion.likeness import MAX_UNEXPLAINED_SHARE, Likeness, combination, likeness
 from kfgen.gap.motion.placed_effects import delayed, edges_of, needs_of
 from kfgen.gap.motion.reference import heard, references
 from kfgen.gap.motion.rounded_reference import rounded
@@ -381,7 +381,7 @@ def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tup
             continue
         known = scene.truth.bandwidth.get(sensor, np.inf)
         like = scene.likeness(sensor, scene.truth.read[sensor], known)
-        if turned and like.error > HALF:
+        if turned and like.error > MAX_UNEXPLAINED_SHARE:
             wrong = misread(log, bandwidth, like, partial(scene.likeness, sensor))
             found += [Placed(e, sensor) for e in wrong]
         if not like.alike and not found:

@@ -30,15 +30,15 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-ABOVE = 4.0
+MIN_RATE_POWER_RATIO = 4.0
 """How far the power of a rate must stand above the attitude's noise to be taken."""
-ORDERS = (2, 4, 6, 8)
+DIFFERENCE_ORDERS = (2, 4, 6, 8)
 """Differences of a turn that are looked at: noise survives them all, and fast motion the first alone."""
-ENDS = 4.0
+END_MARGIN_PERIODS = 4.0
 """Periods of the highest frequency of an attitude's rate that are left out at both ends."""
-BESIDE = 1.0
+HOLE_MARGIN_PERIODS = 1.0
 """And beside its holes, where what bridges them is nearer to the truth than nothing."""
-SPECTRUM = 256
+MIN_SPECTRUM_SAMPLES = 256
 """Samples below which a stretch is too short for a spectrum."""
 
 
@@ -225,10 +225,12 @@ def _with_attitude(truth: Truth, log: Log) -> Truth:
     down, word = _down(log, R_bn)
     read, axes, bandwidth = dict(truth.read), dict(truth.axes), dict(truth.bandwidth)
     period = 1.0 / (corner * truth.dt)
-    good = truth.good & ~long_holes(~there, max(step - 1, int(0.05 * period)), int(np.ceil(BESIDE * period)))
+    good = truth.good & ~long_holes(
+        ~there, max(step - 1, int(0.05 * period)), int(np.ceil(HOLE_MARGIN_PERIODS * period))
+    )
     if "gyro" not in read:
         read["gyro"], axes["gyro"], bandwidth["gyro"] = omega_b, (0, 1, 2), corner
-        ends = ENDS / corner  # nobody knows what was before or comes after
+        ends = END_MARGIN_PERIODS / corner  # nobody knows what was before or comes after
         good &= (truth.t >= truth.t[0] + ends) & (truth.t <= truth.t[-1] - ends)
     if "accel" not in read:
         read["accel"], axes["accel"] = -R_bn[:, :, 2] * (down * STANDARD_GRAVITY), (0, 1, 2)
@@ -277,7 +279,7 @@ def body_rate(
 
     nb = Rotation.from_quat(q_nb, scalar_first=True)
     turn = (nb[:-1].inv() * nb[1:]).as_rotvec()
-    angle = min(noise_of_differences(np.diff(turn, n=n, axis=0), n + 1) for n in ORDERS)
+    angle = min(noise_of_differences(np.diff(turn, n=n, axis=0), n + 1) for n in DIFFERENCE_ORDERS)
     rate = np.empty((turn.shape[0] + 1, 3))
     rate[1:-1] = 0.5 * (turn[1:] + turn[:-1]) / dt
     # Magnus' second term: a turn about an axis that moves holds dt^3 (w x dw/dt) / 12 beside the integral.
@@ -318,7 +320,7 @@ def _by_band(x: Array, edges: NDArray[np.intp]) -> Array:
 def _highest(edges: NDArray[np.intp], power: Array, noise: Array) -> int:
     """The last ordinate, in the lower third, of a band that stands above the noise."""
     low = edges[1:] <= (2 * int(edges[-1])) // 3
-    above = np.flatnonzero(low & (power > ABOVE * noise))
+    above = np.flatnonzero(low & (power > MIN_RATE_POWER_RATIO * noise))
     return int(edges[above[-1] + 1]) if above.size else int(edges[1:][low][-1])
 
 
@@ -381,4 +383,4 @@ def _liveliest(there: NDArray[np.bool_], power: Array) -> slice:
     energy = np.concatenate([[0.0], np.cumsum(power)])
     k = int(np.argmax(energy[edges[1::2]] - energy[edges[::2]]))
     start, stop = int(edges[2 * k]), int(edges[2 * k + 1])
-    return slice(start, stop) if stop - start >= SPECTRUM else slice(None)
+    return slice(start, stop) if stop - start >= MIN_SPECTRUM_SAMPLES else slice(None)

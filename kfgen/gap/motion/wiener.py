@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-NEAR = 9
+AVERAGED_ORDINATES = 9
 """Ordinates over which power is averaged: a line keeps the noise of so many."""
-ABOVE = 4.0
+MIN_SIGNAL_POWER_RATIO = 4.0
 """Power over the floor from which on there is more than noise: one in 20 000 such averages of white noise is above."""
-OF_SQUARES = 0.4549
+MEDIAN_OF_SQUARES = 0.4549
 """Median of the square of a unit normal deviate."""
-SHORT = 256
+MIN_SPECTRUM_SAMPLES = 256
 """Samples below which a spectrum says nothing."""
 
 
@@ -30,12 +30,12 @@ def noiseless(x: Array) -> Array:
     from scipy.fft import dct, idct
     from scipy.ndimage import uniform_filter1d
 
-    if x.shape[0] < SHORT:
+    if x.shape[0] < MIN_SPECTRUM_SAMPLES:
         return x
     X = dct(x, type=2, axis=0, norm="ortho")
-    floor = np.median(X**2, axis=0) / OF_SQUARES
-    power = uniform_filter1d(X**2, NEAR, axis=0, mode="nearest")
+    floor = np.median(X**2, axis=0) / MEDIAN_OF_SQUARES
+    power = uniform_filter1d(X**2, AVERAGED_ORDINATES, axis=0, mode="nearest")
     with np.errstate(divide="ignore", invalid="ignore"):
-        kept = np.where(power > ABOVE * floor, 1.0 - floor / power, 0.0)
+        kept = np.where(power > MIN_SIGNAL_POWER_RATIO * floor, 1.0 - floor / power, 0.0)
     kept[0] = 1.0  # the mean
     return np.asarray(idct(X * kept, type=2, axis=0, norm="ortho"))

@@ -19,14 +19,24 @@ from kfgen.model.plant.plant import Batch
 
 Array = NDArray[np.float64]
 
-FAR = 1e18
+MAX_COLUMN_SQUARE_SUM = 1e18
 """Sum of squares of a column that a simulation has run away with."""
 
 
 def of_sensors(
     recorded: Mapping[str, RecordedChannel], batch: Batch, t: Array, shown: Mapping[str, Array]
 ) -> list[Array]:
-    """One column for each sensor that does not show at once what there is, shape (N, batch)."""
+    """One column for each sensor that does not show at once what there is, shape (N, batch).
+
+    Parameters
+    ----------
+    recorded : mapping of str to RecordedChannel
+    batch : Batch
+    t : ndarray, shape (n,)
+        Times [s].
+    shown : mapping of str to ndarray, shape (n, points)
+        Simulated channels [SI].
+    """
     out = []
     for where, effect in batch.effects:
         if isinstance(effect, SensorChange):
@@ -39,14 +49,30 @@ def of_sensors(
 
 
 def unsettled(batch: Batch, inputs: Mapping[str, Array]) -> dict[str, float]:
-    """The inputs that act late, and one deviation of what they were before: as they are later, from the first on."""
+    """The inputs that act late, and one deviation of what they were before: as they are later, from the first on.
+
+    Parameters
+    ----------
+    batch : Batch
+    inputs : mapping of str to ndarray, shape (n,)
+        [SI].
+    """
     late = {w for w, e in batch.effects if isinstance(e, InputChange) and (np.any(e.lag) or np.any(e.late))}
     found = {n: float(np.sqrt(np.mean((inputs[n] - inputs[n][0]) ** 2))) for n in inputs if n in late}
     return {n: size for n, size in found.items() if size > 0.0}
 
 
 def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], size: int) -> Array:
-    """Whitened, the difference of the second `size` columns of channels from the first, shape (N, size)."""
+    """Whitened, the difference of the second `size` columns of channels from the first, shape (N, size).
+
+    Parameters
+    ----------
+    recorded : mapping of str to RecordedChannel
+    shown : mapping of str to ndarray
+        Simulated channels [SI].
+    size : float
+        Of the change.
+    """
     parts = []
     for name, r in recorded.items():
         step = shown[name][r.at, size:] - shown[name][r.at, :size]
@@ -54,9 +80,9 @@ def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array],
             E = r.whitener.ordinates(np.where(np.isfinite(step), step, 0.0))
         parts.append(E)
     out = np.concatenate(parts)
-    power = np.sum(np.minimum(np.abs(out), FAR) ** 2, axis=0)
+    power = np.sum(np.minimum(np.abs(out), MAX_COLUMN_SQUARE_SUM) ** 2, axis=0)
     whole = np.all([np.isfinite(v).all(axis=0) for v in shown.values()], axis=0)
-    return np.where(whole[:size] & whole[size:] & (power < FAR), out, 0.0)
+    return np.where(whole[:size] & whole[size:] & (power < MAX_COLUMN_SQUARE_SUM), out, 0.0)
 
 
 def apart(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:

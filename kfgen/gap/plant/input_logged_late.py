@@ -24,11 +24,11 @@ from kfgen.log.log import Channel
 
 Array = NDArray[np.float64]
 
-LONGEST = 0.1
+MAX_LEAD_FRACTION_OF_RECORD = 0.1
 """Of the record: the longest lead."""
-CHANCE = 4.0
+MAX_CHANCE_SD = 4.0
 """Deviations of a sum of squares that are chance."""
-EXPLAINED = 0.9
+MIN_EXPLAINED_SHARE = 0.9
 """Share of what is beyond the noise that a lead must explain, if it is not all."""
 
 
@@ -60,7 +60,7 @@ def _guess(shooting: Shooting) -> Array:
 def _samples(shooting: Shooting, x0: Array, name: str) -> int:
     """Samples by which the record fits best when an input is moved forward; zero where one sample does not help."""
     n = shooting.t.size
-    longest = int(LONGEST * n)
+    longest = int(MAX_LEAD_FRACTION_OF_RECORD * n)
 
     def cost(k: int) -> float:
         moved = replace(shooting, inputs=_forward(shooting.inputs, name, k))
@@ -98,7 +98,7 @@ def _tried(scene: PlantScene, name: str, k: int) -> _Lead | None:
     gain, count = fit.value - base.value, fit.residual.size
     beyond, left = (float(np.sum(f.residual**2)) - count for f in (base, fit))
     lead = ahead * scene.dt - float(fit.point.placed[0].effect.late)  # type: ignore[attr-defined]
-    if left > max(CHANCE * np.sqrt(2.0 * count), (1.0 - EXPLAINED) * beyond) or lead <= 0.0:
+    if left > max(MAX_CHANCE_SD * np.sqrt(2.0 * count), (1.0 - MIN_EXPLAINED_SHARE) * beyond) or lead <= 0.0:
         return None
     others = ranked(here, base, screen(here, base))
     best = max((t.fit.value - base.value for t in others), default=0.0)

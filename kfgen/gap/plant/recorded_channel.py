@@ -19,9 +19,9 @@ from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
 
-GAP = 3.0
+MIN_GAP_STEPS = 3.0
 """Usual steps of time beyond which samples are missing."""
-FAR = 1e3
+MAX_DISTANCE_SD = 1e3
 """Deviations of the data at which a simulation that diverges is held."""
 
 
@@ -40,7 +40,7 @@ class RecordedChannel:
 
     def left(self, simulated: Array) -> Array:
         """Measured less simulated, shape (n, points), finite even where the simulation is not."""
-        far = FAR * max(float(np.ptp(self.values)), self.noise)
+        far = MAX_DISTANCE_SD * max(float(np.ptp(self.values)), self.noise)
         left = self.values[:, None] - simulated[self.at]
         # In turn to either side: one side all along would be a constant, which something else might explain.
         side = far * (1.0 - 2.0 * (np.arange(self.at.size) % 2))[:, None]
@@ -55,7 +55,18 @@ class RecordedChannel:
 
 
 def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
-    """Raise `InputError` where a channel of the log has another dimension than the model's."""
+    """Raise `InputError` where a channel of the log has another dimension than the model's.
+
+    Parameters
+    ----------
+    log : Log
+    name : str
+        Of the channel.
+    unit : str
+        That the model has.
+    model : str
+        Its name.
+    """
     given = log.channel(name).unit
     if not parse_unit(given).same_dimension(parse_unit(unit)):
         raise InputError(
@@ -68,7 +79,17 @@ def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
 def check_near(
     model: UserModel, recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array], words: str
 ) -> None:
-    """Raise `InputError` where simulated channels, shape (n, 1), are farther from the log than that from its mean."""
+    """Raise `InputError` where simulated channels, shape (n, 1), are farther from the log than that from its mean.
+
+    Parameters
+    ----------
+    model : UserModel
+    recorded : mapping of str to RecordedChannel
+    shown : mapping of str to ndarray
+        Simulated channels [SI].
+    words : str
+        How it was simulated, said in the error.
+    """
     for name, r in recorded.items():
         if float(np.sqrt(np.mean(r.left(shown[name]) ** 2))) > float(np.std(r.values)):
             raise InputError(
@@ -80,7 +101,15 @@ def check_near(
 
 
 def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
-    """The samples of a channel, less the deterministic effects that are believed of it."""
+    """The samples of a channel, less the deterministic effects that are believed of it.
+
+    Parameters
+    ----------
+    model : UserModel
+    log : Log
+    name : str
+        Of the measurement.
+    """
     measurement = model.measurements[name]
     check_unit(log, name, measurement.unit, model)
     effects = [e for e in measurement.noise.effects if not isinstance(e, PlantEffect)]
@@ -96,7 +125,7 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
         raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
     y = values[at] - _believed(effects, log, at)
     steps = np.diff(log.t[at])
-    dt = float(np.mean(steps[steps <= GAP * np.median(steps)]))
+    dt = float(np.mean(steps[steps <= MIN_GAP_STEPS * np.median(steps)]))
     return RecordedChannel(at, y, Whitener.of(effects, at.size, dt, constant=True))
 
 

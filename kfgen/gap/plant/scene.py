@@ -27,8 +27,8 @@ from kfgen.gap.plant.candidates import additions
 from kfgen.gap.plant.initial_history import apart, changed, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
-from kfgen.gap.plant.shooting import FIRST, Shooting, lateness, segments, shortest
-from kfgen.gap.rest.trust import FAR_FROM
+from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness, segments, shortest
+from kfgen.gap.rest.trust import MAX_SHIFT_SD
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.equations import unknown_deviation
 from kfgen.model.plant.plant import Batch, Plant, Run, stacked
@@ -122,7 +122,7 @@ class PlantScene:
                 remedy=f"It knows {', '.join(model.measurements)}; map others with --columns",
             )
         scene = PlantScene(model, log, recorded)
-        initial = scene.shooting.guess(0, FIRST)[None]
+        initial = scene.shooting.guess(0, MIN_FIRST_WINDOW_SAMPLES)[None]
         return replace(scene, initial=initial, hidden=(False,) * len(model.states))
 
     def faults(self) -> tuple[Placed, ...]:
@@ -202,7 +202,7 @@ class PlantScene:
         for name, p in self.model.parameters.items():
             if p.sd > 0.0:
                 begun = self.begun.get(name)
-                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, begun, name, FAR_FROM))
+                out.append(Unknown(name, parse_unit(p.unit).si, p.value, p.sd, begun, name, MAX_SHIFT_SD))
         return tuple(out)
 
     def unit(self, placed: Placed) -> str:

@@ -21,30 +21,30 @@ from kfgen.model.plant.runaway import refuse
 
 Array = NDArray[np.float64]
 
-FIRST = 24
+MIN_FIRST_WINDOW_SAMPLES = 24
 """Samples of the first window at least."""
-SEGMENTS = 40
+MAX_SEGMENTS = 40
 """Segments at most."""
-FOLLOWED = 0.5
+MAX_FOLLOWED_SHARE = 0.5
 """Share of a channel's deviation that may be left where the model follows."""
-NOISE = 2.0
+MAX_FOLLOWED_NOISE_SD = 2.0
 """Or this many deviations of its noise."""
-GROWTH = 1e3
+MAX_ERROR_GROWTH = 1e3
 """How much an error of the initial state may grow."""
-UNSTABLE = 30.0
+MAX_TOTAL_ERROR_GROWTH = 30.0
 """How much an error of every initial state may grow."""
-FAR = 1e6
+MAX_DISTANCE_SD = 1e6
 """Deviations at which a simulation that diverges is held."""
-RANGES = 1e3
+MAX_RANGES = 1e3
 """Ranges of a channel beyond which, and so many deviations, a simulation runs away."""
-HIDDEN = 1e-6
+MAX_HIDDEN_SD = 1e-6
 """Deviations of the noise below which a change of a state by its size is not seen."""
-ALIKE = 0.8
+MIN_ALIKE_CORRELATION = 0.8
 """Correlation of channels with their simulation moved in time from which on they look like it."""
-ITERATIONS = 12
-CONVERGED = 1e-3
+MAX_ITERATIONS = 12
+RELATIVE_GAIN_TOLERANCE = 1e-3
 """Relative gain at which an iteration ends."""
-DAMPING = np.geomspace(1e-6, 1e3, 7)
+DAMPING_FACTORS = np.geomspace(1e-6, 1e3, 7)
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Shooting:
     @cached_property
     def _swing(self) -> dict[str, float]:
         """Deviation of each channel within short windows [SI]: one that runs away over the record swings no wider."""
-        size, out = max(FIRST, self.t.size // SEGMENTS), {}
+        size, out = max(MIN_FIRST_WINDOW_SAMPLES, self.t.size // MAX_SEGMENTS), {}
         for name, full in self._full.items():
             windows = [full[i : i + size] for i in range(0, max(full.size - size, 0) + 1, size)]
             inside = [float(np.var(w[np.isfinite(w)])) for w in windows if np.isfinite(w).sum() > 1]
@@ -122,8 +122,8 @@ class Shooting:
         for name, full in self._full.items():
             seen, shown = full[a:b, None], run.channels[name]
             with np.errstate(over="ignore"):  # of a simulation that runs away
-                r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], FAR)
-            out.append(np.where(np.isfinite(seen), np.clip(r, -FAR, FAR), 0.0))
+                r = np.where(np.isfinite(shown), (seen - shown) * self.weights[name], MAX_DISTANCE_SD)
+            out.append(np.where(np.isfinite(seen), np.clip(r, -MAX_DISTANCE_SD, MAX_DISTANCE_SD), 0.0))
         return np.array(out), run.states[-1]
 
     def simulated(self, x0: Array) -> dict[str, Array]:
@@ -147,7 +147,7 @@ class Shooting:
         beyond = np.zeros(b - a, dtype=bool)
         for name, full in self._full.items():
             seen = full[np.isfinite(full)]
-            far = max(FAR / self.weights[name], RANGES * float(np.ptp(seen)))
+            far = max(MAX_DISTANCE_SD / self.weights[name], MAX_RANGES * float(np.ptp(seen)))
             beyond |= np.abs(run.channels[name][:, 0] - float(seen.mean())) > far
         refuse(self.plant, self.t[a:b], {n: u[a:b] for n, u in self.inputs.items()}, batch, run, beyond)
 
@@ -185,8 +185,10 @@ class Shooting:
     @cached_property
     def scale(self) -> Array:
         """A size of each state [SI], shape (states,)."""
-        last = max(self.t.size - FIRST, 0)
-        found = np.abs([self.guess(int(s), FIRST) for s in np.linspace(0, last, 8)]).max(axis=0)
+        last = max(self.t.size - MIN_FIRST_WINDOW_SAMPLES, 0)
+        found = np.abs([self.guess(int(s), MIN_FIRST_WINDOW_SAMPLES) for s in np.linspace(0, last, 8)]).max(
+            axis=0
+        )
         return np.where(found > 0.0, found, 1.0)
 
     def slope(self, x0: Array, a: int, b: int) -> tuple[Array, Array]:
@@ -200,7 +202,7 @@ class Shooting:
         """What is fitted by damped least squares over samples a to b."""
         deviations = np.array([sd for _, sd in self.free.values()])
         prior = np.eye(x0.size)[self.states :] / deviations[:, None]
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             r, J = self.slope(x0, a, b)
             pulls = self._pulls(x0[:, None])[:, 0]
             cost = float(np.sum(r**2) + pulls @ pulls)
@@ -211,7 +213,7 @@ class Shooting:
             if costs[best] >= cost:
                 break
             x0 = tried[:, best]
-            if cost - costs[best] < CONVERGED * cost:
+            if cost - costs[best] < RELATIVE_GAIN_TOLERANCE * cost:
                 break
         return x0
 
@@ -223,14 +225,18 @@ class Shooting:
             if good.sum() < 2:
                 continue
             spread = min(float(np.std(full[a:b][good])), self._swing[name]) * self.weights[name]
-            if float(np.sqrt(np.mean(part[good] ** 2))) > max(FOLLOWED * spread, NOISE):
+            if float(np.sqrt(np.mean(part[good] ** 2))) > max(
+                MAX_FOLLOWED_SHARE * spread, MAX_FOLLOWED_NOISE_SD
+            ):
                 return False
         tenth, J = max(1, (b - a) // 10), J[:, :, : self.states]
-        first, early, most = (np.abs(J[:, :k]).max(axis=(0, 1)) for k in (FIRST, tenth, b - a))
-        if (most > GROWTH * np.maximum(early, 1e-300)).any():
+        first, early, most = (
+            np.abs(J[:, :k]).max(axis=(0, 1)) for k in (MIN_FIRST_WINDOW_SAMPLES, tenth, b - a)
+        )
+        if (most > MAX_ERROR_GROWTH * np.maximum(early, 1e-300)).any():
             return False
         # A position answers ever more to where a speed began; where every state does so, the motion is unstable.
-        return not bool((most > UNSTABLE * np.maximum(first, 1e-300)).all() and most.size)
+        return not bool((most > MAX_TOTAL_ERROR_GROWTH * np.maximum(first, 1e-300)).all() and most.size)
 
     def hidden(self, x0: Array) -> tuple[bool, ...]:
         """Which initial states, shape (states,), change no channel as the model is believed."""
@@ -238,7 +244,7 @@ class Shooting:
             return ()
         J = self.slope(np.concatenate([x0, self.trusted]), 0, self.t.size)[1][:, :, : self.states]
         shown = np.abs(J).max(axis=(0, 1)) * self.scale
-        return tuple(bool(v < HIDDEN) for v in shown)
+        return tuple(bool(v < MAX_HIDDEN_SD) for v in shown)
 
 
 def _damped(J: Array, r: Array) -> Array:
@@ -247,7 +253,7 @@ def _damped(J: Array, r: Array) -> Array:
     diagonal = np.diag(JJ)
     scale = np.sqrt(np.maximum(diagonal, 1e-12 * max(float(diagonal.max()), 1e-300)))
     A = JJ / np.outer(scale, scale)
-    steps = [-np.linalg.solve(A + d * np.eye(scale.size), Jr / scale) / scale for d in DAMPING]
+    steps = [-np.linalg.solve(A + d * np.eye(scale.size), Jr / scale) / scale for d in DAMPING_FACTORS]
     return np.array(steps).T
 
 
@@ -255,6 +261,11 @@ def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapp
     """Samples by which channels follow their simulation, each of shape (n,); zero where they do not look like it.
 
     It is where their correlation is largest; negative where the simulation comes after them.
+
+    Parameters
+    ----------
+    data, simulated : ndarray, shape (n,)
+        The same channel.
     """
     n = next(iter(simulated.values())).size
     total = np.zeros(2 * n)
@@ -266,7 +277,7 @@ def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapp
             return 0
         total += np.fft.irfft(np.fft.rfft(y, 2 * n) * np.conj(np.fft.rfft(h, 2 * n)), 2 * n) / size
     best = int(np.argmax(total))
-    if total[best] < ALIKE * len(data):
+    if total[best] < MIN_ALIKE_CORRELATION * len(data):
         return 0
     return best if best < n else best - 2 * n
 
@@ -303,7 +314,7 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
 
 def shortest(n: int) -> int:
     """Samples of the shortest segment of a record of n."""
-    return max(FIRST, -(-n // SEGMENTS))
+    return max(MIN_FIRST_WINDOW_SAMPLES, -(-n // MAX_SEGMENTS))
 
 
 def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[Array, Array]:
@@ -312,7 +323,7 @@ def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[A
     parameters = found[int(np.argmax(np.diff(edges))), k:]
     initial = []
     for x0, a, b in zip(found, edges[:-1], edges[1:]):
-        guesses = np.array([x0[:k], shooting.guess(a, min(b - a, FIRST))])
+        guesses = np.array([x0[:k], shooting.guess(a, min(b - a, MIN_FIRST_WINDOW_SAMPLES))])
         tried = np.column_stack([guesses, np.tile(parameters, (2, 1))]).T
         initial.append(guesses[int(np.argmin(shooting.cost(tried, a, b)))])
     return np.array(initial), parameters
@@ -321,7 +332,7 @@ def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[A
 def _segment(shooting: Shooting, a: int, least: int, before: Array | None) -> tuple[Array, int]:
     """What is fitted at sample a, and the sample up to which it is followed; at least so many."""
     n = shooting.t.size
-    window = min(n - a, max(FIRST, least // 4))
+    window = min(n - a, max(MIN_FIRST_WINDOW_SAMPLES, least // 4))
     guesses = [np.concatenate([shooting.guess(a, window), shooting.trusted])]
     if before is not None and np.isfinite(before).all():
         guesses += [np.concatenate([guesses[0][: shooting.states], before[shooting.states :]]), before]

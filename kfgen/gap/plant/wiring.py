@@ -30,39 +30,45 @@ from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.plant.input_logged_late import leading
 from kfgen.gap.plant.scene import PlantScene
-from kfgen.gap.plant.shooting import FAR, FIRST, Shooting, lateness
+from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness
 from kfgen.gap.rest.faults import believed_deviation, by_chance, spotted_moving, stuck_spans
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
 
-ASTRAY = 0.6
+MIN_ASTRAY_SHARE = 0.6
 """Share of a channel's deviation that is left where a model does not follow it at all."""
-FOLLOWED = 0.3
+MAX_FOLLOWED_SHARE = 0.3
 """Share that is left where it does."""
-AS_WELL = 1.5
+MAX_TIE_RATIO = 1.5
 """Times what the best mended column leaves within which another one explains the record as well."""
-FINE = 0.02
+NEGLIGIBLE_SHARE = 0.02
 """Share that is as good as nothing."""
-NOISE = 2.0
+MAX_NOISE_VARIANCES = 2.0
 """Variances of a channel's noise that may be its own."""
-OVER = 0.5
+MAX_CLIPPED_SHARE = 0.5
 """Share of a channel's samples beyond which the rest says too little."""
-BESIDE = 2
+CLIPPING_MARGIN_SAMPLES = 2
 """Samples beside clipped ones that are not compared: which of them were clipped was a matter of noise."""
-OFTEN = 0.02
+MIN_REPEATED_SHARE = 0.02
 """Share of samples that repeat the one before, beyond chance, from which on they are none."""
-FAR_ABOVE = 10.0
+MIN_CHANCE_RATIO = 10.0
 """Times the share that chance allows, which is known by its order only."""
-LONG = 0.05
+MIN_STUCK_FRACTION_OF_RECORD = 0.05
 """Of the record: how long an input stands that may be stuck."""
-UNUSUAL = 8.0
+MIN_STUCK_RATIO = 8.0
 """Times how long it usually stands."""
 
 
 def plant_scene(model: UserModel, log: Log) -> PlantScene:
-    """The scene of a model and a log whose columns were looked at; raises as `PlantScene.of`."""
+    """The scene of a model and a log whose columns were looked at; raises as `PlantScene.of`.
+
+    Parameters
+    ----------
+    model : UserModel
+    log : Log
+    """
     bare = PlantScene.bare(model, log)
     sound, said, spoilt = _sound(model, log)
     either: list[Placed] = []
@@ -102,7 +108,7 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
     for a, b in stuck_spans(y, believed):
         faults.append(Stuck(float(t[at[a]] - t[0]), float(t[at[b - 1]] - t[at[a]])))
         there[a + 1 : b] = False
-    bad = bool(np.mean(~there) > OVER)
+    bad = bool(np.mean(~there) > MAX_CLIPPED_SHARE)
     if there.sum() >= MIN_STEPS_FOR_REPEATS and not bad:
         dt = float(np.median(np.diff(t)))
         for fault in spotted_moving(t[at[there]], y[there], effects, dt):
@@ -114,7 +120,7 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
                 there &= ~_near(y, float(fault.effect.limit), believed)
     again = np.concatenate([[False], y[1:] == y[:-1]]) & there
     share = float(again.sum() / max(there.sum(), 1))
-    if share > max(OFTEN, FAR_ABOVE * by_chance(y, believed)):
+    if share > max(MIN_REPEATED_SHARE, MIN_CHANCE_RATIO * by_chance(y, believed)):
         faults.append(RepeatedSamples(share))  # the first of each run is a sample
         there &= ~again
     values[at[~there]] = np.nan
@@ -125,7 +131,7 @@ def _near(y: Array, limit: float, noise: float) -> NDArray[np.bool_]:
     """The samples at a limit of a clipped channel and those beside them, shape (n,)."""
     side = np.sign(limit - float(np.median(y)))
     out = side * y >= side * limit - 3.0 * noise
-    return np.asarray(np.convolve(out, np.ones(2 * BESIDE + 1), "same") > 0.5)
+    return np.asarray(np.convolve(out, np.ones(2 * CLIPPING_MARGIN_SAMPLES + 1), "same") > 0.5)
 
 
 @dataclass(frozen=True)
@@ -143,14 +149,14 @@ def _miswired(scene: PlantScene) -> list[Placed]:
     if n < MIN_STEPS_FOR_REPEATS or not shooting.inputs or not shooting.states:
         return []
     own, x0 = _left(shooting, 0, n)
-    stuck = _stuck_inputs(shooting) if own > FOLLOWED else []
-    if stuck or own < ASTRAY:
+    stuck = _stuck_inputs(shooting) if own > MAX_FOLLOWED_SHARE else []
+    if stuck or own < MIN_ASTRAY_SHARE:
         return stuck
     tried = [(_left(m.shooting, 0, m.stop)[0], m.fault) for m in (*_turned(shooting), *_moved(shooting, x0))]
     best = min((left for left, _ in tried), default=np.inf)
-    if best > FOLLOWED * min(own, 1.0):
+    if best > MAX_FOLLOWED_SHARE * min(own, 1.0):
         return []
-    good = [(left, f) for left, f in tried if left < AS_WELL * max(best, FINE)]
+    good = [(left, f) for left, f in tried if left < MAX_TIE_RATIO * max(best, NEGLIGIBLE_SHARE)]
     return [f for _, f in sorted(good, key=lambda a: a[0])]
 
 
@@ -164,15 +170,15 @@ def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
         plant.model, parameters={n: replace(p, sd=0.0) for n, p in plant.model.parameters.items()}
     )
     shooting = replace(shooting, plant=type(plant)(believed, plant.kinds))
-    x0 = shooting.fit(shooting.guess(a, FIRST), a, b)
+    x0 = shooting.fit(shooting.guess(a, MIN_FIRST_WINDOW_SAMPLES), a, b)
     shares = []
     for (name, (at, values)), part in zip(shooting.data.items(), shooting.left(x0[:, None], a, b)[:, :, 0]):
         inside = values[(at >= a) & (at < b)]
         if inside.size < 2:
             continue
-        if np.abs(part).max() >= FAR:  # held there: it may be any more
+        if np.abs(part).max() >= MAX_DISTANCE_SD:  # held there: it may be any more
             return np.inf, x0
-        beyond = max(float(np.sum(part**2)) / inside.size - NOISE, 0.0)
+        beyond = max(float(np.sum(part**2)) / inside.size - MAX_NOISE_VARIANCES, 0.0)
         shares.append(float(np.sqrt(beyond)) / shooting.weights[name] / max(float(np.std(inside)), 1e-300))
     return max(shares, default=0.0), x0
 
@@ -210,12 +216,16 @@ def _stuck_inputs(shooting: Shooting) -> list[Placed]:
         k = int(np.argmax(length))
         a, b = int(first[k]), int(first[k] + length[k])
         others = np.delete(length, k)
-        if b - a < LONG * n or not others.size or b - a < UNUSUAL * float(np.median(others)):
+        if (
+            b - a < MIN_STUCK_FRACTION_OF_RECORD * n
+            or not others.size
+            or b - a < MIN_STUCK_RATIO * float(np.median(others))
+        ):
             continue
         outside = max(((0, a), (b, n)), key=lambda s: s[1] - s[0])
         if outside[1] - outside[0] < MIN_STEPS_FOR_REPEATS or b - a < MIN_STEPS_FOR_REPEATS:
             continue
-        if _left(shooting, *outside)[0] < FOLLOWED and _left(shooting, a, b)[0] > ASTRAY:
+        if _left(shooting, *outside)[0] < MAX_FOLLOWED_SHARE and _left(shooting, a, b)[0] > MIN_ASTRAY_SHARE:
             t = shooting.t
             found.append(Placed(Stuck(float(t[a] - t[0]), float(t[b - 1] - t[a])), name))
     return found

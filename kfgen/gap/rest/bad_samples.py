@@ -19,17 +19,17 @@ from kfgen.gap.rest.faults import standing
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-RARE = 1e-4
+MIN_REPEAT_PROBABILITY = 1e-4
 """Chance that a sample equals the one before it, at least."""
-OFTEN = 3
+MIN_RUNS_AT_A_LIMIT = 3
 """Runs at one end of the range that are a limit and no stretch that stands still."""
-SPANS = 8
+MAX_STUCK_STRETCHES = 8
 """Stretches beyond which samples rather repeat."""
-MOST = 0.2
+MAX_BAD_SHARE = 0.2
 """Share of the samples beyond which they are not left out: the channel is spoilt."""
 WILD, TAME = 30.0, 8.0
 """Deviations beyond which a value is no noise, if none lies between both."""
-FEW_WILD = 1e-3
+MAX_WILD_SHARE = 1e-3
 """Share of wild samples beyond which they are a law of the noise."""
 
 
@@ -50,8 +50,8 @@ def _still(raw: RawSamples) -> list[tuple[int, int]]:
     """Runs of equal values that the noise and the lattice do not explain."""
     twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
     equal = raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
-    spans = standing(raw.y, min(max(equal, twice, RARE), 0.95), 2, OFTEN)
-    few = len(spans) <= SPANS and sum(b - a for a, b in spans) < MOST * raw.n
+    spans = standing(raw.y, min(max(equal, twice, MIN_REPEAT_PROBABILITY), 0.95), 2, MIN_RUNS_AT_A_LIMIT)
+    few = len(spans) <= MAX_STUCK_STRETCHES and sum(b - a for a, b in spans) < MAX_BAD_SHARE * raw.n
     return spans if few else []
 
 
@@ -62,12 +62,23 @@ def _wild(raw: RawSamples) -> Mask:
     scale = max(1.4826 * float(np.median(away)), raw.lattice)
     wild = away > WILD * scale
     between = np.any((away > TAME * scale) & ~wild)
-    few = np.mean(wild) <= max(FEW_WILD, 1.0 / raw.n)
+    few = np.mean(wild) <= max(MAX_WILD_SHARE, 1.0 / raw.n)
     return np.asarray(wild) if few and not between and scale > 0.0 else np.zeros(raw.n, dtype=np.bool_)
 
 
 def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> list[str]:
-    """What is said of them: how many, and when."""
+    """What is said of them: how many, and when.
+
+    Parameters
+    ----------
+    name : str
+        Of the channel.
+    t : ndarray, shape (n,)
+        Times [s].
+    odd : ndarray of bool, shape (n,)
+        Samples that are left out.
+    found : sequence of DetectedFault
+    """
     if not found:
         return []
     first, last = t[odd][[0, -1]]

@@ -123,7 +123,15 @@ def channel_gap(
 
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:
-    """A record and what is assumed of it, made ready for the search."""
+    """A record and what is assumed of it, made ready for the search.
+
+    Parameters
+    ----------
+    record : Record
+        As it was logged, even.
+    noise : ChannelNoise
+        Assumed of it.
+    """
     whole = replace(record, block=max(1, record.y.size // MAX_SAMPLES_IN_FULL), per_decade=BINS_PER_DECADE)
     raw, trusted, random = taken_out(whole, noise)
     altering = tuple(t for t in random.terms if t.effect.changes_samples)
@@ -151,14 +159,27 @@ def checked(search: ChannelExplanation, findings: Sequence[Finding]) -> Checks:
 
 
 def as_written(record: Evidence, effects: tuple[Effect, ...]) -> Candidate:
-    """The assumed model exactly as it is written, on a record."""
+    """The assumed model exactly as it is written, on a record.
+
+    Parameters
+    ----------
+    record : Evidence
+    effects : tuple of Effect
+    """
     every = frozenset((i, p.name) for i, e in enumerate(effects) for p in e.searched())
     problem = Problem(record, effects, fixed=every)
     return Candidate("", maximise(problem), problem, 0.0)
 
 
 def tests_of(channel: str, base: Candidate) -> list[Test]:
-    """The battery on what a fitted model leaves of a channel; of several records together at one family-wise rate."""
+    """The battery on what a fitted model leaves of a channel; of several records together at one family-wise rate.
+
+    Parameters
+    ----------
+    channel : str
+    base : Candidate
+        The model, fitted.
+    """
     fit, records = base.fit, records_of(base.problem.record)
     found = []
     for record in records:
@@ -169,7 +190,16 @@ def tests_of(channel: str, base: Candidate) -> list[Test]:
 
 
 def without_altering(record: Record, noise: ChannelNoise, altering: Sequence[Effect]) -> Record:
-    """The record without what assumed effects do to its samples."""
+    """The record without what assumed effects do to its samples.
+
+    Parameters
+    ----------
+    record : Record
+    noise : ChannelNoise
+        The other assumed terms.
+    altering : sequence of Effect
+        Assumed effects that change samples.
+    """
     for effect in altering:
         series = series_of(as_written(record, noise.effects))
         clean = effect.removed_from(series)
@@ -179,7 +209,18 @@ def without_altering(record: Record, noise: ChannelNoise, altering: Sequence[Eff
 
 
 def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb_hz: float) -> str:
-    """The verdict by what was found, by the tests of what is left, and by a comb of lines."""
+    """The verdict by what was found, by the tests of what is left, and by a comb of lines.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+    retuned : bool
+        Whether assumed numbers were estimated again.
+    tests : sequence of Test
+        Under the updated model.
+    comb_hz : float
+        Fundamental of a comb of lines; zero where there is none.
+    """
     if any(t.significant for t in tests) or comb_hz > 0.0:
         return UNKNOWN_EFFECT
     return EFFECTS_FOUND if findings or retuned else NO_GAP

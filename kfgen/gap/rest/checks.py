@@ -86,7 +86,17 @@ def _simulated_again(search: ChannelExplanation, effects: Sequence[Effect]) -> E
 def simulated(
     record: Record, effects: Sequence[Effect], altering: Sequence[Effect], seed: int = SEED
 ) -> Array:
-    """A record of the model on the same times and drivers, shape (n,)."""
+    """A record of the model on the same times and drivers, shape (n,).
+
+    Parameters
+    ----------
+    record : Record
+        Of which times and drivers are taken.
+    effects : sequence of Effect
+    altering : sequence of Effect
+        Those that change samples.
+    seed : int
+    """
     rng = np.random.default_rng(seed)
     t = record.elapsed
     y = sum((e.simulate(t, rng, record.drive) for e in effects), np.zeros(record.n))

@@ -9,21 +9,21 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FEWEST = 4
+MIN_LINES = 4
 """Lines that make a comb: a tone with an overtone or two is the sum of its lines."""
-HIGHEST = 40
+MAX_HARMONIC = 40
 """Harmonic that is looked at."""
-CLOSE = 0.3
+FREQUENCY_TOLERANCE_INVERSE_RECORDS = 0.3
 """Of the record's resolution: how well the frequency of a line is known, at least."""
-CHANCE = 1e-3
+MAX_ACCIDENT_PROBABILITY = 1e-3
 """That so many lines would be multiples of something by accident, below which they are a comb."""
 
 
 def comb_of(frequencies: Sequence[float], duration: float) -> float:
-    """The fundamental [Hz] of which at least `FEWEST` lines are harmonics; zero where there is none.
+    """The fundamental [Hz] of which at least `MIN_LINES` lines are harmonics; zero where there is none.
 
-    Two lines fix a fundamental f; each further one lies within `CLOSE` of the record's resolution ``1 / duration``
-    of a multiple of it by chance with the probability ``2 CLOSE / (duration f)``.
+    Two lines fix a fundamental f; each further one lies within `FREQUENCY_TOLERANCE_INVERSE_RECORDS` of the record's resolution ``1 / duration``
+    of a multiple of it by chance with the probability ``2 FREQUENCY_TOLERANCE_INVERSE_RECORDS / (duration f)``.
 
     Parameters
     ----------
@@ -33,18 +33,22 @@ def comb_of(frequencies: Sequence[float], duration: float) -> float:
         Of the record [s].
     """
     f = np.sort(np.asarray(frequencies, dtype=np.float64))
-    if f.size < FEWEST:
+    if f.size < MIN_LINES:
         return 0.0
     spacings = np.concatenate([f, np.diff(f)])
     tried = (spacings[:, None] / np.arange(1, 4)).ravel()
     tried = np.sort(tried[tried > 4.0 / duration])[::-1]
     for start in tried.tolist():
         order = np.round(f / start)
-        near = (order >= 1) & (order <= HIGHEST) & (np.abs(f - order * start) < 1.0 / duration)
-        if near.sum() < FEWEST:
+        near = (order >= 1) & (order <= MAX_HARMONIC) & (np.abs(f - order * start) < 1.0 / duration)
+        if near.sum() < MIN_LINES:
             continue
         f0 = float((order[near] @ f[near]) / (order[near] @ order[near]))
-        count = int((near & (np.abs(f - order * f0) < CLOSE / duration)).sum())
-        if count >= FEWEST and tried.size * (2.0 * CLOSE / (duration * f0)) ** (count - 2) < CHANCE:
+        count = int((near & (np.abs(f - order * f0) < FREQUENCY_TOLERANCE_INVERSE_RECORDS / duration)).sum())
+        if (
+            count >= MIN_LINES
+            and tried.size * (2.0 * FREQUENCY_TOLERANCE_INVERSE_RECORDS / (duration * f0)) ** (count - 2)
+            < MAX_ACCIDENT_PROBABILITY
+        ):
             return f0
     return 0.0

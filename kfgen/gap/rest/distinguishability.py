@@ -36,7 +36,13 @@ def told_apart(named: Candidate, other: Candidate, nothing: Candidate) -> Distin
 
 
 def divergence(a: Candidate, b: Candidate) -> float:
-    """Nats by which the record is expected to prefer `a`, if it is right."""
+    """Nats by which the record is expected to prefer `a`, if it is right.
+
+    Parameters
+    ----------
+    a, b : Candidate
+        Fitted to the same record.
+    """
     return sum(_between(a, b, record) for record in records_of(a.problem.record))
 
 

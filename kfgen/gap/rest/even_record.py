@@ -21,13 +21,13 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
-MOST_MISSING = 0.5
+MAX_MISSING_SHARE = 0.5
 """Share of the samples that may be missing."""
-BESIDE = 512
+MIN_MEAN_WINDOW_SAMPLES = 512
 """Samples at least of the mean about which missing ones are drawn."""
-SHORT = 51
+MAX_PLAIN_WINDOW_SAMPLES = 51
 """Samples of a window that is smoothed as it is."""
-UNEVEN = 0.35
+MAX_STEP_ERROR_PERIODS = 0.35
 """Of a period: root mean square of the steps' error beyond which there is no period."""
 
 
@@ -76,7 +76,7 @@ def _parabolas(values: Array, window: int) -> Array:
     """Local parabolas over windows, shape (n,); long ones on means of short blocks."""
     from scipy.signal import savgol_filter
 
-    block = max(1, window // SHORT)
+    block = max(1, window // MAX_PLAIN_WINDOW_SAMPLES)
     if block == 1:
         return np.asarray(savgol_filter(values, window, 2, mode="interp"))
     smooth = savgol_filter(block_means(values, block), 2 * (window // block // 2) + 1, 2, mode="interp")
@@ -120,7 +120,7 @@ def regular(
         raise InputError(
             f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
         )
-    if stamps.size < 3 or stamps.size < MOST_MISSING * y.size:
+    if stamps.size < 3 or stamps.size < MAX_MISSING_SHARE * y.size:
         raise InputError(
             f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
             where=log.source,
@@ -130,7 +130,7 @@ def regular(
     steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
     count = int(steps.sum()) + 1
-    if error > UNEVEN or count > stamps.size / MOST_MISSING:
+    if error > MAX_STEP_ERROR_PERIODS or count > stamps.size / MAX_MISSING_SHARE:
         raise InputError(
             f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
             f"t = {stamps[int(np.argmax(np.diff(stamps)))]:.6g} s",
@@ -159,7 +159,7 @@ def _drawn_over(y: Array, known: NDArray[np.bool_], believed: Sequence[Effect], 
     if not random:
         return y
     hole = int(np.diff(np.flatnonzero(np.concatenate([[True], known, [True]]))).max())
-    window = min(max(BESIDE, 2 * hole), y.size)
+    window = min(max(MIN_MEAN_WINDOW_SAMPLES, 2 * hole), y.size)
     count = uniform_filter1d(known.astype(np.float64), window)
     mean = uniform_filter1d(np.where(known, y, 0.0), window) / np.maximum(count, 1.0 / window)
     white = Whitener.of(random, y.size, dt, constant=True)

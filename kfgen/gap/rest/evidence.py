@@ -135,7 +135,14 @@ def _linear_evidence(fit: Fit) -> float:
 
 
 def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
-    """The believed model, its numbers moved only as far as trust lets them."""
+    """The believed model, its numbers moved only as far as trust lets them.
+
+    Parameters
+    ----------
+    record : Record
+    effects : sequence of Effect
+    priors : mapping of Key to Prior
+    """
     problem = Problem(record, tuple(effects), priors)
     return Candidate("", maximise(problem), problem, 0.0)
 
@@ -182,7 +189,15 @@ def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
 
 
 def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[Candidate]:
-    """Every addition that the record allows, by evidence, the best first; those in `without` are left out."""
+    """Every addition that the record allows, by evidence, the best first; those in `without` are left out.
+
+    Parameters
+    ----------
+    base : Candidate
+        The model without them, fitted.
+    without : frozenset of str
+        Names that are left out.
+    """
     allowed = additions(base, series_of(base), without)
     cost = float(np.log(len(allowed) + 1))
     reference = log_evidence(base.problem, base.fit) + cost
@@ -199,7 +214,17 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
 def additions(
     base: Candidate, series: WhiteSeries, without: frozenset[str] = frozenset()
 ) -> list[list[Detection]]:
-    """The starts of every effect of the catalogue that could be added."""
+    """The starts of every effect of the catalogue that could be added.
+
+    Parameters
+    ----------
+    base : Candidate
+        The model without them, fitted.
+    series : WhiteSeries
+        What it leaves.
+    without : frozenset of str
+        Names that are left out.
+    """
     present = {e.name for e in base.fit.effects} | without
     look = base.problem.record.look
     shown = [

@@ -123,7 +123,14 @@ class ChannelExplanation:
         return candidates(self.base, frozenset(taken) | self.without | kept_back)
 
     def plus(self, addition: Candidate, ranked: Sequence[Candidate]) -> ChannelExplanation:
-        """With one more, out of what competed with it; how far those are from it that are not ruled out."""
+        """With one more, out of what competed with it; how far those are from it that are not ruled out.
+
+        Parameters
+        ----------
+        addition : Candidate
+        ranked : sequence of Candidate
+            All that competed, itself among them.
+        """
         below, shares = self.base, probabilities(ranked)
         known = below.fit.effects if addition.changes_samples else addition.fit.effects
         near = [

@@ -21,18 +21,29 @@ from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-WIDE = 0.25
+MAX_EQUAL_NEIGHBOUR_PROBABILITY = 0.25
 """Chance of two equal neighbours above which nothing is said of samples that repeat."""
-NEVER = 1e-6
+MAX_RUN_PROBABILITY = 1e-6
 """Chance in a whole record of a run of equal samples that is none."""
-LEAST_RUN = 16
+MIN_RUN_SAMPLES = 16
 """Samples of such a run at least."""
 
 
 def spotted_in(
     record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
 ) -> list[DetectedFault]:
-    """The faults that a channel shows, those that spoil it first."""
+    """The faults that a channel shows, those that spoil it first.
+
+    Parameters
+    ----------
+    record : Record
+    noise : ChannelNoise
+        Assumed; its effects are no faults.
+    stamps : ndarray, optional
+        Time stamps as they were logged [s].
+    stated : float
+        How long the log's header says that it lasted [s].
+    """
     known = {e.name for e in noise.effects}
     believed = believed_deviation(noise.effects, record.dt)
     if stamps is None or stamps.size == record.n:
@@ -51,7 +62,14 @@ def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]
 
 
 def believed_deviation(effects: Sequence[Effect], dt: float) -> float:
-    """Deviation of the white part of a sample [SI]."""
+    """Deviation of the white part of a sample [SI].
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    dt : float
+        Sampling period [s].
+    """
     white = sum(float(e.form().V) / dt + 2.0 * float(e.form().Z) / dt**2 for e in effects)
     return float(np.sqrt(white))
 
@@ -60,6 +78,17 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
     """The faults that the samples of a sensor show that moves, those that spoil them first; both ends of a clipping.
 
     Clipped samples can be left out, and spoil nothing if they are no more than half of all.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        [s].
+    y : ndarray, shape (n,)
+        [SI].
+    effects : sequence of Effect
+        Assumed of the channel.
+    dt : float
+        Sampling period [s].
     """
     known = {e.name for e in effects}
     looked = [c for n, c in catalogue().items() if n not in known and issubclass(c, Fault) and c.moving]
@@ -81,7 +110,15 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
 
 
 def by_chance(y: Array, believed: float) -> float:
-    """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``."""
+    """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        [SI].
+    believed : float
+        Standard deviation of a sample [SI].
+    """
     raw = RawSamples(np.arange(y.size, dtype=np.float64), y, believed, moves=True)
     steps = np.abs(np.diff(y))
     steps = steps[steps > SAME * float(np.ptp(y))]
@@ -94,9 +131,16 @@ def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:
     """Spans of samples, shape (n,), that repeat the one before them longer than chance lets noisy ones, first and end.
 
     Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        [SI].
+    believed : float
+        Standard deviation of a sample [SI].
     """
     chance = by_chance(y, believed)
-    return standing(y, chance, LEAST_RUN, 2) if chance <= WIDE else []
+    return standing(y, chance, MIN_RUN_SAMPLES, 2) if chance <= MAX_EQUAL_NEIGHBOUR_PROBABILITY else []
 
 
 def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int, int]]:
@@ -112,7 +156,7 @@ def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int,
         Runs at one end of the range that are a limit.
     """
     first, length = runs(y)
-    longest = 1.0 + np.log(NEVER / y.size) / np.log(max(chance, 1e-12))
+    longest = 1.0 + np.log(MAX_RUN_PROBABILITY / y.size) / np.log(max(chance, 1e-12))
     ends = (float(y.min()), float(y.max()))
     limits = [v for v in ends if np.sum(y[first] == v) >= often and np.ptp(y) > 0.0]
     spans = zip(first.tolist(), length.tolist())
@@ -137,7 +181,15 @@ def fault_finding(fault: DetectedFault, channel: str, record: Record, unit: str)
 
 
 def spoilt(channel: str, record: Record, noise: ChannelNoise, faults: Sequence[DetectedFault]) -> ChannelGap:
-    """The answer where a fit would mean nothing: the faults alone."""
+    """The answer where a fit would mean nothing: the faults alone.
+
+    Parameters
+    ----------
+    channel : str
+    record : Record
+    noise : ChannelNoise
+    faults : sequence of DetectedFault
+    """
     findings = tuple(fault_finding(f, channel, record, noise.unit) for f in faults)
     tests = tuple(f.test for f in findings if f.test)
     return ChannelGap(

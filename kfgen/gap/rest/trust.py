@@ -14,17 +14,17 @@ from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.identify import MIN_SAMPLES
 
-TRUST = 0.1
+DEFAULT_RELATIVE_SD = 0.1
 """Relative deviation of a believed number that states no interval."""
-LEAST_TRUST = 0.02
-FAR_FROM = 1.0
+MIN_RELATIVE_SD = 0.02
+MAX_SHIFT_SD = 1.0
 """Deviations from a believed number beyond which it does not hold."""
-SURELY = 7.0
+MIN_RETUNING_NATS = 7.0
 """Nats that believed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 
 
 def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
-    """Trust in the believed numbers: from their intervals, else `TRUST`."""
+    """Trust in the believed numbers: from their intervals, else `DEFAULT_RELATIVE_SD`."""
     priors: dict[Key, Prior] = {}
     for i, term in enumerate(noise.terms):
         if term.effect.coefficients():
@@ -33,7 +33,7 @@ def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
             value = float(getattr(term.effect, p.name))
             lo, hi = term.ci95.get(p.name, (0.0, 0.0))
             known = 0.0 < lo < hi < np.inf
-            deviation = max(float(np.log(hi / lo)) / 3.92, LEAST_TRUST) if known else TRUST
+            deviation = max(float(np.log(hi / lo)) / 3.92, MIN_RELATIVE_SD) if known else DEFAULT_RELATIVE_SD
             if value > 0.0:
                 priors[i, p.name] = Prior(float(np.log(value)), deviation)
     return priors
@@ -43,6 +43,12 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
     """The record less what the believed deterministic terms say, those terms, and the random ones.
 
     So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
+
+    Parameters
+    ----------
+    record : Record
+    noise : ChannelNoise
+        Assumed of it.
 
     Raises
     ------
@@ -63,7 +69,15 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
 
 
 def merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Believed deterministic terms with what was found to be missing of them added."""
+    """Believed deterministic terms with what was found to be missing of them added.
+
+    Parameters
+    ----------
+    trusted : tuple of Term
+        Assumed deterministic terms.
+    terms : tuple of Term
+        What was found.
+    """
     out = list(terms)
     for old in trusted:
         same = [t for t in out if t.effect.name == old.effect.name and not old.effect.repeatable]
@@ -88,7 +102,7 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
         The first of them, as they are written.
     """
     far = [
-        abs(x - problem.priors[key].mean) > FAR_FROM * problem.priors[key].deviation
+        abs(x - problem.priors[key].mean) > MAX_SHIFT_SD * problem.priors[key].deviation
         for key, x in zip(fit.free, fit.point.tolist())
         if key in problem.priors
     ]
@@ -97,11 +111,18 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
     held = frozenset((i, p.name) for i, e in enumerate(believed) for p in e.searched())
     effects = (*believed, *fit.effects[len(believed) :])
     as_written = maximise(replace(problem, effects=effects, fixed=problem.fixed | held))
-    return fit.likelihood.value - as_written.likelihood.value > SURELY
+    return fit.likelihood.value - as_written.likelihood.value > MIN_RETUNING_NATS
 
 
 def check(channel: str, record: Record, noise: ChannelNoise) -> None:
-    """Raise `InputError` where a comparison would mean nothing."""
+    """Raise `InputError` where a comparison would mean nothing.
+
+    Parameters
+    ----------
+    channel : str
+    record : Record
+    noise : ChannelNoise
+    """
     if record.y.size < 4 * MIN_SAMPLES:
         raise InputError(
             f"{channel} has {record.y.size} samples, too few to fit and to prove",
