@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from kfgen.core.errors import KfgenError
 from kfgen.fleet.answer import LogAnswer, answer_of_gap, answer_of_identification
 from kfgen.fleet.result import Outcome
+from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Log
 from kfgen.log.readers import ColumnMap, read_log, read_long
@@ -78,11 +78,5 @@ def _identified(task: LogTask) -> tuple[str, LogAnswer, tuple[str, ...]]:
 
 def _compared(task: LogTask) -> tuple[str, LogAnswer, tuple[str, ...]]:
     log = task.read(read_log)
-    data, warnings = _gap_between(task.model, log, task.channels)
-    return log.sha256, answer_of_gap(data), warnings
-
-
-def _gap_between(model: str, log: Log, channels: str | None) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """JSON and warnings of the gap between a model and a log."""
-    answer = import_module("kfgen.cli.gap").gap_between(model, log, channels)[0]
-    return answer.data, answer.warnings
+    found = find_gap(log, task.model, channels=task.channels)
+    return log.sha256, answer_of_gap(found.to_dict()), found.warnings
