@@ -39,7 +39,7 @@ FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 COLD = """
 import time, sys
 import numpy as np
-from kfgen.identify.evidence import phase
+from kfgen.identify.evidence import running_allan as phase
 start = time.perf_counter()
 import numba
 imported = time.perf_counter()
@@ -68,7 +68,7 @@ def programs(y: Values, m: Values) -> dict[str, Callable[[], Values]]:
 
     def kfgen(compiled: bool) -> Callable[[], Values]:
         def work() -> Values:
-            with patch.object(differences, "COMPILED", 0 if compiled else float("inf")):
+            with patch.object(differences, "MIN_SAMPLES_FOR_COMPILED", 0 if compiled else float("inf")):
                 return overlapping_variance(y, m)
 
         return work

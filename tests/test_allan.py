@@ -24,7 +24,7 @@ from scipy.special import gammaln
 from scipy.stats import binom
 
 from kfgen.core.errors import InputError
-from kfgen.identify.evidence import differences, phase
+from kfgen.identify.evidence import differences, running_allan
 from kfgen.identify.evidence.allan import (
     allan_curve,
     curve_of_chunks,
@@ -150,8 +150,8 @@ LONG = 300_000
 @pytest.fixture
 def thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every record counts as a long one, and blocks are short, so that there are many."""
-    monkeypatch.setattr(phase, "EXACT", 0)
-    monkeypatch.setattr(phase, "WIDTH", 1 << 12)
+    monkeypatch.setattr(running_allan, "MAX_SAMPLES_EXACT", 0)
+    monkeypatch.setattr(running_allan, "BUFFER_DIFFERENCES", 1 << 12)
 
 
 @pytest.fixture(params=["numpy", "numba"])
@@ -159,7 +159,7 @@ def kernel(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     """Each of the two kernels in turn, whatever the length."""
     if request.param == "numba":
         pytest.importorskip("numba")
-        monkeypatch.setattr(differences, "COMPILED", 0)
+        monkeypatch.setattr(differences, "MIN_SAMPLES_FOR_COMPILED", 0)
     else:
         monkeypatch.setitem(sys.modules, "kfgen.identify.evidence.compiled", None)
     return str(request.param)
@@ -182,7 +182,7 @@ def definition(y: Array, m: NDArray[np.int64], thin: bool) -> Array:
     x = np.concatenate([[0.0], np.cumsum(y.astype(np.longdouble) - np.longdouble(y.mean()))])
     out = []
     for k in m.tolist():
-        s = phase.stride(k) if thin else 1
+        s = running_allan.stride(k) if thin else 1
         z, q = x[::s], k // s
         d = z[2 * q :] - 2 * z[q:-q] + z[: -2 * q]
         out.append(float(np.mean(d * d) / (2 * k * k)))
@@ -243,11 +243,11 @@ def test_an_offset_costs_the_digits_of_the_samples_only(thinned: None, kernel: s
 def test_both_kernels_agree(monkeypatch: pytest.MonkeyPatch, y: str) -> None:
     pytest.importorskip("numba")
     values = record("walk", LONG if y == "long" else 20_000)
-    monkeypatch.setattr(phase, "EXACT", 100_000)
+    monkeypatch.setattr(running_allan, "MAX_SAMPLES_EXACT", 100_000)
     m = log_factors(values.size)
     got = []
     for threshold in (0.0, float("inf")):
-        monkeypatch.setattr(differences, "COMPILED", threshold)
+        monkeypatch.setattr(differences, "MIN_SAMPLES_FOR_COMPILED", threshold)
         got.append(overlapping_variance(values, m))
     np.testing.assert_allclose(got[0], got[1], rtol=1e-12)
 

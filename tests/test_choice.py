@@ -18,7 +18,14 @@ from scipy.stats import chi2
 
 from kfgen.effects import make
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.fit.choice import DECISIVE, FAST, PLAIN, SHAPED, EffectSet, threshold
+from kfgen.identify.fit.choice import (
+    GAIN_OF_A_DRIFT,
+    GAIN_OF_A_SEARCHED_TIME,
+    GAIN_OF_A_SIZE,
+    GAIN_OF_QUANTISATION,
+    EffectSet,
+    threshold,
+)
 from kfgen.identify.fit.fit import Problem, maximise
 from kfgen.identify.fit.interval import edge
 from kfgen.identify.identify import Identified, identify
@@ -67,18 +74,18 @@ def holds(found: Identified, effect: str, parameter: str, truth: float, times_as
 
 def test_thresholds_are_quantiles_of_what_is_gained_by_chance() -> None:
     """Half a chi-square of one degree at 5 %, and docs/identification.md, 2.4: 6.3 to 7.3 for a searched time."""
-    assert chi2.isf(2 * 0.05, 1) == pytest.approx(PLAIN, abs=0.01)
-    assert SHAPED > 7.3
-    assert chi2.isf(2 * 5e-4, 1) == pytest.approx(FAST, abs=0.05)
-    assert chi2.sf(DECISIVE, 1) < 1e-5
+    assert chi2.isf(2 * 0.05, 1) == pytest.approx(GAIN_OF_A_SIZE, abs=0.01)
+    assert GAIN_OF_A_SEARCHED_TIME > 7.3
+    assert chi2.isf(2 * 5e-4, 1) == pytest.approx(GAIN_OF_QUANTISATION, abs=0.05)
+    assert chi2.sf(GAIN_OF_A_DRIFT, 1) < 1e-5
     kinds = {
-        "white_noise": ({"N": 1.0}, PLAIN),
-        "rate_random_walk": ({"K": 1.0}, PLAIN),
-        "gauss_markov": ({"sigma": 1.0, "tau": 1.0}, SHAPED),
-        "bias_instability": ({"B": 1.0}, SHAPED),
-        "quantisation": ({"Q": 1.0}, FAST),
-        "rate_ramp": ({"R": 1.0}, DECISIVE),
-        "warm_up": ({"size": 1.0, "tau": 1.0}, DECISIVE + SHAPED - PLAIN),
+        "white_noise": ({"N": 1.0}, GAIN_OF_A_SIZE),
+        "rate_random_walk": ({"K": 1.0}, GAIN_OF_A_SIZE),
+        "gauss_markov": ({"sigma": 1.0, "tau": 1.0}, GAIN_OF_A_SEARCHED_TIME),
+        "bias_instability": ({"B": 1.0}, GAIN_OF_A_SEARCHED_TIME),
+        "quantisation": ({"Q": 1.0}, GAIN_OF_QUANTISATION),
+        "rate_ramp": ({"R": 1.0}, GAIN_OF_A_DRIFT),
+        "warm_up": ({"size": 1.0, "tau": 1.0}, GAIN_OF_A_DRIFT + GAIN_OF_A_SEARCHED_TIME - GAIN_OF_A_SIZE),
     }
     for name, (given, expected) in kinds.items():
         assert threshold(make(name, **given)) == pytest.approx(expected)
@@ -88,7 +95,9 @@ def test_a_score_is_the_gain_less_what_each_term_costs() -> None:
     record = Record(times(500), white(np.random.default_rng(0), 500))
     problem = Problem(record, (make("white_noise", N=0.1), make("gauss_markov", sigma=0.1, tau=2.0)))
     fit = maximise(problem)
-    assert EffectSet(fit, problem, 100.0).score == pytest.approx(100.0 - PLAIN - SHAPED)
+    assert EffectSet(fit, problem, 100.0).score == pytest.approx(
+        100.0 - GAIN_OF_A_SIZE - GAIN_OF_A_SEARCHED_TIME
+    )
 
 
 # Random effects.

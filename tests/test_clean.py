@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from kfgen.identify.evidence.clean import is_outlier, noise_change, roll_off
 from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.record_faults import is_outlier, noise_change, roll_off
 from kfgen.identify.identify import Identified, identify
 
 RATE, SECONDS = 100.0, 300.0

@@ -501,7 +501,7 @@ def self_test(folder: Path) -> subprocess.CompletedProcess[str]:
 def test_self_test_passes(name: str, tmp_path: Path) -> None:
     done = self_test(written(tmp_path, name))
     assert done.returncode == 0
-    assert re.fullmatch(r"\d+ words, 0 differing\n", done.stdout)
+    assert re.fullmatch(r"\d+ values, 0 differing\n", done.stdout)
 
 
 @pytest.mark.parametrize(("form", "loops"), FORMS)
@@ -509,7 +509,7 @@ def test_self_test_passes(name: str, tmp_path: Path) -> None:
 def test_self_test_passes_in_any_form(name: str, form: str, loops: bool, tmp_path: Path) -> None:
     done = self_test(written(tmp_path, name, form, loops))
     assert done.returncode == 0
-    assert re.fullmatch(r"\d+ words, 0 differing\n", done.stdout)
+    assert re.fullmatch(r"\d+ values, 0 differing\n", done.stdout)
 
 
 LITERAL = re.compile(r"(?<![\w.])(\d+\.\d*(?:e-?\d+)?|\d+e-?\d+)f\b")

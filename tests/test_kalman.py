@@ -176,8 +176,8 @@ def test_slope_is_the_difference_of_likelihoods(name: str) -> None:
 def test_means_of_blocks_have_their_dense_likelihood(
     name: str, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Blocks of four, none over a gap, and the Haar differences inside them as independent of variance AVAR."""
-    monkeypatch.setattr(kalman, "CHAIN", 25)
+    """Blocks of four, none over a gap, and the differences inside them as independent of variance AVAR."""
+    monkeypatch.setattr(kalman, "MAX_BLOCKS", 25)
     t, y = times(kind), samples()
     starts = np.flatnonzero(np.diff(t, prepend=-9.0) > 1.5 * DT).tolist()
     rows, haar = [], []
@@ -219,7 +219,7 @@ def test_white_noise_in_blocks_loses_nothing(monkeypatch: pytest.MonkeyPatch) ->
     y, t = samples(512), np.arange(512) * DT
     values = []
     for length in (4096, 64):
-        monkeypatch.setattr(kalman, "CHAIN", length)
+        monkeypatch.setattr(kalman, "MAX_BLOCKS", length)
         values.append(
             [chain(t, y, DT).log_likelihood([make("white_noise", N=N)]).value for N in (0.1, 0.3, 2.0)]
         )
@@ -260,7 +260,7 @@ def test_blocks_change_an_estimate_little(monkeypatch: pytest.MonkeyPatch) -> No
     t = np.arange(4096) * DT
     record = Record(t, white_and_markov(3, t, DT, (1.0, 1.5, 8.0)))
     plain = identify(record, NAMES, "kalman")
-    monkeypatch.setattr(kalman, "CHAIN", 512)
+    monkeypatch.setattr(kalman, "MAX_BLOCKS", 512)
     blocked = identify(record, NAMES, "kalman")
     bounds = np.array(list(plain.bounds.values()))
     assert (np.abs(np.log(fitted(blocked) / fitted(plain))) < bounds / 3).all()

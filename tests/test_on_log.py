@@ -30,6 +30,7 @@ from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
 from kfgen.run.filter_calls import FilterCalls
 from kfgen.run.run import run
+from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.simulate import simulate
 from kfgen.verify.compare import verify
 from kfgen.verify.replay import replay
@@ -108,7 +109,8 @@ def test_ins15_over_a_real_flight(form: str, recording: Find, tmp_path: Path) ->
 def short() -> tuple[Program, Log]:
     """Six seconds of a simulated flight at 50 Hz."""
     program = Program(DiscreteModel(build("ins15"), rate=50.0))
-    return program, simulate(program.discrete, "generic", 6.0, np.random.default_rng(3))
+    every = at_every_sample(program.discrete)
+    return program, simulate(program.discrete, "generic", 6.0, np.random.default_rng(3), rates=every)
 
 
 def test_a_gap_is_gone_through_in_steps_that_the_filter_takes(

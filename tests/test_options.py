@@ -90,9 +90,8 @@ def test_simulate_and_run_take_the_same_options(kfgen: Kfgen, tmp_path: Path) ->
         "heading",
     )
     log = tmp_path / "log.npz"
-    done = kfgen(
-        "simulate", "ins15", "--manoeuvre", "generic", "--duration", 10, "--rate", 50, "-o", log, *words
-    )
+    rates = ("--rate", 50, "--rate", "gnss=50")
+    done = kfgen("simulate", "ins15", "--manoeuvre", "generic", "--duration", 10, *rates, "-o", log, *words)
     assert done.exit_code == 0, done.output
     done = kfgen("run", "ins15", log, "--json", tmp_path / "run.json", *words)
     assert done.exit_code == 0, done.output

@@ -40,7 +40,10 @@ def identify(
         ),
     ],
     rate: Rate = None,
-    channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+    channels: Annotated[
+        str | None,
+        typer.Option(help="Only these, separated by commas; the sensor channels of the log when left out."),
+    ] = None,
     effects: Annotated[
         str | None,
         typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out."),

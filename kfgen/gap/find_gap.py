@@ -226,14 +226,7 @@ def _of_scene(
 
 def units_of(log: Log) -> UnitOf:
     """Units of effects placed at channels of a log, or at a triad of them."""
-    known = {n: c.unit for n, c in log.channels.items()}
-
-    def unit(placed: Placed) -> str:
-        if placed.where in known:
-            return known[placed.where]
-        return next((u for n, u in known.items() if n.rpartition("_")[0] == placed.where), "")
-
-    return unit
+    return lambda placed: log.unit_at(placed.where)
 
 
 def _with_findings(assumed: NoiseModel, found: SceneGap) -> NoiseModel:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
-from kfgen.identify.evidence.clean import amplitude_faults, is_outlier, mended, noise_change, roll_off
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.long import Long, Stream, condense
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
+from kfgen.identify.evidence.record_faults import amplitude_faults, is_outlier, mended, noise_change, roll_off
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
@@ -27,13 +27,13 @@ from kfgen.identify.methods.likelihood import METHODS, covariance
 
 Array = NDArray[np.float64]
 
-MINIMUM = 64
+MIN_SAMPLES = 64
 """Samples that a fit needs."""
-DIFFER = 1.1
+MAX_NOISE_RATIO_OF_LOGS = 1.1
 """Ratio of the noise of two logs beyond which they are not of one sensor in one state."""
-SMOOTH = 0.1
+MAX_FREQUENCY_OVER_RATE_OF_DRAWN = 0.1
 """Of the sampling rate: beyond that frequency a record drawn between uneven samples is smooth."""
-LONG = 2_000_000
+MAX_SAMPLES_IN_FULL = 2_000_000
 """A longer record is condensed first."""
 
 
@@ -150,7 +150,7 @@ def prepared(record: Evidence) -> tuple[Evidence, list[str]]:
 @prepared.register
 def _(record: Record) -> tuple[Evidence, list[str]]:
     _check(record.y)
-    if record.n > LONG:
+    if record.n > MAX_SAMPLES_IN_FULL:
         return prepared(condense(Stream.of(record.y, record.dt)))
     bad = is_outlier(record.y)
     record = replace(record, y=mended(record.y, bad))
@@ -170,18 +170,18 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
 
 @prepared.register
 def _(record: JointRecord) -> tuple[Evidence, list[str]]:
-    block = max(1, *(r.n // LONG for r in record.records))
+    block = max(1, *(r.n // MAX_SAMPLES_IN_FULL for r in record.records))
     blocks = [replace(r, block=block) for r in record.records]
-    parts = [prepared(r) for r in blocks]
-    records = tuple(r for r, _ in parts if isinstance(r, Record))
-    said = list(dict.fromkeys(w for _, words in parts for w in words))
-    ratio = _unlike(records)
-    if ratio > DIFFER:
+    checked = [prepared(r) for r in blocks]
+    records = tuple(r for r, _ in checked if isinstance(r, Record))
+    said = list(dict.fromkeys(w for _, words in checked for w in words))
+    ratio = _noise_ratio(records)
+    if ratio > MAX_NOISE_RATIO_OF_LOGS:
         said.append(f"the logs differ in their noise by a factor of {ratio:.3g}; one is fitted to all")
     return JointRecord(records), said
 
 
-def _unlike(records: Sequence[Record]) -> float:
+def _noise_ratio(records: Sequence[Record]) -> float:
     """By how much the fastest noise of records differs."""
     levels = [float(r.octaves.deviation[0]) for r in records]
     return max(levels) / min(levels)
@@ -205,7 +205,10 @@ def _(record: Exact) -> tuple[Evidence, list[str]]:
     clean = replace(record, t=record.t[good], y=record.y[good], drive=drive)
     said = _outliers(int((~good).sum()), good.size)
     if record.drawn and isinstance(record.view, Record):
-        return replace(clean, view=record.view.leaving_out((SMOOTH / record.period, float("inf")))), said
+        return replace(
+            clean,
+            view=record.view.leaving_out((MAX_FREQUENCY_OVER_RATE_OF_DRAWN / record.period, float("inf"))),
+        ), said
     view, _ = prepared(record.view)
     cuts = [lo for r in _records(view) for lo, hi in r.skip if hi == float("inf")]
     if not cuts:
@@ -230,12 +233,20 @@ def _records(view: Evidence) -> tuple[Record, ...]:
 
 
 def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
-    """The periodic lines of evidence that belong to none of the effects, each once."""
-    parts = _records(record.view if isinstance(record, Exact) else record)
-    if isinstance(record, JointRecord) and _unlike(parts) > DIFFER:
+    """The periodic lines of evidence that belong to none of the effects, each once.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    effects : sequence of Effect
+        Fitted to it.
+    """
+    records = _records(record.view if isinstance(record, Exact) else record)
+    if isinstance(record, JointRecord) and _noise_ratio(records) > MAX_NOISE_RATIO_OF_LOGS:
         return []  # beside another's noise a louder log is full of lines
     found: list[PeriodicLine] = []
-    for part in parts:
+    for part in records:
         if not any(hi == float("inf") for _, hi in part.skip):
             new = [line for line in find_lines(part, effects) if not is_of(line, effects)]
             found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
@@ -244,7 +255,15 @@ def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
 
 @singledispatch
 def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
-    """The evidence with the lines taken out."""
+    """The evidence with the lines taken out.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    lines : sequence of PeriodicLine
+        That are left out of the likelihood, or subtracted.
+    """
     return record
 
 
@@ -269,8 +288,8 @@ def _(record: Exact, lines: Sequence[PeriodicLine]) -> Evidence:
 
 def _check(y: Array) -> None:
     n, largest = y.size, float(np.abs(y).max(initial=0.0))
-    if n < MINIMUM:
-        raise InputError(f"{n} samples are too few for a fit", remedy=f"Log at least {MINIMUM}")
+    if n < MIN_SAMPLES:
+        raise InputError(f"{n} samples are too few for a fit", remedy=f"Log at least {MIN_SAMPLES}")
     if not np.ptp(y) > 0.0:
         raise InputError("the channel never changes", remedy="Check the sensor and the column")
     if not np.isfinite(n * largest * largest):

@@ -189,6 +189,18 @@ class Log:
             )
         return values
 
+    def unit_at(self, where: str) -> str:
+        """The unit of a channel, or of the first whose name begins with that of a sensor; empty where there is none.
+
+        Parameters
+        ----------
+        where : str
+            ``gyro_x``, or ``gyro``.
+        """
+        if where in self.channels:
+            return self.channels[where].unit
+        return next((c.unit for n, c in self.channels.items() if n.startswith(f"{where}_")), "")
+
     def uniform_dt(self) -> float:
         """The sampling period [s] of an evenly sampled log.
 

@@ -30,6 +30,7 @@ from kfgen.effects.filter_role import (
     SharedNoise,
     Use,
 )
+from kfgen.effects.inertial.inertial_error import AXES, free
 from kfgen.model.attach import Attachment, Omission
 from kfgen.model.parts.attached_error import AttachedError, acts_on, attached, error_blocks, merged
 from kfgen.model.parts.motion import MotionModel
@@ -83,7 +84,8 @@ class FilterEffects:
             measured = not self.inputs & set(self.channels_of(where))
             place = FilterPlace(where, measured, drive)
             for effect, use in zip(effects, self.uses[where]):
-                out.append((where, effect, use, self._possible(where, effect.in_filter(place))))
+                role = self._possible(where, effect.in_filter(place))
+                out.append((where, effect, use, self._felt(where, effect, role)))
         return tuple(out)
 
     @cached_property
@@ -111,6 +113,19 @@ class FilterEffects:
             return NotModelled(
                 f"it acts inside the equations of a plant, and {self.name} is no model file",
                 "Write it under [dynamics_effects] of a model file",
+            )
+        return role
+
+    def _felt(self, where: str, effect: Effect, role: FilterRole) -> FilterRole:
+        """A role, or that a plant's measurement does not know what the effect depends on."""
+        if not isinstance(role, ReadingError) or not self.motion.is_plant:
+            return role
+        others = [p.name[1] for p in free(effect) if len(p.name) == 2 and set(p.name) <= set(AXES)]
+        lacks = [n for n in getattr(effect, "needs", ()) if n != "warmth"]
+        if lacks or any(a != where[-1] for a in others):
+            return NotModelled(
+                f"it depends on other axes or other sensors than {where}, which one measurement of a model file does not know",
+                f"Write it into the expression of {where}",
             )
         return role
 

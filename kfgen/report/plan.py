@@ -10,7 +10,7 @@ from kfgen.identify.plan import RECORD_HOURS, ParameterBound, RecordPlan, hours_
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
 
-COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
+LINE_COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
 
 
 def plan_answer(found: RecordPlan) -> Answer:
@@ -59,7 +59,7 @@ def plan_picture(bounds: Mapping[str, ParameterBound], name: str) -> str:
     hours = np.array(RECORD_HOURS)
     values = {label: np.array(b.bounds) for label, b in bounds.items()}
     lines = [
-        Line(label, hours, np.where(np.isfinite(v), v, np.nan), COLORS[i % len(COLORS)])
+        Line(label, hours, np.where(np.isfinite(v), v, np.nan), LINE_COLORS[i % len(LINE_COLORS)])
         for i, (label, v) in enumerate(values.items())
     ]
     return bound_picture(lines, f"plan-{name}")

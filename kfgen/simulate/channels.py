@@ -77,15 +77,19 @@ def moved(scene: TrueScene, part: Part, effects: Sequence[Sequence[Effect]]) -> 
     return y
 
 
-def moved_alone(clean: Array, effects: Sequence[Effect], t: Array, warmth: Array | None) -> Array:
+def moved_alone(
+    clean: Array, effects: Sequence[Effect], t: Array, warmth: Array | None, axis: int = 0
+) -> Array:
     """The same of one channel that is known at its samples only, shape (n,)."""
     y = clean
     errors = [e for e in effects if isinstance(e, InertialError)]
     for e in errors:
         y = e.passed(y, float(t[1] - t[0])) if isinstance(e, Lag) else y
-    signals = Signals(t, np.column_stack([y, np.zeros((t.size, 2))]), warmth=warmth)
+    values = np.zeros((t.size, 3))
+    values[:, axis] = y
+    signals = Signals(t, values, warmth=warmth)
     return np.asarray(
-        y + sum((e.output(signals, 0) for e in errors if not isinstance(e, Lag)), np.zeros(t.size))
+        y + sum((e.output(signals, axis) for e in errors if not isinstance(e, Lag)), np.zeros(t.size))
     )
 
 

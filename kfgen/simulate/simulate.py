@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.effects.driven.proportional import DRIVERS, driver_named
+from kfgen.effects.faults.reference import ReferenceFault
 from kfgen.log.log import Channel, Log
 from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
 from kfgen.manoeuvre.flight import ManoeuvreMotion, plant_input
@@ -22,6 +23,7 @@ from kfgen.manoeuvre.motion import Motion
 from kfgen.manoeuvre.truth import drawn, wandered
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
+from kfgen.model.parts.reading import axes_of
 from kfgen.model.plant.equations import Equations
 from kfgen.model.symbols.blocks import Attitude
 from kfgen.simulate.channels import moved_alone, shown, with_noise
@@ -74,6 +76,7 @@ def simulate(  # noqa: PLR0913 - what a user may choose
     InputError
         An unknown manoeuvre, sensor or driver, a rate above the log's, or a duration of less than two samples.
     """
+    _refuse_faults_of_references(discrete.model)
     flown = manoeuvre_of(manoeuvre)
     n = round(duration * discrete.rate) if np.isfinite(duration) else 0
     if n > MAX_SAMPLES:
@@ -135,6 +138,16 @@ def simulate_motion(  # noqa: PLR0913 - what a user may choose
     )
 
 
+def _refuse_faults_of_references(model: FilterModel) -> None:
+    for where, effects in model.noise.items():
+        for e in effects:
+            if isinstance(e, ReferenceFault):
+                raise InputError(
+                    f"{e.name} of {where} is a fault of a reference, and the reference of a simulation is its truth",
+                    remedy=f"Take {e.name} out of the noise of {where}",
+                )
+
+
 def _shaken(
     discrete: DiscreteModel, amplitude: float, duration: float, rng: np.random.Generator
 ) -> Vibration | None:
@@ -165,7 +178,9 @@ def _drive(
             raise InputError(
                 f"there is no driver '{name}'", where="--decoy", remedy=f"Known are {', '.join(DRIVERS)}"
             )
-    felt = [WARMTH for es in model.noise.values() for e in es if "warmth" in getattr(e, "needs", ())]
+    every = [e for es in model.noise.values() for e in es]
+    felt = [WARMTH for e in every if "warmth" in getattr(e, "needs", ())]
+    felt += [e.driver for e in every if e.driver]
     names = dict.fromkeys([*model.drivers, *felt, *(given or {}), *decoys])
     return {d: given[d] if given and d in given else driver_named(d).course(t) for d in names}
 
@@ -199,7 +214,7 @@ def _plant_log(
     channels = {d: Channel(v, driver_named(d).unit) for d, v in driven.items()}
     for channel, unit in model.channel_units.items():
         effects: Sequence[Effect] = model.noise.get(channel, ())
-        true = moved_alone(clean[channel], effects, t, driven.get(WARMTH))
+        true = moved_alone(clean[channel], effects, t, driven.get(WARMTH), *axes_of((channel,)))
         noise: Any = sum((e.draw(rng).simulate(t, rng, driven) for e in effects), np.zeros(t.size))
         values = with_noise(true, noise, effects, t, rng, driven)
         channels[channel] = Channel(faulty([values], [effects], t, rng)[0], unit)

@@ -13,7 +13,12 @@ from kfgen.effects.faults.samples import Fault
 
 
 @dataclass(frozen=True)
-class OtherMotion(Fault):
+class ReferenceFault(Fault):
+    """A fault of the reference, not of the sensor: a simulated log, whose reference is the truth, has none."""
+
+
+@dataclass(frozen=True)
+class OtherMotion(ReferenceFault):
     """No scale, no axes and no delay make the reference what was read."""
 
     correlation: Any = parameter("", "ratio")
@@ -26,7 +31,7 @@ class OtherMotion(Fault):
 
 
 @dataclass(frozen=True)
-class ReversedAttitude(Fault):
+class ReversedAttitude(ReferenceFault):
     """The conjugate of the attitude turns as the sensor does."""
 
     name: ClassVar[str] = "reversed_attitude"
@@ -37,7 +42,7 @@ class ReversedAttitude(Fault):
 
 
 @dataclass(frozen=True)
-class ScalarLastAttitude(Fault):
+class ScalarLastAttitude(ReferenceFault):
     """The attitude turns as the sensor does if its last column is the scalar."""
 
     name: ClassVar[str] = "scalar_last_attitude"
@@ -48,7 +53,7 @@ class ScalarLastAttitude(Fault):
 
 
 @dataclass(frozen=True)
-class HeldReference(Fault):
+class HeldReference(ReferenceFault):
     """The reference is slower than the log and holds each value for a `period`."""
 
     period: Any = parameter("s", "time")
@@ -61,7 +66,7 @@ class HeldReference(Fault):
 
 
 @dataclass(frozen=True)
-class StuckReference(Fault):
+class StuckReference(ReferenceFault):
     """The reference is stuck for a `share` of the log while the sensor moves."""
 
     share: Any = parameter("", "ratio")
@@ -74,7 +79,7 @@ class StuckReference(Fault):
 
 
 @dataclass(frozen=True)
-class RoundedReference(Fault):
+class RoundedReference(ReferenceFault):
     """The reference attitude was written in steps of `step`, which turn it by more than its sensor's noise hides."""
 
     step: Any = parameter("", "size")

@@ -5,76 +5,15 @@ from __future__ import annotations
 import keyword
 import re
 
+from sympy.printing import c, cxx
+
 from kfgen.core.errors import InputError
 from kfgen.model.discretise import DiscreteModel
 
 C_WORDS = frozenset(
-    [
-        "auto",
-        "break",
-        "case",
-        "char",
-        "const",
-        "continue",
-        "default",
-        "do",
-        "double",
-        "else",
-        "enum",
-        "extern",
-        "float",
-        "for",
-        "goto",
-        "if",
-        "inline",
-        "int",
-        "long",
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "typedef",
-        "union",
-        "unsigned",
-        "void",
-        "volatile",
-        "while",
-        "_Bool",
-        "_Complex",
-        "_Imaginary",
-        "bool",
-        "true",
-        "false",
-        "and",
-        "or",
-        "not",
-        "xor",
-        "class",
-        "new",
-        "delete",
-        "this",
-        "template",
-        "namespace",
-        "operator",
-        "private",
-        "protected",
-        "public",
-        "try",
-        "catch",
-        "throw",
-        "using",
-        "virtual",
-        "typename",
-        "main",
-    ]
-)
-
-
+    {*c.reserved_words, *c.reserved_words_c99, "_Bool", "_Complex", "_Imaginary"} - {"entry"}
+) | {"bool", "true", "false", "main"}
+"""Keywords of C99, and what its headers and programs make one."""
 SHADOWING = frozenset(["enum", "filterpy", "math", "numpy", "selftest", "sys", "typing"])
 """Modules that an emitted one of the same name would hide from its own folder."""
 CLASSES = frozenset(["any", "f", "real", "status", "vector"])
@@ -84,44 +23,10 @@ OWN = {
     "state": frozenset(["covariance", "innovation", "nis", "state", "variance"]),
 }
 """Names that the emitted code has for itself: modules and classes, and what its getters end in."""
-CPP_WORDS = frozenset(
-    [
-        "alignas",
-        "alignof",
-        "asm",
-        "bitand",
-        "bitor",
-        "compl",
-        "concept",
-        "const_cast",
-        "consteval",
-        "constexpr",
-        "constinit",
-        "decltype",
-        "dynamic_cast",
-        "explicit",
-        "export",
-        "friend",
-        "mutable",
-        "noexcept",
-        "nullptr",
-        "reinterpret_cast",
-        "requires",
-        "static_assert",
-        "static_cast",
-        "thread_local",
-        "typeid",
-        "wchar_t",
-        "and_eq",
-        "not_eq",
-        "or_eq",
-        "xor_eq",
-        "char8_t",
-        "char16_t",
-        "char32_t",
-    ]
+CPP_WORDS = frozenset().union(
+    *cxx.reserved.values(), ("catch", "char8_t", "concept", "consteval", "constinit", "requires")
 )
-"""Words of C++ that C has not."""
+"""Keywords of C++, with those of C++20."""
 
 
 def identifier(name: str) -> str:

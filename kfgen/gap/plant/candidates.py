@@ -25,6 +25,8 @@ from kfgen.effects.plant.terms import (
     StateTerm,
 )
 from kfgen.gap.core.scene import Placed
+from kfgen.gap.motion.truth import place
+from kfgen.gap.plant.sensor_errors import SENSORS
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
@@ -77,7 +79,8 @@ def additions(
     for name, u in inputs.items():
         found += [[(name, e) for e in starts] for starts in _changes(name, u, late)]
     for name, (size, noise) in seen.items():
-        found.append([(name, SensorLag(t)) for t in late])
+        if place(name)[0] not in SENSORS:  # where sensors move it is their bandwidth
+            found.append([(name, SensorLag(t)) for t in late])
         found.append([(name, Backlash(width)) for width in _plays(size, noise)])
     found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]
     known = {(p.where, p.effect.name) for p in placed} | _present(model)

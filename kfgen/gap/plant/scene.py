@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
+from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.plant.candidates import additions
 from kfgen.gap.plant.initial_history import apart, changed, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
+from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import FIRST, Shooting, lateness, segments, shortest
 from kfgen.gap.rest.trust import FAR_FROM
 from kfgen.log.log import Channel, Log
@@ -206,7 +208,7 @@ class PlantScene:
     def unit(self, placed: Placed) -> str:
         """The unit `U` of a placed effect's parameters."""
         if not isinstance(placed.effect, PlantEffect):
-            return self.log.channels[placed.where].unit
+            return self.log.unit_at(placed.where)
         if isinstance(placed.effect, ParameterError) and placed.where in self.model.states:
             return self.model.states[placed.where].unit
         return self.model.unit_at(placed.where, placed.effect)
@@ -238,8 +240,18 @@ class PlantScene:
             groups.setdefault(_kinds(point.placed), []).append(j)
         for members in groups.values():
             alike = [points[j] for j in members]
-            out[:, members] = self._whitened(self._shown(alike), alike)
+            inside = [without_sensor_errors(p) for p in alike]
+            shown = self.sensors.added(self._shown(inside), alike)
+            out[:, members] = self._whitened(shown, inside)
         return out
+
+    @cached_property
+    def sensors(self) -> SensorErrors:
+        """What may be wrong with gyros, accelerometers and magnetometers among the channels."""
+        noise = {n: r.noise for n, r in self.recorded.items()}
+        own = [(n, e) for n, m in self.model.measurements.items() for e in m.noise.effects]
+        placed = tuple(Placed(e, n) for n, e in own if isinstance(e, InertialError) and n in noise)
+        return SensorErrors(self.log, self.inputs, noise, placed)
 
     def _shown(self, points: Sequence[ScenePoint]) -> Mapping[str, Array]:
         """The simulated channels at points, each of shape (n, points).
@@ -273,7 +285,9 @@ class PlantScene:
 
     def simulated(self, point: ScenePoint) -> Run:
         """The simulation at a point."""
-        return self._run([point])
+        inside = without_sensor_errors(point)
+        run = self._run([inside])
+        return replace(run, channels=self.sensors.added(run.channels, [point]))
 
     def believed(self, placed: Sequence[Placed] = ()) -> ScenePoint:
         """The point of these effects with the unknowns as they are believed."""
@@ -347,7 +361,8 @@ class PlantScene:
 
     def spread(self, point: ScenePoint) -> float:
         """See `kfgen.gap.core.scene.Integrating`."""
-        columns = self._begun(self._shown([point]), [point])
+        inside = without_sensor_errors(point)
+        columns = self._begun(self._shown([inside]), [inside])
         return 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
 
     @property
@@ -367,7 +382,8 @@ class PlantScene:
         times = self.dt, self.span[1] - self.span[0], self.late
         found = additions(self.model, self.inputs, speeds, seen, times, placed)
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
-        return found + [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
+        found += [[Placed(ParameterError(0.0), n)] for n in self.doubted if n not in known]
+        return found + self.sensors.candidates({n: run.channels[n][:, 0] for n in self.recorded}, placed)
 
 
 def _kinds(placed: Sequence[Placed]) -> Kinds:

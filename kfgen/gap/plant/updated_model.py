@@ -9,7 +9,7 @@ from kfgen.effects import Effect
 from kfgen.effects.noise_model import Term
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.core.scene import Placed
-from kfgen.model.plant.user import Acting, UserModel
+from kfgen.model.plant.user import Acting, Measurement, UserModel
 
 
 def updated_model(
@@ -33,16 +33,17 @@ def updated_model(
     states = dict(model.states)
     for p in placed:
         effect = p.effect
-        assert isinstance(effect, PlantEffect)
-        if isinstance(effect, ParameterError) and p.where in states:
+        if not isinstance(effect, PlantEffect):
+            for name in [n for n in measurements if n == p.where or n.startswith(f"{p.where}_")]:
+                measurements[name] = _with(measurements[name], effect)
+        elif isinstance(effect, ParameterError) and p.where in states:
             start = states[p.where]
             states[p.where] = replace(start, initial=start.initial + float(effect.value))
         elif isinstance(effect, ParameterError):
             old = parameters[p.where]
             parameters[p.where] = replace(old, value=old.value + float(effect.value))
         elif effect.acts == "channel":
-            m = measurements[p.where]
-            measurements[p.where] = replace(m, noise=replace(m.noise, terms=(*m.noise.terms, Term(effect))))
+            measurements[p.where] = _with(measurements[p.where], effect)
         else:
             same = [k for k, a in enumerate(acting) if a.where == p.where and type(a.effect) is type(effect)]
             if same:
@@ -56,6 +57,12 @@ def updated_model(
         measurements=measurements,
         dynamics_effects=tuple(acting),
     )
+
+
+def _with(measurement: Measurement, effect: Effect) -> Measurement:
+    """A measurement with one more effect."""
+    noise = measurement.noise
+    return replace(measurement, noise=replace(noise, terms=(*noise.terms, Term(effect))))
 
 
 def _sum(a: Effect, b: Effect) -> Effect:

@@ -26,7 +26,7 @@ from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Problem, maximise
 from kfgen.identify.fit.interval import intervals95
-from kfgen.identify.identify import LONG
+from kfgen.identify.identify import MAX_SAMPLES_IN_FULL
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ def channel_gap(
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:
     """A record and what is assumed of it, made ready for the search."""
-    whole = replace(record, block=max(1, record.y.size // LONG), per_decade=BINS_PER_DECADE)
+    whole = replace(record, block=max(1, record.y.size // MAX_SAMPLES_IN_FULL), per_decade=BINS_PER_DECADE)
     raw, trusted, random = taken_out(whole, noise)
     altering = tuple(t for t in random.terms if t.effect.changes_samples)
     random = replace(random, terms=tuple(t for t in random.terms if not t.effect.changes_samples))

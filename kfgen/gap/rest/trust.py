@@ -12,7 +12,7 @@ from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
-from kfgen.identify.identify import MINIMUM
+from kfgen.identify.identify import MIN_SAMPLES
 
 TRUST = 0.1
 """Relative deviation of a believed number that states no interval."""
@@ -102,10 +102,10 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
 
 def check(channel: str, record: Record, noise: ChannelNoise) -> None:
     """Raise `InputError` where a comparison would mean nothing."""
-    if record.y.size < 4 * MINIMUM:
+    if record.y.size < 4 * MIN_SAMPLES:
         raise InputError(
             f"{channel} has {record.y.size} samples, too few to fit and to prove",
-            remedy=f"Log at least {4 * MINIMUM}",
+            remedy=f"Log at least {4 * MIN_SAMPLES}",
         )
     if not np.ptp(record.y) > 0.0:
         raise InputError(f"{channel} never changes", remedy="Check the sensor and the column")

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kfgen.core.errors import InputError
-from kfgen.identify.evidence.phase import (
-    DECIMATE,
-    EXACT,
+from kfgen.identify.evidence.running_allan import (
+    MAX_SAMPLES_EXACT,
+    MAX_STEPS_IN_FACTOR,
     Array,
     Factors,
     Phase,
@@ -26,8 +26,8 @@ from kfgen.identify.evidence.phase import (
 )
 
 __all__ = [
-    "DECIMATE",
-    "EXACT",
+    "MAX_SAMPLES_EXACT",
+    "MAX_STEPS_IN_FACTOR",
     "AllanCurve",
     "allan_curve",
     "curve_from_variance",
@@ -40,7 +40,7 @@ __all__ = [
     "variance_of_chunks",
 ]
 
-ENDLESS = 10**13
+MORE_SAMPLES_THAN_ANY_STREAM = 10**13
 """Samples that no stream has: a year at 300 kHz."""
 
 
@@ -68,7 +68,18 @@ class AllanCurve:
 def log_factors(n: int, per_decade: int = 12) -> Factors:
     """Averaging factors up to a third of the record, evenly spaced in the logarithm.
 
-    From `DECIMATE` on they are multiples of their stride, so that a long record can be thinned.
+    From `MAX_STEPS_IN_FACTOR` on they are multiples of their stride, so that a long record can be thinned.
+
+    Parameters
+    ----------
+    n : int
+        Samples of the record.
+    per_decade : int
+        Factors in a decade.
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
     """
     top = max(1, n // 3)
     count = max(2, int(np.ceil(np.log10(top) * per_decade)) + 1) if top > 1 else 1
@@ -85,7 +96,7 @@ def octave_factors(n: int) -> Factors:
 def overlapping_variance(y: Samples, m: Factors) -> Array:
     """Overlapping Allan variance of `y` at averaging factors `m` (eq. (11) of [1]_).
 
-    Records beyond `EXACT` samples are thinned at factors from `DECIMATE` on: differences are then taken at every
+    Records beyond `MAX_SAMPLES_EXACT` samples are thinned at factors from `MAX_STEPS_IN_FACTOR` on: differences are then taken at every
     ``m / 64``-th sample or denser. In white noise and slower ones that changes the variance by less than a
     tenth of its statistical error (1 % of itself up to a fiftieth of the record); in quantisation noise,
     whose neighbouring differences are independent, by less than half of it.
@@ -162,7 +173,7 @@ def curve_of_chunks(
     InputError
         Fewer than 9 samples, another number than was said, or one that is not a number.
     """
-    m = log_factors(ENDLESS if n is None else n) if factors is None else factors
+    m = log_factors(MORE_SAMPLES_THAN_ANY_STREAM if n is None else n) if factors is None else factors
     phase = Phase(m, n)
     for chunk in chunks:
         phase.add(chunk)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Steps = NDArray[np.int64]
 
-COMPILED = 10_000_000
+MIN_SAMPLES_FOR_COMPILED = 10_000_000
 """Samples of one channel from which the compiled kernel is taken: it saves a quarter of a second there, and
 costs a process 0.4 s once, so that it pays from the second channel on."""
-WIDTH = 1 << 15
+BUFFER_DIFFERENCES = 1 << 15
 """Differences at a time: two buffers of them and the phase stay in a cache of one megabyte."""
-DOT = 1 << 13
+DOT_PRODUCT_LENGTH = 1 << 13
 """Length of a dot product that no library splits over threads."""
 
 
@@ -27,7 +27,15 @@ class Kernel(Protocol):
     """The two loops over samples."""
 
     def accumulate(self, y: Array, rate: float) -> None:
-        """Replace `y`, shape (n,) [U], by the running sum of ``y - rate``."""
+        """Replace `y`, shape (n,) [U], by the running sum of ``y - rate``.
+
+        Parameters
+        ----------
+        y : ndarray, shape (n,)
+            Samples [U]; overwritten.
+        rate : float
+            What is taken off each of them [U].
+        """
 
     def squares(self, x: Array, done: int, steps: Steps) -> Array:
         """Sums of ``(x[i + 2 m] - 2 x[i + m] + x[i])^2`` over every ``i + 2 m >= done``.
@@ -45,7 +53,7 @@ class Kernel(Protocol):
 
 def kernel(n: float) -> Kernel:
     """The kernel for a record of `n` samples; the compiled one is left out where numba is missing."""
-    if n >= COMPILED:
+    if n >= MIN_SAMPLES_FOR_COMPILED:
         try:
             from kfgen.identify.evidence.compiled import CompiledKernel
         except ImportError:
@@ -58,8 +66,8 @@ class NumpyKernel:
     """Vector operations on buffers that are kept: new ones would cost more than the arithmetic."""
 
     def __init__(self) -> None:
-        self._first = np.empty(2 * WIDTH)
-        self._second = np.empty(WIDTH)
+        self._first = np.empty(2 * BUFFER_DIFFERENCES)
+        self._second = np.empty(BUFFER_DIFFERENCES)
 
     def accumulate(self, y: Array, rate: float) -> None:
         """See `Kernel`."""
@@ -72,15 +80,18 @@ class NumpyKernel:
 
     def _sum(self, x: Array, m: int) -> float:
         total = 0.0
-        for start in range(0, x.size - 2 * m, WIDTH):
-            part = x[start : start + WIDTH + 2 * m]
+        for start in range(0, x.size - 2 * m, BUFFER_DIFFERENCES):
+            part = x[start : start + BUFFER_DIFFERENCES + 2 * m]
             d = self._second[: part.size - 2 * m]
-            if m <= WIDTH:
+            if m <= BUFFER_DIFFERENCES:
                 first = np.subtract(part[m:], part[:-m], out=self._first[: part.size - m])
                 np.subtract(first[m:], first[:-m], out=d)
             else:
                 np.subtract(part[2 * m :], part[m:-m], out=d)
                 d -= part[m:-m]
                 d += part[: -2 * m]
-            total += sum(float(e @ e) for e in (d[k : k + DOT] for k in range(0, d.size, DOT)))
+            total += sum(
+                float(e @ e)
+                for e in (d[k : k + DOT_PRODUCT_LENGTH] for k in range(0, d.size, DOT_PRODUCT_LENGTH))
+            )
         return total

@@ -96,7 +96,7 @@ class JointRecord(Evidence):
         return pooled([r.octaves for r in self.records])
 
     def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
-        """The ordinates of all records together: they are independent."""
+        """The ordinates of all records together: they are independent. See `Evidence.ordinates`."""
         parts = [r.ordinates(effects, peaks) for r in self.records]
         first = parts[0]
         return replace(

@@ -6,7 +6,7 @@ it the effects' states step exactly, ``x' = A x + w``, and the block's mean is `
 ``(x, x')``. Their sum is a banded precision matrix, whose Cholesky factor gives the same likelihood as
 a Kalman filter [1]_, with a library's banded routines instead of a loop over samples.
 
-What blocks average away enters by the variances of differences inside them (`kfgen.identify.evidence.independent.Haar`).
+What blocks average away enters by the variances of differences inside them (`kfgen.identify.evidence.block_differences.BlockDifferences`).
 
 The constant of the record has a flat prior; coefficients of deterministic effects are solved for by
 generalised least squares.
@@ -29,20 +29,20 @@ from numpy.typing import NDArray
 from kfgen.core import linear
 from kfgen.effects import Effect, LinearSystem
 from kfgen.identify.evidence.allan import AllanCurve
-from kfgen.identify.evidence.independent import Haar
+from kfgen.identify.evidence.block_differences import BlockDifferences
 from kfgen.identify.evidence.record import Evidence, Likelihood, Peaks, means_of
 from kfgen.identify.evidence.whittle import Key, Ordinates, SpectralFit, least_squares
 from kfgen.identify.fit.bounds import fisher
 
 Array = NDArray[np.float64]
 
-CHAIN = 4096
+MAX_BLOCKS = 4096
 """Blocks to which a longer record is averaged."""
-ROUNDED = 64
+TIME_STEPS_PER_PERIOD = 64
 """Times are rounded to this part of a period, so that a jittered record has few different steps."""
-LEAST = 1e-10
+MIN_WHITE_SHARE_OF_VARIANCE = 1e-10
 """Of the variance of a sample: white noise that every model is given, so that factors exist."""
-STEP = 1e-4
+LOG_STEP_OF_SLOPE = 1e-4
 """In a logarithm over which the likelihood is differentiated."""
 
 
@@ -62,7 +62,7 @@ class Chain:
         Sampling period [s].
     n : int
         Samples.
-    haar : Haar
+    inside : BlockDifferences
         What the blocks average away.
     """
 
@@ -71,7 +71,7 @@ class Chain:
     step: Array
     dt: float
     n: int
-    haar: Haar
+    inside: BlockDifferences
 
     @cached_property
     def kinds(self) -> tuple[Array, NDArray[np.int64]]:
@@ -80,7 +80,10 @@ class Chain:
         return pairs, index.ravel()
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
-        """``ln L`` with the coefficients of the regressors, solved for when left out."""
+        """``ln L`` with the coefficients of the regressors, solved for when left out.
+
+        See `kfgen.identify.evidence.record.Likelihood`.
+        """
         logdet, G = self._products([e.form() for e in effects if not e.coefficients()])
         # The constant, of flat prior, is integrated out: it takes its share of every product.
         flat = 0.5 * float(np.log(G[1, 1]))
@@ -88,11 +91,14 @@ class Chain:
         keep = np.array([0, *range(2, G.shape[0])])
         theta, covariance, quadratic = least_squares(G[np.ix_(keep, keep)], coefficients)
         return SpectralFit(
-            -0.5 * (logdet + quadratic) - flat + self.haar.log_likelihood(effects).value, theta, covariance
+            -0.5 * (logdet + quadratic) - flat + self.inside.log_likelihood(effects).value, theta, covariance
         )
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative of ``ln L`` in the logarithms of parameters, by central differences."""
+        """Derivative of ``ln L`` in the logarithms of parameters, by central differences.
+
+        See `kfgen.identify.evidence.record.Likelihood`.
+        """
         return np.array([self._slope(effects, key) for key in keys])
 
     def _slope(self, effects: Sequence[Effect], key: Key) -> float:
@@ -100,10 +106,13 @@ class Chain:
             moved = [e.shifted(key[1], step) if i == key[0] else e for i, e in enumerate(effects)]
             return self.log_likelihood(moved).value
 
-        return (value(STEP) - value(-STEP)) / (2.0 * STEP)
+        return (value(LOG_STEP_OF_SLOPE) - value(-LOG_STEP_OF_SLOPE)) / (2.0 * LOG_STEP_OF_SLOPE)
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Fisher information of a whole record of as many samples."""
+        """Fisher information of a whole record of as many samples.
+
+        See `kfgen.identify.evidence.record.Likelihood`.
+        """
         known, J = fisher(effects, self.dt, self.n)
         at = [known.index(key) if key in known else -1 for key in keys]
         out = np.zeros((len(keys), len(keys)))
@@ -118,7 +127,9 @@ class Chain:
 
         pairs, kind = self.kinds
         system = _joined(forms, self.dt)
-        white = sum(float(f.V) for f in forms) / self.dt + LEAST * float(np.var(self.y[:, 0]))
+        white = sum(float(f.V) for f in forms) / self.dt + MIN_WHITE_SHARE_OF_VARIANCE * float(
+            np.var(self.y[:, 0])
+        )
         L, Q = system.steps(pairs, white, self.dt)
         k, m = system.order, self.count.size
         M, L = np.linalg.inv(Q)[kind], L[kind]
@@ -164,6 +175,15 @@ class _System:
 
     def steps(self, pairs: Array, white: float, dt: float) -> tuple[Array, Array]:
         """Over blocks of (count, time to the next): residuals ``L [x, x'] + (0, y)`` and their covariances.
+
+        Parameters
+        ----------
+        pairs : ndarray, shape (u, 2)
+            Samples in a block, time [s] to the next one.
+        white : float
+            Variance of the white part of a sample [U^2].
+        dt : float
+            Sampling period [s].
 
         Returns
         -------
@@ -299,11 +319,11 @@ class Exact(Evidence):
         return self.view.drift_variance(effects)
 
     def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
-        """Of the even pieces."""
+        """Of the even pieces. See `Evidence.ordinates`."""
         return self.view.ordinates(effects, peaks)
 
     def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
-        """The chain with the regressors of these effects, from an even grid."""
+        """The chain with the regressors of these effects, from an even grid. See `Evidence.measure`."""
         t = self.t - self.t[0]
         grid = np.arange(0.0, t[-1] + self.period, self.period)
         drive = {k: np.interp(grid, t, v) for k, v in self.drive.items()}
@@ -335,17 +355,17 @@ def chain(
         Whether samples may be averaged: only where they are evenly spaced between gaps.
     """
     columns = np.column_stack([y, np.ones(y.size), *regressors])
-    t = np.round((t - t[0]) / dt * ROUNDED) / ROUNDED * dt
+    t = np.round((t - t[0]) / dt * TIME_STEPS_PER_PERIOD) / TIME_STEPS_PER_PERIOD * dt
     missing = np.diff(t) - dt
     blind = max(0, int(np.ceil(np.log2(max(shortest / dt, 1.0)))))
-    levels = max(blind, int(np.ceil(np.log2(y.size / CHAIN)))) if blocks else 0
+    levels = max(blind, int(np.ceil(np.log2(y.size / MAX_BLOCKS)))) if blocks else 0
     edges = _edges(missing, y.size, 2**levels, dt)
     count = np.diff(edges)
     means = np.add.reduceat(columns, edges[:-1], axis=0) / count[:, None]
-    step = np.round(np.append(np.diff(t[edges[:-1]]), dt) / dt * ROUNDED)
-    step = np.maximum(step, 1.0) / ROUNDED * dt
+    step = np.round(np.append(np.diff(t[edges[:-1]]), dt) / dt * TIME_STEPS_PER_PERIOD)
+    step = np.maximum(step, 1.0) / TIME_STEPS_PER_PERIOD * dt
     full = edges[:-1][count == 2**levels]
-    return Chain(means, count, step, dt, y.size, _haar(y, full, levels, blind, dt))
+    return Chain(means, count, step, dt, y.size, _inside(y, full, levels, blind, dt))
 
 
 def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
@@ -357,7 +377,7 @@ def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
     return np.append(np.concatenate(starts), n).astype(np.int64)
 
 
-def _haar(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float) -> Haar:
+def _inside(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float) -> BlockDifferences:
     """The differences inside full blocks; the shortest ones are left out."""
     means = y[full[:, None] + np.arange(2**levels)]
     count, variance = np.zeros(levels), np.ones(levels)
@@ -367,4 +387,4 @@ def _haar(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float)
         if i >= blind and d.size:
             count[i], variance[i] = d.size, 0.5 * float(np.mean(d**2))
         means = halves.mean(axis=2)
-    return Haar(np.asarray(dt * 2.0 ** np.arange(levels), dtype=np.float64), count, variance)
+    return BlockDifferences(np.asarray(dt * 2.0 ** np.arange(levels), dtype=np.float64), count, variance)

@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.identify.evidence.allan import AllanCurve, curve_from_variance, log_factors, octave_factors
-from kfgen.identify.evidence.clean import Spread, mended
-from kfgen.identify.evidence.independent import Haar, IndependentParts
+from kfgen.identify.evidence.block_differences import BlockDifferences, IndependentLikelihoods
 from kfgen.identify.evidence.peaks import spectral_peaks
-from kfgen.identify.evidence.phase import Phase
-from kfgen.identify.evidence.record import CELLS, Evidence, Likelihood, Peaks, Record, means_of
+from kfgen.identify.evidence.record import MAX_REGRESSOR_CELLS, Evidence, Likelihood, Peaks, Record, means_of
+from kfgen.identify.evidence.record_faults import Spread, mended
+from kfgen.identify.evidence.running_allan import Phase
 from kfgen.identify.evidence.whittle import Ordinates, coarse_transform, ordinates, transform
 
 Array = NDArray[np.float64]
 
-BLOCKS = 1 << 18
+MAX_BLOCK_MEANS = 1 << 18
 """Block means to which a record is brought."""
-HEAD = 1 << 19
+HEAD_SAMPLES = 1 << 19
 """Samples at the beginning that are kept as they are."""
-CHUNK = 1 << 20
+CHUNK_SAMPLES = 1 << 20
 """Samples that are looked at together."""
 
 
@@ -40,7 +40,7 @@ class Stream:
     Parameters
     ----------
     chunks : callable
-        An iterable of pieces of the samples [SI], of about `CHUNK`.
+        An iterable of pieces of the samples [SI], of about `CHUNK_SAMPLES`.
     n : int
         Samples in all.
     dt : float
@@ -53,8 +53,16 @@ class Stream:
 
     @staticmethod
     def of(y: Array, dt: float) -> Stream:
-        """The samples of an array, shape (n,)."""
-        return Stream(lambda: (y[a : a + CHUNK] for a in range(0, y.size, CHUNK)), y.size, dt)
+        """The samples of an array, shape (n,).
+
+        Parameters
+        ----------
+        y : ndarray, shape (n,)
+            Samples [SI].
+        dt : float
+            Sampling period [s].
+        """
+        return Stream(lambda: (y[a : a + CHUNK_SAMPLES] for a in range(0, y.size, CHUNK_SAMPLES)), y.size, dt)
 
 
 @dataclass(frozen=True)
@@ -144,8 +152,11 @@ class Long(Evidence):
         return transform(self.means)
 
     def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
-        """The binned transform of the block means, with a regressor for each coefficient of the effects."""
-        cells = min(CELLS, self.means.size)
+        """The binned transform of the block means, with a regressor for each coefficient of the effects.
+
+        See `Evidence.ordinates`.
+        """
+        cells = min(MAX_REGRESSOR_CELLS, self.means.size)
         edges = np.asarray(np.arange(cells + 1) * (self.duration / cells), dtype=np.float64)
         drive = {k: np.interp(edges, self.slow.t, v) for k, v in self.drive.items()}
         columns = [
@@ -155,16 +166,19 @@ class Long(Evidence):
         return ordinates([self._sines, *columns], self.period, self.block, skip=self.skip, peaks=narrow)
 
     def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
-        """Block means, and what is inside the blocks: of all of it, or, with bands left out, of the beginning."""
+        """Block means, and what is inside the blocks: of all of it, or, with bands left out, of the beginning.
+
+        See `Evidence.measure`.
+        """
         main = self.ordinates(shapes, peaks)
         if self.skip:
             top = 0.5 / (self.period * self.block)
-            return IndependentParts((main, self.head.leaving_out((0.0, top)).ordinates((), peaks)))
+            return IndependentLikelihoods((main, self.head.leaving_out((0.0, top)).ordinates((), peaks)))
         m = 2 ** np.arange(int(np.log2(self.block)))
         inside = self.octaves
         count = np.asarray(self.samples / (2.0 * m), dtype=np.float64)
-        haar = Haar(inside.tau[: m.size], count, inside.deviation[: m.size] ** 2)
-        return IndependentParts((main, haar))
+        haar = BlockDifferences(inside.tau[: m.size], count, inside.deviation[: m.size] ** 2)
+        return IndependentLikelihoods((main, haar))
 
 
 def condense(stream: Stream) -> Long:
@@ -175,7 +189,7 @@ def condense(stream: Stream) -> Long:
     InputError
         Another number of samples comes than was said, or most of a piece is missing.
     """
-    block = 1 << max(1, int(np.ceil(np.log2(stream.n / BLOCKS))))
+    block = 1 << max(1, int(np.ceil(np.log2(stream.n / MAX_BLOCK_MEANS))))
     m, octaves = log_factors(stream.n), octave_factors(stream.n)
     factors = np.union1d(m, octaves)
     phase, means = Phase(factors, stream.n), _Means(block)
@@ -191,8 +205,8 @@ def condense(stream: Stream) -> Long:
         y = mended(y, bad)
         phase.add(y)
         means.add(y)
-        if kept < HEAD:
-            head.append(y[: HEAD - kept])
+        if kept < HEAD_SAMPLES:
+            head.append(y[: HEAD_SAMPLES - kept])
             kept += head[-1].size
     avar = phase.variance()
     curve, eights = (

@@ -16,9 +16,9 @@ from kfgen.identify.evidence.whittle import Ordinates
 
 Array = NDArray[np.float64]
 
-FEWEST = 8
+MIN_CURVE_POINTS = 8
 """Points that a published curve needs."""
-MOST_FREE = 1000.0
+MAX_DEGREES_OF_FREEDOM = 1000.0
 """Degrees of freedom that a point of a published curve is given at most: nobody says how it was made."""
 
 
@@ -88,13 +88,24 @@ class Published(Evidence):
     def of(tau: Array, deviation: Array, lo: Array | None = None, hi: Array | None = None) -> Published:
         """A curve from averaging times [s] and deviations [SI], with its 95 % band where one is given.
 
+        Parameters
+        ----------
+        tau : ndarray, shape (m,)
+            Averaging times [s], increasing.
+        deviation : ndarray, shape (m,)
+            Allan deviation [SI].
+        lo, hi : ndarray, shape (m,), optional
+            Ends of its 95 % band [SI].
+
         Raises
         ------
         InputError
-            Fewer than `FEWEST` points, or a deviation that is not positive.
+            Fewer than `MIN_CURVE_POINTS` points, or a deviation that is not positive.
         """
-        if tau.size < FEWEST:
-            raise InputError(f"{tau.size} points are too few for a fit", remedy=f"Give at least {FEWEST}")
+        if tau.size < MIN_CURVE_POINTS:
+            raise InputError(
+                f"{tau.size} points are too few for a fit", remedy=f"Give at least {MIN_CURVE_POINTS}"
+            )
         if not tau[0] > 0.0:
             raise InputError("an averaging time is not positive", remedy="Leave it out")
         if not ((deviation > 0.0) & np.isfinite(deviation)).all():
@@ -112,7 +123,7 @@ class Published(Evidence):
             return Published(AllanCurve(tau, deviation, lo, hi, edf))
         m = tau / tau[0]
         slope = np.gradient(2.0 * np.log(deviation), np.log(tau))
-        edf = np.minimum(degrees_of_freedom(int(np.ceil(2.0 * m[-1])), m, slope), MOST_FREE)
+        edf = np.minimum(degrees_of_freedom(int(np.ceil(2.0 * m[-1])), m, slope), MAX_DEGREES_OF_FREEDOM)
         spread = 1.96 * np.sqrt(0.5 / edf)
         return Published(
             AllanCurve(tau, deviation, deviation * np.exp(-spread), deviation * np.exp(spread), edf)
@@ -145,7 +156,7 @@ class Published(Evidence):
         return np.array(chosen)
 
     def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
-        """Raises `InputError`: a curve has no samples."""
+        """Raises `InputError`: a curve has no samples. See `Evidence.ordinates`."""
         raise InputError(
             "an Allan curve has no samples", remedy="Fit it with --method allan, or give the log"
         )

@@ -1,6 +1,6 @@
 """What is identified: an evenly sampled record of one channel.
 
-`Evidence` is what a fit needs to know; a `Record` has it from its samples, a `Joint` from several
+`Evidence` is what a fit needs to know; a `Record` has it from its samples, a `JointRecord` from several
 records, of which each was switched on anew. (`kfgen.identify.evidence.published` has a curve without samples.)
 """
 
@@ -33,11 +33,11 @@ from kfgen.identify.evidence.whittle import (
 Array = NDArray[np.float64]
 Peaks = tuple[SpectralPeak, ...]
 
-CELLS = 1 << 14
+MAX_REGRESSOR_CELLS = 1 << 14
 """Stretches of a record between which a smooth regressor of searched shape is differenced."""
-FASTEST = 10.0
+MIN_TIME_IN_STEPS = 10.0
 """Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
-LOWEST_CORNER = 0.005
+MIN_CORNER_OVER_RATE = 0.005
 """Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
 MAX_KEPT_LIKELIHOODS = 8
 """Likelihoods that are kept, one for each set of regressors and bins."""
@@ -47,13 +47,45 @@ class Likelihood(Protocol):
     """A likelihood of effects, whose regressors stand."""
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
-        """``ln L``, and the coefficients of the regressors."""
+        """``ln L``, and the coefficients of the regressors.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            With their values [SI].
+        coefficients : ndarray, shape (r,), optional
+            Of the regressors; solved for when left out.
+        """
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Its derivative in the logarithms of parameters."""
+        """Its derivative in the logarithms of parameters.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            With their values [SI].
+        keys : sequence of Key
+            Parameters: index of the effect, name.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+        """
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Fisher information of these logarithms."""
+        """Fisher information of these logarithms.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            With their values [SI].
+        keys : sequence of Key
+            Parameters: index of the effect, name.
+
+        Returns
+        -------
+        ndarray, shape (k, k)
+        """
 
 
 class Evidence(ABC):
@@ -136,7 +168,15 @@ class Evidence(ABC):
         return known[shapes, peaks]
 
     def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
-        """A new likelihood with the regressors of these effects, and bins for these peaks."""
+        """A new likelihood with the regressors of these effects, and bins for these peaks.
+
+        Parameters
+        ----------
+        shapes : sequence of Effect
+            Deterministic effects, whose coefficients are solved for.
+        peaks : tuple of SpectralPeak
+            Narrow peaks about which bins are finer.
+        """
         return self.ordinates(shapes, peaks)
 
     def drift_variance(self, effects: Sequence[Effect]) -> Array:
@@ -158,15 +198,30 @@ class Evidence(ABC):
         """What effects guess their start values from."""
         return Look(self.curve.tau, self.curve.deviation, self.dt, self.longest, self.driven)
 
-    def box(self, kind: str, slowest: float = 0.5, fastest: float = FASTEST) -> tuple[float, float]:
-        """Bounds of the logarithm of a parameter of that kind."""
+    def box(self, kind: str, slowest: float = 0.5, fastest: float = MIN_TIME_IN_STEPS) -> tuple[float, float]:
+        """Bounds of the logarithm of a parameter of that kind.
+
+        Parameters
+        ----------
+        kind : str
+            Of the parameter, see `kfgen.effects.Parameter`.
+        slowest : float
+            Longest time that is fitted, of the record.
+        fastest : float
+            Shortest time that is fitted, in steps.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper bound of the logarithm.
+        """
         if kind == "time":
             least = fastest * self.step
             return float(np.log(least)), float(np.log(max(slowest * self.longest, 2.0 * least)))
         if kind == "frequency":
             return float(np.log(1.0 / self.longest)), float(np.log(0.5 / self.step))
         if kind == "corner":
-            return float(np.log(LOWEST_CORNER / self.step)), float(np.log(1.0 / self.step))
+            return float(np.log(MIN_CORNER_OVER_RATE / self.step)), float(np.log(1.0 / self.step))
         if kind == "ratio":
             return float(np.log(1e-3)), float(np.log(0.4))
         if kind == "width":
@@ -198,7 +253,7 @@ class Record(Evidence):
         Time [s] of switch-on; the first sample's when left out.
     per_decade : int
         Bins of the transform in a decade of frequency.
-    faults : tuple of Spotted
+    faults : tuple of DetectedFault
         What was wrong with samples that were left out and drawn over.
     """
 
@@ -222,7 +277,13 @@ class Record(Evidence):
         return self.t - self.since
 
     def cut(self, start: int, stop: int) -> Record:
-        """A stretch of it, which remembers when it was switched on."""
+        """A stretch of it, which remembers when it was switched on.
+
+        Parameters
+        ----------
+        start, stop : int
+            Samples, as of a slice.
+        """
         drive = {k: v[start:stop] for k, v in self.drive.items()}
         return replace(self, t=self.t[start:stop], y=self.y[start:stop], drive=drive, origin=self.since)
 
@@ -286,7 +347,10 @@ class Record(Evidence):
         return other
 
     def ordinates(self, effects: Sequence[Effect], peaks: Peaks | None = None) -> Ordinates:
-        """The binned transform, with a regressor for each coefficient of the effects in order."""
+        """The binned transform, with a regressor for each coefficient of the effects in order.
+
+        See `Evidence.ordinates`.
+        """
         columns = [x for e in effects for x in self._regressors(e)]
         return ordinates(
             [self.sines, *columns],
@@ -310,7 +374,7 @@ class Record(Evidence):
                     transform(block_means(x, self.block)) for x in effect.regressors(self.elapsed, self.drive)
                 ]
             return known[effect]
-        cells = min(CELLS, self.sines.size + 1)
+        cells = min(MAX_REGRESSOR_CELLS, self.sines.size + 1)
         edges = self.elapsed[0] + np.arange(cells + 1) * (self.duration / cells)
         drive = {k: np.interp(edges, self.elapsed, v) for k, v in self.drive.items()}
         return [coarse_transform(x, self.sines.size) for x in effect.regressors(edges, drive)]

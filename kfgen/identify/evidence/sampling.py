@@ -19,22 +19,22 @@ from kfgen.identify.evidence.record import Evidence, Record
 
 Array = NDArray[np.float64]
 
-GAP = 1.5
+GAP_IN_PERIODS = 1.5
 """Periods beyond which a step of time is a gap."""
-JITTER = 0.05
+JITTER_SAID_IN_PERIODS = 0.05
 """Of a period: root mean square of the steps' error that is said."""
-UNEVEN = 0.2
+UNEVEN_IN_PERIODS = 0.2
 """Of a period: beyond, times are taken as they are."""
-MANY = 0.1
+MAX_GAP_SHARE_OF_STEPS = 0.1
 """Share of the steps beyond which long ones are no gaps."""
-STRETCHES = 20
-CHANGED = 1.1
+STRETCHES_OF_RATE_CHECK = 20
+MIN_RATIO_OF_CHANGED_RATE = 1.1
 """Ratio of the sampling periods of two stretches that is no chance."""
-MOST_LOST = 0.9
+MAX_MISSING_SHARE = 0.9
 """Share of samples that may be missing."""
-MOST_UNEVEN = 10_000
+MAX_UNEVEN_SAMPLES = 10_000
 """Samples at uneven times that are fitted."""
-PIECE = 512
+MIN_PIECE_SAMPLES = 512
 """Samples of a piece that has a spectrum of its own."""
 
 
@@ -67,22 +67,22 @@ def evidence(
         )
     steps = np.diff(t)
     dt = float(np.median(steps))
-    near = steps[steps < GAP * dt]
+    near = steps[steps < GAP_IN_PERIODS * dt]
     _check_rate(t, steps, dt)
     error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
-    if error > JITTER:
+    if error > JITTER_SAID_IN_PERIODS:
         said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
     gaps = np.flatnonzero(steps >= limit * dt)
-    if not gaps.size and error <= UNEVEN:
+    if not gaps.size and error <= UNEVEN_IN_PERIODS:
         return Record(t, y, drive), tuple(said)
-    pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN else []
+    pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN_IN_PERIODS else []
     view: Evidence = JointRecord(tuple(pieces)) if pieces else _regular(t, y, drive, dt)
-    period = float((near if error <= UNEVEN else steps).mean())
-    if error > UNEVEN:
-        if t.size > MOST_UNEVEN:
+    period = float((near if error <= UNEVEN_IN_PERIODS else steps).mean())
+    if error > UNEVEN_IN_PERIODS:
+        if t.size > MAX_UNEVEN_SAMPLES:
             raise InputError(
                 f"{t.size} samples at uneven times are too many for the exact likelihood",
-                remedy=f"Cut the log to {MOST_UNEVEN} samples, or resample it evenly",
+                remedy=f"Cut the log to {MAX_UNEVEN_SAMPLES} samples, or resample it evenly",
             )
         said = [w for w in said if "missing in all" not in w]  # random times have no gaps
         said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
@@ -94,7 +94,7 @@ def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
     lost = np.flatnonzero(~there)
     if not lost.size:
         return []
-    if lost.size > MOST_LOST * there.size:
+    if lost.size > MAX_MISSING_SHARE * there.size:
         raise InputError(
             f"{lost.size} of {there.size} samples are not a number", remedy="Check the sensor and the column"
         )
@@ -107,7 +107,15 @@ def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
 
 
 def counted(n: int, noun: str) -> str:
-    """A number with its noun."""
+    """A number with its noun.
+
+    Parameters
+    ----------
+    n : int
+        How many.
+    noun : str
+        In the singular.
+    """
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
@@ -121,10 +129,10 @@ def _gap_limit(t: Array) -> float:
     """Periods beyond which a step of time is a gap and no jitter."""
     steps = np.diff(t)
     if not steps.size:
-        return GAP
+        return GAP_IN_PERIODS
     dt = float(np.median(steps))
     jitter = float(np.median(np.abs(steps - dt))) / 0.6745 / dt
-    return max(GAP, 1.0 + 6.0 * jitter)
+    return max(GAP_IN_PERIODS, 1.0 + 6.0 * jitter)
 
 
 def _gaps(t: Array, limit: float) -> list[str]:
@@ -133,7 +141,7 @@ def _gaps(t: Array, limit: float) -> list[str]:
     dt = float(np.median(steps)) if steps.size else 0.0
     gaps = np.flatnonzero(steps >= limit * dt)
     # Random times have long steps everywhere: that is no gap.
-    if not gaps.size or gaps.size > MANY * steps.size:
+    if not gaps.size or gaps.size > MAX_GAP_SHARE_OF_STEPS * steps.size:
         return []
     longest = int(gaps[np.argmax(steps[gaps])])
     lost = float(np.sum(steps[gaps] / dt - 1.0))
@@ -145,23 +153,26 @@ def _gaps(t: Array, limit: float) -> list[str]:
 
 def _check_rate(t: Array, steps: Array, dt: float) -> None:
     """A rate that changes for good is refused."""
-    if steps.size < 10 * STRETCHES:
+    if steps.size < 10 * STRETCHES_OF_RATE_CHECK:
         return
-    parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES)]
-    if max(parts) < CHANGED * min(parts):
+    parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES_OF_RATE_CHECK)]
+    if max(parts) < MIN_RATIO_OF_CHANGED_RATE * min(parts):
         return
     # Random steps differ as well; a change of rate has stretches that agree with their neighbours.
     calm = [
-        float(np.std(part[part < GAP * m]) / m) for part, m in zip(np.array_split(steps, STRETCHES), parts)
+        float(np.std(part[part < GAP_IN_PERIODS * m]) / m)
+        for part, m in zip(np.array_split(steps, STRETCHES_OF_RATE_CHECK), parts)
     ]
-    if np.median(calm) > UNEVEN:
+    if np.median(calm) > UNEVEN_IN_PERIODS:
         return
-    first = next(i for i, m in enumerate(parts) if abs(m / parts[0] - 1.0) > 0.5 * (CHANGED - 1.0))
-    near = int(first * steps.size / STRETCHES)
+    first = next(
+        i for i, m in enumerate(parts) if abs(m / parts[0] - 1.0) > 0.5 * (MIN_RATIO_OF_CHANGED_RATE - 1.0)
+    )
+    near = int(first * steps.size / STRETCHES_OF_RATE_CHECK)
     at = next(
         (
             k
-            for k in range(max(near - steps.size // STRETCHES, 0), steps.size)
+            for k in range(max(near - steps.size // STRETCHES_OF_RATE_CHECK, 0), steps.size)
             if abs(steps[k] / parts[first] - 1.0) < 0.02
         ),
         near,
@@ -177,7 +188,7 @@ def _pieces(
 ) -> list[Record]:
     """The stretches between gaps that are long enough, if they are most of the record."""
     edges = [0, *(gaps + 1).tolist(), t.size]
-    long = [(a, b) for a, b in pairwise(edges) if b - a >= PIECE]
+    long = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_PIECE_SAMPLES]
     if sum(b - a for a, b in long) < 0.7 * t.size:
         return []
     whole = Record(t, y, drive)

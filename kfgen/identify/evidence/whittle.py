@@ -94,7 +94,15 @@ class Shapes:
         return self._factor([e for e in effects if e.is_filter])
 
     def slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m)."""
+        """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m).
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            With their values [SI].
+        keys : sequence of Key
+            Parameters: index of the effect, name.
+        """
         factor, total = self.factor(effects), self._sum(effects)
         rows = [
             total * self._difference(effects[i], name, effects)
@@ -187,14 +195,9 @@ class Ordinates:
         return np.where(stopped, self.gram[:, 0, 0] / self.count, S) if np.any(stopped) else S
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
-        """``ln L`` of the record under the random `effects`.
+        """``ln L`` of the record under the random `effects`; deterministic ones are the regressors.
 
-        Parameters
-        ----------
-        effects : sequence of Effect
-            Deterministic ones contribute nothing here: they are the regressors.
-        coefficients : ndarray, shape (r,), optional
-            Of the regressors; solved for when left out.
+        See `kfgen.identify.evidence.record.Likelihood`.
         """
         S = self.density(effects)
         weighted = np.tensordot(1.0 / S, self.gram, 1)
@@ -202,20 +205,37 @@ class Ordinates:
         return SpectralFit(-0.5 * float(self.count @ np.log(S) + quadratic), theta, covariance)
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative of ``ln L`` in the logarithms of the keys' parameters, the coefficients at their best."""
+        """Derivative of ``ln L`` in logarithms, the coefficients at their best. See `Likelihood`."""
         S = self.density(effects)
         theta = least_squares(np.tensordot(1.0 / S, self.gram, 1))[0]
         sensitivity = 0.5 * (residual_power(self, theta) / S - self.count) / S
         return self._shapes.slopes(effects, keys) @ sensitivity
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Fisher information of the same logarithms, shape (k, k)."""
+        """Fisher information of the same logarithms, shape (k, k).
+
+        See `kfgen.identify.evidence.record.Likelihood`.
+        """
         relative = self._shapes.slopes(effects, keys) / self.density(effects)
         return np.asarray(0.5 * (relative * self.count) @ relative.T)
 
 
 def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:
-    """Generalised least squares from weighted products ``[x b]' [x b]``: coefficients, covariance, misfit."""
+    """Generalised least squares from weighted products ``[x b]' [x b]``: coefficients, covariance, misfit.
+
+    Parameters
+    ----------
+    weighted : ndarray, shape (1 + r, 1 + r)
+        Products of the record (first) and of r regressors, over the density.
+    coefficients : ndarray, shape (r,), optional
+        Of the regressors; solved for when left out.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (r,)
+    covariance : ndarray, shape (r, r)
+    misfit : float
+    """
     xx, xb, bb = weighted[0, 0], weighted[0, 1:], weighted[1:, 1:]
     if not bb.size:
         return xb, bb, float(xx)
@@ -233,7 +253,19 @@ def _pseudo_inverse(bb: Array) -> Array:
 
 
 def block_means(y: Array, block: int) -> Array:
-    """Means of successive blocks along the first axis; an incomplete last block is left out."""
+    """Means of successive blocks along the first axis; an incomplete last block is left out.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n, ...)
+        Samples.
+    block : int
+        Samples in a block.
+
+    Returns
+    -------
+    ndarray, shape (n // block, ...)
+    """
     n = y.shape[0] // block
     return np.asarray(y[: n * block].reshape(n, block, *y.shape[1:]).mean(axis=1)) if block > 1 else y
 
@@ -322,16 +354,46 @@ def _edges(n: int, per_decade: int) -> NDArray[np.int64]:
 
 
 def density_of_differences(effects: Sequence[Effect], omega: Array, dt: float, block: int) -> Array:
-    """``S``: spectral density [U^2] of the first differences of block averages, shape (m,)."""
+    """``S``: spectral density [U^2] of the first differences of block averages, shape (m,).
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        With their values [SI].
+    omega : ndarray, shape (m,)
+        Angular frequency [rad per block].
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples averaged to one.
+    """
     return np.asarray(4.0 * np.sin(0.5 * omega) ** 2 * sampled_spectrum(effects, omega, dt, block))
 
 
 def residual_power(data: Ordinates, coefficients: Array) -> Array:
-    """Power of the record less its regressors, summed in each bin [U^2], shape (m,)."""
+    """Power of the record less its regressors, summed in each bin [U^2], shape (m,).
+
+    Parameters
+    ----------
+    data : Ordinates
+        Of the record and its regressors.
+    coefficients : ndarray, shape (r,)
+        Of the regressors.
+    """
     c = np.concatenate([[1.0], -coefficients])
     return np.asarray(np.einsum("i,mij,j->m", c, data.gram, c))
 
 
 def residual_ratio(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:
-    """Power of the residual over its expectation, per bin, shape (m,): one where the model holds."""
+    """Power of the residual over its expectation, per bin, shape (m,): one where the model holds.
+
+    Parameters
+    ----------
+    data : Ordinates
+        Of the record and its regressors.
+    effects : sequence of Effect
+        With their values [SI].
+    coefficients : ndarray, shape (r,)
+        Of the regressors.
+    """
     return residual_power(data, coefficients) / (data.count * data.density(effects))

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 Bands = Sequence[tuple[float, float]]
 
-SINGULAR = 1e-13
+MIN_SHARE_OF_INFORMATION = 1e-13
 """Share of information below which a direction has none."""
 
 
@@ -101,16 +101,37 @@ def _grid(n: int, dt: float, skip: Bands, peaks: Sequence[SpectralPeak]) -> tupl
 
 
 def relative_bound(effects: Sequence[Effect], dt: float, *lengths: int, skip: Bands = ()) -> dict[Key, float]:
-    """The smallest relative deviation that an unbiased estimate of each parameter can have."""
+    """The smallest relative deviation that an unbiased estimate of each parameter can have.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        With their values [SI].
+    dt : float
+        Sampling period [s].
+    lengths : int
+        Samples of each record of the sensor.
+    skip : sequence of (lo, hi)
+        Bands [Hz] that are not looked at.
+
+    Returns
+    -------
+    dict
+        Relative standard deviation by parameter; infinite where nothing is known.
+    """
     keys, J = fisher(effects, dt, *lengths, skip=skip)
     scale = np.sqrt(np.diag(J))
     if not (scale > 0.0).all():
         return {key: float("inf") if not s > 0.0 else _alone(s) for key, s in zip(keys, scale.tolist())}
     values, vectors = np.linalg.eigh(J / np.outer(scale, scale))
     # A direction without information: no parameter in it can be known.
-    inverse = np.where(values > SINGULAR, 1.0 / np.maximum(values, SINGULAR), np.inf)
+    inverse = np.where(
+        values > MIN_SHARE_OF_INFORMATION, 1.0 / np.maximum(values, MIN_SHARE_OF_INFORMATION), np.inf
+    )
     with np.errstate(invalid="ignore"):
-        variance = np.nansum(np.where(vectors**2 > SINGULAR, vectors**2 * inverse, 0.0), axis=1)
+        variance = np.nansum(
+            np.where(vectors**2 > MIN_SHARE_OF_INFORMATION, vectors**2 * inverse, 0.0), axis=1
+        )
     return dict(zip(keys, (np.sqrt(variance) / scale).tolist()))
 
 
@@ -122,7 +143,21 @@ def _alone(scale: float) -> float:
 def seconds_for(
     effects: Sequence[Effect], dt: float, key: Key, wanted: float = 0.2, skip: Bands = ()
 ) -> float:
-    """The length of record [s] at which the bound of one parameter is `wanted` (infinite if beyond)."""
+    """The length of record [s] at which the bound of one parameter is `wanted` (infinite if beyond).
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        With their values [SI].
+    dt : float
+        Sampling period [s].
+    key : Key
+        Index of the effect, name of its parameter.
+    wanted : float
+        Relative standard deviation.
+    skip : sequence of (lo, hi)
+        Bands [Hz] that are not looked at.
+    """
     lo, hi = 3.0, 15.0
 
     def bound(exponent: float) -> float:

@@ -4,10 +4,10 @@ White noise is in every set; on it stand up to two slow effects (random walk, Ga
 flicker, in every combination), quantisation where it helps, and at most one deterministic drift
 (a ramp, warm-up, a driver's). Each effect that is added must raise twice the log-likelihood by more
 than the 95 % quantile of what it gains by chance: 2.7 for one more size (half a chi-square of
-one degree, for sizes are not negative [1]_), `SHAPED` for one whose time is searched or whose band is
+one degree, for sizes are not negative [1]_), `GAIN_OF_A_SEARCHED_TIME` for one whose time is searched or whose band is
 chosen (tabled from records of white noise and random walk: 6.3 at 1000 s, 7.3 at 2.8 h, 95 % of
-them), `FAST` for quantisation (once in two thousand: where it is real, all high frequencies tell of
-it), and `DECISIVE` for a deterministic drift, which over one record is hard to tell from chance wandering.
+them), `GAIN_OF_QUANTISATION` for quantisation (once in two thousand: where it is real, all high frequencies tell of
+it), and `GAIN_OF_A_DRIFT` for a deterministic drift, which over one record is hard to tell from chance wandering.
 The set with the largest gain over its thresholds is chosen.
 
 References
@@ -29,15 +29,15 @@ from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Fit, Problem
 from kfgen.identify.fit.limits import starts
 
-PLAIN = 2.7
-SHAPED = 9.0
-FAST = 10.8
-DECISIVE = 20.0
-PROMISING = 3.8
+GAIN_OF_A_SIZE = 2.7
+GAIN_OF_A_SEARCHED_TIME = 9.0
+GAIN_OF_QUANTISATION = 10.8
+GAIN_OF_A_DRIFT = 20.0
+GAIN_OF_A_DRIFT_WORTH_FITTING = 3.8
 """What a drift must gain beside noise that was fitted without it, to be fitted with it."""
-UNLIKE = 1e-3
+MIN_CHANCE_OF_EQUAL_BANDS = 1e-3
 """Chance below which the bands of a driven effect disagree."""
-SLOW_AT_ONCE = 2
+MAX_SLOW_EFFECTS = 2
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ Fitter = Callable[[Evidence, Sequence[tuple[Effect, ...]]], EffectSet]
 def threshold(effect: Effect) -> float:
     """What an effect must gain to stay."""
     if effect.coefficients():
-        return DECISIVE + (SHAPED - PLAIN) * len(effect.searched())
+        return GAIN_OF_A_DRIFT + (GAIN_OF_A_SEARCHED_TIME - GAIN_OF_A_SIZE) * len(effect.searched())
     if not effect.form().order and not effect.form().V:
-        return FAST
+        return GAIN_OF_QUANTISATION
     shaped = any(p.kind in ("time", "setting") for p in effect.parameters())
-    return SHAPED if shaped else PLAIN
+    return GAIN_OF_A_SEARCHED_TIME if shaped else GAIN_OF_A_SIZE
 
 
 def slow_effects(record: Evidence) -> list[str]:
@@ -111,7 +111,7 @@ def choose(record: Evidence, fit: Fitter, *, drifting: bool = True) -> EffectSet
     fast = tuple(e.name for e in best.fit.effects[1:] if e.name in fast_effects(record))
     for name in drifts(record):
         gain, start = _promise(record, best.fit.effects, starts(name, record))
-        if gain > PROMISING:
+        if gain > GAIN_OF_A_DRIFT_WORTH_FITTING:
             alone = [(), *((n,) for n in slow_effects(record))]
             sets = [[(*c, start) for c in combined(record, (*base, *fast, *s))] for s in alone]
             trials = [fit(record, choices) for choices in sets]
@@ -137,7 +137,7 @@ def _holds(record: Evidence, fit: Fit) -> bool:
     some = xx > 0.0
     coefficient = xy.sum() / xx.sum()
     spread = float(np.sum((xy[some] - coefficient * xx[some]) ** 2 / xx[some]))
-    return bool(chi2.sf(spread, max(int(some.sum()) - 1, 1)) > UNLIKE)
+    return bool(chi2.sf(spread, max(int(some.sum()) - 1, 1)) > MIN_CHANCE_OF_EQUAL_BANDS)
 
 
 def _promise(record: Evidence, effects: tuple[Effect, ...], shapes: Sequence[Effect]) -> tuple[float, Effect]:
@@ -150,18 +150,31 @@ def _promise(record: Evidence, effects: tuple[Effect, ...], shapes: Sequence[Eff
 
 
 def _sets(names: Sequence[str]) -> list[tuple[str, ...]]:
-    """All sets of up to `SLOW_AT_ONCE` of them; one that may repeat, twice too."""
+    """All sets of up to `MAX_SLOW_EFFECTS` of them; one that may repeat, twice too."""
     known = catalogue()
     return [
         s
-        for count in range(1, SLOW_AT_ONCE + 1)
+        for count in range(1, MAX_SLOW_EFFECTS + 1)
         for s in combinations_with_replacement(names, count)
         if all(s.count(n) == 1 or known[n].repeatable for n in s)
     ]
 
 
 def combined(record: Evidence, names: Sequence[str]) -> list[tuple[Effect, ...]]:
-    """Start values of several effects together, every one with every other, the same effect at different ones."""
+    """Start values of several effects together, every one with every other, the same effect at different ones.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    names : sequence of str
+        Effects; one may stand there several times.
+
+    Returns
+    -------
+    list of tuple of Effect
+        Each is a start.
+    """
     groups = []
     for name in dict.fromkeys(names):
         shown, count = starts(name, record), list(names).count(name)

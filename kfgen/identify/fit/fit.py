@@ -23,23 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.identify.evidence.record import FASTEST, Evidence, Likelihood
+from kfgen.identify.evidence.record import MIN_TIME_IN_STEPS, Evidence, Likelihood
 from kfgen.identify.evidence.whittle import Key, SpectralFit
 
 Array = NDArray[np.float64]
 
 __all__ = ["Fit", "Key", "Prior", "Problem", "curvature", "inverse", "maximise", "profile"]
 
-ROUNDS = 80
-CLOSE = 1e-7
+MAX_ITERATIONS = 80
+GAIN_TOLERANCE_NATS = 1e-7
 """Gain of log-likelihood [nats] below which the maximum is reached."""
-LONGEST = 1.5
+MAX_LOG_STEP = 1.5
 """Longest step in a logarithm."""
-SLOWEST = 0.5
+MAX_TIME_OVER_RECORD = 0.5
 """Of the record: the longest time that is fitted."""
-BELIEVED = 3.0
+PRIOR_REACH_DEVIATIONS = 3.0
 """Deviations about a believed number that a fit may go to, whatever the record can show."""
-APART = 1e-4
+LOG_STEP_OF_DERIVATIVE = 1e-4
 """Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
 
@@ -65,7 +65,7 @@ class Fit:
         With the fitted values.
     value : float
         Log-likelihood plus log prior at the maximum.
-    likelihood : Fitted
+    likelihood : SpectralFit
         Likelihood alone, with the coefficients of the regressors.
     free : tuple of Key
         Parameters that were fitted in their logarithm.
@@ -85,7 +85,7 @@ class Problem:
     """What is fitted: evidence, effects with start values, priors, and fixed parameters.
 
     `times` bounds those of an effect (by its index) to a share of the record and to so many periods: half the
-    record and `kfgen.identify.evidence.record.FASTEST` otherwise.
+    record and `kfgen.identify.evidence.record.MIN_TIME_IN_STEPS` otherwise.
     """
 
     record: Evidence
@@ -116,11 +116,11 @@ class Problem:
     def _box(self, key: Key) -> tuple[float, float]:
         i, name = key
         kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
-        lo, hi = self.record.box(kind, *self.times.get(i, (SLOWEST, FASTEST)))
+        lo, hi = self.record.box(kind, *self.times.get(i, (MAX_TIME_OVER_RECORD, MIN_TIME_IN_STEPS)))
         prior = self.priors.get(key)
         if prior is None:
             return lo, hi
-        reach = BELIEVED * prior.deviation
+        reach = PRIOR_REACH_DEVIATIONS * prior.deviation
         return min(lo, prior.mean - reach), max(hi, prior.mean + reach)
 
     def start(self) -> Array:
@@ -150,8 +150,11 @@ class Problem:
         g = -self.data(effects).slope(effects, self.free)
         for k, (i, _) in enumerate(self.free):
             if effects[i].coefficients():  # the shape of a regressor
-                up, down = (point + h * np.eye(point.size)[k] for h in (APART, -APART))
-                g[k] = (self.objective(up) - self.objective(down)) / (2.0 * APART)
+                up, down = (
+                    point + h * np.eye(point.size)[k]
+                    for h in (LOG_STEP_OF_DERIVATIVE, -LOG_STEP_OF_DERIVATIVE)
+                )
+                g[k] = (self.objective(up) - self.objective(down)) / (2.0 * LOG_STEP_OF_DERIVATIVE)
         for k, key in enumerate(self.free):
             if key in self.priors:
                 prior = self.priors[key]
@@ -171,13 +174,21 @@ class Problem:
 
     def _sharpness(self, point: Array, k: int) -> float:
         """Second derivative in the shape of a regressor; at least a weak one, so that steps stay short."""
-        h = 10.0 * APART * np.eye(point.size)[k]
+        h = 10.0 * LOG_STEP_OF_DERIVATIVE * np.eye(point.size)[k]
         centre = self.objective(point)
         second = self.objective(point + h) - 2.0 * centre + self.objective(point - h)
-        return max(abs(second) / (10.0 * APART) ** 2, 1.0)
+        return max(abs(second) / (10.0 * LOG_STEP_OF_DERIVATIVE) ** 2, 1.0)
 
     def pin(self, key: Key, value: float) -> Problem:
-        """The same with one parameter held at `value` [SI]."""
+        """The same with one parameter held at `value` [SI].
+
+        Parameters
+        ----------
+        key : Key
+            Index of the effect, name of its parameter.
+        value : float
+            At which it is held [SI].
+        """
         effects = list(self.effects)
         effects[key[0]] = replace(effects[key[0]], **{key[1]: value})
         return replace(self, effects=tuple(effects), fixed=self.fixed | {key})
@@ -203,7 +214,7 @@ def _scored(problem: Problem, point: Array) -> Array:
     lo, hi = np.array(problem.bounds).T
     value, damping = problem.objective(point), 1e-3
     g, J = problem.gradient(point), problem.information(point)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         held = ((point <= lo) & (g > 0.0)) | ((point >= hi) & (g < 0.0))
         step = _step(g, J, ~held, damping)
         trial = np.clip(point + step, lo, hi)
@@ -211,11 +222,11 @@ def _scored(problem: Problem, point: Array) -> Array:
         expected = -float(g @ (trial - point))
         if found < value:
             gain, point, value, damping = value - found, trial, found, max(damping / 8.0, 1e-9)
-            if gain < CLOSE and expected < 10.0 * CLOSE:
+            if gain < GAIN_TOLERANCE_NATS and expected < 10.0 * GAIN_TOLERANCE_NATS:
                 break
             g, J = problem.gradient(point), problem.information(point)
         else:
-            if expected < CLOSE:
+            if expected < GAIN_TOLERANCE_NATS:
                 break
             damping = max(8.0 * damping, 1e-3)
             if damping > 1e12:
@@ -230,7 +241,7 @@ def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
         scale = np.sqrt(np.maximum(np.diag(K), 1e-8))
         K = K / np.outer(scale, scale) + damping * np.eye(scale.size)
         step[free] = -np.linalg.lstsq(K, g[free] / scale, rcond=1e-14)[0] / scale
-        step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
+        step *= min(1.0, MAX_LOG_STEP / max(float(np.abs(step).max()), 1e-300))
     return step
 
 
@@ -249,7 +260,17 @@ def inverse(J: Array) -> Array:
 
 
 def curvature(problem: Problem, point: Array, step: float = 1e-3) -> Array:
-    """Second derivatives of the objective in the logarithms, shape (k, k), by central differences of the first."""
+    """Second derivatives of the objective in the logarithms, shape (k, k), by central differences of the first.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    point : ndarray, shape (k,)
+        Logarithms of the free parameters.
+    step : float
+        Of the differences, in logarithms.
+    """
     offsets = step * np.eye(point.size)
     rows = [problem.gradient(point + h) - problem.gradient(point - h) for h in offsets]
     H = np.array(rows).reshape(point.size, point.size) / (2.0 * step)
@@ -257,5 +278,17 @@ def curvature(problem: Problem, point: Array, step: float = 1e-3) -> Array:
 
 
 def profile(problem: Problem, best: Fit, key: Key, value: float) -> Fit:
-    """The best fit with one parameter held at `value` [SI]."""
+    """The best fit with one parameter held at `value` [SI].
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    best : Fit
+        Its maximum.
+    key : Key
+        Index of the effect, name of its parameter.
+    value : float
+        At which it is held [SI].
+    """
     return maximise(problem.starting(best.effects).pin(key, value))

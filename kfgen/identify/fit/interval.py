@@ -29,20 +29,31 @@ from kfgen.identify.fit.fit import Fit, Key, Problem, inverse, profile
 
 Array = NDArray[np.float64]
 
-QUANTILE = 3.841458820694124
-NORMAL = QUANTILE**0.5
+CHI_SQUARE_95 = 3.841458820694124
+NORMAL_975 = CHI_SQUARE_95**0.5
 """The same quantile of a normal deviate."""
-NEAR = 0.01
+EDGE_TOLERANCE = 0.01
 """Of that quantile: an edge is found to half a percent of the interval's half width."""
-MIXED = 0.1
+MIXED_SHARE_OF_LARGEST_DEVIATION = 0.1
 """Of the largest relative deviation: a parameter known better than that is not mixed up with the rest."""
-_STEPS = 60
+_MAX_SECANT_STEPS = 60
 
 
 def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | None:
     """Where the loss reaches its quantile, going up or down from the best value [SI].
 
     Returns None where it never does inside the box: the likelihood does not close there.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    best : Fit
+        Its maximum.
+    key : Key
+        Index of the effect, name of its parameter.
+    direction : int
+        +1 to go up, -1 to go down.
     """
     index = best.free.index(key)
     limit = problem.bounds[index][direction > 0]
@@ -50,9 +61,9 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
     inside, r_in, warm = origin, 0.0, best
     outside: float | None = None
     spreads = _spreads(problem, best)
-    wanted = NORMAL * _widened(spreads, index)
+    wanted = NORMAL_975 * _widened(spreads, index)
     r_out, step = np.inf, max(wanted * float(spreads[index]), 1e-3)
-    for _ in range(_STEPS):
+    for _ in range(_MAX_SECANT_STEPS):
         x = (
             inside + direction * step
             if outside is None
@@ -62,7 +73,7 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
         x = limit if clipped else x
         fit = profile(problem, warm, key, float(np.exp(x)))
         r = float(np.sqrt(max(2.0 * (best.value - fit.value), 0.0)))
-        if abs(r - wanted) < NEAR or (outside is not None and abs(outside - inside) < 1e-4):
+        if abs(r - wanted) < EDGE_TOLERANCE or (outside is not None and abs(outside - inside) < 1e-4):
             return float(np.exp(x))
         if r > wanted:
             outside, r_out = x, r
@@ -91,20 +102,40 @@ def _spreads(problem: Problem, best: Fit) -> Array:
 def _widened(spreads: Array, index: int) -> float:
     """By how much the root of the quantile is raised for one parameter."""
     least = float(spreads.max())
-    if spreads[index] < MIXED * least:
+    if spreads[index] < MIXED_SHARE_OF_LARGEST_DEVIATION * least:
         return 1.0  # nothing that is badly known matters to it
     return float(np.sqrt(1.0 + 2.0 * min(least, 0.5) ** 2))
 
 
 def interval95(problem: Problem, best: Fit, key: Key) -> tuple[float, float]:
-    """The 95 % interval [SI]; an end that the likelihood does not close is 0 or infinity."""
+    """The 95 % interval [SI]; an end that the likelihood does not close is 0 or infinity.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    best : Fit
+        Its maximum.
+    key : Key
+        Index of the effect, name of its parameter.
+    """
     lo = edge(problem, best, key, direction=-1)
     hi = edge(problem, best, key, direction=+1)
     return (0.0 if lo is None else lo, float("inf") if hi is None else hi)
 
 
 def upper95(problem: Problem, best: Fit, key: Key) -> float:
-    """The one-sided 95 % limit of a size that may be zero [SI]."""
+    """The one-sided 95 % limit of a size that may be zero [SI].
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    best : Fit
+        Its maximum.
+    key : Key
+        Index of the effect, name of its parameter.
+    """
     hi = edge(problem, best, key, direction=+1)
     return float("inf") if hi is None else hi
 
@@ -119,10 +150,18 @@ def linear_intervals(fit: Fit) -> dict[Key, tuple[float, float]]:
         at += k
         for name, sd in effect.spread(block).items() if k else ():
             value = float(getattr(effect, name))
-            found[i, name] = (value - NORMAL * sd, value + NORMAL * sd)
+            found[i, name] = (value - NORMAL_975 * sd, value + NORMAL_975 * sd)
     return found
 
 
 def intervals95(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
-    """The 95 % intervals [SI] of every fitted parameter."""
+    """The 95 % intervals [SI] of every fitted parameter.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    best : Fit
+        Its maximum.
+    """
     return {key: interval95(problem, best, key) for key in best.free} | linear_intervals(best)

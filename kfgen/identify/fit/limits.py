@@ -30,6 +30,13 @@ class Limit:
 def starts(name: str, record: Evidence) -> list[Effect]:
     """Where fits of an effect to a record should start.
 
+    Parameters
+    ----------
+    name : str
+        An effect of the catalogue.
+    record : Evidence
+        What is identified.
+
     Raises
     ------
     InputError
@@ -48,6 +55,15 @@ def limit(record: Evidence, others: tuple[Effect, ...], name: str) -> Limit:
 
     The others are fitted anew for every size that is tried, so that an unresolved drift may turn out
     to be all of the effect asked for. The hours are at least those of the record, which did not show it.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    others : tuple of Effect
+        Fitted, without the one that is asked for.
+    name : str
+        The effect that is asked for.
     """
     index, shown = len(others), starts(name, record)
     size = shown[0].searched()[0].name

@@ -24,15 +24,15 @@ from kfgen.identify.evidence.whittle import density_of_differences, frequencies
 
 Array = NDArray[np.float64]
 
-FALSE_ALARM = 1e-3
+FALSE_ALARM_PER_RECORD = 1e-3
 """Of one record."""
-LOWEST = 30
+MIN_ORDINATE_OF_LINE = 30
 """Ordinates at the bottom in which a drift is no line."""
-APART = 40
+MAX_ORDINATES_WITHIN_LINE = 40
 """Ordinates within which outstanding ones are one line."""
-MARGIN = 6
+MARGIN_ORDINATES = 6
 """Ordinates beside a line that are left out with it."""
-BROADEST = 400
+MAX_ORDINATES_OF_LINE = 400
 """Ordinates beyond which it is a resonance and no line."""
 
 
@@ -50,7 +50,15 @@ class PeriodicLine:
 
 
 def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
-    """The lines of a record above the noise that `effects` expect."""
+    """The lines of a record above the noise that `effects` expect.
+
+    Parameters
+    ----------
+    record : Record
+        Evenly sampled.
+    effects : sequence of Effect
+        With their values [SI].
+    """
     from scipy.stats import chi2
 
     X = record.sines
@@ -64,15 +72,15 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
             np.log(density_of_differences(effects, grid, record.dt, record.block)),
         )
     )
-    out = np.flatnonzero(chi2.isf(FALSE_ALARM / n, 1) < X**2 / S)
-    out = out[out >= LOWEST]
+    out = np.flatnonzero(chi2.isf(FALSE_ALARM_PER_RECORD / n, 1) < X**2 / S)
+    out = out[out >= MIN_ORDINATE_OF_LINE]
     if not out.size:
         return []
     to_hz = 1.0 / (2.0 * np.pi * record.dt * record.block)
     lines = []
-    for group in np.split(out, np.flatnonzero(np.diff(out) > APART) + 1):
-        lo, hi = max(group[0] - MARGIN, 0), min(group[-1] + MARGIN, n - 1)
-        if hi - lo > BROADEST:
+    for group in np.split(out, np.flatnonzero(np.diff(out) > MAX_ORDINATES_WITHIN_LINE) + 1):
+        lo, hi = max(group[0] - MARGIN_ORDINATES, 0), min(group[-1] + MARGIN_ORDINATES, n - 1)
+        if hi - lo > MAX_ORDINATES_OF_LINE:
             continue
         around = slice(lo, hi + 1)
         excess = float(np.sum(X[around] ** 2 - S[around]))
@@ -107,7 +115,15 @@ def is_of(line: PeriodicLine, effects: Sequence[Effect]) -> bool:
 
 
 def without_line(t: Array, y: Array, line: PeriodicLine) -> Array:
-    """Samples less the sinusoid at a line's frequency, by least squares at any times [s], shape (n,)."""
+    """Samples less the sinusoid at a line's frequency, by least squares at any times [s], shape (n,).
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Times [s] and samples [SI].
+    line : PeriodicLine
+        Whose frequency is taken out.
+    """
     phase = 2.0 * np.pi * line.frequency * t
     X = np.column_stack([np.cos(phase), np.sin(phase), np.ones(t.size)])
     theta = np.linalg.lstsq(X, y, rcond=None)[0]

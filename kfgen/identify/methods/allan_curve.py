@@ -59,12 +59,28 @@ class CurveFit:
 
 
 def by_degrees_of_freedom(record: Evidence, effects: Sequence[Effect]) -> Array:
-    """Each point by its own degrees of freedom."""
+    """Each point by its own degrees of freedom.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    effects : sequence of Effect
+        With their values [SI].
+    """
     return np.diag(np.sqrt(record.octaves.edf / 2.0))
 
 
 def by_wavelet_covariance(record: Evidence, effects: Sequence[Effect]) -> Array:
-    """All points by their covariance under the effects."""
+    """All points by their covariance under the effects.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    effects : sequence of Effect
+        With their values [SI].
+    """
     m = np.round(record.octaves.tau / record.dt)
     bands = int(np.ceil(np.log2(m[-1]))) + 3
     share = (np.arange(bands * POINTS) * GOLDEN) % 1.0
@@ -81,7 +97,15 @@ def by_wavelet_covariance(record: Evidence, effects: Sequence[Effect]) -> Array:
 
 
 def fit_curve(problem: Problem, weighting: Weighting = by_degrees_of_freedom) -> CurveFit:
-    """Fit the random effects of a problem to the octaves of its record, from its start values."""
+    """Fit the random effects of a problem to the octaves of its record, from its start values.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    weighting : callable
+        Weights of the points of the curve under effects.
+    """
     first = _weighted(problem, by_degrees_of_freedom(problem.record, problem.effects))
     if weighting is by_degrees_of_freedom:
         return first

@@ -50,7 +50,15 @@ def unit_variance(name: str, alpha: float, dt: float) -> float:
 
 
 def correlation_time(alpha: float, dt: float) -> float:
-    """``tau`` [s] of ``alpha = exp(-dt / tau)``, eq. (11) of [1]_."""
+    """``tau`` [s] of ``alpha = exp(-dt / tau)``, eq. (11) of [1]_.
+
+    Parameters
+    ----------
+    alpha : float
+        Coefficient of the sampled process.
+    dt : float
+        Sampling period [s].
+    """
     return float(-dt / np.log(min(max(alpha, NEAR), 1.0 - NEAR)))
 
 
@@ -126,6 +134,13 @@ def by_arma(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
     """The equivalent ARMA model of the wanted noises, N, B and K otherwise.
 
     A noise whose variance comes out negative, or whose correlation time is none, is left out and said so.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
     """
     names = tuple(wanted or USUAL)
     y = samples(record, "arma")

@@ -151,7 +151,15 @@ def short_white(y: Array, dt: float, count: int = SHORT) -> float:
 
 
 def by_asymptotes(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
-    """The asymptotes of the Allan plot as effects; what the plot does not show is said."""
+    """The asymptotes of the Allan plot as effects; what the plot does not show is said.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    """
     seen = read_asymptotes(record.curve)
     parts: dict[str, tuple[Effect, Asymptote]] = {}
     said = []

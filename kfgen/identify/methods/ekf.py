@@ -112,7 +112,15 @@ def run_ekf(y: Array, dt: float, start: Parameters) -> EkfRun:
 
 
 def by_ekf(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
-    """The augmented filter from the Allan plot's values, with intervals from its own covariance."""
+    """The augmented filter from the Allan plot's values, with intervals from its own covariance.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    """
     check_terms(wanted, "ekf")
     y = samples(record, "ekf")
     found = run_ekf(y - y.mean(), record.dt, first_guess(record, y))

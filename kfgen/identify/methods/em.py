@@ -30,12 +30,12 @@ from kfgen.identify.methods.series import samples, stated
 
 Array = NDArray[np.float64]
 
-ROUNDS = 1000
-CLOSE = 1e-4
+MAX_ITERATIONS = 1000
+GAIN_TOLERANCE_NATS = 1e-4
 """Gain of log-likelihood [nats] in a round at which it ends."""
-MOST = 200_000
+MAX_SAMPLES = 200_000
 """Samples that are smoothed: a longer record is averaged to so many."""
-UNCOMPILED = 4096
+MAX_SAMPLES_UNCOMPILED = 4096
 """The same without numba."""
 
 
@@ -120,7 +120,7 @@ def _backward(y: Array, T: float, a: float, known: Array) -> Array:
     return sums
 
 
-def run_em(y: Array, dt: float, start: Parameters, rounds: int = ROUNDS) -> EmRun:
+def run_em(y: Array, dt: float, start: Parameters, rounds: int = MAX_ITERATIONS) -> EmRun:
     """Rounds of smoothing and regression from start values.
 
     Parameters
@@ -139,7 +139,7 @@ def run_em(y: Array, dt: float, start: Parameters, rounds: int = ROUNDS) -> EmRu
         value, known = compiled(_forward)(y, dt, a, c, R)
         s = compiled(_backward)(y, dt, a, known)
         values.append(float(value))
-        if len(values) > 1 and values[-1] - values[-2] < CLOSE:
+        if len(values) > 1 and values[-1] - values[-2] < GAIN_TOLERANCE_NATS:
             break
         xx, yx = np.array([[s[0], s[1]], [s[1], s[2]]]), s[3:5]
         c = np.linalg.solve(xx, yx)
@@ -152,15 +152,23 @@ def run_em(y: Array, dt: float, start: Parameters, rounds: int = ROUNDS) -> EmRu
 
 
 def by_em(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
-    """The estimator of Saini from the Allan plot's values, with intervals of maximum likelihood."""
+    """The estimator of Saini from the Allan plot's values, with intervals of maximum likelihood.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    """
     check_terms(wanted, "em")
     y = samples(record, "em")
     guess = first_guess(record, y)
-    block = -(-y.size // (MOST if fast() else UNCOMPILED))
+    block = -(-y.size // (MAX_SAMPLES if fast() else MAX_SAMPLES_UNCOMPILED))
     found = run_em(block_means(y - y.mean(), block), record.dt * block, guess)
     said = [] if block == 1 else [f"the samples were averaged in blocks of {block} first"]
-    if len(found.values) == ROUNDS:
-        said.append(f"{ROUNDS} rounds have not ended the search: the likelihood is nearly flat")
+    if len(found.values) == MAX_ITERATIONS:
+        said.append(f"{MAX_ITERATIONS} rounds have not ended the search: the likelihood is nearly flat")
     if not found.end.has_walk:
         said.append("no random walk fits beside the Gauss-Markov process (K ends at zero), left out")
     if not found.end.has_markov:

@@ -19,11 +19,18 @@ from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.evidence.whittle import SpectralFit
 from kfgen.identify.fit.bounds import nominal
-from kfgen.identify.fit.choice import SHAPED, EffectSet, choose, combined, fast_effects, slow_effects
+from kfgen.identify.fit.choice import (
+    GAIN_OF_A_SEARCHED_TIME,
+    EffectSet,
+    choose,
+    combined,
+    fast_effects,
+    slow_effects,
+)
 from kfgen.identify.fit.detected import is_started, with_detected
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, inverse, maximise
-from kfgen.identify.fit.interval import NORMAL, interval95, intervals95, linear_intervals
+from kfgen.identify.fit.interval import NORMAL_975, interval95, intervals95, linear_intervals
 from kfgen.identify.fit.limits import limit
 from kfgen.identify.methods.allan_curve import (
     Weighting,
@@ -38,12 +45,20 @@ from kfgen.identify.methods.em import by_em
 
 Array = NDArray[np.float64]
 
-RESOLVED = 12
+MIN_ORDINATES_DOMINATED = 12
 """Ordinates that a slow term must dominate for its kind to be told."""
 
 
 def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
-    """Maximum likelihood with profile intervals, for the best set of effects or exactly the wanted ones."""
+    """Maximum likelihood with profile intervals, for the best set of effects or exactly the wanted ones.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    """
     if wanted:
         best, problem, searched = _exactly(record, wanted)
         intervals = _open_intervals(problem, best) | searched
@@ -57,7 +72,17 @@ def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
 def by_curve(
     record: Evidence, wanted: Sequence[str] | None, weighting: Weighting = by_degrees_of_freedom
 ) -> Estimate:
-    """The Allan curve fitted by weighted least squares, with intervals from its curvature."""
+    """The Allan curve fitted by weighted least squares, with intervals from its curvature.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    weighting : callable
+        Weights of the points of the curve under effects.
+    """
 
     def fitted(evidence: Evidence, choices: Sequence[tuple[Effect, ...]]) -> EffectSet:
         problem = Problem(evidence, choices[0])
@@ -77,7 +102,7 @@ def by_curve(
     else:
         found = choose(record, fitted, drifting=False)
     fit, C = found.fit, covariances[found.fit.effects]
-    spread = NORMAL * np.sqrt(np.maximum(np.diag(C), 0.0))
+    spread = NORMAL_975 * np.sqrt(np.maximum(np.diag(C), 0.0))
     ends = zip(np.exp(fit.point - spread).tolist(), np.exp(np.minimum(fit.point + spread, 700.0)).tolist())
     intervals = dict(zip(fit.free, ends))
     warnings = _misfit(worst[fit.effects])
@@ -86,7 +111,15 @@ def by_curve(
 
 
 def by_wavelets(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
-    """Generalised method of wavelet moments: Haar variances with their covariance under the model."""
+    """Generalised method of wavelet moments: Haar variances with their covariance under the model.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    """
     return by_curve(record, wanted, by_wavelet_covariance)
 
 
@@ -112,7 +145,15 @@ def _misfit(chance: float) -> tuple[str, ...]:
 
 
 def covariance(problem: Problem, best: Fit) -> Array:
-    """Asymptotic covariance of the logarithms of the fitted parameters, shape (k, k)."""
+    """Asymptotic covariance of the logarithms of the fitted parameters, shape (k, k).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    best : Fit
+        Its maximum.
+    """
     return inverse(problem.information(best.point))
 
 
@@ -145,7 +186,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
         if not times or effect.coefficients() or not others or not is_started(effect.name, record):
             continue
         without = maximise(Problem(record, others))
-        if 2.0 * (best.value - without.value) < SHAPED:
+        if 2.0 * (best.value - without.value) < GAIN_OF_A_SEARCHED_TIME:
             most = limit(record, others, effect.name)
             found[i, most.parameter] = (0.0, most.upper95)
             found |= {(i, name): (0.0, float("inf")) for name in times}
@@ -160,12 +201,22 @@ def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
     return frozenset(
         i
         for i, e in enumerate(best.effects)
-        if not e.coefficients() and e.form().order and float(count[parts[i] > 0.5 * total].sum()) < RESOLVED
+        if not e.coefficients()
+        and e.form().order
+        and float(count[parts[i] > 0.5 * total].sum()) < MIN_ORDINATES_DOMINATED
     )
 
 
 def best_of(record: Evidence, choices: Sequence[tuple[Effect, ...]]) -> EffectSet:
-    """The best fit among several starts of the same set of effects."""
+    """The best fit among several starts of the same set of effects.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    choices : sequence of tuple of Effect
+        Start values of the same effects.
+    """
     first = Problem(record, choices[0])
     problems = [first.starting(c) for c in choices]
     fits = [maximise(p) for p in problems]

@@ -74,6 +74,13 @@ def first_guess(record: Evidence, y: Array) -> Parameters:
     """N by the variance of the first samples (step 1 of sec. 3), B and K by the Allan plot as in sec. 4.
 
     Where the plot has no rising slope, K is what its last point allows.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    y : ndarray, shape (n,)
+        Its samples [SI].
     """
     curve = record.curve
     seen = read_asymptotes(curve)
@@ -86,7 +93,15 @@ def first_guess(record: Evidence, y: Array) -> Parameters:
 
 
 def check_terms(wanted: Sequence[str] | None, method: str) -> None:
-    """Raises `InputError` where other effects are wanted than the state space has."""
+    """Raises `InputError` where other effects are wanted than the state space has.
+
+    Parameters
+    ----------
+    wanted : sequence of str or None
+        Exactly these effects; chosen by the data when None.
+    method : str
+        Said in the error.
+    """
     if wanted and set(wanted) != set(TERMS):
         raise InputError(
             f"the state space of --method {method} has exactly {', '.join(TERMS)}",

@@ -13,7 +13,7 @@ from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.whittle import SpectralFit
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, inverse
-from kfgen.identify.fit.interval import NORMAL
+from kfgen.identify.fit.interval import NORMAL_975
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,13 @@ WIDEST = 300.0
 
 def samples(record: Evidence, method: str) -> Array:
     """The samples [SI] of one even record, shape (n,).
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    method : str
+        Said in the error.
 
     Raises
     ------
@@ -75,8 +82,18 @@ def _covariance(problem: Problem, point: Array) -> Array:
 
 
 def log_intervals(keys: Sequence[Key], point: Array, C: Array) -> dict[Key, tuple[float, float]]:
-    """The 95 % intervals [SI] of parameters whose logarithms are normal; without end where nothing is known."""
-    half = NORMAL * np.sqrt(np.maximum(np.diag(C), 0.0))
+    """The 95 % intervals [SI] of parameters whose logarithms are normal; without end where nothing is known.
+
+    Parameters
+    ----------
+    keys : sequence of Key
+        Parameters: index of the effect, name.
+    point : ndarray, shape (k,)
+        Logarithms of the parameters.
+    C : ndarray, shape (k, k)
+        Their covariance.
+    """
+    half = NORMAL_975 * np.sqrt(np.maximum(np.diag(C), 0.0))
     return {
         key: (float(np.exp(x - h)), float(np.exp(x + h))) if h < WIDEST else (0.0, float("inf"))
         for key, x, h in zip(keys, point.tolist(), half.tolist())

@@ -8,7 +8,7 @@ import sympy as sp
 
 from kfgen.effects.filter_role import AntennaOffset, ReadingError, ReadingLag
 from kfgen.effects.inertial.felt import Felt
-from kfgen.effects.inertial.inertial_error import arm_rate
+from kfgen.effects.inertial.inertial_error import AXES, arm_rate
 from kfgen.model.parts.attached_error import AttachedError
 from kfgen.model.parts.motion import MotionModel
 from kfgen.model.parts.sensor import Sensor
@@ -75,7 +75,13 @@ def reading(sensor: Sensor, view: Views, errors: Sequence[AttachedError], motion
     others = [e for e in mine if isinstance(e.role, ReadingError)]
     if not others:
         return z
-    return z + _wrong(sensor.channels, others, felt_in(z, view, motion))
+    return z + _wrong(sensor.channels, others, felt_in(_placed(sensor.channels, z), view, motion))
+
+
+def _placed(channels: Sequence[str], value: sp.Matrix) -> sp.Matrix:
+    """A value of one axis at its place in a triad."""
+    (first, *more) = axes_of(channels)
+    return value if more else sp.Matrix([sp.Integer(0)] * first + [value[0]])
 
 
 def undone(
@@ -108,11 +114,23 @@ def undone(
     return value
 
 
+def axes_of(channels: Sequence[str]) -> tuple[int, ...]:
+    """The axes of a sensor's channels: of one alone the one that its name ends with, else in order.
+
+    Parameters
+    ----------
+    channels : sequence of str
+    """
+    if len(channels) == 1 and "_" in channels[0] and channels[0][-1] in AXES:
+        return (AXES.index(channels[0][-1]),)
+    return tuple(range(len(channels)))
+
+
 def _wrong(channels: Sequence[str], errors: Sequence[AttachedError], felt: Felt) -> sp.Matrix:
     """The sum of the errors of each axis, shape (m, 1)."""
     return sp.Matrix(
         [
             sum((e.symbolic.error(felt, k) for e in errors if e.acts_on(c)), sp.Integer(0))
-            for k, c in enumerate(channels)
+            for k, c in zip(axes_of(channels), channels)
         ]
     )

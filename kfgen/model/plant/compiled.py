@@ -139,16 +139,10 @@ def integrate(  # noqa: PLR0913, PLR0917
         Register of the first operation's result.
     r : ndarray, shape (registers, batch)
         Registers, of which constants and what is given are filled in; states and inputs are filled in here.
-    U : ndarray, shape (inputs, n - 1, substeps or 1, 3 or 1, batch or 1)
-        Inputs [SI], as of `Steps`.
-    dt : ndarray, shape (n - 1,)
-        [s]
-    substeps : int
-        Parts of a step.
-    starts : ndarray of int64, shape (segments,)
-        Samples at which the states are set.
-    X0 : ndarray, shape (segments, k, batch)
-        To what they are set [SI].
+    U, dt, substeps
+        As of `Steps`.
+    starts, X0 : ndarray of int64, shape (segments,), ndarray, shape (segments, k, batch)
+        Samples at which the states are set, and to what [SI].
     out : ndarray, shape (n, k, batch)
         The states [SI]; written.
     """

@@ -1,4 +1,7 @@
-"""The overlapping Allan variance of a stream: one pass, linear time, bounded memory.
+"""The overlapping Allan variance of samples that come one piece after the other: `Phase`.
+
+One pass, linear time, bounded memory; "phase" is the running sum of the samples, of which the Allan variance is the
+mean square of second differences.
 
 A cascade of levels. The first takes the samples; each next one takes the averages of pairs from the one before
 it, so that level s sees every ``2^s``-th point of the phase. A level keeps as much of the phase as its longest
@@ -21,20 +24,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.identify.evidence.differences import WIDTH, Kernel, kernel
+from kfgen.identify.evidence.differences import BUFFER_DIFFERENCES, Kernel, kernel
 
 Array = NDArray[np.float64]
 Factors = NDArray[np.int64]
 Samples = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 
-EXACT = 2_000_000
+MAX_SAMPLES_EXACT = 2_000_000
 """Samples up to which every difference is taken at every factor."""
-DECIMATE = 128
+MAX_STEPS_IN_FACTOR = 128
 
 
 def stride(m: int) -> int:
-    """The power of two that leaves between half of `DECIMATE` and `DECIMATE` steps in m."""
-    return 1 << max(0, m.bit_length() - DECIMATE.bit_length() + 1) if m >= DECIMATE else 1
+    """The power of two that leaves between half of `MAX_STEPS_IN_FACTOR` and `MAX_STEPS_IN_FACTOR` steps in m."""
+    return (
+        1 << max(0, m.bit_length() - MAX_STEPS_IN_FACTOR.bit_length() + 1) if m >= MAX_STEPS_IN_FACTOR else 1
+    )
 
 
 class Level:
@@ -112,10 +117,10 @@ class Phase:
     Parameters
     ----------
     m : ndarray of int, shape (k,)
-        Averaging factors. Those beyond `DECIMATE` that are no multiple of their `stride` take all points
+        Averaging factors. Those beyond `MAX_STEPS_IN_FACTOR` that are no multiple of their `stride` take all points
         that their powers of two allow, and memory for twice as many.
     n : int, optional
-        Samples that will come. Not known: up to `EXACT` of them are held back until it is clear
+        Samples that will come. Not known: up to `MAX_SAMPLES_EXACT` of them are held back until it is clear
         whether every difference is taken.
     """
 
@@ -125,11 +130,11 @@ class Phase:
         self._held: list[Samples] = []
         self._levels: list[Level] = []
         if n is not None:
-            self._start(n, n <= EXACT)
+            self._start(n, n <= MAX_SAMPLES_EXACT)
 
     def _start(self, n: float, exact: bool) -> None:
         places = [-1 if 2 * k > n else 0 if exact else _level(k) for k in self._m]
-        size = 2 * int(n // 2 + 1) if exact else WIDTH
+        size = 2 * int(n // 2 + 1) if exact else BUFFER_DIFFERENCES
         best = kernel(n)
         for s in range(max(places, default=0) + 1):
             level = Level({k >> s for k, at in zip(self._m, places) if at == s}, size, best)
@@ -149,7 +154,7 @@ class Phase:
         if self._levels:
             self._levels[0].add(chunk)
             return
-        if self.n <= EXACT:
+        if self.n <= MAX_SAMPLES_EXACT:
             self._held.append(chunk.copy())
             return
         self._start(float("inf"), False)

@@ -1,6 +1,8 @@
-"""What is wrong with a record before any fit: outliers, and an internal low-pass.
+"""What is wrong with the samples of a record, found before any fit.
 
-Both are found with medians, which what they look for cannot move.
+Outliers, values at the ends of the range or on a coarse lattice, noise that changes its size, and an internal low-pass.
+
+Outliers and the low-pass are found with medians, which what they look for cannot move.
 """
 
 from __future__ import annotations
@@ -16,26 +18,26 @@ from kfgen.identify.evidence.whittle import frequencies
 
 Array = NDArray[np.float64]
 
-FAR = 9.0
+OUTLIER_DEVIATIONS = 9.0
 """Robust deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
-JUMP = 6.0
+JUMP_DEVIATIONS = 6.0
 """The same deviations between neighbours, beyond which a sample is looked at."""
-WINDOW = 7
+MEDIAN_WINDOW_SAMPLES = 7
 """Samples of which the median is taken."""
-STRETCHES = 20
-LOOK = 10_000
+STRETCHES_OF_RECORD = 20
+SAMPLES_OF_EACH_STRETCH = 10_000
 """Samples of each stretch of a record from which the deviation is taken."""
-COARSE = 1.5
+COARSE_STEP_IN_DEVIATIONS = 1.5
 """Steps of the lattice in deviations beyond which a quantised sample is no sample of the noise."""
-CLIPPED = 0.02
+CLIPPED_SHARE = 0.02
 """Share of samples at the ends of the range that is no chance."""
-CHANGE = 6.0
+NOISE_CHANGE_DEVIATIONS = 6.0
 """Deviations of a stretch's noise from that of the others that are no chance."""
-MOST = 0.05
+MAX_OUTLIER_SHARE = 0.05
 """Share of outliers beyond which they are the noise."""
-ROLLED_OFF = 0.7
+ROLLED_OFF_SHARE_OF_POWER = 0.7
 """Share of the plateau's power below which a band belongs to the low-pass."""
-STAY_BELOW = 0.35
+KEPT_SHARE_OF_ROLL_OFF_FREQUENCY = 0.35
 """Of the frequency where that begins: there a second-order low-pass has taken 1 %."""
 
 
@@ -50,9 +52,14 @@ class Spread:
         """From stretches spread over a record, shape (n,)."""
         from scipy.ndimage import median_filter
 
-        size = max(y.size // STRETCHES, WINDOW)
-        parts = [y[a : a + min(size, LOOK)] for a in range(0, max(y.size - WINDOW, 1), size)]
-        distance = np.concatenate([p - median_filter(p, size=WINDOW, mode="mirror") for p in parts])
+        size = max(y.size // STRETCHES_OF_RECORD, MEDIAN_WINDOW_SAMPLES)
+        parts = [
+            y[a : a + min(size, SAMPLES_OF_EACH_STRETCH)]
+            for a in range(0, max(y.size - MEDIAN_WINDOW_SAMPLES, 1), size)
+        ]
+        distance = np.concatenate(
+            [p - median_filter(p, size=MEDIAN_WINDOW_SAMPLES, mode="mirror") for p in parts]
+        )
         scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
         return Spread(max(scale, _smallest_step(y), float(np.finfo(float).tiny)))
 
@@ -60,17 +67,19 @@ class Spread:
         """Which samples are outliers or no numbers, shape (n,).
 
         A sample is an outlier when it is far from the median of itself and its neighbours; a step or a drift
-        is none. More than `MOST` of them are the noise. An outlier makes a jump, so that only the
+        is none. More than `MAX_OUTLIER_SHARE` of them are the noise. An outlier makes a jump, so that only the
         neighbourhood of jumps is looked at.
         """
         bad = ~np.isfinite(y)
-        jump = np.flatnonzero(np.abs(np.diff(y)) > JUMP * self.scale)
+        jump = np.flatnonzero(np.abs(np.diff(y)) > JUMP_DEVIATIONS * self.scale)
         if jump.size:
             near = np.unique((jump[:, None] + np.arange(-2, 4)).clip(0, y.size - 1))
-            around = np.abs(near[:, None] + np.arange(-(WINDOW // 2), WINDOW // 2 + 1))
+            around = np.abs(
+                near[:, None] + np.arange(-(MEDIAN_WINDOW_SAMPLES // 2), MEDIAN_WINDOW_SAMPLES // 2 + 1)
+            )
             around = np.minimum(around, 2 * (y.size - 1) - around)  # mirrored at both ends
-            far = np.abs(y[near] - np.median(y[around], axis=1)) > FAR * self.scale
-            if far.sum() <= MOST * y.size:
+            far = np.abs(y[near] - np.median(y[around], axis=1)) > OUTLIER_DEVIATIONS * self.scale
+            if far.sum() <= MAX_OUTLIER_SHARE * y.size:
                 bad[near[far]] = True
         return bad
 
@@ -81,7 +90,15 @@ def is_outlier(y: Array) -> NDArray[np.bool_]:
 
 
 def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
-    """The samples with the bad ones interpolated."""
+    """The samples with the bad ones interpolated.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples [SI].
+    bad : ndarray of bool, shape (n,)
+        Which of them are replaced.
+    """
     if not bad.any():
         return y
     at = np.arange(y.size, dtype=float)
@@ -93,11 +110,11 @@ def amplitude_faults(y: Array) -> list[str]:
     white = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
     ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
     step, said = _smallest_step(y), []
-    if step > COARSE * white:
+    if step > COARSE_STEP_IN_DEVIATIONS * white:
         said.append(
             f"neighbouring values are {step / white:.2g} deviations apart: too coarse for sizes to be trusted"
         )
-    elif ends > CLIPPED and step < 0.1 * white:
+    elif ends > CLIPPED_SHARE and step < 0.1 * white:
         said.append(
             f"{100 * ends:.2g} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
         )
@@ -108,15 +125,15 @@ def noise_change(y: Array) -> tuple[float, float] | None:
     """The smallest and the largest deviation of a sample [SI] over stretches, where they differ beyond chance.
 
     The mean square of the differences of a stretch has about a third of the degrees of freedom of its
-    samples; `CHANGE` deviations of its logarithm are asked for, and a tenth of its size.
+    samples; `NOISE_CHANGE_DEVIATIONS` deviations of its logarithm are asked for, and a tenth of its size.
     """
-    parts = np.array_split(np.diff(y), STRETCHES)
+    parts = np.array_split(np.diff(y), STRETCHES_OF_RECORD)
     level = np.array([float(np.mean(part**2)) for part in parts])
-    if y.size < 100 * STRETCHES or not (level > 0.0).all():
+    if y.size < 100 * STRETCHES_OF_RECORD or not (level > 0.0).all():
         return None
-    spread = float(np.sqrt(6.0 * STRETCHES / y.size))
+    spread = float(np.sqrt(6.0 * STRETCHES_OF_RECORD / y.size))
     off = float(np.abs(np.log(level / np.median(level))).max())
-    if off < max(CHANGE * spread, 2.0 * np.log(1.1)):
+    if off < max(NOISE_CHANGE_DEVIATIONS * spread, 2.0 * np.log(1.1)):
         return None
     return float(np.sqrt(0.5 * level.min())), float(np.sqrt(0.5 * level.max()))
 
@@ -139,8 +156,10 @@ def roll_off(record: Record) -> float | None:
     # The median of a chi-square of one degree of freedom is 0.4549.
     level = np.array([np.median(power[a:b]) for a, b in pairwise(edges)]) / 0.4549
     plateau = float(np.median(level[: level.size // 3]))
-    low = level < ROLLED_OFF * plateau
+    low = level < ROLLED_OFF_SHARE_OF_POWER * plateau
     if not low[-5:].all():
         return None
     first = int(np.flatnonzero(~low)[-1]) + 1 if not low.all() else 1
-    return float(STAY_BELOW * omega[edges[first]] / (2.0 * np.pi * record.dt * record.block))
+    return float(
+        KEPT_SHARE_OF_ROLL_OFF_FREQUENCY * omega[edges[first]] / (2.0 * np.pi * record.dt * record.block)
+    )

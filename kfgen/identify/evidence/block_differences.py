@@ -1,4 +1,8 @@
-"""Likelihoods put together from independent parts, and the part that stands for what blocks average away."""
+"""What averaging to blocks takes out of a record, as a likelihood of its own, and sums of likelihoods.
+
+A long record is averaged to blocks before it is fitted. `BlockDifferences` holds the variances of the differences
+inside the blocks, which are independent of the means; `IndependentLikelihoods` adds the two.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Haar:
+class BlockDifferences:
     """Differences of adjoining means of ``2^i`` samples inside blocks, as if independent.
 
     Half their mean square is the Allan variance there. So they are for white noise, which rules at such
@@ -42,43 +46,49 @@ class Haar:
         return Shapes(lambda e: e.allan_variance(self.tau))
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
-        """``ln L``; deterministic effects are too slow to be seen inside a block."""
+        """``ln L``; deterministic effects are too slow to be seen inside a block.
+
+        See `kfgen.identify.evidence.record.Likelihood`.
+        """
         a = self._shapes.total(effects)
         value = float(-0.5 * self.count @ (np.log(a) + self.variance / a))
         return SpectralFit(value, np.zeros(0), np.zeros((0, 0)))
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative in the logarithms of the keys' parameters."""
+        """Derivative in the logarithms of the keys' parameters.
+
+        See `kfgen.identify.evidence.record.Likelihood`.
+        """
         a = self._shapes.total(effects)
         return self._shapes.slopes(effects, keys) @ (0.5 * self.count * (self.variance / a - 1.0) / a)
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Fisher information of the same, shape (k, k)."""
+        """Fisher information of the same, shape (k, k). See `kfgen.identify.evidence.record.Likelihood`."""
         relative = self._shapes.slopes(effects, keys) / self._shapes.total(effects)
         return np.asarray(0.5 * (relative * self.count) @ relative.T)
 
 
 @dataclass(frozen=True)
-class IndependentParts:
-    """Independent parts; the first has the regressors.
+class IndependentLikelihoods:
+    """The sum of likelihoods of independent data; the first has the regressors.
 
     Parameters
     ----------
-    parts : tuple of Likelihood
+    terms : tuple of Likelihood
     """
 
-    parts: tuple[Likelihood, ...]
+    terms: tuple[Likelihood, ...]
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
-        """The sum."""
-        first = self.parts[0].log_likelihood(effects, coefficients)
-        rest = sum(p.log_likelihood(effects).value for p in self.parts[1:])
+        """The sum. See `kfgen.identify.evidence.record.Likelihood`."""
+        first = self.terms[0].log_likelihood(effects, coefficients)
+        rest = sum(p.log_likelihood(effects).value for p in self.terms[1:])
         return replace(first, value=first.value + rest)
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """The sum of derivatives."""
-        return np.asarray(np.sum([p.slope(effects, keys) for p in self.parts], axis=0))
+        """The sum of derivatives. See `kfgen.identify.evidence.record.Likelihood`."""
+        return np.asarray(np.sum([p.slope(effects, keys) for p in self.terms], axis=0))
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """The sum of information."""
-        return np.asarray(np.sum([p.information(effects, keys) for p in self.parts], axis=0))
+        """The sum of information. See `kfgen.identify.evidence.record.Likelihood`."""
+        return np.asarray(np.sum([p.information(effects, keys) for p in self.terms], axis=0))

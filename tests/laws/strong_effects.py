@@ -1,0 +1,133 @@
+"""Every effect of the catalogue at a strong size, where it may act: what the laws are tried on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import radians
+from typing import Any
+
+from kfgen.effects import Effect, make
+
+
+@dataclass(frozen=True)
+class Strong:
+    """An effect at a strong size.
+
+    Parameters
+    ----------
+    effect : Effect
+    where : tuple of str
+        Channels or sensors of ``ahrs6`` and ``ins15`` where it acts; of a plant, states, inputs and channels.
+    """
+
+    effect: Effect
+    where: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.effect.name
+
+
+def strong(name: str, *where: str, **values: Any) -> Strong:
+    """An effect at a strong size and where it acts."""
+    return Strong(make(name, **values), where)
+
+
+RATE = 0.05
+"""A strong error of a rate [rad/s]."""
+G = 9.80665
+GYRO = ("gyro_x",)
+BOTH = ("gyro_x", "accel_x")
+TRIADS = ("gyro", "accel", "mag")
+
+REST = (
+    strong("white_noise", *BOTH, N=1e-2),
+    strong("sample_noise", *BOTH, sd=0.1),
+    strong("bias", *BOTH, value=RATE, sd=RATE),
+    strong("bias_instability", *BOTH, B=1e-2),
+    strong("rate_random_walk", *BOTH, K=1e-2),
+    strong("gauss_markov", *BOTH, sigma=1e-2, tau=2.0),
+    strong("quantisation", *BOTH, Q=1e-4),
+    strong("rate_ramp", *BOTH, R=1e-3),
+    strong("warm_up", *BOTH, size=RATE, tau=10.0),
+    strong("sinusoid", *BOTH, amplitude=RATE, frequency=7.0, phase=0.3),
+    strong("resonance", *BOTH, frequency=11.0, damping=0.02, rms=RATE),
+    strong("low_pass", *BOTH, corner=5.0),
+    strong("random_telegraph", *BOTH, size=RATE, dwell=5.0),
+    strong("bias_step", *BOTH, size=RATE, time=20.0),
+    strong("noise_change", *BOTH, ratio=4.0, time=20.0),
+    strong("outliers", *BOTH, share=0.02, sigma=10 * RATE),
+    strong("intermittent_noise", *BOTH, ratio=5.0, share=0.3, lasting=2.0),
+    strong("temperature", *BOTH, coefficient=1e-2),
+    strong("temperature_squared", *BOTH, coefficient=1e-2),
+    strong("temperature_rate", *BOTH, coefficient=1.0),
+    strong("thermal_lag", *BOTH, lag=20.0, coefficient=1e-2),
+    strong("thermal_hysteresis", *BOTH, width=0.5, coefficient=1e-2),
+    strong("noise_temperature", *BOTH, slope=0.2),
+    strong("air_pressure", *BOTH, coefficient=1e-4),
+    strong("humidity", *BOTH, coefficient=1e-2),
+    strong("supply_voltage", *BOTH, coefficient=1e-1),
+    strong("supply_current", *BOTH, coefficient=1e-1),
+)
+SHARED = (strong("cross_axis_noise", rho=0.9),)
+INERTIAL = (
+    strong("scale_factor", *BOTH, coefficient=0.02),
+    strong("scale_asymmetry", *BOTH, coefficient=0.02),
+    strong("scale_temperature", *BOTH, coefficient=0.01),
+    strong("nonlinearity", *BOTH, k2=0.05, k3=0.02),
+    strong("misalignment", "gyro_x", "accel_x", "gyro", "accel", xy=radians(1.0), xz=-radians(0.5)),
+    strong("g_sensitivity", "gyro_x", "gyro", xx=1e-3, xy=-1e-3),
+    strong("g_squared", "gyro_x", xx=1e-3 / G),
+    strong("vibration_rectification", *BOTH, coefficient=1e-2),
+    strong("earth_rate", "gyro", x=1e-2, y=0.0, z=-1e-2),
+    strong("gravity_error", "accel", value=0.1),
+    strong("lever_arm", "accel", "gnss", x=0.5, y=-0.2, z=0.1),
+    strong("time_delay", *TRIADS, delay=0.02),
+    strong("bandwidth", *TRIADS, corner=5.0),
+    strong("hard_iron", "mag", x=5e-6, y=-3e-6, z=2e-6),
+    strong("soft_iron", "mag", xx=0.05, xy=0.02),
+    strong("magnetic_disturbance", "mag", x=5e-6, y=-3e-6, z=2e-6, time=10.0, duration=20.0),
+)
+FAULTS = (
+    strong("axis_swap", *BOTH),
+    strong("sign_error", *BOTH),
+    strong("clipping", *BOTH, limit=0.2),
+    strong("coarse_quantisation", *BOTH, step=0.1),
+    strong("dead_zone", *BOTH, width=0.1),
+    strong("dropped_samples", *BOTH, share=0.1),
+    strong("repeated_samples", *BOTH, share=0.2),
+    strong("stuck", *BOTH, time=10.0, lasting=10.0),
+    strong("stuck_bit", *BOTH, bit=3),
+    strong("timestamp_jitter", *BOTH, sigma=1e-3),
+    strong("too_early", *BOTH, shift=0.05),
+    strong("unit_error", *BOTH, factor=57.3),
+    strong("sample_rate_error", *BOTH, factor=1.05),
+)
+REFERENCE = (
+    strong("held_reference", "gyro_x", period=0.2),
+    strong("other_motion", "gyro_x", correlation=0.1),
+    strong("reversed_attitude", "gyro_x"),
+    strong("rounded_reference", "gyro_x", step=0.01),
+    strong("scalar_last_attitude", "gyro_x"),
+    strong("stuck_reference", "gyro_x", share=0.2),
+)
+PLANT = (
+    strong("backlash", "x", width=0.2),
+    strong("sensor_lag", "x", tau=0.3),
+    strong("constant_input", "v", value=1.0),
+    strong("coulomb_friction", "v", level=0.5, v0=0.05),
+    strong("cubic_spring", "v", coefficient=2.0),
+    strong("input_dead_zone", "u", width=0.3),
+    strong("input_delay", "u", delay=0.3),
+    strong("input_lag", "u", tau=0.5),
+    strong("input_nonlinearity", "u", k2=0.2, k3=0.1),
+    strong("parameter_error", "k", value=0.5),
+    strong("quadratic_drag", "v", coefficient=0.5),
+    strong("saturation", "u", limit=0.5),
+    strong("spring", "v", coefficient=1.0),
+    strong("viscous_friction", "v", coefficient=0.5),
+)
+EVERY = (*REST, *SHARED, *INERTIAL, *FAULTS, *REFERENCE, *PLANT)
+ABSTRACT = {"lagged", "noise_level", "coupling"}
+"""Families in the catalogue whose members are tried instead."""
