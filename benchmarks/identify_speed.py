@@ -39,7 +39,7 @@ FULL = ("white_noise", "gauss_markov", "rate_random_walk")
 COLD = """
 import time, sys
 import numpy as np
-import kfgen.identify.evidence.running_allan as phase
+from kfgen.identify.evidence import running_allan as phase
 start = time.perf_counter()
 import numba
 imported = time.perf_counter()
