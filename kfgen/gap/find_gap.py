@@ -31,11 +31,12 @@ from kfgen.gap.rest.cross_axis import with_pairs
 from kfgen.gap.rest.even_record import drivers_of, regular
 from kfgen.gap.rest.second_recording import gap_on, happens_once
 from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
-from kfgen.gap.result import GapResult, LogSource, Proof, RecordingGap
+from kfgen.gap.result import GapResult, LogSource, ModelFile, Proof, RecordingGap
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
+from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
-from kfgen.model.library import build
+from kfgen.model.filter_file import FilterFile, is_filter_file
 from kfgen.model.plant.user import FORMAT, UserModel, read_model
 
 Model = NoiseModel | UserModel | FilterModel
@@ -109,12 +110,14 @@ def _name(model: Model | str | Path) -> str:
 
 
 def assumed_model(model: Model | str | Path) -> Model:
-    """A model as it is, from a noise file or a model file by its format, or from the library by its name."""
+    """A model as it is, from a file by its format, or from the library by its name."""
     if not isinstance(model, (str, Path)):
         return model
     if _is_model_file(model):
         return read_model(str(model))
-    return read_noise(Path(model)) if str(model).endswith(".toml") else build(str(model))
+    if str(model).endswith(".toml") and not is_filter_file(model):
+        return read_noise(Path(model))
+    return build(model)
 
 
 def _is_model_file(model: str | Path) -> bool:
@@ -193,7 +196,16 @@ def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None)
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
     gap = scene_gap(scene, units_of(log))
-    return _of_scene(log, gap, noise, _with_findings(noise, gap), warnings)
+    written = _as_given(model, noise)
+    updated = filter_file(model, _with_findings(written, gap))
+    return _of_scene(log, gap, filter_file(model, written), updated, warnings)
+
+
+def _as_given(model: FilterModel, noise: NoiseModel) -> NoiseModel:
+    """The noise of a filter's channels, of those that its file describes as it describes them."""
+    given = model.given.noise if isinstance(model.given, FilterFile) else model.given
+    own = given.channels if given is not None else {}
+    return NoiseModel({c: own.get(c, n) for c, n in noise.channels.items()})
 
 
 def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
@@ -216,8 +228,8 @@ def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
 def _of_scene(
     log: Log,
     found: SceneGap,
-    assumed: NoiseModel | UserModel,
-    updated: NoiseModel | UserModel,
+    assumed: ModelFile,
+    updated: ModelFile,
     warnings: Sequence[str] = (),
 ) -> GapResult:
     still = [f"the input {n} never changes: no effect of it can be seen" for n in found.constant_inputs]

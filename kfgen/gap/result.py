@@ -18,9 +18,12 @@ from kfgen.gap.core.holdout import METRIC, Gap
 from kfgen.gap.core.result import GRAVEST_FIRST, Comparison, DetectionLimit, Finding
 from kfgen.gap.core.search import Distinguishability
 from kfgen.gap.words import VERDICTS, distinguishing, finding_sentence, percent
+from kfgen.model.filter_file import FilterFile, filter_text
 from kfgen.model.plant.file import model_text
 from kfgen.model.plant.user import UserModel
 
+ModelFile = NoiseModel | FilterFile | UserModel
+"""What a team keeps: each has a file format of its own."""
 MIN_LISTED_COS2 = 0.5
 """Squared cosine above which another effect's likeness is listed."""
 
@@ -73,7 +76,7 @@ class GapResult(Result):
     logs : tuple of LogSource
     comparisons : tuple of Comparison
         Of each channel at rest; of all channels of sensors that move, or of a plant, together.
-    assumed, updated : NoiseModel or UserModel
+    assumed, updated : NoiseModel, FilterFile or UserModel
         The model as it was given, and with everything that was found.
     warnings : tuple of str
     recordings : tuple of RecordingGap
@@ -84,8 +87,8 @@ class GapResult(Result):
 
     logs: tuple[LogSource, ...]
     comparisons: tuple[Comparison, ...]
-    assumed: NoiseModel | UserModel
-    updated: NoiseModel | UserModel
+    assumed: ModelFile
+    updated: ModelFile
     warnings: tuple[str, ...] = ()
     recordings: tuple[RecordingGap, ...] = ()
     proofs: tuple[Proof, ...] = ()
@@ -150,7 +153,7 @@ class GapResult(Result):
         return self._worst.gap
 
     @property
-    def improved(self) -> NoiseModel | UserModel:
+    def improved(self) -> ModelFile:
         """The updated model."""
         return self.updated
 
@@ -215,8 +218,10 @@ def _recording(log: LogSource, alone: RecordingGap) -> dict[str, Any]:
     return {"log": log.name, "sha256": log.sha256, "verdicts": verdicts}
 
 
-def file_text(model: NoiseModel | UserModel) -> str:
+def file_text(model: ModelFile) -> str:
     """The file of a model."""
+    if isinstance(model, FilterFile):
+        return filter_text(model)
     return noise_text(model) if isinstance(model, NoiseModel) else model_text(model)
 
 

@@ -19,7 +19,7 @@ NoiseSource = NoiseModel | str | Path
 
 
 def build(
-    model: str | Path,
+    model: FilterFile | str | Path,
     noise: NoiseSource | None = None,
     options: Mapping[str, str] | None = None,
     sensors: Sequence[str] | None = None,
@@ -28,8 +28,9 @@ def build(
 
     Parameters
     ----------
-    model : str or Path
-        The name of a library model (see `kfgen.list_all`), or the path of a filter file or a model file (``.toml``).
+    model : FilterFile, str or Path
+        A filter file, or its path, or that of a model file (``.toml``), or the name of a library model (see
+        `kfgen.list_all`).
     noise : NoiseModel or path-like, optional
         The effects of the channels; typical MEMS figures where left out.
     options : mapping of str to str, optional
@@ -54,15 +55,33 @@ def build(
             )
         chosen["sensors"] = ",".join(sensors)
     read = noise_of(noise)
-    built = library.build(str(model), read, chosen)
-    return replace(built, given=_filter_file(model, read, built) if is_filter_file(model) else read)
+    if not isinstance(model, FilterFile) and is_filter_file(model):
+        model = read_filter(model)
+    if not isinstance(model, FilterFile):
+        return replace(library.build(str(model), read, chosen), given=read)
+    built = library.build_filter(model.with_noise(read), chosen)
+    return replace(built, given=_chosen(model.with_noise(read), built))
 
 
-def _filter_file(path: str | Path, noise: NoiseModel | None, built: FilterModel) -> FilterFile:
-    """A filter file with the noise and the options that were given beside it."""
+def _chosen(file: FilterFile, built: FilterModel) -> FilterFile:
+    """A filter file with the options that were chosen."""
     options = dict(built.options)
     sensors = tuple(n for n in options.pop("sensors", "").split(",") if n)
-    return replace(read_filter(path).with_noise(noise), options=options, sensors=sensors)
+    return replace(file, options=options, sensors=sensors)
+
+
+def filter_file(model: FilterModel, noise: NoiseModel) -> FilterFile:
+    """A filter as a file, with another noise model.
+
+    Parameters
+    ----------
+    model : FilterModel
+        A library model, or one of a filter file.
+    noise : NoiseModel
+    """
+    if isinstance(model.given, FilterFile):
+        return model.given.with_noise(noise)
+    return _chosen(FilterFile(model.name, model.name, noise=noise), model)
 
 
 def noise_of(noise: NoiseSource | None) -> NoiseModel | None:

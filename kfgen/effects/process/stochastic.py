@@ -76,6 +76,11 @@ class SampleNoise(AddsNothingAtRest):
     title: ClassVar[str] = "white noise of the samples"
     sentence_template: ClassVar[str] = "carries white noise of {sd} in each sample"
 
+    @classmethod
+    def sizes(cls) -> tuple[str, ...]:
+        """Its standard deviation."""
+        return ("sd",)
+
     def in_filter(self, place: FilterPlace) -> FilterRole:
         """All the variance that each sample has."""
         return SampleVariance(self.sd**2, alone=True)

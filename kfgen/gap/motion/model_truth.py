@@ -120,15 +120,13 @@ def _noise(log: Log, discrete: DiscreteModel, parts: Sequence[Part]) -> NoiseMod
     model, out = discrete.model, {}
     for part in parts:
         for c in (c for c in part.channels if c in log.channels):
-            effects = [e for w in model.noise if c in model.channels_of(w) for e in model.noise[w]]
+            effects = list(model.noise.get(c, ()))
             white = model.white(c) != (0, 0) or part in model.motion.inputs
             if not white or model.is_sampled(c):
-                there = np.isfinite(log.channels[c].values)
-                every = log.dt * (there.size / max(int(there.sum()), 1))
                 sd = float(np.sqrt(discrete.sample_variance(part, c)))  # type: ignore[arg-type]
                 effects = [
-                    *(e for e in effects if e.name != "white_noise"),
-                    make("white_noise", N=sd * every**0.5),
+                    *(e for e in effects if e.name not in ("white_noise", "sample_noise")),
+                    make("sample_noise", sd=sd),
                 ]
             terms = tuple(Term(e) for e in effects if e.name != "bias")
             unit = parse_unit(log.channels[c].unit).si

@@ -166,11 +166,14 @@ def attached(
     single = len(effect.estimated()) == 1
     units = {p.name: p.unit for p in effect.parameters()}
     parameters = []
+    largest = max((abs(float(getattr(effect, n))) for n in chosen), default=0.0)
     for name in chosen:
         value, sd = float(getattr(effect, name)), use.sd.get(name, 0.0)
         si = parse_unit(derived_unit(units[name], unit)).si
         parameters.append(
-            ErrorParameter(name, letter, axis if single else name, si, title, value, sd or abs(value))
+            ErrorParameter(
+                name, letter, axis if single else name, si, title, value, sd or abs(value) or largest
+            )
         )
     return AttachedError(where, effect, tuple(parameters), use.known, role)
 
