@@ -57,11 +57,14 @@ def noise_of(path: Path | None) -> NoiseModel | None:
 
 
 def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:
-    """A filter model with its noise and what was chosen of its options."""
+    """A filter model with its noise and what was chosen of its options; what is not in it is said."""
     from kfgen.model.build import build
     from kfgen.model.option import read_pairs
 
-    return build(model, noise, read_pairs(set_ or ()), sensor)
+    built = build(model, noise, read_pairs(set_ or ()), sensor)
+    for omission in built.omitted:
+        print(f"warning: {omission.sentence}", file=sys.stderr)
+    return built
 
 
 def not_over(output: Path | None, source: Path) -> None:

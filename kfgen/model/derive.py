@@ -12,6 +12,7 @@ import kfgen
 from kfgen.core.result import Result, ShortTable
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.effects_in_words import effects_in_words
 from kfgen.model.parts.motion import Input
 from kfgen.model.parts.sensor import Sensor
 
@@ -54,7 +55,7 @@ class Derivation(Result):
                     f"{part.name}: {part.left_out:g} {part.unit}/sqrt(Hz) is added to its noise for what the model "
                     "leaves out (off with --set left_out=false)"
                 )
-        return said
+        return said + effects_in_words(model)
 
     def summary(self) -> list[str]:
         """The model and the sizes of its matrices."""
@@ -79,6 +80,11 @@ class Derivation(Result):
             "options": dict(model.options),
             "convention": model.convention.name if model.attitude else None,
             "equation": model.convention.equation if model.attitude else None,
+            "effects": [
+                {"effect": e.effect.name, "channel": e.where, "as": "known" if e.known else "state"}
+                for e in model.errors
+            ],
+            "omitted": [o._asdict() for o in model.omitted],
             "left_out": {
                 p.name: {"value": p.left_out, "unit": f"{p.unit}/sqrt(Hz)"} for p in self.parts if p.left_out
             },

@@ -77,6 +77,7 @@ class SampleNoise(AddsNothingAtRest):
     sentence_template: ClassVar[str] = "carries white noise of {sd} in each sample"
 
     @classmethod
+    @cache
     def sizes(cls) -> tuple[str, ...]:
         """Its standard deviation."""
         return ("sd",)
