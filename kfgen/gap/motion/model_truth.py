@@ -31,6 +31,8 @@ from kfgen.simulate.scene import Part, TrueScene
 
 Array = NDArray[np.float64]
 
+UNSURE_AT_THE_END_SAMPLES = 2
+
 
 @dataclass(frozen=True)
 class ModelTruth:
@@ -99,9 +101,11 @@ def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
         axes[sensor] = (*axes.get(sensor, ()), *at)
         places |= {c: (sensor, k) for c, k in zip(part.channels, at)}
     first = felt[0]
+    known = np.ones(log.n, dtype=bool)
+    known[-UNSURE_AT_THE_END_SAMPLES:] = False  # what a sample's interval holds there is extrapolated
     warmth = scene.drive.get("temperature")
     return Truth(
-        np.asarray(log.t), read, axes, np.ones(log.n, dtype=bool),
+        np.asarray(log.t), read, axes, known,
         omega_b=first.omega_b, f_b=first.f_b, power=_power(log, first), warmth=warmth, R_bn=first.R_bn,
         places=places, words=("the references and the model say what every sensor should have read",),
     )  # fmt: skip

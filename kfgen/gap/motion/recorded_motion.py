@@ -80,8 +80,7 @@ class RecordedMotion:
         return np.asarray(self.R_ln @ self.v[0])
 
     def rates(self, t: Array) -> tuple[Array, Array, Array]:
-        """Body rate and rate of velocity in north, east and down at times (m,); after the last one they stay."""
-        t = np.clip(t, self.t[0], self.t[-1])
+        """Body rate and rate of velocity in north, east and down at times (m,); one interval beyond the last at most."""
         q, change, acceleration = (s(t) for s in self._splines)
         w, u = q[:, :1], q[:, 1:]
         turn = w * change[:, 1:] - change[:, :1] * u - np.cross(u, change[:, 1:])
