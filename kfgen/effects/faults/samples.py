@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 MIN_STEPS_FOR_REPEATS = 64
 """Steps between samples below which repeats are not judged."""
+MIN_CLIPPED_SAMPLES = 4
+"""At one value: of a short record one sample is a large share."""
 MIN_CLIPPED_SHARE = 0.004
 """Share of the samples at one end of the range above which they are clipped."""
 MIN_JITTER_PERIODS = 0.02
@@ -185,8 +187,9 @@ class Clipping(Fault):
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """The largest or smallest value, far too often."""
         for end in (float(raw.y.max()), float(raw.y.min())):
-            share = float(np.mean(raw.y == end))
-            if share > MIN_CLIPPED_SHARE and raw.lattice < 0.25 * raw.noise:
+            count = int(np.sum(raw.y == end))
+            share = count / raw.n
+            if count >= MIN_CLIPPED_SAMPLES and share > MIN_CLIPPED_SHARE and raw.lattice < 0.25 * raw.noise:
                 return DetectedFault(cls(end), share * raw.n, spoils=True)
         return None
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.units import parse_unit
-from kfgen.effects import make
+from kfgen.effects import Effect, make
 from kfgen.effects.faults.samples import Fault
+from kfgen.effects.inertial.errors import LeverArm
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.inertial.vibration import vibration_power
@@ -26,6 +27,8 @@ from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
+from kfgen.model.parts.sensors import Sensor
+from kfgen.simulate.channels import channel_effects
 from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.scene import Part, TrueScene
 
@@ -76,8 +79,30 @@ def model_truth(log: Log, model: FilterModel) -> ModelTruth | None:
     known = [p for p in parts if any(c in log.channels for c in p.channels)]
     if not known:
         return None
-    own = [Placed(e, w) for w, es in scene.effects.items() for e in es if not isinstance(e, Fault)]
+    own = [
+        Placed(e, w)
+        for w, es in scene.effects.items()
+        for e in es
+        if not isinstance(e, Fault) and not _is_antenna(model, w, e)
+    ]
     return ModelTruth(_truth(log, scene, known), _noise(log, discrete, known), tuple(own))
+
+
+def _is_antenna(model: FilterModel, where: str, effect: Effect) -> bool:
+    """Whether an effect is the place of an antenna: the truth is there already."""
+    parts = [
+        s for s in model.sensors if s.shows in ("p", "v") and set(s.channels) & set(model.channels_of(where))
+    ]
+    return isinstance(effect, LeverArm) and bool(parts)
+
+
+def _read(scene: TrueScene, part: Part) -> Array:
+    """What a part should read, shape (n, channels), at its antenna where it has one."""
+    effects = [e for es in channel_effects(scene.effects, part)[:1] for e in es]
+    arms = [np.array([e.x, e.y, e.z], dtype=np.float64) for e in effects if isinstance(e, LeverArm)]
+    if isinstance(part, Sensor) and part.shows in ("p", "v") and arms:
+        return scene.sensed(part, scene.t, np.sum(arms, axis=0))
+    return scene.clean(part)
 
 
 def _sensor(part: Part) -> str:
@@ -93,7 +118,7 @@ def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
     places: dict[str, tuple[str, int]] = {}
     felt: list[Signals] = []
     for part in parts:
-        y, sensor = scene.clean(part), _sensor(part)
+        y, sensor = _read(scene, part), _sensor(part)
         felt.append(scene.signals(part, y))
         at = [AXES.index(c[-1]) if c[-1] in AXES and "_" in c else k for k, c in enumerate(part.channels)]
         read.setdefault(sensor, np.zeros((log.n, 3)))
