@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
-from kfgen.manoeuvre.truth import level_at
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.motion import AFTER, AT, BEFORE, SAMPLES, Input
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.equations import Equations, Shown
+from kfgen.run.alignment import align_attitude
 
 Array = NDArray[np.float64]
 Given = dict[str, Array | float]
@@ -33,8 +34,6 @@ SLOWER_PERIODS = 1.5
 """Steps of a sensor's samples, in periods of the log, from which it has a rate of its own [1]."""
 OFF = 0.05
 """Periods by which the samples of a log may be off those of a filter that counts them."""
-ALIGNMENT = 1.0
-"""Seconds at rest from which the first attitude is taken."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ class FilterCalls:
         """Inputs and drivers by argument, shape (n,) or (n, 3)."""
         model = self.program.discrete.model
         triads = {argument(i.name): _input(self.log, i) for i in model.motion.inputs}
-        return triads | {argument(d): np.asarray(self.log.values(d)) for d in model.drivers}
+        return triads | {argument(d): _driver(self.log, d) for d in model.drivers}
 
     @property
     def samples(self) -> str:
@@ -128,12 +127,13 @@ class FilterCalls:
         x = dict(zip(self.program.discrete.nominal_names, self.program.discrete.start))
         k = {c.name: float(c.value) for c in model.constants}
         if not isinstance(model.motion, Equations) and model.attitude is not None:
-            _align_attitude(self.program, self.log, x, k)
+            align_attitude(self.program, self.log, x, k)
         for s, i, name in _shown(self.program):
             if s.channels[i] in self.log.channels:
                 x[name] = self._first(s.channels[i])
         for m in self.program.discrete.memories:
             x[m.name] = self._first(m.channel)
+        x |= {n: v.value for n, v in model.initial.items() if n in x}
         return x | {n: float(v) for n, v in self.known.items()}, k
 
     def _first(self, channel: str) -> float:
@@ -212,6 +212,14 @@ def _input(log: Log, given: Input) -> Array:
     return values[:, 0] if given.scalar else values
 
 
+def _driver(log: Log, name: str) -> Array:
+    """A driver over time, shape (n,); of the vibration what the accelerometers show, where it is not recorded."""
+    accels = [f"accel_{a}" for a in "xyz"]
+    if name == "vibration" and name not in log.channels and all(a in log.channels for a in accels):
+        return np.sqrt(vibration_power(np.column_stack([log.values(a) for a in accels]), log.dt).sum(axis=1))
+    return np.asarray(log.values(name))
+
+
 def _over_steps(values: Array, samples: str) -> Array:
     """What acts from each sample to the next, by what a sample stands for."""
     later = np.concatenate([values[1:], values[-1:]])
@@ -234,46 +242,3 @@ def _shown(program: Program) -> list[tuple[Sensor, int, str]]:
         ]
     places = {b.name: b.nominal_names for b in model.blocks}
     return [(s, i, n) for s in model.sensors if s.shows in places for i, n in enumerate(places[s.shows])]
-
-
-def _align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str, float]) -> None:
-    """Attitude from the first second, and what a sensor knows of its own constants then, into states and constants."""
-    from scipy.spatial.transform import Rotation
-
-    model = program.discrete.model
-    declared: list[Input | Sensor] = [*model.motion.inputs, *model.sensors]
-    parts = [p for p in declared if all(c in log.channels for c in p.channels)]
-    up = next((p for p in parts if p.at_rest == "up"), None)
-    if up is None:
-        return
-    up_b = _first_mean(log, up)
-    up_b = up_b / np.linalg.norm(up_b)
-    ahead = np.array([1.0, 0.0, 0.0]) if abs(up_b[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
-    for s in model.sensors:
-        if s.at_rest == "north" and s in parts:
-            ahead = _first_mean(log, s)
-            told = s.calibrated(tuple(ahead), tuple(up_b))
-            k |= {name: told[name] for name in told.keys() & k.keys()}
-            x |= {name: told[name] for name in told.keys() & x.keys()}
-    north = ahead - (ahead @ up_b) * up_b
-    north /= np.linalg.norm(north)
-    R_lb = np.vstack([north, np.cross(-up_b, north), -up_b])
-    values = {c.name: c.value for c in model.constants} | dict(
-        zip(program.discrete.nominal_names, program.discrete.start)
-    )
-    q = Rotation.from_matrix(level_at(model, values).T @ R_lb).as_quat(scalar_first=True)
-    x |= {f"q_{a}": float(v) for a, v in zip("wxyz", q)}
-
-
-def _first_mean(log: Log, part: Input | Sensor) -> Array:
-    """The mean of a triad over the alignment; raises `InputError` where it says nothing."""
-    first = log.t - log.t[0] <= ALIGNMENT
-    values = np.column_stack([log.channel(c).values[first] for c in part.channels])
-    good = values[np.isfinite(values).all(axis=1)]
-    if not good.size or not np.linalg.norm(good.mean(axis=0)) > 0.0:
-        raise InputError(
-            f"{part.name} has no usable sample in the first {ALIGNMENT:g} s, so there is no first attitude",
-            where=log.source,
-            remedy="Cut the log to where the sensor works and is at rest",
-        )
-    return np.asarray(good.mean(axis=0))

@@ -191,6 +191,12 @@ class TrueScene:
         omega, force = self.triad(RATE, "gyro"), self.triad(FORCE, "accel")
         return omega, force, None if force is None else vibration_power(force, self.dt)
 
+    @property
+    def vibration(self) -> Array | None:
+        """Standard deviation of the specific force about its motion, of all axes together [m/s^2], shape (n,)."""
+        power = self._body[2]
+        return None if power is None else np.sqrt(power.sum(axis=1))
+
     def signals(self, part: Part, y: Array) -> Signals:
         """What moved, as effects of a part take it; `y` (samples, channels) is what it should have read."""
         rows, t = self.rows(part), self.times(part)

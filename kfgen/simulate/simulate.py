@@ -34,6 +34,8 @@ from kfgen.simulate.vibration import Vibration
 
 Array = NDArray[np.float64]
 
+VIBRATION = "vibration"
+"""The driver of rectification: what shakes the accelerometers."""
 WARMTH = "temperature"
 """The driver that effects of a warm sensor follow."""
 MAX_SAMPLES = 10**9
@@ -126,6 +128,8 @@ def simulate_motion(  # noqa: PLR0913 - what a user may choose
     constants = drawn(model, rng)
     driven = _drive(model, t, drive, decoys)
     scene = TrueScene(discrete, motion, constants, wandered(model, t, rng), found, driven, shaken)
+    if VIBRATION in driven and VIBRATION not in (drive or {}) and scene.vibration is not None:
+        driven[VIBRATION] = scene.vibration
     channels = {d: Channel(v, driver_named(d).unit) for d, v in driven.items()}
     parts: tuple[Part, ...] = (*model.motion.inputs, *model.sensors)
     for part in parts:

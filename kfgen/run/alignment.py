@@ -1,0 +1,104 @@
+"""The attitude at the start of a log: what points up and north in its first second."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.effects.filter_role import ReadingError
+from kfgen.effects.inertial.felt import Felt
+from kfgen.emit.routines import Program
+from kfgen.log.log import Log
+from kfgen.manoeuvre.truth import level_at
+from kfgen.model.filter import FilterModel
+from kfgen.model.filter_file import HEADING
+from kfgen.model.parts.motion import Input
+from kfgen.model.parts.sensors import Sensor
+
+Array = NDArray[np.float64]
+
+ALIGNMENT_S = 1.0
+"""Seconds at rest from which the first attitude is taken."""
+SUBSTITUTIONS = 5
+"""Of the errors of a reading into itself; a tenth of it is wrong by 1e-5 then."""
+
+
+def align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str, float]) -> None:
+    """Attitude from the first second, and what a sensor knows of its own constants then, into states and constants.
+
+    Parameters
+    ----------
+    program : Program
+    log : Log
+    x, k : dict of str to float
+        Stored states and constants by name [SI], which are changed.
+
+    Raises
+    ------
+    InputError
+        A sensor that says what points up or north has no sample then.
+    """
+    from scipy.spatial.transform import Rotation
+
+    model = program.discrete.model
+    declared: list[Input | Sensor] = [*model.motion.inputs, *model.sensors]
+    parts = [p for p in declared if all(c in log.channels for c in p.channels)]
+    up = next((p for p in parts if p.at_rest == "up"), None)
+    if up is None:
+        return
+    up_b = _first_mean(log, up, model)
+    up_b = up_b / np.linalg.norm(up_b)
+    ahead = np.array([1.0, 0.0, 0.0]) if abs(up_b[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    for s in model.sensors:
+        if s.at_rest == "north" and s in parts:
+            ahead = _first_mean(log, s, model)
+            told = s.calibrated(tuple(ahead), tuple(up_b))
+            k |= {name: told[name] for name in told.keys() & k.keys()}
+            x |= {name: told[name] for name in told.keys() & x.keys()}
+    north = ahead - (ahead @ up_b) * up_b
+    north /= np.linalg.norm(north)
+    R_lb = _turned(np.vstack([north, np.cross(-up_b, north), -up_b]), model)
+    values = {c.name: c.value for c in model.constants} | dict(
+        zip(program.discrete.nominal_names, program.discrete.start)
+    )
+    q = Rotation.from_matrix(level_at(model, values).T @ R_lb).as_quat(scalar_first=True)
+    x |= {f"q_{a}": float(v) for a, v in zip("wxyz", q)}
+
+
+def _first_mean(log: Log, part: Input | Sensor, model: FilterModel) -> Array:
+    """The mean of a triad over the alignment, without the errors that the filter knows of it; raises `InputError` where it says nothing."""
+    first = log.t - log.t[0] <= ALIGNMENT_S
+    values = np.column_stack([log.channel(c).values[first] for c in part.channels])
+    good = values[np.isfinite(values).all(axis=1)]
+    if not good.size or not np.linalg.norm(good.mean(axis=0)) > 0.0:
+        raise InputError(
+            f"{part.name} has no usable sample in the first {ALIGNMENT_S:g} s, so there is no first attitude",
+            where=log.source,
+            remedy="Cut the log to where the sensor works and is at rest",
+        )
+    return _undone(good.mean(axis=0), part, model)
+
+
+def _undone(read: Array, part: Input | Sensor, model: FilterModel) -> Array:
+    """A reading of a triad at rest, shape (3,), without the errors that depend on it alone, by substitution."""
+    errors: list[Any] = [
+        e.effect for e in model.errors if isinstance(e.role, ReadingError) and e.acts_on(part.channels[0])
+    ]
+    value = np.array(read, dtype=np.float64)
+    for _ in range(SUBSTITUTIONS if len(value) == 3 else 0):
+        felt = Felt(tuple(value))
+        mine = [e for e in errors if not e.needs and not e.filter_drivers]
+        value = read - np.array([sum((float(e.error(felt, k)) for e in mine), 0.0) for k in range(3)])
+    return value
+
+
+def _turned(R_lb: Array, model: FilterModel) -> Array:
+    """The attitude at the start, body to north-east-down, with the heading that the filter file says."""
+    if HEADING not in model.initial:
+        return R_lb
+    turn = model.initial[HEADING].value - float(np.arctan2(R_lb[1, 0], R_lb[0, 0]))
+    c, s = np.cos(turn), np.sin(turn)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ R_lb
