@@ -216,7 +216,8 @@ def _driver(log: Log, name: str) -> Array:
     """A driver over time, shape (n,); of the vibration what the accelerometers show, where it is not recorded."""
     accels = [f"accel_{a}" for a in "xyz"]
     if name == "vibration" and name not in log.channels and all(a in log.channels for a in accels):
-        return np.sqrt(vibration_power(np.column_stack([log.values(a) for a in accels]), log.dt).sum(axis=1))
+        power = vibration_power(np.column_stack([log.values(a) for a in accels]), log.dt)
+        return np.asarray(np.sqrt(power.sum(axis=1)))
     return np.asarray(log.values(name))
 
 
