@@ -197,7 +197,7 @@ def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None)
     )
     gap = scene_gap(scene, units_of(log))
     written = _as_given(model, noise)
-    updated = filter_file(model, _with_findings(written, gap))
+    updated = filter_file(model, _by_sensor(written, gap))
     return _of_scene(log, gap, filter_file(model, written), updated, warnings)
 
 
@@ -248,6 +248,16 @@ def _with_findings(assumed: NoiseModel, found: SceneGap) -> NoiseModel:
         for name in [c for c in channels if f.where in (c, c.rpartition("_")[0])]:
             old = channels[name]
             channels[name] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
+    return replace(assumed, channels=channels)
+
+
+def _by_sensor(assumed: NoiseModel, found: SceneGap) -> NoiseModel:
+    """The same of a filter, in whose file an effect of a whole sensor stands once, by the sensor."""
+    channels = _rescaled(assumed.channels, found)
+    for f in [f for f in found.findings if not isinstance(f.effect, Fault)]:
+        unit = next(c.unit for n, c in channels.items() if n == f.where or n.startswith(f"{f.where}_"))
+        old = channels.get(f.where, ChannelNoise(unit, ()))
+        channels[f.where] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
     return replace(assumed, channels=channels)
 
 

@@ -29,9 +29,12 @@ TESTED = [
     (s, w)
     for s in INERTIAL
     for w in s.where
-    if w != "gnss" and (s.name, w) != ("bandwidth", "mag")  # at 50 Hz a delay does the same
+    if (s.name, w) != ("bandwidth", "mag")  # at 50 Hz a delay does the same
 ]
+NEEDS_POSITION = {(SHAKEN, "accel_x"), ("lever_arm", "gnss"), ("time_delay", "gnss")}
 NAMED_QUICKLY = {
+    ("lever_arm", "gnss"),
+    ("time_delay", "gnss"),
     ("scale_factor", "gyro_x"),
     ("scale_asymmetry", "gyro_x"),
     ("scale_temperature", "gyro_x"),
@@ -83,7 +86,7 @@ def label(value: object) -> str:
     ids=label,
 )
 def test_an_effect_that_the_model_lacks_is_named(strong: Strong, where: str) -> None:
-    model = bare("ins15" if (strong.name, where) == (SHAKEN, "accel_x") else "ahrs6")
+    model = bare("ins15" if (strong.name, where) in NEEDS_POSITION else "ahrs6")
     log = log_with(model.augment(where, strong.effect), strong)
     found = gap_of(log, model, where)
     meant = {(strong.name, where), *((strong.name, f"{where}_{a}") for a in "xyz")}
@@ -96,7 +99,7 @@ def test_an_effect_that_the_model_lacks_is_named(strong: Strong, where: str) -> 
     ids=label,
 )
 def test_an_effect_that_the_model_has_is_no_gap(strong: Strong, where: str) -> None:
-    model = bare("ins15" if (strong.name, where) == (SHAKEN, "accel_x") else "ahrs6")
+    model = bare("ins15" if (strong.name, where) in NEEDS_POSITION else "ahrs6")
     changed = model.augment(where, strong.effect)
     assert gap_of(log_with(changed, strong), changed, where).verdict == "no_gap"
 

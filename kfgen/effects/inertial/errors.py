@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.effect import parameter
 from kfgen.effects.filter_role import AntennaOffset, FilterPlace, FilterRole, NotModelled
-from kfgen.effects.inertial.felt import Felt
+from kfgen.effects.inertial.felt import Felt, Signals
 from kfgen.effects.inertial.inertial_error import AXES, InertialError, arm_rate, row_of
 
 Array = NDArray[np.float64]
@@ -217,7 +217,7 @@ class LeverArm(InertialError):
     title: ClassVar[str] = "lever arm"
     separating_experiment: ClassVar[str] = "turns about all axes, fast and slow"
     sentence_template: ClassVar[str] = "sits off the point of reference by {entries}"
-    sensors: ClassVar[tuple[str, ...]] = ("accel",)
+    sensors: ClassVar[tuple[str, ...]] = ("accel", "gnss")
     needs: ClassVar[tuple[str, ...]] = ("omega_b",)
 
     def in_filter(self, place: FilterPlace) -> FilterRole:
@@ -233,6 +233,14 @@ class LeverArm(InertialError):
         """The acceleration by rotation."""
         r, w, alpha = (self.x, self.y, self.z), felt.rate, felt.angular_acceleration
         return arm_rate(r, w, alpha, 2)[axis]
+
+    def output(self, signals: Signals, axis: int) -> Array:
+        """Of an accelerometer in body axes; of a position or a velocity along a navigation axis."""
+        if signals.arm_order == 2 or signals.R_bn is None or signals.omega_b is None:
+            return super().output(signals, axis)
+        omega = tuple(signals.omega_b[:, k] for k in range(3))
+        offset = arm_rate((self.x, self.y, self.z), omega, (), signals.arm_order)
+        return np.asarray(sum(signals.R_bn[:, k, axis] * offset[k] for k in range(3)))
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,8 @@ class Signals:
         Running variance of the specific force [m^2/s^4].
     warmth : ndarray, shape (n,), optional
         Temperature [K].
+    arm_order : int
+        Derivative of a place that the sensor measures: 0 of a position, 1 of a velocity, 2 of a specific force.
     """
 
     t: Array
@@ -123,6 +125,7 @@ class Signals:
     down: float = 1.0
     power: Array | None = None
     warmth: Array | None = None
+    arm_order: int = 2
 
     @property
     def felt(self) -> Felt:

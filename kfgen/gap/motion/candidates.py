@@ -113,6 +113,8 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
         found.append([Placed(EarthRate(EARTH, EARTH, EARTH), "gyro")])
     if "mag" in sensors:
         found += list(_magnetic(bench))
+    for place in dict.fromkeys(s.rpartition("_")[0] or s for s in sensors if s in bench.truth.antennas):
+        found.append([Placed(LeverArm(SMALL, SMALL, SMALL), place)])
     return [one for one in found if not _there(one[0], placed)]
 
 

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.units import parse_unit
-from kfgen.effects import Effect, make
+from kfgen.effects import make
 from kfgen.effects.faults.samples import Fault
-from kfgen.effects.inertial.errors import LeverArm
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.inertial.vibration import vibration_power
@@ -25,16 +24,18 @@ from kfgen.gap.motion.recorded_motion import recorded_motion, recorded_states
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
+from kfgen.manoeuvre.rotations import as_matrix
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import Sensor
-from kfgen.simulate.channels import channel_effects
 from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.scene import Part, TrueScene
 
 Array = NDArray[np.float64]
 
 UNSURE_AT_THE_END_SAMPLES = 2
+ANTENNA_ORDERS = {"p": 0, "v": 1}
+"""Derivative of the antenna's place that a sensor measures, by the block that it shows."""
 
 
 @dataclass(frozen=True)
@@ -79,30 +80,8 @@ def model_truth(log: Log, model: FilterModel) -> ModelTruth | None:
     known = [p for p in parts if any(c in log.channels for c in p.channels)]
     if not known:
         return None
-    own = [
-        Placed(e, w)
-        for w, es in scene.effects.items()
-        for e in es
-        if not isinstance(e, Fault) and not _is_antenna(model, w, e)
-    ]
+    own = [Placed(e, w) for w, es in scene.effects.items() for e in es if not isinstance(e, Fault)]
     return ModelTruth(_truth(log, scene, known), _noise(log, discrete, known), tuple(own))
-
-
-def _is_antenna(model: FilterModel, where: str, effect: Effect) -> bool:
-    """Whether an effect is the place of an antenna: the truth is there already."""
-    parts = [
-        s for s in model.sensors if s.shows in ("p", "v") and set(s.channels) & set(model.channels_of(where))
-    ]
-    return isinstance(effect, LeverArm) and bool(parts)
-
-
-def _read(scene: TrueScene, part: Part) -> Array:
-    """What a part should read, shape (n, channels), at its antenna where it has one."""
-    effects = [e for es in channel_effects(scene.effects, part)[:1] for e in es]
-    arms = [np.array([e.x, e.y, e.z], dtype=np.float64) for e in effects if isinstance(e, LeverArm)]
-    if isinstance(part, Sensor) and part.shows in ("p", "v") and arms:
-        return scene.sensed(part, scene.t, np.sum(arms, axis=0))
-    return scene.clean(part)
 
 
 def _sensor(part: Part) -> str:
@@ -117,14 +96,18 @@ def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
     axes: dict[str, tuple[int, ...]] = {}
     places: dict[str, tuple[str, int]] = {}
     felt: list[Signals] = []
+    antennas: dict[str, tuple[int, Array]] = {}
+    R_bn = np.swapaxes(as_matrix(scene.path.q[scene.path.places(scene.t)]), 1, 2)
     for part in parts:
-        y, sensor = _read(scene, part), _sensor(part)
+        y, sensor = scene.clean(part), _sensor(part)
         felt.append(scene.signals(part, y))
         at = [AXES.index(c[-1]) if c[-1] in AXES and "_" in c else k for k, c in enumerate(part.channels)]
         read.setdefault(sensor, np.zeros((log.n, 3)))
         read[sensor][:, at] = y
         axes[sensor] = (*axes.get(sensor, ()), *at)
         places |= {c: (sensor, k) for c, k in zip(part.channels, at)}
+        if isinstance(part, Sensor) and part.shows in ANTENNA_ORDERS:
+            antennas[sensor] = (ANTENNA_ORDERS[part.shows], R_bn)
     first = felt[0]
     known = np.ones(log.n, dtype=bool)
     known[-UNSURE_AT_THE_END_SAMPLES:] = False  # what a sample's interval holds there is extrapolated
@@ -132,7 +115,7 @@ def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
     return Truth(
         np.asarray(log.t), read, axes, known,
         omega_b=first.omega_b, f_b=first.f_b, power=_power(log, first), warmth=warmth, R_bn=first.R_bn,
-        places=places, words=("the references and the model say what every sensor should have read",),
+        places=places, antennas=antennas, words=("the references and the model say what every sensor should have read",),
     )  # fmt: skip
 
 

@@ -85,6 +85,8 @@ class Truth:
         What was decided.
     places : mapping of str to (str, int)
         Sensor and axis of channels whose names do not say them.
+    antennas : mapping of str to (int, ndarray of shape (n, 3, 3))
+        Sensors of a place: 0 of a position, 1 of a velocity; its navigation to body axes.
     """
 
     t: Array
@@ -102,6 +104,7 @@ class Truth:
     floor: Floor = Floor()
     words: tuple[str, ...] = ()
     places: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+    antennas: Mapping[str, tuple[int, Array]] = field(default_factory=dict)
 
     def place(self, name: str) -> tuple[str, int]:
         """The sensor and the axis of a channel."""
@@ -119,7 +122,8 @@ class Truth:
         else:
             assert self.R_bn is not None
             y = self.R_bn @ np.asarray(m_n)
-        return Signals(self.t, y, self.omega_b, self.f_b, self.R_bn, self.down, self.power, self.warmth)
+        order, R_bn = self.antennas.get(sensor, (2, self.R_bn))
+        return Signals(self.t, y, self.omega_b, self.f_b, R_bn, self.down, self.power, self.warmth, order)
 
 
 def truth_of(log: Log, bandwidth: Mapping[str, float] | None = None) -> Truth | None:
