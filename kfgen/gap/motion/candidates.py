@@ -115,6 +115,7 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
         found += list(_magnetic(bench))
     for place in dict.fromkeys(s.rpartition("_")[0] or s for s in sensors if s in bench.truth.antennas):
         found.append([Placed(LeverArm(SMALL, SMALL, SMALL), place)])
+        found.append([Placed(TimeDelay(0.1 * bench.truth.dt), place)])
     return [one for one in found if not _there(one[0], placed)]
 
 
