@@ -22,6 +22,7 @@ from kfgen.audit.exact.chain import along
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.symbolic import null_of, rows_of
 from kfgen.effects import Effect, make
+from kfgen.effects.filter_role import Use
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
@@ -158,7 +159,8 @@ def test_row_22_gauss_markov_beside_a_walk_is_visible() -> None:
 
 def test_temperature_must_change_to_be_told_from_a_bias() -> None:
     """With a temperature whose derivatives are free the coefficient shows; without, it is the bias."""
-    model = one_axis(make("rate_random_walk", K=1e-5), make("temperature", coefficient=1e-5))
+    model = one_axis(make("rate_random_walk", K=1e-5))
+    model = model.augment("gyro_x", make("temperature", coefficient=1e-5), Use(known=False))
     assert hidden(model) == []
     frozen = rows_of(model.F, model.H(model.sensors[0]), [0, 1])
     assert frozen.rank() == 1

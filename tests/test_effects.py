@@ -33,7 +33,7 @@ from kfgen.effects import (
     make,
     sampled_spectrum,
 )
-from kfgen.effects.effect import AddsNothingAtRest, parameter
+from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
 from kfgen.effects.linear_system import initial_covariance
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_noise, read_noise, write_noise
 from kfgen.emit.routines import Program
@@ -72,10 +72,12 @@ def example(cls: type[Effect]) -> Effect:
 
 NAMES = list(catalogue())
 EXAMPLES = {name: example(cls) for name, cls in catalogue().items()}
-SILENT = [n for n, e in EXAMPLES.items() if e.form() == LinearSystem()]
+SAMPLED = ["sample_noise"]
+"""White noise of samples, whatever their rate: no process in time."""
+SILENT = [n for n, e in EXAMPLES.items() if e.form() == LinearSystem() and n not in SAMPLED]
 """Effects of an empty form: they filter or alter samples, or act in a plant, in motion, between channels."""
-RANDOM = [n for n, e in EXAMPLES.items() if not e.form().deterministic and n not in SILENT]
-DETERMINISTIC = [n for n in NAMES if n not in RANDOM and n not in SILENT]
+RANDOM = [n for n, e in EXAMPLES.items() if not e.form().deterministic and n not in (*SILENT, *SAMPLED)]
+DETERMINISTIC = [n for n in NAMES if n not in (*RANDOM, *SILENT, *SAMPLED)]
 ONE_OFF = ["bias_step"]
 """What happens at a time has no Allan variance: it depends on when one looks."""
 TWO_LEVELS = ["random_telegraph"]
@@ -191,7 +193,7 @@ def test_density_is_not_negative(name: str) -> None:
     assert (S >= 0.0).all()
     D = EXAMPLES[name].sampled_density(np.linspace(1e-4, np.pi, 101), 0.1)
     assert (D >= 0.0).all()
-    assert (D > 0.0).any() == (name in RANDOM)
+    assert (D > 0.0).any() == (name in (*RANDOM, *SAMPLED))
 
 
 @pytest.mark.parametrize("name", SILENT)
@@ -359,9 +361,8 @@ def test_what_is_not_random_is_simulated_as_its_mean(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_without_size_there_is_no_effect(name: str) -> None:
     cls = catalogue()[name]
-    off = replace(
-        EXAMPLES[name], **{p.name: 0.0 for p in cls.estimated() if p.kind in ("size", "signed", "solved")}
-    )
+    sizes = {p.name for p in cls.estimated() if p.kind in ("size", "signed", "solved")} | set(cls.sizes())
+    off = replace(EXAMPLES[name], **dict.fromkeys(sizes, 0.0))
     t = np.arange(100) * 0.1
     drive = {cls.driver: 290.0 + np.sin(t)} if cls.driver else None
     np.testing.assert_array_equal(off.simulate(t, np.random.default_rng(0), drive), np.zeros(t.size))
@@ -461,7 +462,7 @@ def hum() -> Iterator[type[Effect]]:
     """An effect that kfgen has never heard of: a damped resonance at 1 Hz, driven by white noise."""
 
     @dataclass(frozen=True)
-    class Hum(Effect):
+    class Hum(LinearProcess):
         rms: Any = parameter("U")
         decay: Any = parameter("s", "time", 4.0)
 
@@ -495,7 +496,7 @@ def swell() -> Iterator[type[Effect]]:
     """Another: white noise through two equal lags, of stationary deviation `rms`."""
 
     @dataclass(frozen=True)
-    class Swell(Effect):
+    class Swell(LinearProcess):
         rms: Any = parameter("U")
         lag: Any = parameter("s", "time")
 

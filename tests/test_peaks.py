@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, LinearSystem, Look, State, make
-from kfgen.effects.effect import parameter
+from kfgen.effects.effect import LinearProcess, parameter
 from kfgen.identify.evidence.peaks import SpectralPeak, oscillations, spectral_peaks, split_edges
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.bounds import relative_bound
@@ -110,7 +110,7 @@ def hum() -> Iterator[type[Effect]]:
     """A hum of the mains that somebody declares: at 7.3 Hz here, with nothing but a system and start values."""
 
     @dataclass(frozen=True)
-    class MainsHum(Effect):
+    class MainsHum(LinearProcess):
         rms: Any = parameter("U")
         decay: Any = parameter("s", "time", 4.0)
 

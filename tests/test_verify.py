@@ -43,7 +43,7 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
     },
     ("ins15", "ud"): {
         "predict": 1511, "update_gnss_position": 3042, "update_gnss_velocity": 2708,
-        "predict stack": 302, "stack": 408, "text": 31855,
+        "predict stack": 310, "stack": 408, "text": 31855,
     },
     ("ins23", "p"): {
         "predict": 2382, "update_gnss_position": 4205, "update_gnss_velocity": 4236, "update_mag": 6404,

@@ -132,9 +132,8 @@ class Effect:
         super().__init_subclass__()
         silent = [n for n in OBLIGATIONS if cls.name and getattr(cls, n) is getattr(Effect, n)]
         if silent:
-            raise TypeError(
-                f"the effect {cls.name} does not say {OBLIGATIONS[silent[0]]}: define {silent[0]}()"
-            )
+            name, cls.name = cls.name, ""  # no effect of the catalogue
+            raise TypeError(f"the effect {name} does not say {OBLIGATIONS[silent[0]]}: define {silent[0]}()")
 
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """The linear stochastic system that it adds to a channel at rest.

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, Look, Meaning, parameter
+from kfgen.effects.effect import Effect, LinearProcess, Look, Meaning, parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NotModelled, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
 
@@ -67,7 +67,7 @@ class WhiteNoise(LinearProcess):
 
 
 @dataclass(frozen=True)
-class SampleNoise(AddsNothingAtRest):
+class SampleNoise(Effect):
     """White noise of the samples of an aiding channel, `sd` each, whatever their rate; ``white_noise`` with ``sd`` in a file."""
 
     sd: Any = parameter("U", "setting")
@@ -75,6 +75,10 @@ class SampleNoise(AddsNothingAtRest):
     name: ClassVar[str] = "sample_noise"
     title: ClassVar[str] = "white noise of the samples"
     sentence_template: ClassVar[str] = "carries white noise of {sd} in each sample"
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """None: it is no process in time, whose density would be the same at another rate."""
+        return LinearSystem()
 
     @classmethod
     @cache

@@ -35,7 +35,6 @@ from kfgen.gap.motion.truth import Truth
 
 Array = NDArray[np.float64]
 
-INERTIAL = ("gyro", "accel")
 SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
 SOME = 4000
@@ -98,12 +97,12 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
     found: list[list[Placed]] = []
     sensors = list(dict.fromkeys(s for _, s, _ in bench.moved))
     for name, sensor, axis in bench.moved:
-        if sensor in INERTIAL:
+        if _has_scale(bench, sensor):
             found += _alone(bench, name, sensor) + _rows(bench, name, sensor, axis)
         found += _in_time(bench, name, sensor)
     for name, sensor, axis in bench.still:
         if sensor in sensors:
-            found += _rows(bench, name, sensor, axis) if sensor in INERTIAL else []
+            found += _rows(bench, name, sensor, axis) if _has_scale(bench, sensor) else []
             found += _in_time(bench, name, sensor)
     for sensor in sensors:
         found += _lags(bench, sensor)
@@ -117,6 +116,11 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
         found.append([Placed(LeverArm(SMALL, SMALL, SMALL), place)])
         found.append([Placed(TimeDelay(0.1 * bench.truth.dt), place)])
     return [one for one in found if not _there(one[0], placed)]
+
+
+def _has_scale(bench: MotionCandidates, sensor: str) -> bool:
+    """Whether a sensor may read too much: a magnetometer has soft iron instead, and a receiver's places have no scale."""
+    return sensor != "mag" and sensor not in bench.truth.antennas
 
 
 def _there(new: Placed, placed: Sequence[Placed]) -> bool:
