@@ -1,14 +1,17 @@
 # make demo   environment, install, the main job; ends with the path of a report page
-# make test   environment, install, every test; make test-long the long ones too
+# make test   environment, install, every test; make test-quick a part of them in a minute, make test-long the long ones too
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-long lint clean
+.PHONY: demo test test-quick test-long lint clean
 demo: $(VENV)/installed
 	$(BIN)/kfgen demo --out out/demo
 
 test: $(VENV)/installed
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "not long"
+
+test-quick: $(VENV)/installed
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "quick and not long"
 
 test-long: $(VENV)/installed
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal

@@ -12,6 +12,29 @@ from typer.testing import CliRunner, Result
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
 
+QUICK = {
+    *(
+        "test_units",
+        "test_expression",
+        "test_linear",
+        "test_norm",
+        "test_npy",
+        "test_noise_file",
+        "test_user_model",
+    ),
+    *("test_straight_line", "test_words", "test_gap_search", "test_memory", "test_simulate", "test_readers"),
+    *("test_effects", "test_every_effect"),
+}
+"""Modules that `make test-quick` runs: a part of every room, within a minute on two cores."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is quick."""
+    for item in items:
+        if item.path.stem in QUICK:
+            item.add_marker(pytest.mark.quick)
+
+
 @pytest.fixture(scope="session")
 def recording() -> Callable[[str], Path]:
     """The path of a real recording; skips, saying so, where it is absent."""
