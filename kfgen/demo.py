@@ -74,6 +74,23 @@ def record_log(
     return Log(t, {CHANNEL: Channel(y, "deg/s"), "temperature": Channel(measured, "degC")}, source)
 
 
+def write_logs(out: Path) -> tuple[Log, Log]:
+    """The log from the bench and that from the field, written into a folder, which is made where there is none.
+
+    Parameters
+    ----------
+    out : Path
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(SEED)
+    t = np.arange(int(RECORD_HOURS * 3600 * RATE_HZ)) / RATE_HZ
+    bench = record_log("bench.npz", sensor(), np.full(t.size, 298.15), t, rng)
+    field = record_log("field.npz", (*sensor(), *hidden()), DRIVERS["temperature"].course(t), t, rng)
+    for log in (bench, field):
+        write_log(log, out / log.source)
+    return bench, field
+
+
 def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     """Run the chain into a folder; the answer's text ends with the path of the report.
 
@@ -84,13 +101,7 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     say : callable
         Takes a line when a step begins.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    rng = np.random.default_rng(SEED)
-    t = np.arange(int(RECORD_HOURS * 3600 * RATE_HZ)) / RATE_HZ
-    bench = record_log("bench.npz", sensor(), np.full(t.size, 298.15), t, rng)
-    field = record_log("field.npz", (*sensor(), *hidden()), DRIVERS["temperature"].course(t), t, rng)
-    for log in (bench, field):
-        write_log(log, out / log.source)
+    bench, field = write_logs(out)
     say("1 identify the bench log")
     found = identify(bench)
     assumed = found.noise

@@ -29,7 +29,10 @@ def recording_at(path: Path, seed: int, *, temperature: float, step: float) -> P
     return path
 
 
-@pytest.mark.parametrize(("coefficient", "least", "most"), [(0.002, 0.95, 1.0), (-0.002, -1.0, 0.2)])
+@pytest.mark.parametrize(
+    ("coefficient", "least", "most"),
+    [(0.002, 0.95, 1.0), pytest.param(-0.002, -1.0, 0.2, marks=pytest.mark.long)],
+)
 def test_what_comes_again_closes_and_what_does_not_opens(
     tmp_path: Path, kfgen: Callable[..., Result], coefficient: float, least: float, most: float
 ) -> None:
