@@ -119,7 +119,7 @@ HIDDEN: dict[str, tuple[Callable[[np.random.Generator, Array], Array], dict[str,
 }
 
 
-SEEDS = [0, 1, pytest.param(2, marks=pytest.mark.long)]
+SEEDS = [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -137,7 +137,16 @@ def test_what_tests_cite_is_there() -> None:
             assert not number or f"### {number} " in text, f"{test.name} cites {name}, {number}"
 
 
-@pytest.mark.parametrize("example", sorted(p.name for p in (ROOT / "examples").glob("*.py")))
+LONG_EXAMPLES = ("gallery.py",)
+
+
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(p.name, marks=pytest.mark.long if p.name in LONG_EXAMPLES else ())
+        for p in sorted((ROOT / "examples").glob("*.py"))
+    ],
+)
 def test_example_runs(example: str, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "examples" / example],
