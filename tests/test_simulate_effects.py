@@ -21,7 +21,7 @@ from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
-from kfgen.simulate.channels import sensor_effects
+from kfgen.simulate.channels import channel_effects
 from kfgen.simulate.rates import at_every_sample, read_rates, rows_of, sensor_rates
 from kfgen.simulate.simulate import simulate
 
@@ -266,9 +266,16 @@ def test_noise_of_a_sample_follows_the_sensors_own_rate() -> None:
 def test_effects_of_a_whole_sensor_are_found_by_its_name() -> None:
     model = bare()
     drop = make("scale_factor", coefficient=0.01)
-    noise = {"gnss": (drop,), "gnss_p": (drop,), "mag": (drop,), "gyro_x": (drop,), "barometer": (drop,)}
+    placed = {"gnss": (drop,), "gnss_p": (drop,), "mag": (drop,), "gyro_x": (drop,)}
     gyro = next(i for i in model.motion.inputs if i.name == "gyro")
-    assert len(sensor_effects(noise, model.sensor("gnss_position"))) == 2
-    assert len(sensor_effects(noise, model.sensor("gnss_velocity"))) == 1
-    assert len(sensor_effects(noise, model.sensor("barometer"))) == 1
-    assert sensor_effects(noise, gyro) == ()
+    counts = {
+        s.name: [len(es) for es in channel_effects(placed, s)]
+        for s in (gyro, *model.sensors)
+        if s.name != "mag"
+    }
+    assert counts == {
+        "gyro": [1, 0, 0],
+        "gnss_position": [2, 2, 2],
+        "gnss_velocity": [1, 1, 1],
+        "barometer": [0],
+    }

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES
 from kfgen.core.errors import InputError
 from kfgen.effects.inertial.errors import ScaleAsymmetry, ScaleFactor
 from kfgen.effects.inertial.felt import Signals
-from kfgen.effects.inertial.inertial_error import AXES, InertialError
+from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.log.log import Log

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
@@ -197,7 +198,7 @@ def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None)
     )
     gap = scene_gap(scene, units_of(log))
     written = _as_given(model, noise)
-    updated = filter_file(model, _by_sensor(written, gap))
+    updated = filter_file(model, _with_findings(written, gap, by_sensor=True))
     return _of_scene(log, gap, filter_file(model, written), updated, warnings)
 
 
@@ -241,23 +242,22 @@ def units_of(log: Log) -> UnitOf:
     return lambda placed: log.unit_at(placed.where)
 
 
-def _with_findings(assumed: NoiseModel, found: SceneGap) -> NoiseModel:
-    """Every finding but a fault of the rig as a term of the channels where it acts."""
+def _with_findings(assumed: NoiseModel, found: SceneGap, *, by_sensor: bool = False) -> NoiseModel:
+    """Every finding but a fault of the rig as a term of the channels where it acts.
+
+    Parameters
+    ----------
+    assumed : NoiseModel
+    found : SceneGap
+    by_sensor : bool
+        Once where it was found, as a filter's file has effects of a whole sensor, instead of once a channel.
+    """
     channels = _rescaled(assumed.channels, found)
     for f in [f for f in found.findings if not isinstance(f.effect, Fault)]:
-        for name in [c for c in channels if f.where in (c, c.rpartition("_")[0])]:
-            old = channels[name]
+        held = [c for c in channels if acts_on(f.where, c)]
+        for name in [f.where] if by_sensor else held:
+            old = channels.get(name, ChannelNoise(channels[held[0]].unit, ()))
             channels[name] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
-    return replace(assumed, channels=channels)
-
-
-def _by_sensor(assumed: NoiseModel, found: SceneGap) -> NoiseModel:
-    """The same of a filter, in whose file an effect of a whole sensor stands once, by the sensor."""
-    channels = _rescaled(assumed.channels, found)
-    for f in [f for f in found.findings if not isinstance(f.effect, Fault)]:
-        unit = next(c.unit for n, c in channels.items() if n == f.where or n.startswith(f"{f.where}_"))
-        old = channels.get(f.where, ChannelNoise(unit, ()))
-        channels[f.where] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
     return replace(assumed, channels=channels)
 
 
@@ -265,7 +265,7 @@ def _rescaled(channels: Mapping[str, ChannelNoise], found: SceneGap) -> dict[str
     """The noise of channels, of the size that was found."""
     out = dict(channels)
     for s in found.noise_scales:
-        for name in [c for c in out if s.channel in (c, c.rpartition("_")[0])]:
+        for name in [c for c in out if acts_on(s.channel, c)]:
             terms = tuple(Term(scaled(t.effect, s.times)) for t in out[name].terms)
             out[name] = replace(out[name], terms=terms, covariance=None)
     return out

@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit, to_si
 
@@ -197,9 +198,7 @@ class Log:
         where : str
             ``gyro_x``, or ``gyro``.
         """
-        if where in self.channels:
-            return self.channels[where].unit
-        return next((c.unit for n, c in self.channels.items() if n.startswith(f"{where}_")), "")
+        return next((c.unit for n, c in self.channels.items() if acts_on(where, n)), "")
 
     def uniform_dt(self) -> float:
         """The sampling period [s] of an evenly sampled log.

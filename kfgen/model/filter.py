@@ -22,6 +22,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.effects.filter_role import Use
@@ -31,7 +32,7 @@ from kfgen.model.filter_checks import check_channels, check_needs, content_hash,
 from kfgen.model.filter_effects import FilterEffects
 from kfgen.model.filter_file import HEADING, FilterFile, Initial
 from kfgen.model.noise_driven import closed_under_noise, densities
-from kfgen.model.parts.attached_error import AttachedError, acts_on
+from kfgen.model.parts.attached_error import AttachedError
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.motion import MotionModel
 from kfgen.model.parts.reading import reading, undone
@@ -127,11 +128,6 @@ class FilterModel:
     def channels_of(self, where: str) -> tuple[str, ...]:
         """The channels of a place: of a sensor all of its own."""
         return tuple(c for c in self.channel_units if acts_on(where, c))
-
-    @cached_property
-    def input_channels(self) -> tuple[str, ...]:
-        """The channels that drive the motion."""
-        return tuple(c for i in self.motion.inputs for c in i.channels)
 
     @cached_property
     def _effects(self) -> FilterEffects:

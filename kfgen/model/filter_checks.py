@@ -72,7 +72,9 @@ def content_hash(model: FilterModel) -> str:
     parts += [f"{c} {f} {v}" for c, (f, v) in changes.items() if (f, v) != (1, 0)]
     parts += [f"{r.name} {sp.srepr(r.after)}" for r in model.registers]
     parts += [repr(line) for line in model.motion.late]
-    parts += [f"{s.play.channel} {sp.srepr(sp.sympify(s.play.width))}" for s in model.sensors if s.play]
+    parts += [
+        f"{s.play.channel} {sp.srepr(sp.sympify(s.play.width, strict=True))}" for s in model.sensors if s.play
+    ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

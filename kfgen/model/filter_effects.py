@@ -14,6 +14,7 @@ from functools import cached_property
 
 import sympy as sp
 
+from kfgen.core.channel_names import AXES, acts_on
 from kfgen.effects import Effect
 from kfgen.effects.filter_role import (
     AntennaOffset,
@@ -30,9 +31,9 @@ from kfgen.effects.filter_role import (
     SharedNoise,
     Use,
 )
-from kfgen.effects.inertial.inertial_error import AXES, free
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.model.attach import Attachment, Omission
-from kfgen.model.parts.attached_error import AttachedError, acts_on, attached, error_blocks, merged
+from kfgen.model.parts.attached_error import AttachedError, attached, error_blocks, merged
 from kfgen.model.parts.motion import MotionModel
 from kfgen.model.parts.sensor import Sensor
 from kfgen.model.symbols.blocks import Block

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects import Effect, make
@@ -16,7 +17,6 @@ from kfgen.model.attach import Omission
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import HEADING, FilterFile, is_filter_file, read_filter
 from kfgen.model.option import NOTHING, Choice, Names, Option, YesNo, read_options
-from kfgen.model.parts.attached_error import acts_on
 from kfgen.model.parts.earth_fixed import FRAMES
 from kfgen.model.parts.hemerly import hemerly
 from kfgen.model.parts.motion import GYRO, AtRestMotion, MotionModel, Rotating

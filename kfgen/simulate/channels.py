@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
@@ -23,19 +24,16 @@ Array = NDArray[np.float64]
 ARM, SHARED, WHITE = "lever_arm", "cross_axis_noise", "white_noise"
 
 
-def sensor_effects(noise: Mapping[str, Sequence[Effect]], part: Part) -> tuple[Effect, ...]:
-    """Effects of a whole sensor: of its name, or of what the names of its channels begin with (``gnss``)."""
-    stems = {part.name}
-    for c in part.channels:
-        pieces = c.split("_")
-        stems |= {"_".join(pieces[:k]) for k in range(1, len(pieces))}
-    return tuple(e for name, effects in noise.items() if name in stems - set(part.channels) for e in effects)
+def channel_effects(placed: Mapping[str, Sequence[Effect]], part: Part) -> list[tuple[Effect, ...]]:
+    """The effects of each channel of a part, its own and those of its sensor.
 
-
-def channel_effects(noise: Mapping[str, Sequence[Effect]], part: Part) -> list[tuple[Effect, ...]]:
-    """The effects of each channel of a sensor, those of the whole sensor with them."""
-    whole = sensor_effects(noise, part)
-    return [(*noise.get(c, ()), *whole) for c in part.channels]
+    Parameters
+    ----------
+    placed : mapping of str to sequence of Effect
+        By channel or sensor.
+    part : Input or Sensor
+    """
+    return [tuple(e for where, es in placed.items() if acts_on(where, c) for e in es) for c in part.channels]
 
 
 def shown(scene: TrueScene, part: Part, rng: np.random.Generator) -> dict[str, Array]:

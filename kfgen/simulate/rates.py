@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.sensors import Sensor
@@ -58,7 +59,7 @@ def at_every_sample(discrete: DiscreteModel) -> dict[str, float]:
 
 
 def _is_meant(sensor: Sensor, name: str) -> bool:
-    return name == sensor.name or any(c == name or c.startswith(f"{name}_") for c in sensor.channels)
+    return name == sensor.name or any(acts_on(name, c) for c in sensor.channels)
 
 
 def rows_of(n: int, log_rate: float, rate: float) -> NDArray[np.intp]:

@@ -14,10 +14,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES
 from kfgen.effects.effect import parameter
 from kfgen.effects.filter_role import AntennaOffset, FilterPlace, FilterRole, NotModelled
 from kfgen.effects.inertial.felt import Felt, Signals
-from kfgen.effects.inertial.inertial_error import AXES, InertialError, arm_rate, row_of
+from kfgen.effects.inertial.inertial_error import InertialError, arm_rate, row_of
 
 Array = NDArray[np.float64]
 

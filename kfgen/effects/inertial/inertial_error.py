@@ -14,13 +14,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES
 from kfgen.effects.effect import AddsNothingAtRest, Effect, Parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, ReadingError
 from kfgen.effects.inertial.felt import Felt, Signals
 
 Array = NDArray[np.float64]
-
-AXES = "xyz"
 
 
 @dataclass(frozen=True)

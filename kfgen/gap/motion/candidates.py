@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES, acts_on
 from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven.proportional import DriverProportional
@@ -25,7 +26,7 @@ from kfgen.effects.inertial.errors import (
     VibrationRectification,
     products,
 )
-from kfgen.effects.inertial.inertial_error import AXES, free
+from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.gap.core.scene import Placed
@@ -127,8 +128,7 @@ def _there(new: Placed, placed: Sequence[Placed]) -> bool:
     """Whether an effect is placed already: of its class, at its place or that of its triad, with its entries."""
     names = {p.name for p in free(new.effect)}
     for old in placed:
-        meets = old.where == new.where or old.where == new.where.rpartition("_")[0]
-        if type(old.effect) is type(new.effect) and meets:
+        if type(old.effect) is type(new.effect) and acts_on(old.where, new.where):
             searched = isinstance(new.effect, HardIron | MagneticDisturbance) and new.effect.duration > 0.0
             if searched:
                 continue  # another span is another event

@@ -20,11 +20,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES
 from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect, make
 from kfgen.effects.inertial.errors import Misalignment, ScaleFactor
 from kfgen.effects.inertial.felt import Signals
-from kfgen.effects.inertial.inertial_error import AXES, InertialError, free
+from kfgen.effects.inertial.inertial_error import InertialError, free
 from kfgen.effects.inertial.magnetic import HardIron, SoftIron
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown

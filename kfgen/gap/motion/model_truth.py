@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES
 from kfgen.core.units import parse_unit
 from kfgen.effects import make
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.inertial.felt import Signals
-from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.scene import Placed

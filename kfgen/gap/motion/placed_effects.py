@@ -2,19 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
 
+Array = NDArray[np.float64]
+
+NOTICED_SHARE = 0.05
+MIN_MOTION_SIGMAS = 3.0
+"""Standard deviations by which that share of a motion must stand above the noise for it to count as motion."""
+
 
 def needs_of(effects: Sequence[Effect]) -> tuple[str, ...]:
     """The drivers that effects need."""
     return tuple(sorted({n for e in effects if isinstance(e, InertialError) for n in e.needs}))
+
+
+def with_errors(felt: Signals, axis: int, effects: Sequence[Effect], drive: Mapping[str, Array]) -> Array:
+    """What one axis reads of what its triad felt, late already [U], shape (n,).
+
+    Parameters
+    ----------
+    felt : Signals
+    axis : int
+        0, 1 or 2.
+    effects : sequence of Effect
+        On that channel; what is random in them is not in it.
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers [SI].
+    """
+    y = felt.y[:, axis].copy()
+    for effect in effects:
+        if isinstance(effect, InertialError):
+            y += 0.0 if isinstance(effect, Lag) else effect.output(felt, axis)
+        elif effect.coefficients():
+            y += effect.mean(felt.t - felt.t[0], drive)
+    return y
+
+
+def is_motion(norm: float) -> bool:
+    """Whether 5 % of a motion would be noticed.
+
+    Parameters
+    ----------
+    norm : float
+        Of the motion over its noise, all samples together.
+    """
+    return bool(NOTICED_SHARE * norm > MIN_MOTION_SIGMAS)
 
 
 def edges_of(effects: Sequence[Effect]) -> list[tuple[float, float]]:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES
 from kfgen.core.errors import InputError
 from kfgen.effects.faults.reference import HeldReference, StuckReference
-from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.series import noise_of
 from kfgen.gap.core.scene import Placed
 from kfgen.log.log import Log

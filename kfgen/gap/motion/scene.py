@@ -16,6 +16,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import axis_faults
@@ -31,7 +32,7 @@ from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.candidates import MotionCandidates, offers
 from kfgen.gap.motion.compared_channel import Compared, compared_of, sound_samples
 from kfgen.gap.motion.likeness import MAX_UNEXPLAINED_SHARE, Likeness, combination, likeness
-from kfgen.gap.motion.placed_effects import delayed, edges_of, needs_of
+from kfgen.gap.motion.placed_effects import delayed, edges_of, is_motion, needs_of, with_errors
 from kfgen.gap.motion.reference import heard, references
 from kfgen.gap.motion.rounded_reference import rounded
 from kfgen.gap.motion.truth import Truth, held, truth_of
@@ -46,8 +47,6 @@ BESIDE = 32
 """Samples on either side of a stretch that is not compared to which its noise is joined."""
 RECENT = 4
 """Results of a channel that are kept: those of the point about which a fit or a screen moves, and of some beside."""
-NOTICED = 3.0
-"""Deviations by which 5 % of a reference's motion must stand above the noise for it to count as motion."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +208,7 @@ class MotionScene:
                 lambda: delayed(self.truth.signals(c.sensor, m_n), here),
             )
         )
-        left = c.y - self._shown(c, felt, here) - bias
+        left = c.y - with_errors(felt, c.axis, here, self.drive) - bias
         known = self.good & c.there & ~unheard(self.truth.t, here)
         left = self._believed_where(c, left[c.at], known[c.at])
         return self._believed_within(c, left, edges_of(here))
@@ -257,17 +256,7 @@ class MotionScene:
     @staticmethod
     def _acting(c: Compared, placed: Sequence[Placed]) -> list[Effect]:
         """The effects on a channel."""
-        return [p.effect for p in placed if p.where == c.name or c.name.startswith(f"{p.where}_")]
-
-    def _shown(self, c: Compared, felt: Signals, here: Sequence[Effect]) -> Array:
-        """What a channel should read of what its triad felt, late already [SI], shape (n,)."""
-        y = felt.y[:, c.axis].copy()
-        for effect in here:
-            if isinstance(effect, InertialError):
-                y += 0.0 if isinstance(effect, Lag) else effect.output(felt, c.axis)
-            elif effect.coefficients():
-                y += effect.mean(self.truth.t - self.truth.t[0], self.drive)
-        return y
+        return [p.effect for p in placed if acts_on(p.where, c.name)]
 
     def moving(self, c: Compared) -> bool:
         """Whether 5 % of what a channel should have read would be noticed."""
@@ -275,7 +264,7 @@ class MotionScene:
         u = self.truth.signals(c.sensor, field).y[:, c.axis]
         white = self.whiteners[self.compared.index(c)]
         z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0)[c.at])[1 : c.keep]
-        return bool(0.05 * np.linalg.norm(z) > NOTICED)
+        return is_motion(float(np.linalg.norm(z)))
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""
@@ -293,7 +282,7 @@ class MotionScene:
                 felt = self.truth.signals("mag", np.zeros(3))
                 alone = felt.y[:, c.axis]
                 here = self._acting(c, (*self.own, *placed))
-                extra[:, c.axis] = self._shown(c, delayed(felt, here), here) - alone
+                extra[:, c.axis] = with_errors(delayed(felt, here), c.axis, here, self.drive) - alone
                 y[:, c.axis] = c.y - (alone if "mag" in self.truth.read else 0.0)
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))

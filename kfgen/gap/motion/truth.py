@@ -18,10 +18,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES, sensor_and_axis
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects.inertial.felt import Signals
-from kfgen.effects.inertial.inertial_error import AXES
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.series import noise_of_differences
 from kfgen.gap.motion.reference import long_holes
@@ -108,7 +108,7 @@ class Truth:
 
     def place(self, name: str) -> tuple[str, int]:
         """The sensor and the axis of a channel."""
-        return self.places[name] if name in self.places else place(name)
+        return self.places[name] if name in self.places else sensor_and_axis(name)
 
     @property
     def dt(self) -> float:
@@ -142,7 +142,7 @@ def truth_of(log: Log, bandwidth: Mapping[str, float] | None = None) -> Truth | 
     found: dict[str, tuple[int, ...]] = {}
     for name in log.channels:
         if name.startswith("ref_") and not name.startswith("ref_q_"):
-            sensor, axis = place(name.removeprefix("ref_"))
+            sensor, axis = sensor_and_axis(name.removeprefix("ref_"))
             found[sensor] = (*found.get(sensor, ()), axis)
     attitude = all(f"ref_q_{c}" in log.channels for c in "wxyz")
     if not found and not attitude:
@@ -170,12 +170,6 @@ def held(log: Log) -> tuple[int, int]:
             f"its references have no numbers: {empty}", where=log.source, remedy="Leave them out"
         )
     return int(at[0]), int(at[-1]) + 1
-
-
-def place(name: str) -> tuple[str, int]:
-    """The sensor and the axis of a channel: ``gyro_y`` is axis 1 of ``gyro``; one without axes is axis 0."""
-    sensor, _, axis = name.rpartition("_")
-    return (sensor, AXES.index(axis)) if sensor and axis in AXES else (name, 0)
 
 
 def _axes(log: Log, sensor: str) -> tuple[int, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import sensor_and_axis
 from kfgen.core.expression import symbol
 from kfgen.core.units import parse_unit
 from kfgen.effects import catalogue
@@ -25,7 +26,6 @@ from kfgen.effects.plant.terms import (
     StateTerm,
 )
 from kfgen.gap.core.scene import Placed
-from kfgen.gap.motion.truth import place
 from kfgen.gap.plant.sensor_errors import SENSORS
 from kfgen.model.plant.user import UserModel
 
@@ -79,7 +79,7 @@ def additions(
     for name, u in inputs.items():
         found += [[(name, e) for e in starts] for starts in _changes(name, u, late)]
     for name, (size, noise) in seen.items():
-        if place(name)[0] not in SENSORS:  # where sensors move it is their bandwidth
+        if sensor_and_axis(name)[0] not in SENSORS:  # where sensors move it is their bandwidth
             found.append([(name, SensorLag(t)) for t in late])
         found.append([(name, Backlash(width)) for width in _plays(size, noise)])
     found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]

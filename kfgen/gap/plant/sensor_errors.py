@@ -13,24 +13,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import AXES, acts_on, sensor_and_axis
 from kfgen.effects import Effect
 from kfgen.effects.inertial.felt import Signals
-from kfgen.effects.inertial.inertial_error import AXES, InertialError
 from kfgen.effects.inertial.lag import unheard
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.motion.candidates import MotionCandidates, offers
-from kfgen.gap.motion.placed_effects import delayed
-from kfgen.gap.motion.truth import Truth, place
+from kfgen.gap.motion.placed_effects import delayed, is_motion, with_errors
+from kfgen.gap.motion.truth import Truth
 from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
 SENSORS = ("gyro", "accel", "mag")
-MIN_MOTION_SIGMAS = 3.0
-"""Standard deviations by which 5 % of what a channel shows must stand above its noise for it to count as motion."""
 
 
 def is_sensor_error(effect: Effect) -> bool:
@@ -66,7 +64,7 @@ class SensorErrors:
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """The measurements of gyros, accelerometers and magnetometers."""
-        return tuple(n for n in self.noise if place(n)[0] in SENSORS)
+        return tuple(n for n in self.noise if sensor_and_axis(n)[0] in SENSORS)
 
     def added(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> Mapping[str, Array]:
         """What the channels show with the errors at points, each of shape (n, points).
@@ -83,21 +81,16 @@ class SensorErrors:
         out = {n: np.array(v) for n, v in shown.items()}
         for j, placed in enumerate(errors):
             for name in out if placed else ():
-                here = [p.effect for p in placed if name == p.where or name.startswith(f"{p.where}_")]
+                here = [p.effect for p in placed if acts_on(p.where, name)]
                 if here:
                     out[name][:, j] = self._read(name, {n: v[:, j] for n, v in shown.items()}, here)
         return out
 
     def _read(self, name: str, shown: Mapping[str, Array], effects: Sequence[Effect]) -> Array:
         """What one channel reads, shape (n,); where its lag reaches before the record, what was measured."""
-        sensor, axis = place(name)
+        sensor, axis = sensor_and_axis(name)
         felt = delayed(self._signals(sensor, shown), effects)
-        y = felt.y[:, axis].copy()
-        for e in effects:
-            if isinstance(e, InertialError):
-                y += 0.0 if hasattr(e, "passed") else e.output(felt, axis)
-            elif e.coefficients():
-                y += e.mean(felt.t, self._drive)
+        y = with_errors(felt, axis, effects, self._drive)
         unknown = unheard(felt.t, effects)
         return np.where(unknown, self._measured(name), y) if unknown.any() else y
 
@@ -148,22 +141,22 @@ class SensorErrors:
             return []
         moves = {n: self._moves(n, shown[n]) for n in self.channels}
         moved, still = (
-            tuple((n, *place(n)) for n in self.channels if moves[n] is is_) for is_ in (True, False)
+            tuple((n, *sensor_and_axis(n)) for n in self.channels if moves[n] is is_) for is_ in (True, False)
         )
-        sensors = dict.fromkeys(place(n)[0] for n in self.channels)
+        sensors = dict.fromkeys(sensor_and_axis(n)[0] for n in self.channels)
         found = {s: self._triad(s, shown) for s in sensors}
         felt = self._signals(next(iter(sensors)), shown)
         truth = Truth(
             felt.t, {s: y for s, (y, _) in found.items()}, {s: axes for s, (_, axes) in found.items()},
             np.ones(self.log.n, dtype=bool), omega_b=felt.omega_b, f_b=felt.f_b, power=felt.power, warmth=felt.warmth,
         )  # fmt: skip
-        spread = max((self.noise[n] for n in self.channels if place(n)[0] == "mag"), default=0.0)
+        spread = max((self.noise[n] for n in self.channels if sensor_and_axis(n)[0] == "mag"), default=0.0)
         mag = np.zeros((self.log.n, 3))
-        for n in (n for n in self.channels if place(n)[0] == "mag"):
-            mag[:, place(n)[1]] = np.nan_to_num(self.log.channels[n].values) - shown[n]
+        for n in (n for n in self.channels if sensor_and_axis(n)[0] == "mag"):
+            mag[:, sensor_and_axis(n)[1]] = np.nan_to_num(self.log.channels[n].values) - shown[n]
         bench = MotionCandidates(truth, moved, still, truth.good, mag, spread, None, self._drive)
         return offers(bench, [*self.own, *placed])
 
     def _moves(self, name: str, shown: Array) -> bool:
         power = float(np.sum((shown - shown.mean()) ** 2))
-        return bool(0.05 * np.sqrt(power) > MIN_MOTION_SIGMAS * self.noise[name])
+        return is_motion(float(np.sqrt(power)) / self.noise[name])

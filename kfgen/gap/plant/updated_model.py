@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import Term
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
@@ -34,7 +35,7 @@ def updated_model(
     for p in placed:
         effect = p.effect
         if not isinstance(effect, PlantEffect):
-            for name in [n for n in measurements if n == p.where or n.startswith(f"{p.where}_")]:
+            for name in [n for n in measurements if acts_on(p.where, n)]:
                 measurements[name] = _with(measurements[name], effect)
         elif isinstance(effect, ParameterError) and p.where in states:
             start = states[p.where]

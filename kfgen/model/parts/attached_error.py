@@ -14,6 +14,7 @@ from typing import Any
 
 import sympy as sp
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.units import derived_unit, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.filter_role import FilterRole, ReadingError, Use
@@ -118,19 +119,6 @@ class AttachedError:
             Constant(p.name, p.unit, p.value, f"{p.title}{', ' if p.axis else ''}{p.axis}")
             for p in self.parameters
         )
-
-
-def acts_on(where: str, channel: str) -> bool:
-    """Whether a place, a channel or a sensor by the beginning of its channels' names, holds a channel.
-
-    Parameters
-    ----------
-    where : str
-        ``mag`` holds ``mag_x``; ``gnss`` holds ``gnss_p_N`` and ``gnss_v_N``.
-    channel : str
-        Name of a channel.
-    """
-    return channel == where or channel.startswith(f"{where}_")
 
 
 def attached(

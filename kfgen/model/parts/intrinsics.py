@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from kfgen.core.channel_names import AXES
 from kfgen.effects import make
 from kfgen.model.option import Choice, Option, Quantity, YesNo
 from kfgen.model.parts.attached_error import AttachedError, attached, unknown_state
 
 NONE, TRIANGULAR, DIAGONAL, FULL = "none", "triangular", "diagonal", "full"
-AXES = "xyz"
 SIDE = tuple(f"{a}{b}" for a in AXES for b in AXES if a != b)
 """Entries beside the diagonal: output axis, input axis."""
 ABOVE = ("xy", "xz", "yz")

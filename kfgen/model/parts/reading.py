@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
+from kfgen.core.channel_names import sensor_and_axis
 from kfgen.effects.filter_role import AntennaOffset, ReadingError, ReadingLag
 from kfgen.effects.inertial.felt import Felt
-from kfgen.effects.inertial.inertial_error import AXES, arm_rate
+from kfgen.effects.inertial.inertial_error import arm_rate
 from kfgen.model.parts.attached_error import AttachedError
 from kfgen.model.parts.motion import MotionModel
 from kfgen.model.parts.sensor import Sensor
@@ -121,9 +122,7 @@ def axes_of(channels: Sequence[str]) -> tuple[int, ...]:
     ----------
     channels : sequence of str
     """
-    if len(channels) == 1 and "_" in channels[0] and channels[0][-1] in AXES:
-        return (AXES.index(channels[0][-1]),)
-    return tuple(range(len(channels)))
+    return (sensor_and_axis(channels[0])[1],) if len(channels) == 1 else tuple(range(len(channels)))
 
 
 def _wrong(channels: Sequence[str], errors: Sequence[AttachedError], felt: Felt) -> sp.Matrix:
