@@ -117,7 +117,7 @@ def test_a_log_of_a_model_itself_shows_no_gap(name: str) -> None:
 
 @pytest.mark.parametrize(("strong", "where"), TESTED, ids=label)
 def test_the_filter_that_has_an_effect_is_consistent_on_a_log_of_it(strong: Strong, where: str) -> None:
-    """Mean NIS of 3 components over 600 updates or more: 2.4 to 3.6 holds more than 99.9 %; a start adds to it."""
+    """Mean NIS of 3 components over 150 updates or more: 2.34 to 3.66 holds 99.9 %; what a start adds has room above."""
     for name in ("ins15",) if (strong.name, where) in NEEDS_POSITION else ("ahrs6",):
         model = build(name, None, {"left_out": "false"} if name == "ahrs6" else {})
         shaken = strong.name == SHAKEN and name == "ahrs6"  # vibration is not in an attitude filter at all
@@ -128,4 +128,4 @@ def test_the_filter_that_has_an_effect_is_consistent_on_a_log_of_it(strong: Stro
             continue
         nis = run(changed, log_with(changed, strong)).to_dict()["sensors"]
         for sensor, values in nis.items():
-            assert 2.2 < values["mean_nis"] < 4.2, (name, sensor)
+            assert 2.3 < values["mean_nis"] < 4.2, (name, sensor)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import Result
 
 import kfgen
 import kfgen as kf
@@ -155,3 +158,34 @@ def test_a_filter_file_that_cannot_be_used_is_refused_in_words(tmp_path: Path, l
     with pytest.raises(InputError, match=what) as refused:
         kf.build(path)
     assert refused.value.remedy
+
+
+def test_every_command_on_a_filter_says_what_is_not_in_it(
+    tmp_path: Path, kfgen: Callable[..., Result]
+) -> None:
+    """A late gyro cannot be corrected by a filter that it drives."""
+    late = IMPROVED.replace("scale_factor", "time_delay").replace('coefficient = "2.00 %"', 'delay = "5 ms"')
+    late = re.sub(", coefficient_ci95.*AS", "", late)
+    noise, log = str(written(tmp_path, late, "late.toml")), str(tmp_path / "log.npz")
+    said = "time_delay of gyro_x is not in the filter"
+    for command in (
+        ["simulate", "ahrs6", "--manoeuvre", "generic", "--duration", "5", "-o", log],
+        ["run", "ahrs6", log],
+        ["derive", "ahrs6"],
+        ["audit", "ahrs6"],
+        ["emit", "ahrs6", "--target", "c", "-o", str(tmp_path / "code")],
+    ):
+        done = kfgen(*command, "--noise", noise)
+        assert done.exit_code == 0, done.output
+        assert said in done.stderr, command[0]
+
+
+def test_a_state_is_simulated_with_a_value_from_its_prior(tmp_path: Path) -> None:
+    """Known: the value of the file. A state: another one each time, which the log says."""
+    state = written(tmp_path, IMPROVED.replace("AS", ', as = "state"'), "state.toml")
+    model = kf.build("ahrs6", state)
+    drawn = [
+        kf.simulate(model, "generic", duration=1.0, rate=50.0, seed=k).values("ref_sg_x")[0] for k in range(8)
+    ]
+    assert len(set(drawn)) == 8
+    assert np.allclose(drawn, 0.02, atol=4.5 * 0.0002 / 1.96)
