@@ -1,1 +1,1 @@
-"""The gap: where a believed model and a record disagree, what is missing, and the mended model."""
+"""The gap: where an assumed model and a record disagree, what is missing, and the updated model."""

@@ -53,7 +53,6 @@ def omitted(model: FilterModel, indent: int) -> tuple[str, ...]:
     Parameters
     ----------
     model : FilterModel
-        Its ``omitted``, where it has that: a tuple (where, effect, why, instead) for each effect.
     indent : int
         Columns that the caller puts before each line.
 
@@ -63,7 +62,7 @@ def omitted(model: FilterModel, indent: int) -> tuple[str, ...]:
         An effect begins at the left, what continues it does not.
     """
     lines: list[str] = []
-    for where, effect, why, instead in getattr(model, "omitted", ()):
+    for where, effect, why, instead in model.omitted:
         text = f"{where} {effect}: {why.rstrip('.')}." + (
             f" Instead: {instead.rstrip('.')}." if instead else ""
         )

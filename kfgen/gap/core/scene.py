@@ -170,7 +170,7 @@ class HasInputs(Protocol):
 
 @runtime_checkable
 class Telling(Protocol):
-    """A world in which faults were left out or mended, with which a fit means something."""
+    """A world in which faults were left out or corrected, with which a fit means something."""
 
     @property
     def said(self) -> tuple[Placed, ...]:

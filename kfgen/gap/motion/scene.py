@@ -64,7 +64,7 @@ class MotionScene:
     own : tuple of Placed
         What is believed of the channels beside their noise.
     said : tuple of Placed
-        Faults of the samples and the references that were left out, or mended.
+        Faults of the samples and the references that were left out, or corrected.
     spoilt : tuple of Placed
         Faults with which a fit would mean nothing.
     """
@@ -333,9 +333,9 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
         return None
     log = log.cut(*held(log))
     log.uniform_dt()
-    mended = heard(log)
-    log = mended.log.cut(*held(mended.log))
-    truth = truth_of(log, mended.bandwidth)
+    checked = heard(log)
+    log = checked.log.cut(*held(checked.log))
+    truth = truth_of(log, checked.bandwidth)
     if truth is None:
         return None
     compared = tuple(c for name in noise.channels if (c := compared_of(log, noise, truth, name)) is not None)
@@ -352,12 +352,12 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     )
     sound = [sound_samples(c, truth) for c in compared]
     compared = tuple(c for c, _, _ in sound)
-    said = (*mended.said, *(p for _, ps, _ in sound for p in ps))
+    said = (*checked.said, *(p for _, ps, _ in sound for p in ps))
     spoilt = (*(p for _, _, ps in sound for p in ps), *rounded(log, compared))
     scene = MotionScene(truth, compared, good, drive, own, said, spoilt)
     if not any(scene.moving(c) for c in compared):
         return None
-    return replace(scene, spoilt=spoilt or _unlike(scene, log, mended.bandwidth))
+    return replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth))
 
 
 def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:

@@ -42,7 +42,7 @@ MIN_ASTRAY_SHARE = 0.6
 MAX_FOLLOWED_SHARE = 0.3
 """Share that is left where it does."""
 MAX_TIE_RATIO = 1.5
-"""Times what the best mended column leaves within which another one explains the record as well."""
+"""Times what the best corrected column leaves within which another one explains the record as well."""
 NEGLIGIBLE_SHARE = 0.02
 """Share that is as good as nothing."""
 MAX_NOISE_VARIANCES = 2.0
