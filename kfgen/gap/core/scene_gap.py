@@ -36,6 +36,8 @@ UnitOf = Callable[[Placed], str]
 
 MIN_TESTED_ORDINATES = 64
 """Of a channel, below which nothing is tested."""
+MIN_BAND_FREEDOM = 0.5
+"""Degrees of freedom that the fit leaves to a band, below which its power is not tested."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +228,7 @@ def tests_of(scene: Scene, fit: SceneFit) -> list[Test]:
         dt = (t1 - t0) / X.size
         # What was fitted takes power away: it is given back before powers are looked at in time.
         whole = X / np.sqrt(np.clip(left, 0.05, 1.0))
-        found = [*_band_tests(X, np.clip(left, 1e-3, 1.0), dt), *white_tests(Whitener.back(whole), dt, whole)]
+        found = [*_band_tests(X, np.clip(left, 0.0, 1.0), dt), *white_tests(Whitener.back(whole), dt, whole)]
         named += [replace(t, channel=channel) for t in found]
     return holm(named)
 
@@ -237,6 +239,8 @@ def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
     out = []
     for lo, hi in zip(edges[:-1].tolist(), edges[1:].tolist()):
         total, m = float(X[lo:hi] @ X[lo:hi]), float(left[lo:hi].sum())
+        if m < MIN_BAND_FREEDOM:
+            continue  # a fitted constant leaves nothing of the lowest ordinate: its power is no evidence
         band = (0.5 * lo / (n * dt), 0.5 * hi / (n * dt))
         out.append(Test("power", chance_of(total, m), band, total / m))
     return out
