@@ -20,6 +20,7 @@ from kfgen.gap.core.noise_scale import scaled
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
+from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing
@@ -85,7 +86,7 @@ def find_gap(
         _refuse(others, name)
         return _plant(assumed, data[0])
     if isinstance(assumed, FilterModel):
-        flown = _flown(name, assumed, data[0], wanted)
+        flown = _beside_references(name, assumed, data[0], wanted) or _in_flight(name, assumed, data[0])
         if flown is not None:
             _refuse(others, data[0].source)
             return flown
@@ -187,7 +188,23 @@ def _plant(assumed: UserModel, log: Log) -> GapResult:
     return _of_scene(log, found, assumed, replace(after, measurements=measurements))
 
 
-def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None) -> GapResult | None:
+def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
+    """Of a filter by its innovations, without a reference; None where the log has no aiding sensor of the filter."""
+    found = flight_scene(log, model)
+    if found is None:
+        return None
+    _, warnings = _common(
+        name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
+    )
+    gap = scene_gap(found, units_of(log))
+    written = _as_given(model, _noise(model, log))
+    updated = filter_file(model, _with_findings(written, gap, model.channel_units))
+    return _of_scene(log, gap, filter_file(model, written), updated, warnings)
+
+
+def _beside_references(
+    name: str, model: FilterModel, log: Log, names: Sequence[str] | None
+) -> GapResult | None:
     """Of the sensors of a filter along a motion that references say; None where they do not."""
     found = filter_scene(log, model, names)
     if found is None:
@@ -198,7 +215,7 @@ def _flown(name: str, model: FilterModel, log: Log, names: Sequence[str] | None)
     )
     gap = scene_gap(scene, units_of(log))
     written = _as_given(model, noise)
-    updated = filter_file(model, _with_findings(written, gap, by_sensor=True))
+    updated = filter_file(model, _with_findings(written, gap, model.channel_units))
     return _of_scene(log, gap, filter_file(model, written), updated, warnings)
 
 
@@ -242,21 +259,24 @@ def units_of(log: Log) -> UnitOf:
     return lambda placed: log.unit_at(placed.where)
 
 
-def _with_findings(assumed: NoiseModel, found: SceneGap, *, by_sensor: bool = False) -> NoiseModel:
+def _with_findings(
+    assumed: NoiseModel, found: SceneGap, sensor_units: Mapping[str, str] | None = None
+) -> NoiseModel:
     """Every finding but a fault of the rig as a term of the channels where it acts.
 
     Parameters
     ----------
     assumed : NoiseModel
     found : SceneGap
-    by_sensor : bool
-        Once where it was found, as a filter's file has effects of a whole sensor, instead of once a channel.
+    sensor_units : mapping of str to str, optional
+        Units of all channels of a filter, whose file has an effect of a whole sensor once and not once a channel.
     """
     channels = _rescaled(assumed.channels, found)
+    units = sensor_units or {c: n.unit for c, n in channels.items()}
     for f in [f for f in found.findings if not isinstance(f.effect, Fault)]:
-        held = [c for c in channels if acts_on(f.where, c)]
-        for name in [f.where] if by_sensor else held:
-            old = channels.get(name, ChannelNoise(channels[held[0]].unit, ()))
+        held = [c for c in units if acts_on(f.where, c)]
+        for name in [f.where] if sensor_units else held:
+            old = channels.get(name, ChannelNoise(units[held[0]], ()))
             channels[name] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
     return replace(assumed, channels=channels)
 

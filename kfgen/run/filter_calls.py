@@ -109,7 +109,7 @@ class FilterCalls:
         """What acts from each sample to the next."""
         motion = self.program.discrete.model.motion
         triads = {argument(i.name) for i in motion.inputs}
-        return {n: _over_steps(v, self.samples) if n in triads else v for n, v in self.inputs.items()}
+        return {n: over_steps(v, self.samples) if n in triads else v for n, v in self.inputs.items()}
 
     @cached_property
     def _samples(self) -> dict[str, Array]:
@@ -221,7 +221,7 @@ def _driver(log: Log, name: str) -> Array:
     return np.asarray(log.values(name))
 
 
-def _over_steps(values: Array, samples: str) -> Array:
+def over_steps(values: Array, samples: str) -> Array:
     """What acts from each sample to the next, by what a sample stands for."""
     later = np.concatenate([values[1:], values[-1:]])
     own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]

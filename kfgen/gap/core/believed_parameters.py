@@ -40,7 +40,8 @@ class Answered:
 def answered(scene: Scene) -> Answered:
     """Explain a scene, the numbers in question as they are written."""
     if not isinstance(scene, Trusting):
-        return Answered(scene, scene, explained(scene))
+        plain = explained(scene)
+        return Answered(plain.scene, scene, plain)
     here: Scene = scene
     # A start far from where it should be is mostly a sign of something else, and takes up little of it.
     starts = {u.own for u in scene.unknowns if u.once}
@@ -65,7 +66,7 @@ def answered(scene: Scene) -> Answered:
     free = scene.held(wrong & named)
     kept = [a for a in found.added if not (_is_error(a) and a.addition.placed.where in wrong - named)]
     fit = fitted(free, ScenePoint(tuple(a.addition.placed for a in kept), start_of(free).unknowns))
-    return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit))
+    return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit, free))
 
 
 def _is_error(added: Chosen[FittedAddition]) -> bool:

@@ -178,6 +178,14 @@ class Telling(Protocol):
 
 
 @runtime_checkable
+class Linearised(Protocol):
+    """A world whose residuals are linear about a point: it can be had about another one."""
+
+    def about(self, point: ScenePoint) -> Scene:
+        """The same world about a point."""
+
+
+@runtime_checkable
 class ReadingByReading(Protocol):
     """A world whose residuals are its readings one by one, where those of others are cosine transforms of them."""
 

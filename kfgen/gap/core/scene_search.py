@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange
-from kfgen.gap.core.newton import SceneFit, fitted, is_signed, keys_of
-from kfgen.gap.core.scene import Placed, Scene, ScenePoint
+from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed, keys_of
+from kfgen.gap.core.scene import Linearised, Placed, Scene, ScenePoint
 from kfgen.gap.core.scene_evidence import evidence, time_limits
 from kfgen.gap.core.screen import MIN_OWN_SHARE, Screened, basis, freed, new_columns, screen
 from kfgen.gap.core.search import Chosen, Contest, Distinguishability, Label, probabilities, searched
@@ -35,6 +35,10 @@ UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
 RESEMBLING_MIN_COS2 = 0.2
 """Share cos^2 of a direction from which on another addition might be what an effect is."""
+MAX_LINEARISATIONS = 5
+"""Of a world that is linear about a point."""
+CONVERGED_SIGMAS = 0.1
+"""Change of a fit, in its standard deviations, at which it is where its linearisation is."""
 DIVERGED_MAX_INFORMATION_SHARE = 1e-6
 """Share of the information on an unknown below which the simulation has diverged."""
 
@@ -102,7 +106,8 @@ class SceneExplanation:
             All that competed, itself among them.
         """
         chosen = (*self.chosen, _chosen(addition, ranked))
-        return SceneExplanation(self.scene, addition.fit, with_values(chosen, addition.fit))
+        scene, fit = relinearised(self.scene, addition.fit)
+        return SceneExplanation(scene, fit, with_values(chosen, fit))
 
     def merged(self, addition: FittedAddition) -> SceneExplanation | None:
         """Nothing: no two effects of a scene are a third."""
@@ -140,18 +145,39 @@ class SceneExplanation:
 
 @dataclass(frozen=True)
 class Explained:
-    """A scene explained: the fit of what is assumed, the additions, the fit with them."""
+    """A scene explained: the fit of what is assumed, the additions, the fit with them, and the scene about it."""
 
     assumed: SceneFit
     added: tuple[Chosen[FittedAddition], ...]
     fit: SceneFit
+    scene: Scene
 
 
 def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
     assumed = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
     found = searched(SceneExplanation(scene, assumed), LIMITS)
-    return Explained(assumed, found.chosen, found.fit)
+    return Explained(assumed, found.chosen, found.fit, found.scene)
+
+
+def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
+    """A world that is linear about a point, about its fit, until the fit moves by less than a tenth of its deviation.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    """
+    for _ in range(MAX_LINEARISATIONS):
+        if not isinstance(scene, Linearised):
+            break
+        scene = scene.about(fit.point)
+        before, fit = coordinates(fit.point), fitted(scene, fit.point)
+        deviations = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
+        if (np.abs(coordinates(fit.point) - before) < CONVERGED_SIGMAS * deviations).all():
+            break
+    return scene, fit
 
 
 def with_values(added: Sequence[Chosen[FittedAddition]], fit: SceneFit) -> tuple[Chosen[FittedAddition], ...]:

@@ -187,7 +187,8 @@ def _lags(bench: MotionCandidates, sensor: str) -> list[list[Placed]]:
 def _forces(bench: MotionCandidates) -> list[list[Placed]]:
     """Effects of an accelerometer as a whole."""
     found = []
-    if bench.truth.omega_b is not None and np.ptp(bench.truth.omega_b[bench.good]) > 0.0:
+    turns = bench.truth.omega_b is not None and np.ptp(bench.truth.omega_b[bench.good]) > 0.0
+    if turns and not bench.truth.antennas:  # beside an antenna the arm is the antenna's
         found.append([Placed(LeverArm(SMALL, SMALL, SMALL), "accel")])
     if bench.truth.R_bn is not None:
         found.append([Placed(GravityError(SMALL * STANDARD_GRAVITY), "accel")])

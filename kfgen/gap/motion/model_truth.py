@@ -84,7 +84,7 @@ def model_truth(log: Log, model: FilterModel) -> ModelTruth | None:
     return ModelTruth(_truth(log, scene, known), _noise(log, discrete, known), tuple(own))
 
 
-def _sensor(part: Part) -> str:
+def sensor_of(part: Part) -> str:
     """The beginning that the names of a part's channels share; of one channel its name."""
     if len(part.channels) == 1:
         return part.channels[0]
@@ -99,7 +99,7 @@ def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
     antennas: dict[str, tuple[int, Array]] = {}
     R_bn = np.swapaxes(as_matrix(scene.path.q[scene.path.places(scene.t)]), 1, 2)
     for part in parts:
-        y, sensor = scene.clean(part), _sensor(part)
+        y, sensor = scene.clean(part), sensor_of(part)
         felt.append(scene.signals(part, y))
         at = [AXES.index(c[-1]) if c[-1] in AXES and "_" in c else k for k, c in enumerate(part.channels)]
         read.setdefault(sensor, np.zeros((log.n, 3)))

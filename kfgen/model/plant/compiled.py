@@ -28,7 +28,7 @@ MIN = CODES["min"]
 FIRST_BINARY = len(UNARY)
 
 
-def _compiled(signature: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def compiled(signature: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """A decorator: the function as machine code, kept on disk where possible."""
 
     def make(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -41,7 +41,7 @@ def _compiled(signature: str) -> Callable[[Callable[..., Any]], Callable[..., An
     return make
 
 
-@_compiled("float64(int64, float64)")
+@compiled("float64(int64, float64)")
 def _one(code: int, a: float) -> float:
     if code == SIN:
         return math.sin(a)
@@ -68,7 +68,7 @@ def _one(code: int, a: float) -> float:
     return math.tanh(a)
 
 
-@_compiled("float64(int64, float64, float64)")
+@compiled("float64(int64, float64, float64)")
 def _two(code: int, a: float, b: float) -> float:
     if code == POW:
         return math.pow(a, b)
@@ -79,8 +79,8 @@ def _two(code: int, a: float, b: float) -> float:
     return max(a, b)
 
 
-@_compiled("void(int64[:,::1], int64, float64[:,::1])")
-def _run(operations: Any, first: int, r: Any) -> None:
+@compiled("void(int64[:,::1], int64, float64[:,::1])")
+def run_tape(operations: Any, first: int, r: Any) -> None:
     """All operations on all columns; rows are indexed where they lie, for a view of a row costs more than a sum."""
     columns = r.shape[1]
     for i in range(operations.shape[0]):
@@ -111,7 +111,7 @@ def _run(operations: Any, first: int, r: Any) -> None:
                 r[out, j] = _two(code, r[a, j], r[b, j])
 
 
-@_compiled(
+@compiled(
     "void(int64[:,::1], int64[::1], int64, float64[:,::1], float64[:,:,:,:,::1], float64[::1], int64,"
     " int64[::1], float64[:,:,::1], float64[:,:,::1])"
 )
@@ -175,7 +175,7 @@ def integrate(  # noqa: PLR0913, PLR0917
                     for i in range(k):
                         for j in range(batch):
                             r[i, j] = x[i, j] + ahead * slope[i, j]
-                _run(operations, first, r)
+                run_tape(operations, first, r)
                 weight = h / 6.0 if stage in (0, 3) else h / 3.0
                 for i in range(k):
                     for j in range(batch):

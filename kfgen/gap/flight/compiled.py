@@ -1,0 +1,350 @@
+"""The loops of a flight, compiled by numba (the extra ``kfgen[fast]``); import this file late.
+
+One forward pass is the filter about a path; one more carries any number of columns through its gains, by which effects
+are judged after the states have absorbed what they can [1]_, [2]_; one backward pass gives the smoothed path [3]_.
+
+References
+----------
+.. [1] B. Friedland, Treatment of bias in recursive filtering, IEEE Trans. Automatic Control 14(4), 1969.
+.. [2] A. S. Willsky and H. L. Jones, A generalized likelihood ratio approach to the detection and estimation of jumps in
+   linear systems, IEEE Trans. Automatic Control 21(1), 1976.
+.. [3] P. de Jong and J. Penzer, Diagnosing shocks in time series, J. Amer. Statist. Assoc. 93(442), 1998.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kfgen.model.plant.compiled import compiled, run_tape
+
+
+@compiled("void(float64[::1], int64[::1])")
+def _unit(x: Any, quaternions: Any) -> None:
+    for s in range(quaternions.size):
+        k = quaternions[s]
+        size = np.sqrt(x[k] ** 2 + x[k + 1] ** 2 + x[k + 2] ** 2 + x[k + 3] ** 2)
+        for i in range(4):
+            x[k + i] /= size
+
+
+@compiled("void(int64[:,::1], int64, float64[::1], float64[:,::1])")
+def _tape(operations: Any, first: int, constants: Any, r: Any) -> None:
+    """One evaluation: constants in their registers, which no operation writes."""
+    given = first - constants.size
+    for i in range(constants.size):
+        r[given + i, 0] = constants[i]
+    run_tape(operations, first, r)
+
+
+@compiled(
+    "void(int64[:,::1], int64, float64[::1], int64[::1], int64, int64[::1], int64[::1], int64[::1], int64[::1],"
+    " int64[:,::1], int64, float64[::1], int64[::1], int64[::1], int64[::1],"
+    " int64[:,::1], int64, float64[::1], int64[::1], int64[::1],"
+    " float64[:,::1], float64[::1], float64[:,::1], float64[::1],"
+    " int64[::1], int64[::1], float64[::1], float64[::1], float64, float64[:,::1])"
+)
+def fly(  # noqa: PLR0913, PLR0915, PLR0917
+    o1: Any, first1: int, c1: Any, out1: Any, stored: int, Pi: Any, Pj: Any, Qi: Any, Qj: Any,
+    o2: Any, first2: int, c2: Any, out2: Any, Hi: Any, Hj: Any,
+    o3: Any, first3: int, c3: Any, out3: Any, quaternions: Any,
+    known: Any, x0: Any, P: Any, fixed: Any,
+    row_at: Any, row_index: Any, row_z: Any, row_R: Any, limit: float, X: Any,
+) -> None:  # fmt: skip
+    """The extended Kalman filter over a log; outliers count as if they lay at a limit.
+
+    Parameters
+    ----------
+    o1, first1, c1, out1, stored, Pi, Pj, Qi, Qj
+        Tape of the step, the transition and the process noise, and where their entries go.
+    o2, first2, c2, out2, Hi, Hj
+        Tape of all readings and their Jacobians.
+    o3, first3, c3, out3, quaternions
+        Tape of the injection of errors.
+    known : ndarray, shape (n, inputs + drivers)
+        What acts from each time to the next.
+    x0 : ndarray, shape (stored,)
+    P : ndarray, shape (states, states)
+        Covariance at the start; changed.
+    fixed : ndarray, shape (constants + 1,)
+        Constants and the step [s].
+    row_at, row_index, row_z, row_R : ndarray, shape (rows,)
+        Scalar readings in the order of time: at which sample, which row of the readings' tape, value, variance.
+    limit : float
+        Standard deviations of an innovation beyond which it is an outlier.
+    X : ndarray, shape (n, stored)
+        The stored state after the updates of each sample; written.
+    """
+    n, N = P.shape[0], known.shape[0]
+    q = known.shape[1]
+    nz, nq, rows = Pi.size, Qi.size, int(Hi.size)
+    readings = out2.size - rows
+    r1 = np.zeros((first1 + o1.shape[0], 1))
+    r2 = np.zeros((first2 + o2.shape[0], 1))
+    r3 = np.zeros((first3 + o3.shape[0], 1))
+    x = x0.copy()
+    T = np.zeros((n, n))
+    dx = np.zeros(n)
+    H = np.zeros((readings, n))
+    K = np.zeros(n)
+    given = stored + q
+    at = 0
+    for k in range(N):
+        if at < row_at.size and row_at[at] == k:
+            for i in range(stored):
+                r2[i, 0] = x[i]
+            for i in range(q):
+                r2[stored + i, 0] = known[k, i]
+            for i in range(fixed.size):
+                r2[given + i, 0] = fixed[i]
+            _tape(o2, first2, c2, r2)
+            H[:] = 0.0
+            for i in range(rows):
+                H[Hi[i], Hj[i]] = r2[out2[readings + i], 0]
+            dx[:] = 0.0
+            while at < row_at.size and row_at[at] == k:
+                m = row_index[at]
+                e = row_z[at] - r2[out2[m], 0]
+                S = row_R[at]
+                for i in range(n):
+                    total = 0.0
+                    for j in range(n):
+                        total += P[i, j] * H[m, j]
+                    K[i] = total
+                for i in range(n):
+                    S += H[m, i] * K[i]
+                    e -= H[m, i] * dx[i]
+                weight = 1.0
+                if e * e > limit * limit * S:
+                    weight = limit * np.sqrt(S) / abs(e)
+                for i in range(n):
+                    dx[i] += K[i] * e * weight / S
+                for i in range(n):
+                    for j in range(n):
+                        P[i, j] -= weight * K[i] * K[j] / S
+                at += 1
+            for i in range(stored):
+                r3[i, 0] = x[i]
+            for i in range(n):
+                r3[first3 - c3.size - n + i, 0] = dx[i]
+            _tape(o3, first3, c3, r3)
+            for i in range(stored):
+                x[i] = r3[out3[i], 0]
+            _unit(x, quaternions)
+        for i in range(stored):
+            X[k, i] = x[i]
+        if k == N - 1:
+            break
+        for i in range(stored):
+            r1[i, 0] = x[i]
+        for i in range(q):
+            r1[stored + i, 0] = known[k, i]
+        for i in range(fixed.size):
+            r1[given + i, 0] = fixed[i]
+        _tape(o1, first1, c1, r1)
+        for i in range(stored):
+            x[i] = r1[out1[i], 0]
+        _unit(x, quaternions)
+        T[:] = 0.0
+        for z in range(nz):
+            v = r1[out1[stored + z], 0]
+            for j in range(n):
+                T[Pi[z], j] += v * P[Pj[z], j]
+        P[:] = 0.0
+        for z in range(nz):
+            v = r1[out1[stored + z], 0]
+            for i in range(n):
+                P[i, Pi[z]] += v * T[i, Pj[z]]
+        for z in range(nq):
+            P[Qi[z], Qj[z]] += r1[out1[stored + nz + z], 0]
+        for i in range(n):
+            for j in range(i):
+                P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+
+
+@compiled(
+    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1],"
+    " float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1], float64[::1],"
+    " float64[::1], float64[:,::1])"
+)
+def forward(  # noqa: PLR0913, PLR0917
+    Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any, c: Any, P: Any, x: Any, row_at: Any, H: Any, y: Any,
+    R: Any, e: Any, S: Any, K: Any,
+) -> None:  # fmt: skip
+    """The filter about a path.
+
+    Parameters
+    ----------
+    Phi, Qd : ndarray, shape (n, entries)
+        Entries of the transition and the process noise of each step, at rows and columns ``Pi, Pj`` and ``Qi, Qj``.
+    c : ndarray, shape (n, states)
+        By how much the path misses its own equations in each step.
+    P, x : ndarray, shape (states, states), ndarray, shape (states,)
+        At the start, about the path; changed.
+    row_at, H, y, R : ndarray, shape (rows,), (rows, states), (rows,), (rows,)
+        Scalar readings less what the path says, in the order of time.
+    e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
+        Innovations, their variances, gains; written.
+    """
+    n, N = x.size, Phi.shape[0]
+    T, fresh = np.zeros((n, n)), np.zeros(n)
+    at = 0
+    for k in range(N):
+        while at < row_at.size and row_at[at] == k:
+            s, innovation = R[at], y[at]
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += P[i, j] * H[at, j]
+                K[at, i] = total
+            for i in range(n):
+                s += H[at, i] * K[at, i]
+                innovation -= H[at, i] * x[i]
+            for i in range(n):
+                K[at, i] /= s
+            for i in range(n):
+                x[i] += K[at, i] * innovation
+                for j in range(n):
+                    P[i, j] -= K[at, i] * K[at, j] * s
+            e[at], S[at] = innovation, s
+            at += 1
+        if k == N - 1:
+            break
+        for i in range(n):
+            fresh[i] = c[k, i]
+        T[:] = 0.0
+        for z in range(Pi.size):
+            v = Phi[k, z]
+            fresh[Pi[z]] += v * x[Pj[z]]
+            for j in range(n):
+                T[Pi[z], j] += v * P[Pj[z], j]
+        P[:] = 0.0
+        for z in range(Pi.size):
+            v = Phi[k, z]
+            for i in range(n):
+                P[i, Pi[z]] += v * T[i, Pj[z]]
+        for z in range(Qi.size):
+            P[Qi[z], Qj[z]] += Qd[k, z]
+        for i in range(n):
+            x[i] = fresh[i]
+            for j in range(i):
+                P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+
+
+@compiled(
+    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,:,::1],"
+    " int64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[:,::1])"
+)
+def columns(  # noqa: PLR0913, PLR0917
+    Phi: Any,
+    Pi: Any,
+    Pj: Any,
+    B: Any,
+    Bi: Any,
+    Bj: Any,
+    du: Any,
+    row_at: Any,
+    H: Any,
+    S: Any,
+    K: Any,
+    out: Any,
+) -> None:
+    """What errors of readings do to the normalised innovations.
+
+    Parameters
+    ----------
+    Phi, Pi, Pj, row_at, H, S, K
+        As of `forward`.
+    B : ndarray, shape (n, entries)
+        By how much errors of inputs move the error state, at rows and columns ``Bi, Bj``.
+    du : ndarray, shape (n, inputs, m)
+        Errors of the inputs [SI].
+    out : ndarray, shape (rows, m)
+        Errors of the other readings [SI]; written over by what the innovations lose.
+    """
+    n, N, m = H.shape[1], Phi.shape[0], out.shape[1]
+    U, fresh, V = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
+    at = 0
+    for k in range(N):
+        while at < row_at.size and row_at[at] == k:
+            for j in range(m):
+                V[j] = out[at, j]
+            for i in range(n):
+                h = H[at, i]
+                if h != 0.0:
+                    for j in range(m):
+                        V[j] += h * U[i, j]
+            for i in range(n):
+                g = K[at, i]
+                for j in range(m):
+                    U[i, j] -= g * V[j]
+            scale = 1.0 / np.sqrt(S[at])
+            for j in range(m):
+                out[at, j] = V[j] * scale
+            at += 1
+        if k == N - 1:
+            break
+        fresh[:] = 0.0
+        for z in range(Pi.size):
+            v, a, b = Phi[k, z], Pi[z], Pj[z]
+            for j in range(m):
+                fresh[a, j] += v * U[b, j]
+        for z in range(Bi.size):
+            v, a, b = B[k, z], Bi[z], Bj[z]
+            for j in range(m):
+                fresh[a, j] += v * du[k, b, j]
+        U[:] = fresh
+
+
+@compiled(
+    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1],"
+    " float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1], float64[:,::1],"
+    " float64[:,::1])"
+)
+def smooth(  # noqa: PLR0913, PLR0917
+    Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any, c: Any, P0: Any, x0: Any, row_at: Any, H: Any, e: Any,
+    S: Any, K: Any, out: Any,
+) -> None:  # fmt: skip
+    """The errors of the path with all readings known: one backward pass, and one forward.
+
+    Parameters
+    ----------
+    Phi, Pi, Pj, Qd, Qi, Qj, c, row_at, H, e, S, K
+        As of `forward`.
+    P0, x0
+        At the start, as they were given to it.
+    out : ndarray, shape (n, states)
+        Written.
+    """
+    n, N = x0.size, Phi.shape[0]
+    r, fresh = np.zeros(n), np.zeros(n)
+    at = row_at.size - 1
+    for k in range(N - 1, -1, -1):
+        while at >= 0 and row_at[at] == k:
+            u = e[at] / S[at]
+            for i in range(n):
+                u -= K[at, i] * r[i]
+            for i in range(n):
+                r[i] += H[at, i] * u
+            at -= 1
+        for i in range(n):
+            out[k, i] = r[i]
+        if k > 0:
+            fresh[:] = 0.0
+            for z in range(Pi.size):
+                fresh[Pj[z]] += Phi[k - 1, z] * r[Pi[z]]
+            r[:] = fresh
+    x = x0 + P0 @ out[0]
+    for k in range(N):
+        if k > 0:
+            fresh[:] = 0.0
+            for i in range(n):
+                fresh[i] = c[k - 1, i]
+            for z in range(Pi.size):
+                fresh[Pi[z]] += Phi[k - 1, z] * x[Pj[z]]
+            for z in range(Qi.size):
+                fresh[Qi[z]] += Qd[k - 1, z] * out[k, Qj[z]]
+            x[:] = fresh
+        for i in range(n):
+            out[k, i] = x[i]

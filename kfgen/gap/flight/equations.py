@@ -1,0 +1,251 @@
+"""The equations of a filter in numbers, at many states at once or one after the other: step, transition, noise, readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from kfgen.core.tape import Tape, tape
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.sensors import Sensor
+from kfgen.model.register import DT
+from kfgen.model.symbols.blocks import Attitude
+from kfgen.model.symbols.rotation import matrix_of
+
+Array = NDArray[np.float64]
+
+DIFFERENCE_ROUNDS = 3
+"""Of Newton's method for the error between two stored states; attitudes a tenth of a radian apart need two."""
+
+
+@dataclass(frozen=True)
+class SparseRows:
+    """Entries of matrices that are not zero: a tape, and their rows and columns."""
+
+    tape: Tape
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    shape: tuple[int, int]
+
+    def entries(self, given: Sequence[Array], m: int) -> Array:
+        """The entries at every one of m sets of values, shape (m, entries)."""
+        out = np.empty((m, self.rows.size))
+        for k, v in enumerate(self.tape.values(given)):
+            out[:, k] = v
+        return out
+
+    def at(self, given: Sequence[Array]) -> Array:
+        """The matrices at every set of values, shape (m, rows, columns)."""
+        size = max((np.size(g) for g in given), default=1)
+        out = np.zeros((size, *self.shape))
+        for i, j, value in zip(self.rows.tolist(), self.columns.tolist(), self.tape.values(given)):
+            out[:, i, j] = value
+        return out
+
+
+@dataclass(frozen=True)
+class FlightEquations:
+    """A discrete filter in numbers.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+    constants : mapping of str to float
+        Values of the model's constants [SI].
+    """
+
+    discrete: DiscreteModel
+    constants: Mapping[str, float]
+
+    @property
+    def n(self) -> int:
+        """Error states."""
+        return len(self.discrete.model.states)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the stored state."""
+        return self.discrete.nominal_names
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Of the inputs, in the order of the model."""
+        return tuple(c for i in self.discrete.model.motion.inputs for c in i.channels)
+
+    @cached_property
+    def variables(self) -> tuple[sp.Symbol, ...]:
+        """What every tape is given: stored state, inputs, drivers, constants, step, errors."""
+        drivers, errors = self.discrete.model.drivers, self._errors
+        given = (*self.names, *self.channels, *drivers, *self.constants)
+        return (*(sp.Symbol(n, real=True) for n in given), DT, *errors)
+
+    @cached_property
+    def _errors(self) -> tuple[sp.Symbol, ...]:
+        return tuple(s.error for s in self.discrete.model.states)
+
+    def given(self, x: Array, u: Array, drive: Mapping[str, Array], dt: Array | float) -> list[Array]:
+        """Values of `variables`, the errors zero.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, stored)
+        u : ndarray, shape (m, inputs)
+        drive : mapping of str to ndarray, shape (m,)
+        dt : float or ndarray, shape (m,)
+        """
+        m = x.shape[0]
+        columns = [*x.T, *u.T, *(drive[d] for d in self.discrete.model.drivers)]
+        fixed = [np.full(1, v) for v in (*self.constants.values(),)]
+        step = np.broadcast_to(np.asarray(dt, dtype=np.float64), (m,))
+        return [*columns, *fixed, step, *(np.zeros(1) for _ in self._errors)]
+
+    @cached_property
+    def _rotation(self) -> dict[sp.Expr, sp.Expr]:
+        """Entries of rotation matrices in stored quaternions."""
+        found = [b for b in self.discrete.model.blocks if isinstance(b, Attitude)]
+        return {a: e for b in found for a, e in zip(b.nominal, matrix_of(b.quaternion))}
+
+    def tape(self, expressions: Sequence[sp.Expr]) -> Tape:
+        """Expressions of the model as a tape of `variables`."""
+        return tape([sp.sympify(e).xreplace(self._rotation) for e in expressions], self.variables)
+
+    def _sparse(self, M: sp.Matrix) -> SparseRows:
+        at = [(i, j) for i in range(M.rows) for j in range(M.cols) if M[i, j] != 0]
+        made = self.tape([M[i, j] for i, j in at])
+        rows, columns = (np.array(x, dtype=np.int64) for x in (list(zip(*at)) or [(), ()]))
+        return SparseRows(made, rows, columns, (M.rows, M.cols))
+
+    @cached_property
+    def transition(self) -> SparseRows:
+        """``Phi``, shape (n, n)."""
+        return self._sparse(self.discrete.Phi)
+
+    @cached_property
+    def process_noise(self) -> SparseRows:
+        """``Qd``, shape (n, n)."""
+        return self._sparse(self.discrete.Qd)
+
+    @cached_property
+    def input_errors(self) -> SparseRows:
+        """By how much an error of each input moves the error state in a step, shape (n, inputs)."""
+        model = self.discrete.model
+        G = model.G[:, : len(self.channels)]
+        return self._sparse(G * DT)
+
+    @cached_property
+    def step(self) -> Tape:
+        """The stored state after a step, quaternions not normalised."""
+        return self.tape(self.discrete.step)
+
+    @cached_property
+    def prediction(self) -> Tape:
+        """The step, then the entries of `transition` and of `process_noise`, in one tape."""
+        Phi, Qd, F, Q = self.discrete.Phi, self.discrete.Qd, self.transition, self.process_noise
+        entries = [Phi[i, j] for i, j in zip(F.rows.tolist(), F.columns.tolist())]
+        entries += [Qd[i, j] for i, j in zip(Q.rows.tolist(), Q.columns.tolist())]
+        return self.tape([*self.discrete.step, *entries])
+
+    def readings(self, sensors: Sequence[Sensor]) -> SparseRows:
+        """The expected samples of sensors, then the entries of their Jacobian, in one tape."""
+        h = sp.Matrix.vstack(*(self.discrete.expected(s) for s in sensors))
+        H = sp.Matrix.vstack(*(self.discrete.H(s) for s in sensors))
+        at = [(i, j) for i in range(H.rows) for j in range(H.cols) if H[i, j] != 0]
+        rows, columns = (np.array(x, dtype=np.int64) for x in (list(zip(*at)) or [(), ()]))
+        return SparseRows(self.tape([*h, *(H[i, j] for i, j in at)]), rows, columns, (H.rows, H.cols))
+
+    @cached_property
+    def inject(self) -> Tape:
+        """The stored state with the errors put in, quaternions not normalised."""
+        return self.tape(self.discrete.model.corrected)
+
+    @cached_property
+    def true_inputs(self) -> Tape:
+        """What each input should have read, by the estimate."""
+        found = self.discrete.model.inputs(False)
+        return self.tape([e for i in self.discrete.model.motion.inputs for e in found[i.name]])
+
+    @cached_property
+    def level(self) -> SparseRows:
+        """Navigation axes to north, east and down, shape (3, 3)."""
+        model = self.discrete.model
+        return self._sparse(model.motion.offers({b.name: b.value for b in model.motion.blocks}, {})["level"])
+
+    @cached_property
+    def _of_sensors(self) -> dict[str, tuple[Tape, Tape, SparseRows]]:
+        d = self.discrete
+        return {
+            s.name: (self.tape(list(d.expected(s))), self.tape(list(d.model.clean(s))), self._sparse(d.H(s)))
+            for s in d.model.sensors
+        }
+
+    def reading(self, sensor: Sensor) -> Tape:
+        """The expected sample of a sensor."""
+        return self._of_sensors[sensor.name][0]
+
+    def clean(self, sensor: Sensor) -> Tape:
+        """The expected sample of a sensor without any effect."""
+        return self._of_sensors[sensor.name][1]
+
+    def jacobian(self, sensor: Sensor) -> SparseRows:
+        """Of the expected sample, shape (rows, n)."""
+        return self._of_sensors[sensor.name][2]
+
+    @cached_property
+    def quaternions(self) -> tuple[int, ...]:
+        """Where quaternions begin in the stored state."""
+        out, k = [], 0
+        for b in self.discrete.model.blocks:
+            if isinstance(b, Attitude):
+                out.append(k)
+            k += len(b.nominal_names)
+        return tuple(out)
+
+    def normalised(self, x: Array) -> Array:
+        """Stored states, shape (m, stored), with quaternions of unit length."""
+        for k in self.quaternions:
+            x[:, k : k + 4] /= np.linalg.norm(x[:, k : k + 4], axis=1)[:, None]
+        return x
+
+    def stepped(self, given: Sequence[Array]) -> Array:
+        """Every state one step on, shape (m, stored)."""
+        return self.normalised(_stacked(self.step.values(given)))
+
+    def injected(self, x: Array, error: Array) -> Array:
+        """Stored states, shape (m, stored), with errors, shape (m, n), put in."""
+        given = [*self._around(x), *error.T]
+        return self.normalised(_stacked(self.inject.values(given)))
+
+    def _around(self, x: Array) -> list[Array]:
+        """Values of `variables` without the errors, where only the stored state matters."""
+        rest = len(self.variables) - len(self.names) - self.n
+        return [*x.T, *(np.zeros(1) for _ in range(rest))]
+
+    def difference(self, x: Array, y: Array) -> Array:
+        """The errors, shape (m, n), that lead from stored states `x` to `y`, each of shape (m, stored)."""
+        y = y.copy()
+        for k in self.quaternions:
+            flip = np.einsum("mi,mi->m", x[:, k : k + 4], y[:, k : k + 4]) < 0.0
+            y[flip, k : k + 4] *= -1.0
+        small = 1e-6
+        J = np.empty((x.shape[0], x.shape[1], self.n))
+        for i in range(self.n):
+            error = np.zeros((1, self.n))
+            error[0, i] = small
+            up, down = (_stacked(self.inject.values([*self._around(x), *(s * error).T])) for s in (1.0, -1.0))
+            J[:, :, i] = (up - down) / (2.0 * small)
+        normal = np.einsum("mki,mkj->mij", J, J)
+        out = np.zeros((x.shape[0], self.n))
+        for _ in range(DIFFERENCE_ROUNDS):
+            away = y - self.injected(x, out)
+            out += np.linalg.solve(normal, np.einsum("mki,mk->mi", J, away)[:, :, None])[:, :, 0]
+        return out
+
+
+def _stacked(values: Sequence[Array]) -> Array:
+    size = max(np.size(v) for v in values)
+    return np.column_stack([np.broadcast_to(np.asarray(v, dtype=np.float64), size) for v in values])

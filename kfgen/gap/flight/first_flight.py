@@ -1,0 +1,67 @@
+"""The first flight of a filter over a log: the extended Kalman filter, whose path is smoothed afterwards."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.core.tape import Tape
+from kfgen.gap.flight.equations import FlightEquations
+from kfgen.gap.flight.flight_log import FlightLog
+from kfgen.gap.flight.rows import rows_of
+
+Array = NDArray[np.float64]
+
+OUTLIER_LIMIT_SIGMAS = 5.0
+"""Standard deviations of an innovation beyond which the first flight counts it as if it lay there."""
+
+
+def first_flight(log: FlightLog, eq: FlightEquations) -> Array:
+    """The stored state of the extended Kalman filter after each sample, shape (n, stored).
+
+    Parameters
+    ----------
+    log : FlightLog
+    eq : FlightEquations
+        Of the same model.
+
+    Raises
+    ------
+    InputError
+        The filter diverges, or the extra ``kfgen[fast]`` is not installed.
+    """
+    try:
+        from kfgen.gap.flight.compiled import fly
+    except ImportError:
+        raise InputError(
+            "the gap of a filter over a flight needs numba", remedy='Install it: pip install "kfgen[fast]"'
+        ) from None
+    model = log.discrete.model
+    F, Q = eq.transition, eq.process_noise
+    step, read, inject = eq.prediction, eq.readings([a.sensor for a in log.aiding]), eq.inject
+    known = np.column_stack([log.u, *(log.drive[d] for d in model.drivers)])
+    fixed = np.array([*log.constants.values(), log.dt])
+    rows = rows_of(log)
+    P = np.diag([s.prior**2 for s in model.states])
+    X = np.empty((log.t.size, len(eq.names)))
+    fly(
+        *_parts(step), len(eq.names),
+        F.rows, F.columns, Q.rows, Q.columns,
+        *_parts(read.tape), read.rows, read.columns,
+        *_parts(inject),
+        np.array(eq.quaternions, dtype=np.int64),
+        np.ascontiguousarray(known), np.ascontiguousarray(log.start, dtype=np.float64), P, fixed,
+        rows.at, rows.index, np.ascontiguousarray(rows.z), np.ascontiguousarray(rows.R), OUTLIER_LIMIT_SIGMAS, X,
+    )  # fmt: skip
+    if not np.isfinite(X).all():
+        raise InputError(
+            f"the filter {model.name} diverges over the log",
+            remedy="Check the units and axes of its inputs, or start it at rest",
+        )
+    return X
+
+
+def _parts(tape: Tape) -> tuple[NDArray[np.int64], int, Array, NDArray[np.int64]]:
+    """Operations, the register of the first result, constants, outputs."""
+    return tape.operations, tape.variables + tape.constants.size, tape.constants, tape.outputs

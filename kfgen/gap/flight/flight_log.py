@@ -1,0 +1,135 @@
+"""A log as a filter flies it: inputs on an even grid, the samples of every aiding sensor at their own times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.emit.routines import Program
+from kfgen.log.log import Log
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.parts.sensors import Sensor
+from kfgen.run.filter_calls import FilterCalls, over_steps, rates_in
+
+Array = NDArray[np.float64]
+
+EVEN_RELATIVE_TOLERANCE = 1e-3
+"""Relative differences of steps up to which time is even."""
+
+
+@dataclass(frozen=True)
+class AidingSamples:
+    """The samples of one sensor.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    t : ndarray, shape (m,)
+        Times [s].
+    z : ndarray, shape (m, rows)
+        Readings [SI].
+    at : ndarray of int, shape (m,)
+        The grid's time that is nearest.
+    """
+
+    sensor: Sensor
+    t: Array
+    z: Array
+    at: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """A log for a filter.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Even times [s].
+    u : ndarray, shape (n, inputs)
+        What acts from each time to the next, as it was read [SI].
+    drive : mapping of str to ndarray, shape (n,)
+        Drivers of effects [SI].
+    aiding : tuple of AidingSamples
+    start : ndarray, shape (stored,)
+        The stored state at the first time, from the alignment.
+    constants : mapping of str to float
+        Of the model, some as the sensors show them at rest [SI].
+    discrete : DiscreteModel
+        At the log's rates.
+    """
+
+    t: Array
+    u: Array
+    drive: Mapping[str, Array]
+    aiding: tuple[AidingSamples, ...]
+    start: Array
+    constants: Mapping[str, float]
+    discrete: DiscreteModel
+
+    @property
+    def dt(self) -> float:
+        """Step [s]."""
+        return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
+
+    @cached_property
+    def triads(self) -> dict[str, slice]:
+        """The columns of `u` of each input."""
+        out, k = {}, 0
+        for i in self.discrete.model.motion.inputs:
+            out[i.name] = slice(k, k + len(i.channels))
+            k += len(i.channels)
+        return out
+
+
+def flight_log(log: Log, program: Program) -> FlightLog:
+    """A log on an even grid of its own mean step.
+
+    Parameters
+    ----------
+    log : Log
+        With the inputs and drivers of the program's model.
+    program : Program
+        At the log's rate.
+
+    Raises
+    ------
+    InputError
+        As `kfgen.run.filter_calls.FilterCalls`.
+    """
+    calls = FilterCalls(program, log)
+    model = program.discrete.model
+    steps = np.diff(log.t)
+    even = bool(np.allclose(steps, log.dt, rtol=EVEN_RELATIVE_TOLERANCE))
+    raw = np.column_stack([log.values(c) for i in model.motion.inputs for c in i.channels])
+    held = over_steps(raw, calls.samples)
+    t = np.asarray(log.t) if even else np.asarray(log.t[0] + log.dt * np.arange(log.n))
+    u = held if even else _over_grid(log.t, held, t)
+    drive = {d: np.interp(t, log.t, calls.inputs[d]) for d in model.drivers}
+    aiding = []
+    for name, z in calls.present.items():
+        there = np.isfinite(z).all(axis=1)
+        times = np.asarray(log.t)[there]
+        at = np.clip(np.rint((times - t[0]) / (t[1] - t[0])), 0, t.size - 1).astype(np.intp)
+        if times.size:
+            aiding.append(AidingSamples(model.sensor(name), times, z[there], at))
+    discrete = DiscreteModel.at_rate(
+        model, 1.0 / log.dt, max_step=program.discrete.max_step, rates=rates_in(log, model)
+    )
+    names = [c.name for c in model.constants]
+    constants = dict(zip(names, calls.constants))
+    return FlightLog(t, u, drive, tuple(aiding), np.array(calls.start), constants, discrete)
+
+
+def _over_grid(t: Array, u: Array, grid: Array) -> Array:
+    """Means over the intervals of an even grid of what acts between uneven times: the integral is kept."""
+    total = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u[:-1] * np.diff(t)[:, None], axis=0)])
+    edges = np.append(grid, grid[-1] + (grid[1] - grid[0]))
+    at = np.column_stack([np.interp(edges, t, c) for c in total.T])
+    out = np.diff(at, axis=0) / (grid[1] - grid[0])
+    out[-1] = u[-1]
+    return np.asarray(out)

@@ -1,0 +1,100 @@
+"""What every sensor should have read along the smoothed path of a filter.
+
+Rates and forces are means over some tenths of a second: what an effect makes of the noise of the inertial sensors is not
+information about the effect, and would be taken for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.channel_names import AXES
+from kfgen.effects.inertial.vibration import vibration_power
+from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.motion.model_truth import ANTENNA_ORDERS, sensor_of
+from kfgen.gap.motion.truth import Truth
+from kfgen.model.parts.motion import Input
+from kfgen.model.parts.sensors import Sensor
+
+Array = NDArray[np.float64]
+
+MOTION_AVERAGE_S = 0.12
+"""Over which rates and forces are averaged where they drive effects [s]."""
+
+
+def flight_truth(path: FlownPath) -> Truth:
+    """What every sensor should have read along a path.
+
+    Parameters
+    ----------
+    path : FlownPath
+        Of a model with an attitude.
+    """
+    log, model, eq = path.log, path.log.discrete.model, path.equations
+    n = log.t.size
+    inputs = averaged(_courses(eq.true_inputs.values(path.given), n), log.dt)
+    rate, force = (_triad(path, inputs, name) for name in ("gyro", "accel"))
+    R_lb = _level(path)
+    R_bn = np.swapaxes(R_lb, 1, 2)
+    read: dict[str, Array] = {}
+    axes: dict[str, tuple[int, ...]] = {}
+    places: dict[str, tuple[str, int]] = {}
+    antennas: dict[str, tuple[int, Array]] = {}
+    parts: list[tuple[Input | Sensor, Array]] = [
+        (i, inputs[:, log.triads[i.name]]) for i in model.motion.inputs
+    ]
+    parts += [(a.sensor, _courses(eq.clean(a.sensor).values(path.given), n)) for a in log.aiding]
+    for part, y in parts:
+        sensor = sensor_of(part)
+        at = _axes(part.channels)
+        read.setdefault(sensor, np.zeros((n, 3)))[:, at] = y
+        axes[sensor] = (*axes.get(sensor, ()), *at)
+        places |= {c: (sensor, k) for c, k in zip(part.channels, at)}
+        if isinstance(part, Sensor) and part.shows in ANTENNA_ORDERS:
+            antennas[sensor] = (ANTENNA_ORDERS[part.shows], R_bn)
+    power = None if force is None else vibration_power(log.u[:, log.triads["accel"]], log.dt)
+    return Truth(
+        log.t, read, axes, np.ones(n, dtype=bool), omega_b=rate, f_b=force, power=power,
+        warmth=log.drive.get("temperature"), R_bn=R_bn, places=places, antennas=antennas,
+        words=("the smoothed path of the filter says what every sensor should have read",),
+    )  # fmt: skip
+
+
+def averaged(values: Array, dt: float) -> Array:
+    """Courses, shape (n, ...), as means over `MOTION_AVERAGE_S`."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = max(1, round(MOTION_AVERAGE_S / dt))
+    return np.asarray(uniform_filter1d(values, width + 1 - width % 2, axis=0, mode="nearest"))
+
+
+def _courses(values: Sequence[Array], n: int) -> Array:
+    return np.column_stack([np.broadcast_to(np.asarray(v, dtype=np.float64), n) for v in values])
+
+
+def _axes(channels: Sequence[str]) -> list[int]:
+    return [AXES.index(c[-1]) if c[-1] in AXES and "_" in c else k for k, c in enumerate(channels)]
+
+
+def _triad(path: FlownPath, inputs: Array, name: str) -> Array | None:
+    """A triad of body axes, from an input or from a sensor, shape (n, 3); None where the model has none."""
+    if name in path.log.triads and path.log.triads[name].stop - path.log.triads[name].start == 3:
+        return inputs[:, path.log.triads[name]]
+    for a in path.log.aiding:
+        if a.sensor.name == name and len(a.sensor.channels) == 3:
+            found = _courses(path.equations.clean(a.sensor).values(path.given), path.log.t.size)
+            return averaged(found, path.log.dt)
+    return None
+
+
+def _level(path: FlownPath) -> Array:
+    """Body axes to north, east and down along the path, shape (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    k = path.equations.quaternions[0]
+    R_nb = Rotation.from_quat(path.x[:, k : k + 4], scalar_first=True).as_matrix()
+    level = path.equations.level.at(path.given)
+    return np.asarray(level @ R_nb)

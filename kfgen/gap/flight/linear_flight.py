@@ -1,0 +1,92 @@
+"""`LinearFlight`: a filter about a path, with its innovations and gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.flight.equations import FlightEquations
+from kfgen.gap.flight.rows import Rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearFlight:
+    """The filter about a path: its matrices, innovations and gains; see `kfgen.gap.flight.compiled`.
+
+    Parameters
+    ----------
+    Phi, Qd, B : ndarray, shape (n, entries)
+    c : ndarray, shape (n, states)
+    P0, x0 : ndarray, shape (states, states), ndarray, shape (states,)
+    H : ndarray, shape (rows, states)
+    y : ndarray, shape (rows,)
+        Readings less what the path says.
+    e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
+    """
+
+    equations: FlightEquations
+    rows: Rows
+    Phi: Array
+    Qd: Array
+    B: Array
+    c: Array
+    P0: Array
+    x0: Array
+    H: Array
+    y: Array
+    e: Array
+    S: Array
+    K: Array
+
+    @property
+    def _entries(self) -> tuple[Array | NDArray[np.int64], ...]:
+        F, Q = self.equations.transition, self.equations.process_noise
+        return self.Phi, F.rows, F.columns, self.Qd, Q.rows, Q.columns
+
+    @property
+    def normalised(self) -> Array:
+        """Innovations over their standard deviations, shape (rows,)."""
+        return np.asarray(self.e / np.sqrt(self.S))
+
+    def columns(self, du: Array, dz: Array) -> Array:
+        """What the normalised innovations lose by errors of the readings, shape (rows, m).
+
+        Parameters
+        ----------
+        du : ndarray, shape (n, inputs, m)
+            Errors of the inputs [SI].
+        dz : ndarray, shape (rows, m)
+            Errors of the other readings [SI].
+        """
+        from kfgen.gap.flight.compiled import columns
+
+        out = np.ascontiguousarray(dz, dtype=np.float64).copy()
+        F, B = self.equations.transition, self.equations.input_errors
+        du = np.ascontiguousarray(du, dtype=np.float64)
+        columns(
+            self.Phi,
+            F.rows,
+            F.columns,
+            self.B,
+            B.rows,
+            B.columns,
+            du,
+            self.rows.at,
+            self.H,
+            self.S,
+            self.K,
+            out,
+        )
+        return out
+
+    def smoothed(self) -> Array:
+        """Errors of the path with all readings known, shape (n, states)."""
+        from kfgen.gap.flight.compiled import smooth
+
+        out = np.zeros((self.Phi.shape[0], self.x0.size))
+        smooth(*self._entries, self.c, self.P0, self.x0, self.rows.at, self.H, self.e, self.S, self.K, out)
+        return out

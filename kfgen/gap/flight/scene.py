@@ -1,0 +1,193 @@
+"""The world of a filter in flight: its innovations, and what every effect would do to them.
+
+An effect changes readings along the smoothed path; the filter's own gains carry that change into the innovations, so
+that every coefficient is judged after the states have absorbed what they can. What is written of an effect anywhere
+else holds here: the same expressions act on the same signals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.channel_names import acts_on
+from kfgen.effects import Effect
+from kfgen.effects.inertial.inertial_error import free
+from kfgen.effects.inertial.lag import Lag
+from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.flight.flight_truth import flight_truth
+from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.motion.candidates import MotionCandidates, offers
+from kfgen.gap.motion.placed_effects import delayed, with_errors
+from kfgen.gap.motion.truth import Truth
+
+Array = NDArray[np.float64]
+
+COLUMNS_AT_ONCE = 32
+"""Columns of one pass: memory for the errors of all inputs at all times."""
+MOVED_SHARE = 1e-9
+"""Relative variation of what a channel should have read from which on it moves."""
+
+
+@dataclass(frozen=True)
+class FlightScene:
+    """See `kfgen.gap.core.scene.Scene`.
+
+    Parameters
+    ----------
+    path : FlownPath
+        Smoothed with the effects `taken` taken off its readings.
+    taken : tuple of Placed
+    memory : dict
+        Responses of the innovations that were computed before.
+    """
+
+    path: FlownPath
+    taken: tuple[Placed, ...] = ()
+    memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
+
+    unknowns: tuple[Unknown, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels of the aiding sensors: those that have innovations."""
+        return self.path.rows.channels
+
+    @cached_property
+    def lengths(self) -> tuple[int, ...]:
+        """Innovations of each channel."""
+        return tuple(int(self.path.rows.of(c).size) for c in self.channels)
+
+    @property
+    def dt(self) -> float:
+        """Step of the filter [s]."""
+        return self.path.log.dt
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        return float(self.path.log.t[0]), float(self.path.log.t[-1])
+
+    @cached_property
+    def truth(self) -> Truth:
+        """What every sensor should have read along the path."""
+        return flight_truth(self.path)
+
+    @cached_property
+    def compared(self) -> tuple[str, ...]:
+        """All channels on which an effect may act: of the inputs and of the aiding sensors."""
+        return (*self.path.equations.channels, *self.channels)
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """Cosine transforms of the normalised innovations of each channel, shape (sum of lengths, points)."""
+        self._remember(p for point in points for p in point.placed)
+        out = np.repeat(self._base[:, None], len(points), axis=1)
+        for k, point in enumerate(points):
+            for p in point.placed:
+                out[:, k] -= self._response(p)
+        return out
+
+    @cached_property
+    def _base(self) -> Array:
+        """What is left with no effect but those that are taken off, and these put back in linearly."""
+        base = self._ordinates(self.path.linear.normalised[:, None])[:, 0]
+        self._remember(self.taken)
+        for p in self.taken:
+            base = base + self._response(p)
+        return np.asarray(base)
+
+    def _ordinates(self, innovations: Array) -> Array:
+        """Innovations in the order of time, shape (rows, m), as transforms channel by channel."""
+        from scipy.fft import dct
+
+        return np.concatenate(
+            [dct(innovations[self.path.rows.of(c)], type=2, axis=0, norm="ortho") for c in self.channels]
+        )
+
+    def _response(self, placed: Placed) -> Array:
+        """What the innovations lose by an effect with its values."""
+        return np.asarray(sum(size * self.memory[unit] for unit, size in _units(placed)))
+
+    def _remember(self, placed: Iterable[Placed]) -> None:
+        """Compute the responses that are not known yet, many in one pass."""
+        wanted = dict.fromkeys(u for p in placed for u, _ in _units(p) if u not in self.memory)
+        units = list(wanted)
+        for first in range(0, len(units), COLUMNS_AT_ONCE):
+            some = units[first : first + COLUMNS_AT_ONCE]
+            du = np.zeros((*self.path.log.u.shape, len(some)))
+            dz = np.zeros((self.path.rows.t.size, len(some)))
+            for k, unit in enumerate(some):
+                du[:, :, k], dz[:, k] = self.errors([unit])
+            found = self._ordinates(self.path.linear.columns(du, dz))
+            self.memory.update({unit: found[:, k].copy() for k, unit in enumerate(some)})
+
+    def errors(self, placed: Sequence[Placed]) -> tuple[Array, Array]:
+        """What effects add to the readings along the path: of the inputs, shape (n, inputs), of the others, shape (rows,)."""
+        du, dz = np.zeros_like(self.path.log.u), np.zeros(self.path.rows.t.size)
+        for k, name in enumerate(self.path.equations.channels):
+            du[:, k] = self._error(name, placed)
+        for name in self.channels:
+            change = self._error(name, placed)
+            if change.any():
+                dz[self.path.rows.of(name)] = self.path.at_rows(change, name)
+        return du, dz
+
+    def _error(self, channel: str, placed: Sequence[Placed]) -> Array:
+        """What effects add to one channel along the path, shape (n,)."""
+        here: list[Effect] = [p.effect for p in placed if acts_on(p.where, channel)]
+        if not here:
+            return np.zeros(self.path.log.t.size)
+        sensor, axis = self.truth.place(channel)
+        felt = self.truth.signals(sensor)
+        return with_errors(delayed(felt, here), axis, here, self.path.log.drive) - felt.y[:, axis]
+
+    def about(self, point: ScenePoint) -> FlightScene:
+        """The same flight about the path that is smoothed with the effects of a point taken off."""
+        du, dz = self.errors(point.placed)
+        return FlightScene(self.path.without(du, dz), point.placed)
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Every addition that the log allows beside these, with typical sizes to start from."""
+        found = offers(self.bench, placed)
+        self._remember(p for starts in found for p in starts)
+        return found
+
+    @cached_property
+    def bench(self) -> MotionCandidates:
+        """What the candidates are chosen by."""
+        moved: list[tuple[str, str, int]] = []
+        still: list[tuple[str, str, int]] = []
+        for c in self.compared:
+            sensor, axis = self.truth.place(c)
+            y = self.truth.read[sensor][:, axis]
+            places = moved if np.ptp(y) > MOVED_SHARE * max(float(np.abs(y).max()), 1e-300) else still
+            places.append((c, sensor, axis))
+        mag, seen = self._mag
+        drive = self.path.log.drive
+        return MotionCandidates(self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive)
+
+    @cached_property
+    def _mag(self) -> tuple[Array, NDArray[np.bool_]]:
+        """What a magnetometer reads beside the path, shape (n, 3), and where it reads; everywhere where there is none."""
+        n, rows = self.path.log.t.size, self.path.rows
+        away, seen = np.zeros((n, 3)), np.zeros(n, dtype=bool)
+        for c in (c for c in self.channels if self.truth.place(c)[0] == "mag"):
+            at = rows.of(c)
+            away[rows.at[at], self.truth.place(c)[1]] = self.path.linear.y[at]
+            seen[rows.at[at]] = True
+        return away, seen if seen.any() else ~seen
+
+
+def _units(placed: Placed) -> list[tuple[Placed, float]]:
+    """An effect as a sum of effects of unit size and their sizes, where it is linear in all that is free in it."""
+    names = [p.name for p in free(placed.effect)]
+    signed = all(p.kind == "signed" for p in placed.effect.parameters() if p.name in names)
+    if not names or not signed or isinstance(placed.effect, Lag):
+        return [(placed, 1.0)]
+    bare = Placed(replace(placed.effect, **dict.fromkeys(names, 0.0)), placed.where)
+    sizes = {n: float(getattr(placed.effect, n)) for n in names}
+    return [(replace(bare, effect=replace(bare.effect, **{n: 1.0})), s) for n, s in sizes.items()]
