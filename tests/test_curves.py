@@ -107,7 +107,7 @@ def test_a_flicker_of_theory_is_recovered() -> None:
     assert got["B"] == pytest.approx(2e-3, rel=0.05)
 
 
-def test_a_band_that_is_given_is_believed() -> None:
+def test_a_band_that_is_given_is_assumed() -> None:
     """A band twice as wide makes an interval twice as wide in the logarithm; a bad point's wide band lets it go."""
     deviation = np.sqrt(white(TAU, 0.02))
     widths = []

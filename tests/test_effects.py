@@ -39,7 +39,7 @@ from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_nois
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import c
 from kfgen.gap.rest.channel_gap import channel_gap
-from kfgen.gap.rest.evidence import additions, believed, candidates, series_of
+from kfgen.gap.rest.evidence import additions, assumed, candidates, series_of
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.model.discretise import DiscreteModel
@@ -595,7 +595,7 @@ def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
     found = identify(record, ["white_noise", "test_hum"])
     lo, hi = found.intervals[1, "rms"]
     assert lo < 2.0 < hi < 3.0
-    base = believed(record, (make("white_noise", N=1.0),), {})
+    base = assumed(record, (make("white_noise", N=1.0),), {})
     assert any(type(starts[0].effect) is hum for starts in additions(base, series_of(base)))
     assert candidates(base)[0].name == "test_hum"
     gap = channel_gap("gyro_x", record, ChannelNoise("rad/s", (Term(make("white_noise", N=1.0)),)))

@@ -36,8 +36,8 @@ def gap_beside(channel: str, unit: str, coefficient: float, seed: int) -> Channe
     driver = 3.0 + COURSE + 0.05 * rng.standard_normal(N)
     log = Log(T, {"gyro_x": Channel.of(y, "rad/s"), channel: Channel.of(driver, unit)})
     record, stamps, _ = regular(log, "gyro_x", drive=drivers_of(log)[0])
-    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
-    return channel_gap("gyro_x", record, believed, stamps)
+    assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
+    return channel_gap("gyro_x", record, assumed, stamps)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)

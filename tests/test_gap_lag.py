@@ -39,8 +39,8 @@ def worth(shape: Array, nats: float) -> Array:
 
 def gap_of(part: Array, seed: int, **drive: Array) -> ChannelGap:
     y = np.random.default_rng([seed, 43]).standard_normal(N) + part
-    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
-    return channel_gap("gyro_x", Record(T, y, drive), believed)
+    assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
+    return channel_gap("gyro_x", Record(T, y, drive), assumed)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from kfgen.effects import catalogue, effect_named, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise, write_noise
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.gap.rest.evidence import assumed, series_of
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def test_noise_that_follows_a_channel_is_named(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SLOPES)
-def test_noise_that_is_believed_to_follow_a_channel_is_no_gap(name: str, tmp_path: Path) -> None:
+def test_noise_that_is_assumed_to_follow_a_channel_is_no_gap(name: str, tmp_path: Path) -> None:
     """Also after a way through a file."""
     s, slope = SLOPES[name]
     effect = effect_named(name)(slope, float(s.mean()))  # type: ignore[call-arg]
@@ -76,7 +76,7 @@ def test_a_log_without_the_channel_is_refused() -> None:
 
 def test_even_noise_follows_nothing() -> None:
     for seed in range(20):
-        series = series_of(believed(record_of("", seed), (WHITE,), {}))
+        series = series_of(assumed(record_of("", seed), (WHITE,), {}))
         for name in ("noise_temperature", "noise_level"):
             found = [x.evidence for x in catalogue()[name].detect(series)]
             assert all(e is not None and e < 8.0 for e in found), (seed, name, found)

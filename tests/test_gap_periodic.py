@@ -75,12 +75,12 @@ def test_two_lines_are_two() -> None:
     assert not any(t.significant for t in gap.after)
 
 
-def test_a_believed_line_is_no_gap() -> None:
+def test_an_assumed_line_is_no_gap() -> None:
     """A third of its amplitude beside it is one: what is left of it is named."""
     y = noise(3) + line(0.2, 0.7321, 1.0)
-    believed = make("sinusoid", amplitude=0.2, frequency=0.7321, phase=1.0)
-    assert gap_of(y, believed).verdict == "no_gap"
-    more = gap_of(y + line(0.15, 1.3, 0.0), believed)
+    assumed = make("sinusoid", amplitude=0.2, frequency=0.7321, phase=1.0)
+    assert gap_of(y, assumed).verdict == "no_gap"
+    more = gap_of(y + line(0.15, 1.3, 0.0), assumed)
     assert [f.effect.name for f in more.findings] == ["sinusoid"]
     assert len([e for e in more.updated.effects if e.name == "sinusoid"]) == 2
 
@@ -123,7 +123,7 @@ def test_a_low_pass_is_named_with_its_corner() -> None:
     assert gap.gap.closed > 0.8
 
 
-def test_a_believed_low_pass_is_no_gap() -> None:
+def test_an_assumed_low_pass_is_no_gap() -> None:
     a = np.exp(-2 * np.pi * 1.5 * DT)
     y = lfilter([1.0 - a], [1.0, -a], noise(6, N + 200))[200:]
     gap = gap_of(y, make("low_pass", corner=1.5, order=1))

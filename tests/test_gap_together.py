@@ -65,7 +65,7 @@ def test_a_step_in_one_is_said_of_that_one() -> None:
 
 
 def files(folder: Path, unit: str = "rad/s") -> tuple[list[Path], Path]:
-    """Two recordings, the second with a step, and the noise that is believed of them."""
+    """Two recordings, the second with a step, and the noise that is assumed about them."""
     rng, paths = np.random.default_rng(4), []
     for k in range(2):
         y = rng.standard_normal(N) + 0.7 * k * (T > 200.0)

@@ -76,7 +76,7 @@ def test_the_gap_of_a_scale_is_its_likelihood_ratio_on_the_tail() -> None:
 
 
 def test_a_drift_goes_on_in_the_tail() -> None:
-    """The constant bias that the believed model has seen is not that of the tail."""
+    """The constant bias that the assumed model has seen is not that of the tail."""
     wrong = np.zeros((N, 3))
     wrong[:, 2] = 0.0012 * DT * np.arange(N)
     g = answer(wrong, 9)
@@ -156,10 +156,10 @@ def test_an_actuator_is_still_on_its_way_where_the_tail_begins(kfgen: Cli, tmp_p
     rng = np.random.default_rng(3)
     u = np.repeat(rng.uniform(-6.0, 6.0, 22), 100)[3 : n + 3]  # the tail begins three samples after a step
     u[:97] = 0.0  # and the log at rest
-    x, believed, true = np.zeros(2), 0.0, np.empty((n, 2))
+    x, assumed, true = np.zeros(2), 0.0, np.empty((n, 2))
     for k in range(n):
-        true[k] = x[0], believed
-        x, believed = (full @ [*x, u[k]])[:2], float((less @ [believed, u[k]])[0])
+        true[k] = x[0], assumed
+        x, assumed = (full @ [*x, u[k]])[:2], float((less @ [assumed, u[k]])[0])
     y = true[:, 0] + sd * rng.standard_normal(n)
     path, model, out = tmp_path / "log.csv", tmp_path / "model.toml", tmp_path / "out.json"
     table = np.column_stack([0.01 * np.arange(n), u, y])

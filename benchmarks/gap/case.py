@@ -1,4 +1,4 @@
-"""`Case`: a log with something hidden in it, what is believed of it, and the truth kept apart."""
+"""`Case`: a log with something hidden in it, what is assumed about it, and the truth kept apart."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Hidden:
     parameters : mapping
         True values [SI].
     nats : float
-        Expected gain of log-likelihood over the believed model.
+        Expected gain of log-likelihood over the assumed model.
     penalty : float
         Subtracted from it to give the strength [nats].
     also : tuple of str
@@ -103,7 +103,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Case:
-    """A log, a believed model and the truth.
+    """A log, an assumed model and the truth.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Case:
     model : str
         Text of the noise or model file.
     base : mapping of str to float
-        Believed noise of the first channel in its own unit (``N``, ``sigma``, ``tau``), for baselines.
+        Assumed noise of the first channel in its own unit (``N``, ``sigma``, ``tau``), for baselines.
     """
 
     request: Request

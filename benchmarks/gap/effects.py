@@ -52,7 +52,7 @@ def _known(r: Recording, shape: Array, X: float, penalty: float) -> float:
 
 
 def _random(r: Recording, x: Array, X: float, penalty: float) -> float:
-    """The size of a process, whose variance over the believed one is x for size 1, that is worth X."""
+    """The size of a process, whose variance over the assumed one is x for size 1, that is worth X."""
     return nats.scaled(lambda a: nats.random_gain(1.0 + a * a * x), X + penalty, 1e-12, 1e12)
 
 
@@ -147,7 +147,7 @@ def bias_instability(r: Recording, X: float) -> Hidden:
 
 
 def gauss_markov_bias(r: Recording, X: float) -> Hidden:
-    """A (second) Gauss-Markov bias; beside a believed one, a tenth or less of its time constant."""
+    """A (second) Gauss-Markov bias; beside an assumed one, a tenth or less of its time constant."""
     p = nats.penalty(r.n, 2)
     longest = r.sensor.tau / 10.0 if r.sensor.sigma else r.duration / 25.0
     tau = float(np.exp(r.rng.uniform(np.log(5.0 * r.dt), np.log(longest))))

@@ -77,12 +77,12 @@ class Machine:
 
 @dataclass(frozen=True)
 class Change:
-    """What differs from the believed plant; the names are those of the catalogue.
+    """What differs from the assumed plant; the names are those of the catalogue.
 
     Parameters
     ----------
     numbers : mapping
-        True values of parameters that are believed wrongly.
+        True values of parameters that are assumed wrongly.
     """
 
     viscous_friction: float = 0.0

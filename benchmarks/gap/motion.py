@@ -1,7 +1,7 @@
 """Records on a rate table, with references: gyroscope, accelerometer, magnetometer.
 
 A hidden effect changes the noise-free signals by d(t). Its gain is ``1/2 sum |d|^2 / sigma^2`` over all
-channels, after the part that the believed model explains anyway has been taken out of d by least squares:
+channels, after the part that the assumed model explains anyway has been taken out of d by least squares:
 a constant on every channel of gyroscope and accelerometer, the three components of the unknown field on
 the magnetometer. Size is found by bisection, for effects that are not linear in it; at the strength `OBVIOUS` it is that of `SIZES`.
 
@@ -291,7 +291,7 @@ def _run(table: Table, rng: np.random.Generator) -> Run:
 
 
 def _gain(run: Run, plan: Plan, size: float) -> float:
-    """Nats of a size, less what the believed model explains."""
+    """Nats of a size, less what the assumed model explains."""
     return _nats(plan.kind, run, plan.change(size) - plan.change(0.0))
 
 
@@ -327,8 +327,8 @@ def _case(
         q = run.attitude.as_quat(scalar_first=True)
         out |= {f"ref_q_{a}": (q[:, k], "") for k, a in enumerate("wxyz")}
     out["temperature"] = (run.temperature + 0.05 * rng.standard_normal(n), "degC")
-    believed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
-    return Case(request, f"{variant}-{kind}", hidden, run.table.t, out, noise_file(believed))
+    assumed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
+    return Case(request, f"{variant}-{kind}", hidden, run.table.t, out, noise_file(assumed))
 
 
 def _measured(

@@ -105,7 +105,7 @@ def stuck(r: Recording, t: Array, y: Array) -> Logged:
 
 
 def wrong_unit(r: Recording, t: Array, y: Array) -> Logged:
-    """Degrees where radians are believed, or the other way round; g for m/s^2."""
+    """Degrees where radians are assumed, or the other way round; g for m/s^2."""
     factor = (
         1.0 / 9.80665 if r.sensor.unit == "m/s^2" else 57.29577951308232 ** float(r.rng.choice([-1.0, 1.0]))
     )

@@ -1,6 +1,6 @@
 """Records of a plant with an input: pendulum, motor, cart.
 
-The gain of a hidden effect is ``1/2 d' (I + J J')^-1 d``: ``d`` is ``(h_true - h_believed) / sigma`` between the two
+The gain of a hidden effect is ``1/2 d' (I + J J')^-1 d``: ``d`` is ``(h_true - h_assumed) / sigma`` between the two
 noise-free simulations from the same start, and a column of ``J`` is what one deviation of a state's start adds to it. A
 start is known no better than the model file says (`START`); what another start explains is no gap. Coefficients of friction, drag and springs act on the acceleration:
 ``v' = … - coefficient v``, ``- level tanh(v / v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``,
@@ -23,7 +23,7 @@ DEGREE = np.pi / 180.0
 START = 0.01
 """Deviation of where states start [SI]."""
 FARTHEST = 1.6
-"""Angle of the believed pendulum [rad]."""
+"""Angle of the assumed pendulum [rad]."""
 
 
 def _pendulum(x: Sequence[float], u: float, p: Mapping[str, float]) -> list[float]:
@@ -165,7 +165,7 @@ def make(request: Request) -> Case:
     m = MACHINES[which]
     n = int(rng.integers(2000, 4001))
     u, start = excite(rng, m, n), (START * rng.standard_normal(len(m.states))).tolist()
-    believed = {k: v for k, (v, _) in m.parameters.items()}
+    assumed = {k: v for k, (v, _) in m.parameters.items()}
     plain = respond(m, u, start, Change())
     while m is PENDULUM and np.abs(plain).max() > FARTHEST:  # over the top nothing can be predicted
         u = 0.7 * u
@@ -180,7 +180,7 @@ def make(request: Request) -> Case:
         m.channel: (noisy, m.unit),
         "temperature": (25.0 + 0.01 * np.arange(n) / m.rate + 0.05 * rng.standard_normal(n), "degC"),
     }
-    return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(believed))
+    return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(assumed))
 
 
 Drawn = tuple[Array, list[float], Array, np.random.Generator]

@@ -1,7 +1,7 @@
 """Effects hidden in real recordings of sensors at rest.
 
-What is believed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
-hidden in it: without the hidden effect both agree. What is believed of a piece already is not hidden in it. The size
+What is assumed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
+hidden in it: without the hidden effect both agree. What is assumed about a piece already is not hidden in it. The size
 that is worth a number of nats is reckoned over the piece's own periodogram. Samples are rounded to the recording's own
 lattice again; thermometer and decoys are drawn as for records of sensors that never were.
 
@@ -31,7 +31,7 @@ LEFT_OUT = ("cross_axis_noise",)
 OFF_THE_LATTICE = ("quantisation", "low_pass")
 """Effects that come before the converter: the samples of a coarse one, rounded twice, would lose them again."""
 ROUNDS = 3
-"""Times that the believed model is mended until nothing is found in the piece as it is."""
+"""Times that the assumed model is mended until nothing is found in the piece as it is."""
 WIDTH = 0.04
 """Half-width of the average over the periodogram, of the frequency."""
 LEAST = 6
@@ -103,7 +103,7 @@ def _lattice(y: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Base(Sensor):
-    """A piece as the sensor of records: its samples, their lattice, and what is believed of them."""
+    """A piece as the sensor of records: its samples, their lattice, and what is assumed about them."""
 
     samples: Array | None = None
     step: float = 0.0
@@ -129,7 +129,7 @@ def _base(index: int) -> Base | None:
     """None where what is found in a piece has no end: it is no base for a hidden effect."""
     p = _pieces()[index]
     y = p.stored() * p.scale
-    text = _believed(p, y)
+    text = _assumed(p, y)
     if not text:
         return None
     white = float(np.std(np.diff(y)) / np.sqrt(2.0))
@@ -141,7 +141,7 @@ def _base(index: int) -> Base | None:
     )  # fmt: skip
 
 
-def _believed(p: Piece, y: Array) -> str:
+def _assumed(p: Piece, y: Array) -> str:
     """The text of the noise file with which ``kfgen gap`` finds nothing in the piece; empty if there is none."""
     from typer.testing import CliRunner
 

@@ -40,7 +40,7 @@ class Score:
     remaining : bool
         A test of what is left is significant, by the tool's own account.
     gained, best : float
-        Nats over the believed model on a second record, of the mended model and of the oracle; see `second`.
+        Nats over the assumed model on a second record, of the mended model and of the oracle; see `second`.
     """
 
     id: str

@@ -1,9 +1,9 @@
-"""How many nats a hidden effect is worth: the mean gain of log-likelihood over the believed model.
+"""How many nats a hidden effect is worth: the mean gain of log-likelihood over the assumed model.
 
 A record of n samples is seen through its cosine transform (DCT-II, orthonormal): ordinate k = 1 … n-1
-at the frequency k/(2 n dt) is real, nearly independent, and of variance P_k under the believed model.
+at the frequency k/(2 n dt) is real, nearly independent, and of variance P_k under the assumed model.
 The constant, k = 0, is left out: an offset is no gap. Unlike the Fourier transform it does not see a
-jump between the ends of the record. The believed model may retune its level: a common factor c of P.
+jump between the ends of the record. The assumed model may retune its level: a common factor c of P.
 
 * known signal s(t):        ``1/2 sum S_k^2 / P_k``
 * random, variance ratio r: ``1/2 sum (r_k/c - 1 - ln(r_k/c))`` at the best ``c = mean r``, which is
@@ -49,13 +49,13 @@ def ordinates(n: int, dt: float) -> Array:
 
 
 def known_gain(signal: Array, P: Array) -> float:
-    """Nats of a known signal over a believed spectrum."""
+    """Nats of a known signal over an assumed spectrum."""
     S = dct(signal, norm="ortho")[1:]
     return float(0.5 * (S * S / P).sum())
 
 
 def random_gain(ratio: Array) -> float:
-    """Nats of a variance that is `ratio` times the believed one, up to a common factor."""
+    """Nats of a variance that is `ratio` times the assumed one, up to a common factor."""
     return float(0.5 * (ratio.size * np.log(ratio.mean()) - np.log(ratio).sum()))
 
 
@@ -132,19 +132,19 @@ def burst_gain(y: Array, ratio: float, share: float, leave: float) -> float:
     return float(total - 0.5 * y.size * (power - 1.0 - np.log(power)))
 
 
-def expected(true: Array, left: Array, believed: Array) -> float:
-    """Mean log-likelihood [nats] of records under a believed spectrum at its best level, up to a constant.
+def expected(true: Array, left: Array, assumed: Array) -> float:
+    """Mean log-likelihood [nats] of records under an assumed spectrum at its best level, up to a constant.
 
     Parameters
     ----------
-    true, believed : array, (n - 1,)
+    true, assumed : array, (n - 1,)
         Variance of each ordinate.
     left : array, (n,)
-        The known signals that there are less those that are believed.
+        The known signals that there are less those that are assumed.
     """
     D = dct(left, norm="ortho")[1:]
-    level = ((true + D * D) / believed).mean()
-    return float(-0.5 * (np.log(believed).sum() + believed.size * np.log(level)))
+    level = ((true + D * D) / assumed).mean()
+    return float(-0.5 * (np.log(assumed).sum() + assumed.size * np.log(level)))
 
 
 def scaled(gain: Callable[[float], float], wanted: float, lo: float, hi: float) -> float:

@@ -46,7 +46,7 @@ class WhiteSeries:
     nuisance : ndarray, shape (n, q)
         Orthonormal whitened ordinates of the regressors that are in the model.
     level : (mean, deviation)
-        What is believed of the logarithm of the noise's level over that of the fit.
+        What is assumed about the logarithm of the noise's level over that of the fit.
     drive : mapping of str to ndarray, shape (n,)
     forms : tuple of Form
         The systems of the slow noise that is in the model.
@@ -207,8 +207,8 @@ class RawSamples:
     ----------
     t, y : ndarray, shape (n,)
         Time stamps [s] as they are, samples [SI].
-    believed : float
-        Deviation of the white part of a sample that the model believes [SI].
+    assumed : float
+        Deviation of the white part of a sample that the model assumes [SI].
     stated : float
         How long the log says that it lasted [s], beside its times; zero where it does not.
     moves : bool
@@ -217,7 +217,7 @@ class RawSamples:
 
     t: Array
     y: Array
-    believed: float
+    assumed: float
     stated: float = 0.0
     moves: bool = False
 

@@ -62,7 +62,7 @@ class FilterModel:
     uses : mapping of str to tuple of Use
         How the effects of `noise` are taken, in their order: known where it says nothing.
     initial : mapping of str to Initial
-        What is believed before the first measurement, by the name of a stored state, or ``heading``.
+        What is assumed before the first measurement, by the name of a stored state, or ``heading``.
     unchecked : tuple of Omission
         What else its file says that is not in the filter.
     ideal : bool
@@ -185,7 +185,7 @@ class FilterModel:
         return tuple(self._known_better(s) for s in blocks + tuple(self._attachment.states))
 
     def _known_better(self, state: StateInfo) -> StateInfo:
-        """A state with what is believed of it before the first measurement; the heading is the turn about down."""
+        """A state with what is assumed about it before the first measurement; the heading is the turn about down."""
         turn = self.attitude.error_names[2] if self.attitude is not None else ""
         found = self.initial.get(HEADING if state.name == turn else state.name)
         sd = found.sd if found is not None else 0.0

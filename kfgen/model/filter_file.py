@@ -28,7 +28,7 @@ HEADING = "heading"
 
 @dataclass(frozen=True)
 class Initial:
-    """What is believed of a value before the first measurement, and its standard deviation [SI]; zero: as the model says."""
+    """What is assumed about a value before the first measurement, and its standard deviation [SI]; zero: as the model says."""
 
     value: float
     sd: float = 0.0

@@ -133,9 +133,9 @@ def followed(series: WhiteSeries, s: Array) -> float:
     return float(u @ (z2 - np.mean(z2))) / (float(np.sqrt(2.0)) * size) if size > 0.0 else 0.0
 
 
-def _fitted(z2: Array, s: Array, believed: tuple[float, float]) -> tuple[float, float, float]:
+def _fitted(z2: Array, s: Array, assumed: tuple[float, float]) -> tuple[float, float, float]:
     """Slope of the logarithm of the level on a shape, gain over one level [nats], deviation of the slope."""
-    mean, sd = believed
+    mean, sd = assumed
     x = np.array([0.5 * np.log(np.mean(z2)), 0.0])
     one = -np.log(np.mean(z2)) * 0.5 * z2.size - 0.5 * z2.size - 0.5 * ((x[0] - mean) / sd) ** 2
     for _ in range(ROUNDS):

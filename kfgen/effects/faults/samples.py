@@ -91,7 +91,7 @@ class RepeatedSamples(Fault):
         """More equal neighbours than the ADC grid and the noise explain."""
         same = np.diff(raw.y) == 0.0
         looked = same if raw.still is None else same[~raw.still]
-        if looked.size < MIN_STEPS_FOR_REPEATS or raw.lattice > MIN_COARSE_STEP_SIGMAS * raw.believed:
+        if looked.size < MIN_STEPS_FOR_REPEATS or raw.lattice > MIN_COARSE_STEP_SIGMAS * raw.assumed:
             return None
         equal = float(np.mean(looked))
         chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
@@ -207,7 +207,7 @@ class CoarseQuantisation(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """The step of the ADC grid against the noise."""
-        if raw.lattice < MIN_COARSE_STEP_SIGMAS * raw.believed or raw.noise > 3.0 * raw.lattice:
+        if raw.lattice < MIN_COARSE_STEP_SIGMAS * raw.assumed or raw.noise > 3.0 * raw.lattice:
             return None
         one, two = raw.steps
         if one > MIN_INTEGRATED_STEP_RATIO * two:  # the lattice is that of the integral
@@ -261,7 +261,7 @@ class DeadZone(Fault):
             return None
         width = float(np.quantile(away, 0.001))
         if width < max(
-            1.5 * raw.lattice, 0.02 * raw.believed
+            1.5 * raw.lattice, 0.02 * raw.assumed
         ):  # the lattice itself; or zeros that were put in
             return None
         next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
@@ -284,7 +284,7 @@ class UnitError(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """A noise that is larger or smaller than assumed by just such a factor."""
-        found = _between(raw.noise / raw.believed) if raw.believed > 0.0 else None
+        found = _between(raw.noise / raw.assumed) if raw.assumed > 0.0 else None
         return DetectedFault(found, float(raw.n), spoils=True) if found else None
 
     @classmethod

@@ -1,7 +1,7 @@
 """Fitting a scene: damped Gauss-Newton steps in the effects' parameters and the world's unknowns.
 
 Signed parameters are fitted as they are, positive ones in their logarithm. Each channel's noise may be
-louder or quieter than believed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
+louder or quieter than assumed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
 noise of the wrong size is no evidence for anything else.
 
 References
@@ -51,7 +51,7 @@ class SceneFit:
     point : Point
     residual : ndarray, shape (N,)
     levels : ndarray, shape (channels,)
-        Deviation of each channel's noise, in believed ones.
+        Deviation of each channel's noise, in assumed ones.
     value : float
         Log-likelihood plus log prior.
     information : ndarray, shape (p, p)
@@ -171,7 +171,7 @@ def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
 
 
 def _pulls(scene: Scene, unknowns: Array) -> Array:
-    """How far unknowns are from what is believed of them, in deviations."""
+    """How far unknowns are from what is assumed about them, in deviations."""
     values = np.array([u.value for u in scene.unknowns])
     return np.asarray((unknowns - values) * _weights(scene))
 

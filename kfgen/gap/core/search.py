@@ -125,7 +125,7 @@ class Contest(Generic[E, A]):
 
 
 class Explanation(Protocol[A]):
-    """A record, what is assumed of it, and the effects that were added so far; never changed in place."""
+    """A record, what is assumed about it, and the effects that were added so far; never changed in place."""
 
     @property
     def chosen(self) -> Sequence[Chosen[A]]:

@@ -27,7 +27,7 @@ MAX_DISTANCE_SD = 1e3
 
 @dataclass(frozen=True)
 class RecordedChannel:
-    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
+    """One compared channel: the samples that it has, their values less what is assumed about the sensor [SI]."""
 
     at: NDArray[np.intp]
     values: Array
@@ -96,12 +96,12 @@ def check_near(
                 f"{model.name} does not follow the log: {words}, a simulation is nowhere near {name}, "
                 "however often it starts anew",
                 where=model.path,
-                remedy="Check the equations and what is believed of their numbers: a gap is sought in a model that is nearly right",
+                remedy="Check the equations and what is assumed about their numbers: a gap is sought in a model that is nearly right",
             )
 
 
 def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
-    """The samples of a channel, less the deterministic effects that are believed of it.
+    """The samples of a channel, less the deterministic effects that are assumed about it.
 
     Parameters
     ----------
@@ -123,13 +123,13 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
     at = np.flatnonzero(np.isfinite(values))
     if at.size < 8:
         raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
-    y = values[at] - _believed(effects, log, at)
+    y = values[at] - _assumed(effects, log, at)
     steps = np.diff(log.t[at])
     dt = float(np.mean(steps[steps <= MIN_GAP_STEPS * np.median(steps)]))
     return RecordedChannel(at, y, Whitener.of(effects, at.size, dt, constant=True))
 
 
-def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
+def _assumed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
     """What the deterministic effects of a channel give [SI], shape (n,)."""
     t = np.asarray(log.t)[at] - log.t[0]
     total = np.zeros(at.size)

@@ -1,6 +1,6 @@
 """How long one simulation can follow a record, and where the plant was: initial states by least squares.
 
-A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is believed
+A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is assumed
 as that allows, no longer follows the data, or where the initial state would have to be known too well; there the next
 segment begins.
 """
@@ -107,12 +107,12 @@ class Shooting:
         return np.array([v for v, _ in self.free.values()])
 
     def _pulls(self, X0: Array) -> Array:
-        """How far parameters are from what is believed, in deviations, shape (parameters, batch)."""
+        """How far parameters are from what is assumed, in deviations, shape (parameters, batch)."""
         deviations = np.array([sd for _, sd in self.free.values()])
         return np.asarray((X0[self.states :] - self.trusted[:, None]) / deviations[:, None])
 
     def cost(self, X0: Array, a: int, b: int) -> Array:
-        """Sums of squares over samples a to b, and of what is believed, shape (batch,)."""
+        """Sums of squares over samples a to b, and of what is assumed, shape (batch,)."""
         return np.asarray((self.left(X0, a, b) ** 2).sum(axis=(0, 1)) + (self._pulls(X0) ** 2).sum(axis=0))
 
     def _simulated(self, X0: Array, a: int, b: int) -> tuple[Array, Array]:
@@ -239,7 +239,7 @@ class Shooting:
         return not bool((most > MAX_TOTAL_ERROR_GROWTH * np.maximum(first, 1e-300)).all() and most.size)
 
     def hidden(self, x0: Array) -> tuple[bool, ...]:
-        """Which initial states, shape (states,), change no channel as the model is believed."""
+        """Which initial states, shape (states,), change no channel of the assumed model."""
         if not x0.size:
             return ()
         J = self.slope(np.concatenate([x0, self.trusted]), 0, self.t.size)[1][:, :, : self.states]

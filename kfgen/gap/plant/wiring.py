@@ -1,7 +1,7 @@
 """What is wrong with the columns of a plant's log, before anything is fitted to them.
 
 First the samples of each channel by themselves: stuck, held, clipped. Then the columns against one another: where
-the believed model follows them nowhere, but does so once one of them is turned round, taken in another unit or moved
+the assumed model follows them nowhere, but does so once one of them is turned round, taken in another unit or moved
 in time, that column is wrong, and no effect is missing.
 """
 
@@ -31,7 +31,7 @@ from kfgen.gap.core.scene import Placed
 from kfgen.gap.plant.input_logged_late import leading
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness
-from kfgen.gap.rest.faults import believed_deviation, by_chance, spotted_moving, stuck_spans
+from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.user import UserModel
 
@@ -102,10 +102,10 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
     at = np.flatnonzero(np.isfinite(values))
     if at.size < MIN_STEPS_FOR_REPEATS:
         return [], False
-    y, believed = values[at], believed_deviation(effects, float(np.median(np.diff(t))))
+    y, assumed = values[at], assumed_sd(effects, float(np.median(np.diff(t))))
     faults: list[Effect] = []
     there = np.ones(at.size, dtype=bool)
-    for a, b in stuck_spans(y, believed):
+    for a, b in stuck_spans(y, assumed):
         faults.append(Stuck(float(t[at[a]] - t[0]), float(t[at[b - 1]] - t[at[a]])))
         there[a + 1 : b] = False
     bad = bool(np.mean(~there) > MAX_CLIPPED_SHARE)
@@ -117,10 +117,10 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
             faults.append(fault.effect)
             bad |= fault.spoils
             if isinstance(fault.effect, Clipping):
-                there &= ~_near(y, float(fault.effect.limit), believed)
+                there &= ~_near(y, float(fault.effect.limit), assumed)
     again = np.concatenate([[False], y[1:] == y[:-1]]) & there
     share = float(again.sum() / max(there.sum(), 1))
-    if share > max(MIN_REPEATED_SHARE, MIN_CHANCE_RATIO * by_chance(y, believed)):
+    if share > max(MIN_REPEATED_SHARE, MIN_CHANCE_RATIO * by_chance(y, assumed)):
         faults.append(RepeatedSamples(share))  # the first of each run is a sample
         there &= ~again
     values[at[~there]] = np.nan
@@ -163,13 +163,13 @@ def _miswired(scene: PlantScene) -> list[Placed]:
 def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
     """The largest share of a channel's deviation that a model leaves over samples a to b; and what was fitted.
 
-    Only where it starts is fitted: parameters stay as they are believed.
+    Only where it starts is fitted: parameters keep their assumed values.
     """
     plant = shooting.plant
-    believed = replace(
+    assumed = replace(
         plant.model, parameters={n: replace(p, sd=0.0) for n, p in plant.model.parameters.items()}
     )
-    shooting = replace(shooting, plant=type(plant)(believed, plant.kinds))
+    shooting = replace(shooting, plant=type(plant)(assumed, plant.kinds))
     x0 = shooting.fit(shooting.guess(a, MIN_FIRST_WINDOW_SAMPLES), a, b)
     shares = []
     for (name, (at, values)), part in zip(shooting.data.items(), shooting.left(x0[:, None], a, b)[:, :, 0]):

@@ -61,7 +61,7 @@ class Prepared:
 def channel_gap(
     channel: str, record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
 ) -> ChannelGap:
-    """Compare one channel at rest with the noise that is assumed of it.
+    """Compare one channel at rest with the noise that is assumed about it.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def channel_gap(
 
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:
-    """A record and what is assumed of it, made ready for the search.
+    """A record and what is assumed about it, made ready for the search.
 
     Parameters
     ----------

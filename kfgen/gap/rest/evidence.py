@@ -1,9 +1,9 @@
 """What is missing: candidates compared by their marginal likelihood.
 
-A candidate is the believed model with one more effect, all parameters fitted. Its evidence is the
+A candidate is the assumed model with one more effect, all parameters fitted. Its evidence is the
 likelihood integrated over them by Laplace's method in logarithms [1]_, over times that the record
 hardly bounds numerically, over places (an onset, a frequency) by the scan that found them. Sizes and
-times have log-uniform priors, the believed model's numbers keep the priors that trust in them gives,
+times have log-uniform priors, the assumed model's numbers keep the priors that trust in them gives,
 and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
 competes openly: the same structure with the trust taken away. Each addition costs the
 logarithm of the number of candidates (and what its class says that it is rarer than others, ``prior_penalty_nats``).
@@ -134,8 +134,8 @@ def _linear_evidence(fit: Fit) -> float:
     return value
 
 
-def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
-    """The believed model, its numbers moved only as far as trust lets them.
+def assumed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
+    """The assumed model, its numbers moved only as far as trust lets them.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def series_of(base: Candidate) -> WhiteSeries:
 
 
 def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
-    """Mean and deviation of what is believed of the size of the first of some effects, over that of the fit."""
+    """Mean and deviation of what is assumed about the size of the first of some effects, over that of the fit."""
     for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
         prior = base.problem.priors.get((i, name))
         if base.fit.effects[i] in effects and name in base.fit.effects[i].sizes() and prior is not None:
@@ -251,7 +251,7 @@ def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
 
 
 def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost: float) -> Candidate:
-    """The believed model with one more effect, from the most promising of its starts."""
+    """The assumed model with one more effect, from the most promising of its starts."""
     name, known = starts[0].effect.name, base.fit.effects
     if starts[0].evidence is not None:
         return Candidate(name, base.fit, base.problem, starts[0].evidence - cost, starts[0])

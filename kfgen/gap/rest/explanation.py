@@ -41,7 +41,7 @@ SHAPE_MIN_PROBABILITY = 1e-12
 
 @dataclass(frozen=True)
 class ChannelExplanation:
-    """A record against what is assumed of it, and what was added so far.
+    """A record against what is assumed about it, and what was added so far.
 
     Parameters
     ----------

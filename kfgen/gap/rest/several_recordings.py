@@ -82,7 +82,7 @@ class JointGap:
 
 
 def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise) -> JointGap:
-    """Compare several recordings of one channel with the noise that is assumed of it.
+    """Compare several recordings of one channel with the noise that is assumed about it.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class Equations(MotionModel):
         return {}
 
     def starts_unknown(self, value: sp.Expr) -> bool:
-        """Whether an expression is a state alone, and one of which nothing is believed."""
+        """Whether an expression is a state alone, and one of which nothing is assumed."""
         state = self.user.states.get(value.name) if value.is_Symbol else None
         return state is not None and bool(np.isinf(state.sd))
 

@@ -25,7 +25,7 @@ FORMAT = "kfgen-model-1"
 
 @dataclass(frozen=True)
 class ModelParameter:
-    """A parameter: the user's unit, its value [SI], the deviation of what is believed of it (0: trusted)."""
+    """A parameter: the user's unit, its value [SI], the deviation of what is assumed about it (0: trusted)."""
 
     unit: str
     value: float
