@@ -67,7 +67,7 @@ def test_one_spike_anywhere_is_left_out(at: int) -> None:
     assert not any("low-pass" in w for w in result.warnings)
 
 
-def test_a_step_and_a_lattice_are_no_outliers() -> None:
+def test_a_step_and_an_adc_grid_are_no_outliers() -> None:
     stepped = white(3) + 30.0 * (T > 100.0)
     coarse = np.round(0.4 * white(4))
     assert not is_outlier(stepped).any()

@@ -63,7 +63,7 @@ def test_a_plant_has_no_other_recording(tmp_path: Path, kfgen: Callable[..., Res
 
 
 def test_what_has_a_driver_comes_again() -> None:
-    """A play of the temperature has a width that was looked for, and no time at which it happened."""
+    """A hysteresis of the temperature has a width that was looked for, and no time at which it happened."""
     from kfgen.effects import effect_named
     from kfgen.gap.rest.second_recording import happens_once
 

@@ -149,9 +149,11 @@ def wandering(seed: int) -> Array:
 SOUND: dict[str, Callable[[int], Array]] = {
     "white": white,
     "slow": lambda s: white(s) + 3.0 * wandering(s),
-    "lattice": lambda s: 0.1 * np.round(white(s) / 0.1),
-    "wide lattice": lambda s: 0.5 * np.round((white(s) + 2.0) / 0.5),
-    "integral lattice": lambda s: np.diff(np.round(np.cumsum(white(s, N + 1)) * DT / 0.02) * 0.02) / DT,
+    "ADC grid": lambda s: 0.1 * np.round(white(s) / 0.1),
+    "wide ADC grid": lambda s: 0.5 * np.round((white(s) + 2.0) / 0.5),
+    "integral of an ADC grid": lambda s: (
+        np.diff(np.round(np.cumsum(white(s, N + 1)) * DT / 0.02) * 0.02) / DT
+    ),
     "offset": lambda s: white(s) + 1e4,
 }
 

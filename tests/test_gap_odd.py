@@ -53,7 +53,7 @@ def test_one_wild_sample_is_an_outlier(size: float) -> None:
     assert pytest.approx(WHITE.N, rel=0.03) == white.N  # type: ignore[attr-defined]
 
 
-def test_values_on_a_lattice_are_no_stretch() -> None:
+def test_values_on_an_adc_grid_are_no_stretch() -> None:
     """Eight bits: a third of the samples equals the one before."""
     gap, said = gap_of(np.round(noise(1) / 0.08) * 0.08)
     assert not said

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
-from kfgen.effects.driven.history import play, rate_of
+from kfgen.effects.driven.history import hysteresis, rate_of
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
@@ -78,12 +78,12 @@ def test_an_effect_of_the_temperature_is_named_with_its_coefficient(name: str) -
         assert found.effect.width == pytest.approx(0.2 * SPAN, abs=0.026 * SPAN)  # type: ignore[attr-defined]
 
 
-def test_a_play_by_hand() -> None:
+def test_a_hysteresis_by_hand() -> None:
     T_ = np.array([0.0, 1.0, 2.0, 1.5, 0.0, -1.0, 0.2, 0.2])
-    np.testing.assert_allclose(play(T_, 0.5), [0.0, 0.5, 1.5, 1.5, 0.5, -0.5, -0.3, -0.3], atol=1e-15)
-    np.testing.assert_array_equal(play(T_, 0.0), T_)
-    np.testing.assert_array_equal(play(T_, 5.0), 0.0)
-    np.testing.assert_allclose(play(HEAT, 0.7), stayed(HEAT, 0.7), atol=1e-12)
+    np.testing.assert_allclose(hysteresis(T_, 0.5), [0.0, 0.5, 1.5, 1.5, 0.5, -0.5, -0.3, -0.3], atol=1e-15)
+    np.testing.assert_array_equal(hysteresis(T_, 0.0), T_)
+    np.testing.assert_array_equal(hysteresis(T_, 5.0), 0.0)
+    np.testing.assert_allclose(hysteresis(HEAT, 0.7), stayed(HEAT, 0.7), atol=1e-12)
 
 
 @pytest.mark.parametrize("noisy", [0.0, 0.02])

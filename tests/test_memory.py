@@ -1,6 +1,6 @@
-"""Proves that what a filter keeps beside its state is right: late inputs, plays, and every effect of a plant in code.
+"""Proves that what a filter keeps beside its state is right: late inputs, backlashes, and every effect of a plant in code.
 
-Delays are compared with the exact integral of the shifted input, plays with the play operator written anew, whole
+Delays are compared with the exact integral of the shifted input, backlashes with the backlash operator written anew, whole
 filters with logs of the plant's own simulation, which integrates breakpoints and knows no filter.
 """
 
@@ -128,7 +128,7 @@ def test_a_refused_step_keeps_no_sample() -> None:
     assert list(kf.nominal) == before
 
 
-def test_a_play_moves_with_the_state_once_it_is_taken_up() -> None:
+def test_a_backlash_moves_with_the_state_once_it_is_taken_up() -> None:
     program = program_of(text_of(SIZES["backlash"]))
     kf, stands, u = filter_of(program), 0.0, pushed(400)
     kf.gate = 0.0  # the filter looks, and corrects nothing

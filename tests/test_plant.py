@@ -1,7 +1,7 @@
 """Proves that a plant is simulated as its equations say, with every effect, and that its scene finds them.
 
 Expected motions come from scipy's integrators of equations that the test writes itself, at tolerances of 1e-10;
-what an effect does is written anew for each (an actuator's lag as a state, a delay by breakpoints, a play by its
+what an effect does is written anew for each (an actuator's lag as a state, a delay by breakpoints, a backlash by its
 definition). Recovered numbers are held to 4.5 of their own deviations (7e-6 of the seeds for each of about
 20 checks); seeds are fixed.
 """
@@ -251,7 +251,7 @@ def test_a_slow_sensor() -> None:
     assert np.abs(angle - exact).max() < 5e-3
 
 
-def test_a_play() -> None:
+def test_a_backlash() -> None:
     states, angle = run([("angle", make("backlash", width=0.1))], TIMES, push(TIMES))
     now, wanted = states[0, 1], []
     for h in states[:, 1]:

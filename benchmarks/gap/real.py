@@ -3,7 +3,7 @@
 What is assumed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
 hidden in it: without the hidden effect both agree. What is assumed about a piece already is not hidden in it. The size
 that is worth a number of nats is reckoned over the piece's own periodogram. Samples are rounded to the recording's own
-lattice again; thermometer and decoys are drawn as for records of sensors that never were.
+ADC grid again; thermometer and decoys are drawn as for records of sensors that never were.
 
 The recordings are those of ``../shared/data`` (or of KFGEN_DATA); the world is empty where they are absent.
 """
@@ -95,7 +95,7 @@ def _pieces() -> list[Piece]:
     return [p for p in out if (DATA / f"{p.file}.npz").is_file()]
 
 
-def _lattice(y: Array) -> float:
+def _adc_step(y: Array) -> float:
     """The step of the values that occur."""
     steps = np.diff(np.unique(y))
     return float(steps[steps > 1e-6 * np.ptp(y)].min())
@@ -103,7 +103,7 @@ def _lattice(y: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Base(Sensor):
-    """A piece as the sensor of records: its samples, their lattice, and what is assumed about them."""
+    """A piece as the sensor of records: its samples, their ADC grid, and what is assumed about them."""
 
     samples: Array | None = None
     step: float = 0.0
@@ -137,7 +137,7 @@ def _base(index: int) -> Base | None:
     offset = float(np.median(y))
     return Base(
         name, p.channel, p.unit, p.rate, y.size, white, offset=offset,
-        samples=y - offset, step=_lattice(y), text=text,
+        samples=y - offset, step=_adc_step(y), text=text,
     )  # fmt: skip
 
 

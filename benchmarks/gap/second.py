@@ -30,7 +30,7 @@ from functools import lru_cache, partial
 import numpy as np
 import strength as nats
 from case import SI, Array, Case
-from effects import play
+from effects import hysteresis
 from noise import (
     all_pole_spectrum,
     angles,
@@ -148,7 +148,7 @@ SIGNALS: Mapping[str, Callable[[Array, Array, Mapping[str, float]], Array]] = {
     "warm_up": lambda t, T, v: v["size"] * np.exp(-t / v["tau"]),
     "temperature": lambda t, T, v: v["coefficient"] * (T - 25.0),
     "temperature_rate": lambda t, T, v: v["coefficient"] * np.gradient(T, t[1] - t[0]),
-    "thermal_hysteresis": lambda t, T, v: v["coefficient"] * play(T, v["width"]),
+    "thermal_hysteresis": lambda t, T, v: v["coefficient"] * hysteresis(T, v["width"]),
 }
 LASTING = (*SPECTRA, *SIGNALS, "sinusoid", "low_pass", "outliers")
 """Effects that say something of a second record."""

@@ -246,7 +246,7 @@ class RawSamples:
         """Of a sensor that moves, the steps about which it does not move for sure, shape (n - 1,)."""
         if not self.moves:
             return None
-        about = np.abs(self.y[3:] - self.y[:-3]) > 3.0 * (SWIFT * self.noise + self.lattice)
+        about = np.abs(self.y[3:] - self.y[:-3]) > 3.0 * (SWIFT * self.noise + self.adc_step)
         return ~np.concatenate([[False], about, [False]])
 
     @cached_property
@@ -256,8 +256,8 @@ class RawSamples:
         return one, two
 
     @cached_property
-    def lattice(self) -> float:
-        """Distance of neighbouring values [SI], zero where they lie on no lattice."""
+    def adc_step(self) -> float:
+        """Distance of neighbouring values [SI], zero where they lie on no ADC grid."""
         values = np.unique(self.y[:50_000])
         apart = np.diff(values) > SAME * float(
             np.ptp(values)

@@ -195,28 +195,28 @@ class DiscreteModel:
 
     @cached_property
     def memories(self) -> tuple[Register, ...]:
-        """What is kept beside the state: samples of late inputs, where plays stand."""
+        """What is kept beside the state: samples of late inputs, where the backlash of channels stands."""
         model = self.model
         lines = [m for line in model.motion.late for m in line.memories(self.rate)]
         return (
             *lines,
             *model.registers,
-            *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play),
+            *(s.backlash.memory(model.clean(s)[0]) for s in model.sensors if s.backlash),
         )
 
     def expected(self, sensor: Sensor) -> sp.Matrix:
-        """The expected measurement, plays and the effects of its channels in it, shape (m, 1)."""
+        """The expected measurement, backlashes and the effects of its channels in it, shape (m, 1)."""
         z = self.model.expected(sensor)
-        if sensor.play is None:
+        if sensor.backlash is None:
             return z
         h = self.model.clean(sensor)
-        return z - h + sp.Matrix([sensor.play.shown(h[0])])
+        return z - h + sp.Matrix([sensor.backlash.shown(h[0])])
 
     def H(self, sensor: Sensor) -> sp.Matrix:
-        """The measurement's Jacobian, shape (m, n); within a play no state shows."""
+        """The measurement's Jacobian, shape (m, n); within a backlash no state shows."""
         H = self.model.H(sensor)
-        if sensor.play is not None:
-            follows = sensor.play.follows(self.model.clean(sensor)[0])
+        if sensor.backlash is not None:
+            follows = sensor.backlash.follows(self.model.clean(sensor)[0])
             for j in range(sum(len(b.error_names) for b in self.model.blocks)):
                 H[0, j] *= follows
         return H

@@ -26,13 +26,13 @@ MAX_RATE_ROUNDING_POWER_RATIO = 3.0
 
 
 def step_of(log: Log) -> float:
-    """The step of the components of the reference attitude, zero where they lie on no lattice."""
+    """The step of the components of the reference attitude, zero where they lie on no grid."""
     steps = []
     for name in (f"ref_q_{c}" for c in "wxyz" if f"ref_q_{c}" in log.channels):
         y = log.channels[name].values
         there = np.isfinite(y)
         if there.any() and np.ptp(y[there]) > 0.0:
-            steps.append(RawSamples(log.t[there], y[there], 0.0).lattice)
+            steps.append(RawSamples(log.t[there], y[there], 0.0).adc_step)
     return max(steps, default=0.0) if all(steps) else 0.0
 
 

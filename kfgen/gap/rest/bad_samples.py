@@ -47,9 +47,9 @@ def odd_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
 
 
 def _still(raw: RawSamples) -> list[tuple[int, int]]:
-    """Runs of equal values that the noise and the lattice do not explain."""
+    """Runs of equal values that the noise and the ADC grid do not explain."""
     twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
-    equal = raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
+    equal = raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
     spans = standing(raw.y, min(max(equal, twice, MIN_REPEAT_PROBABILITY), 0.95), 2, MIN_RUNS_AT_A_LIMIT)
     few = len(spans) <= MAX_STUCK_STRETCHES and sum(b - a for a, b in spans) < MAX_BAD_SHARE * raw.n
     return spans if few else []
@@ -59,7 +59,7 @@ def _wild(raw: RawSamples) -> Mask:
     from scipy.signal import medfilt
 
     away = np.abs(raw.y - medfilt(raw.y, 5))
-    scale = max(1.4826 * float(np.median(away)), raw.lattice)
+    scale = max(1.4826 * float(np.median(away)), raw.adc_step)
     wild = away > WILD * scale
     between = np.any((away > TAME * scale) & ~wild)
     few = np.mean(wild) <= max(MAX_WILD_SHARE, 1.0 / raw.n)

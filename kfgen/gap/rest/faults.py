@@ -56,7 +56,7 @@ def spotted_in(
 def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]:
     """The faults among effects that samples show, those that spoil them first."""
     faults = [f for cls in effects if (f := cls.detect_fault(raw)) is not None]
-    if len(faults) > 1:  # values on a faulty lattice repeat by themselves
+    if len(faults) > 1:  # values on a faulty ADC grid repeat by themselves
         faults = [f for f in faults if f.effect.name != "repeated_samples" or f.samples > 0.2 * raw.n]
     return sorted(faults, key=lambda f: not f.spoils)
 
@@ -110,7 +110,7 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
 
 
 def by_chance(y: Array, assumed: float) -> float:
-    """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``.
+    """Chance of two equal neighbours, samples of shape (n,) being on an ADC grid: of normal deviates ``q / (2 sqrt(pi) s)``.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def by_chance(y: Array, assumed: float) -> float:
     steps = np.abs(np.diff(y))
     steps = steps[steps > SAME * float(np.ptp(y))]
     # An encoder that runs through many of its steps has hardly any value twice: its smallest step says what they are.
-    lattice = max(raw.lattice, float(steps.min(initial=np.inf)) if steps.size else 0.0)
-    return float(lattice / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, assumed), 1e-300)))
+    step = max(raw.adc_step, float(steps.min(initial=np.inf)) if steps.size else 0.0)
+    return float(step / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, assumed), 1e-300)))
 
 
 def stuck_spans(y: Array, assumed: float) -> list[tuple[int, int]]:
     """Spans of samples, shape (n,), that repeat the one before them longer than chance lets noisy ones, first and end.
 
-    Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
+    Values on an ADC grid about as wide as the noise repeat while nothing moves: of these nothing is said.
 
     Parameters
     ----------

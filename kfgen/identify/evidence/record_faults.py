@@ -1,6 +1,6 @@
 """What is wrong with the samples of a record, found before any fit.
 
-Outliers, values at the ends of the range or on a coarse lattice, noise that changes its size, and an internal low-pass.
+Outliers, values at the ends of the range or on a coarse ADC grid, noise that changes its size, and an internal low-pass.
 
 Outliers and the low-pass are found with medians, which what they look for cannot move.
 """
@@ -28,7 +28,7 @@ STRETCHES_OF_RECORD = 20
 SAMPLES_OF_EACH_STRETCH = 10_000
 """Samples of each stretch of a record from which the deviation is taken."""
 COARSE_STEP_IN_DEVIATIONS = 1.5
-"""Steps of the lattice in deviations beyond which a quantised sample is no sample of the noise."""
+"""Steps of the ADC grid in deviations beyond which a quantised sample is no sample of the noise."""
 CLIPPED_SHARE = 0.02
 """Share of samples at the ends of the range that is no chance."""
 NOISE_CHANGE_DEVIATIONS = 6.0
@@ -106,7 +106,7 @@ def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
 
 
 def amplitude_faults(y: Array) -> list[str]:
-    """Sentences on samples that stand at the ends of the range, or on a lattice wider than the noise."""
+    """Sentences on samples that stand at the ends of the range, or on an ADC grid wider than the noise."""
     white = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
     ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
     step, said = _smallest_step(y), []
@@ -139,7 +139,7 @@ def noise_change(y: Array) -> tuple[float, float] | None:
 
 
 def _smallest_step(y: Array) -> float:
-    """The step of the lattice of values, zero where there is none to see."""
+    """The step of the ADC grid of values, zero where there is none to see."""
     values = np.unique(y[:20_000])
     return float(np.diff(values).min()) if 1 < values.size < y[:20_000].size // 2 else 0.0
 
