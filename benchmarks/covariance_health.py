@@ -5,7 +5,8 @@ Usage: python benchmarks/covariance_health.py [SECONDS] [--picture FILE.svg]
 An ins15 at rest with the noise of an identified MEMS unit, and no floors under its variances: gyros 8.7e-5
 rad/s/sqrt(Hz) and 1e-6 rad/s/sqrt(s), accelerometers 1e-3 m/s^2/sqrt(Hz) and 1e-5 m/s^2/sqrt(s), predictions at 250 Hz,
 GNSS position and velocity at 5 Hz. Every minute: the smallest eigenvalue of the covariance scaled to a unit
-diagonal (not positive: no covariance any more), and each deviation over that of double precision. An hour by default.
+diagonal (not positive: no covariance any more), and each standard deviation over that of double precision. An hour
+by default.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ FACTORS = np.array([1, 3, 10, 30, 100])
 
 @pytest.fixture(scope="module")
 def inside() -> Array:
-    """How many of the bands hold the true deviation of white noise, by factor."""
+    """How many of the bands hold the true Allan deviation of white noise, by factor."""
     rng = np.random.default_rng(7)
     truth = 1.0 / np.sqrt(FACTORS)
     curves = [allan_curve(rng.standard_normal(LENGTH), 1.0, FACTORS) for _ in range(RUNS)]

@@ -23,7 +23,7 @@ T = np.arange(int(RATE * SECONDS)) / RATE
 
 
 def white(seed: int) -> np.ndarray:
-    """Samples of deviation one: N = 0.1."""
+    """Samples of standard deviation one: N = 0.1."""
     return np.random.default_rng(seed).standard_normal(T.size)
 
 
@@ -83,7 +83,7 @@ def test_a_low_pass_is_left_out_of_the_fit(corner: float) -> None:
 
 
 def test_a_change_of_the_noise_is_said_and_chance_is_none() -> None:
-    """40 records of constant noise, 20 stretches each: six deviations are passed less than once in 1e5."""
+    """40 records of constant noise, 20 stretches each: six standard deviations are passed less than once in 1e5."""
     assert [noise_change(white(seed)) for seed in range(40)] == [None] * 40
     y = white(3).copy()
     y[y.size // 2 :] *= 2.0

@@ -339,7 +339,7 @@ def published(path: Path, column: str) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize(("name", "column"), cases())
 def test_white_noise_of_a_published_curve(name: str, column: str, recording: Callable[[str], Path]) -> None:
-    """Where an octave falls as white noise does, by -1/2 within 0.03: N is the deviation there, within 5 %."""
+    """Where an octave falls as white noise does, by -1/2 within 0.03: N is the Allan deviation there, within 5 %."""
     tau, d = published(recording(f"allan_curves/{name}"), column)
     at = [0]
     for i in range(tau.size):

@@ -4,7 +4,7 @@ The parametrisation is the catalogue itself: a new effect is tested by being the
 the integral of its own spectrum, its sampled spectrum must alias, sum to its variance and describe its simulation,
 and its words and file entries must carry every parameter. Where docs/noise.md states a closed form it is compared
 besides. Simulations are held to normal limits of 4.5 standard deviations of the statistic (7e-6 of the seeds
-for each of about 30 checks), with the deviation computed from the spectrum; seeds are fixed.
+for each of about 30 checks), with the standard deviation computed from the spectrum; seeds are fixed.
 """
 
 from __future__ import annotations
@@ -493,7 +493,7 @@ def hum() -> Iterator[type[Effect]]:
 
 @pytest.fixture
 def swell() -> Iterator[type[Effect]]:
-    """Another: white noise through two equal lags, of stationary deviation `rms`."""
+    """Another: white noise through two equal lags, of stationary standard deviation `rms`."""
 
     @dataclass(frozen=True)
     class Swell(LinearProcess):

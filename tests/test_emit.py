@@ -199,7 +199,7 @@ def unpacked(packed: Sequence[float] | np.ndarray, n: int) -> np.ndarray:
 
 
 def assert_near(got: np.ndarray, wanted: np.ndarray, near: float = 1e-9) -> None:
-    """Each element to `near` of the product of the two deviations."""
+    """Each element to `near` of the product of the two standard deviations."""
     sd = np.sqrt(np.diag(wanted))
     assert np.abs((got - wanted) / np.outer(sd, sd)).max() < near
 

@@ -72,7 +72,7 @@ def test_g_sensitivity_beside_a_shaken_accelerometer(seed: int) -> None:
     """A table that swings by a sine: gravity in the body and the rate's derivative have nearly one shape.
 
     The accelerometer's noise of a third of gravity's swing must not decide for the delay. The interval is taken at
-    4.5 of its deviations (7e-6 a check), not at 95 %.
+    4.5 of its standard deviations (7e-6 a check), not at 95 %.
     """
     rng = np.random.default_rng(seed)
     sd, g = np.radians(0.1), 2e-4

@@ -33,7 +33,7 @@ def test_other_lines_have_none() -> None:
 
 
 def test_ticks_are_called_unknown_with_their_period() -> None:
-    """Every 46th sample is off by 2.2 deviations of the noise: 22 lines of 21 nats each."""
+    """Every 46th sample is off by 2.2 standard deviations of the noise: 22 lines of 21 nats each."""
     rng, n, dt = np.random.default_rng(3), 9000, 1.0 / 30.0
     y = rng.standard_normal(n) + 2.2 * (np.arange(n) % 46 == 7)
     assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))

@@ -54,7 +54,7 @@ def test_shared_noise_is_named_once(rho: float) -> None:
     assert found.effect.name == "cross_axis_noise"
     lo, hi = found.ci95["rho"]
     assert abs(rho - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
-    # Fisher's deviation, of the 95 % of the ordinates that are compared
+    # Fisher's standard deviation, of the 95 % of the ordinates that are compared
     assert 0.5 * (hi - lo) == pytest.approx(1.96 * (1 - rho**2) / np.sqrt(N), rel=0.1)
     assert found.probability > 0.99
     assert out["gyro_x"].verdict == "effects_found"

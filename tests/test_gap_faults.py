@@ -44,7 +44,7 @@ def repeated(y: Array) -> Array:
 
 
 def stuck(y: Array) -> Array:
-    """Codes of a tenth of a deviation whose bit 2 is never set."""
+    """Codes of a tenth of a standard deviation whose bit 2 is never set."""
     codes = np.round(y / 0.1).astype(np.int64) + 1000
     return 0.1 * (codes & ~4)
 

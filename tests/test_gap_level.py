@@ -1,8 +1,9 @@
 """Noise whose level follows a channel is named with its slope; without, nothing is.
 
 Records are plain numpy: white noise of one per sample times the exponential of a slope times what the channel is away
-from a reference. The deviation of a slope is that of its Fisher information, ``1 / sqrt(2 sum (s - mean s)^2)``; slopes are held to 4.5
-of them (7e-6 a check). A Bayes factor exceeds e^x by chance in at most e^-x of the seeds. Seeds are fixed.
+from a reference. The standard deviation of a slope is that of its Fisher information, ``1 / sqrt(2 sum (s - mean
+s)^2)``; slopes are held to 4.5 of them (7e-6 a check). A Bayes factor exceeds e^x by chance in at most e^-x of the
+seeds. Seeds are fixed.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def noise(seed: int) -> np.ndarray:
 @pytest.mark.parametrize("count", [10, 50, 600])
 @pytest.mark.parametrize("value", [None, 0.0])
 def test_a_stretch_that_stands_still_is_named(count: int, value: float | None) -> None:
-    """At its last value, or at zero, eight deviations off: ten equal samples have a chance of 1e-30."""
+    """At its last value, or at zero, eight standard deviations off: ten equal samples have a chance of 1e-30."""
     y = noise(count)
     y[5000 : 5000 + count] = y[5000] if value is None else value
     gap, said = gap_of(y)

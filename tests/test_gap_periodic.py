@@ -2,8 +2,8 @@
 
 Records are plain numpy: white noise of one per sample, a line by its sine, a resonance by the exact recursion of an
 oscillator, a low-pass by its recursion. Every effect is worth over 30 nats: its name is missed in fewer than 1e-6 of the
-seeds. Numbers are held to 2.5 half-widths of their 95 % intervals (1e-6 each), those of a line to 4.5 deviations of
-the Cramér-Rao bound (7e-6 each). Seeds are fixed.
+seeds. Numbers are held to 2.5 half-widths of their 95 % intervals (1e-6 each), those of a line to 4.5 standard
+deviations of the Cramér-Rao bound (7e-6 each). Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def gap_of(y: Array, *more: Effect) -> ChannelGap:
 
 
 def bound(amplitude: float) -> dict[str, float]:
-    """Deviations of a line's numbers in unit white noise, phase at the first sample: Rife and Boorstyn, 1974."""
+    """Standard deviations of a line's numbers in unit white noise, phase at the first sample: Rife and Boorstyn, 1974."""
     snr = 0.5 * amplitude**2
     return {
         "amplitude": np.sqrt(2.0 / N),

@@ -49,7 +49,7 @@ def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
 
 @pytest.mark.parametrize("factor", [0.8, 1.2])
 def test_a_number_that_does_not_hold_is_said_old_and_new(factor: float) -> None:
-    """Alone, and beside a step of ten times the deviation of its mean."""
+    """Alone, and beside a step of ten times the standard deviation of its mean."""
     step = np.where(T > 700.0, 3e-5, 0.0)
     for y, found in ((noise(21, factor), []), (noise(21, factor) + step, ["bias_step"])):
         g = answer(y, make("white_noise", N=N))

@@ -1,7 +1,7 @@
 """Proves what is said of samples that no fit saw: none where nothing is missing, the likelihood ratio where something is.
 
-What a known signal ``s`` is worth in ``m`` samples of noise of deviation ``d`` is ``|s|^2 / 2 d^2`` nats, which chance
-moves by its root times the root of two. Expected values are from plain numpy.
+What a known signal ``s`` is worth in ``m`` samples of noise of standard deviation ``d`` is ``|s|^2 / 2 d^2`` nats,
+which chance moves by its root times the root of two. Expected values are from plain numpy.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 Cli = Callable[..., Result]
 
 DT, N, SD = 0.02, 2500, 0.1
-"""Period [s], samples, deviation of the noise [rad/s]."""
+"""Period [s], samples, standard deviation of the noise [rad/s]."""
 LIMIT = 4.0
-"""Deviations; false-alarm rate 6e-5."""
+"""Standard deviations; false-alarm rate 6e-5."""
 
 
 def motion() -> Array:
@@ -84,7 +84,7 @@ def test_a_drift_goes_on_in_the_tail() -> None:
     assert found.effect.name == "rate_ramp"
     s, k = wrong[:, 2], int(0.7 * N)
     nats = 0.5 * float(np.sum((s[k:] - s[:k].mean()) ** 2)) / SD**2
-    # What is seen says where the mean of the tail is, to a deviation of sqrt(1 + 3/7) of its own.
+    # What is seen says where the mean of the tail is, to a standard deviation of sqrt(1 + 3/7) of its own.
     assert g.gap.before * 0.9 * N == pytest.approx(nats, abs=LIMIT * np.sqrt(2.0 * nats * (1.0 + 3.0 / 7.0)))
     assert g.gap.closed == 1.0
 

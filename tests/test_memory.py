@@ -158,7 +158,7 @@ def test_there_is_an_entry_for_every_effect_of_a_plant() -> None:
 
 @pytest.mark.parametrize("name", SIZES)
 def test_a_filter_carries_every_effect_of_a_plant(name: str) -> None:
-    """Of 2000 innovations the mean square is within 0.15 of one (5 deviations), without the effect it is beyond."""
+    """Of 2000 innovations the mean square is within 0.15 of one (5 standard deviations), without the effect it is beyond."""
     log = log_of(text_of(SIZES[name]))
     plain, carried = (
         float(np.mean(run(program_of(text), log).sensors["place"].nis))

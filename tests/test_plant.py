@@ -2,7 +2,7 @@
 
 Expected motions come from scipy's integrators of equations that the test writes itself, at tolerances of 1e-10;
 what an effect does is written anew for each (an actuator's lag as a state, a delay by breakpoints, a backlash by its
-definition). Recovered numbers are held to 4.5 of their own deviations (7e-6 of the seeds for each of about
+definition). Recovered numbers are held to 4.5 of their own standard deviations (7e-6 of the seeds for each of about
 20 checks); seeds are fixed.
 """
 
@@ -368,7 +368,7 @@ def moved(point: ScenePoint, values: Array) -> ScenePoint:
 
 
 def gauss_newton(scene: PlantScene, start: ScenePoint) -> tuple[Array, Array, Array]:
-    """Numbers, their deviations, residuals: differences of residuals, steps halved while they do not help."""
+    """Numbers, their standard deviations, residuals: differences of residuals, steps halved while they do not help."""
     x = np.array(
         [float(getattr(p.effect, q.name)) for p in start.placed for q in p.effect.estimated()]
         + start.unknowns.tolist()
@@ -399,7 +399,7 @@ def scene_of(angle: Array, seed: int, text: str = PENDULUM) -> PlantScene:
 
 
 def white(r: Array) -> None:
-    """Mean square one and no correlation of neighbours, within 4.5 deviations."""
+    """Mean square one and no correlation of neighbours, within 4.5 standard deviations."""
     assert abs(np.mean(r**2) - 1.0) < 4.5 * np.sqrt(2.0 / r.size)
     assert abs(np.mean(r[1:] * r[:-1])) < 4.5 / np.sqrt(r.size)
 

@@ -33,7 +33,7 @@ SEEDS = range(12)
 DURATION = 12.0
 RATE = 50.0
 SMALL = 0.05
-"""Initial deviations against the priors: small enough for a linear filter."""
+"""Initial standard deviations over the priors: small enough for a linear filter."""
 
 
 @cache

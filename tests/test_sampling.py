@@ -1,8 +1,8 @@
 """Proves that times as they were logged become evidence: even, gappy or uneven, said in words, and never mended.
 
-Records of white noise of deviation one are made in plain numpy with fixed seeds. An estimate is held to four of its
-Cramer-Rao bounds, 1/sqrt(2 n) for one deviation (chance 6e-5 a case), or to its own 95 % interval widened twofold
-(9e-5).
+Records of white noise of standard deviation one are made in plain numpy with fixed seeds. An estimate is held to
+four of its Cramer-Rao bounds, 1/sqrt(2 n) for one standard deviation (chance 6e-5 a case), or to its own 95 %
+interval widened twofold (9e-5).
 """
 
 from __future__ import annotations

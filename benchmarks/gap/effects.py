@@ -6,8 +6,8 @@ it hid. Parameters are in SI. Where a name leaves room, this is what is meant:
 * ``low_pass``: the white noise through ``y_k = phi y_(k-1) + (1 - phi) w_k``, ``phi = exp(-2 pi corner dt)``
 * ``quantisation``: the integrated output is rounded; ``Q`` is the step over sqrt(12). In every other case
   the rounding error is that of a dithered counter: uniform, without a grid of values
-* ``outliers``: `share` of the samples have normal noise of deviation `sigma` added to the usual one
-* ``noise_change``: `ratio` of deviations, after to before
+* ``outliers``: `share` of the samples have normal noise of standard deviation `sigma` added to the usual one
+* ``noise_change``: `ratio` of standard deviations, after to before
 * ``intermittent_noise``: white noise, `ratio` times as loud in a `share` of the time, for `lasting` on average
 * ``random_telegraph``: two levels `size` apart, mean time of stay `dwell`
 * ``thermal_hysteresis``: ``coefficient * h`` with the hysteresis ``h = clip(h, T - width, T + width)``; its

@@ -29,7 +29,7 @@ class Machine:
     output : int
         The state that is measured.
     noise : float
-        Deviation of a sample, in `unit`; `factor` takes the unit to SI.
+        Standard deviation of a sample, in `unit`; `factor` takes the unit to SI.
     drive : float
         Size of the input.
     same : mapping of str to str

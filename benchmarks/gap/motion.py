@@ -32,7 +32,7 @@ from table import Table, poor, rich
 
 AXES = "xyz"
 NOISE = {"gyro": 0.1, "accel": 0.05, "mag": 0.4}
-"""Deviation of a sample in the unit of the log."""
+"""Standard deviation of a sample in the unit of the log."""
 UNIT = {"gyro": "deg/s", "accel": "m/s^2", "mag": "uT"}
 FIELD = np.array([21.0, 1.2, 43.0])
 """The local field [uT], north, east, down; the tool is not told."""
@@ -48,7 +48,7 @@ class Run:
     Parameters
     ----------
     shaken : array
-        Deviation of the vibration at every sample [m/s^2].
+        Standard deviation of the vibration at every sample [m/s^2].
     temperature : array
         Of the sensor [degC].
     """

@@ -92,7 +92,7 @@ def dropped(r: Recording, t: Array, y: Array) -> Logged:
 
 
 def clipped(r: Recording, t: Array, y: Array) -> Logged:
-    """The channel saturates at two and a half deviations above its mean."""
+    """The channel saturates at two and a half standard deviations above its mean."""
     limit = y.mean() + r.rng.uniform(1.8, 2.5) * r.sensor.white
     return t, np.minimum(y, limit), {"limit": limit * r.si}, np.arange(r.n)
 
@@ -119,7 +119,7 @@ def coarse(r: Recording, t: Array, y: Array) -> Logged:
 
 
 def jitter(r: Recording, t: Array, y: Array) -> Logged:
-    """Time stamps off by 8 % of the sample time, deviation."""
+    """Time stamps off by 8 % of the sample time, standard deviation."""
     off = np.clip(0.08 * r.rng.standard_normal(r.n), -0.24, 0.24)
     return t + off * r.dt, y, {}, np.arange(r.n)
 

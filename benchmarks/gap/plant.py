@@ -1,12 +1,12 @@
 """Records of a plant with an input: pendulum, motor, cart.
 
 The gain of a hidden effect is ``1/2 d' (I + J J')^-1 d``: ``d`` is ``(h_true - h_assumed) / sigma`` between the two
-noise-free simulations from the same start, and a column of ``J`` is what one deviation of a state's start adds to it. A
-start is known no better than the model file says (`START`); what another start explains is no gap. Coefficients of friction, drag and springs act on the acceleration:
-``v' = … - coefficient v``, ``- level tanh(v / v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``,
-``- coefficient q``, ``- coefficient q^3``. The others act on the input: ``clip(u, ±limit)``,
-``u + k2 u^2``, ``u + value``, ``u(t - delay)``, one pole `tau`; ``sensor_lag`` is a pole on the measurement.
-At the strength `OBVIOUS` the sizes are those of `SIZES`, whatever they are worth.
+noise-free simulations from the same start, and a column of ``J`` is what one standard deviation of a state's start
+adds to it. A start is known no better than the model file says (`START`); what another start explains is no gap.
+Coefficients of friction, drag and springs act on the acceleration: ``v' = … - coefficient v``, ``- level tanh(v /
+v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``, ``- coefficient q``, ``- coefficient q^3``. The others act on
+the input: ``clip(u, ±limit)``, ``u + k2 u^2``, ``u + value``, ``u(t - delay)``, one pole `tau`; ``sensor_lag`` is a
+pole on the measurement. At the strength `OBVIOUS` the sizes are those of `SIZES`, whatever they are worth.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from machine import Change, Machine, excite, respond
 
 DEGREE = np.pi / 180.0
 START = 0.01
-"""Deviation of where states start [SI]."""
+"""Standard deviation of where states start [SI]."""
 FARTHEST = 1.6
 """Angle of the assumed pendulum [rad]."""
 

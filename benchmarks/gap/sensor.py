@@ -10,7 +10,7 @@ from case import SI, Array, noise_file
 from noise import gauss_markov, gauss_markov_spectrum, smooth_wander
 
 THERMOMETER_NOISE = 0.05
-"""Deviation of a sample of the thermometer [degC]."""
+"""Standard deviation of a sample of the thermometer [degC]."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Sensor:
     rate : float
         [Hz]
     white : float
-        Deviation of a sample, in `unit`.
+        Standard deviation of a sample, in `unit`.
     sigma, tau : float
         Gauss-Markov bias, in `unit` and seconds; 0: none.
     """

@@ -69,7 +69,7 @@ def mixture_gain(
     true : (float, float), optional
         Share and size of the outliers that there are; those of the model by default.
     white : float
-        Deviation of the model's white noise, in units of the true one; sizes are in these units too.
+        Standard deviation of the model's white noise, in units of the true one; sizes are in these units too.
     """
     true = (share, size) if true is None else true
     end = 8.0 * (1.0 + true[1])
@@ -90,7 +90,7 @@ def _log_normal(y: Array, variance: float) -> Array:
 
 
 def telegraph_gain(y: Array, size: float, stay: float) -> float:
-    """Nats of two levels `size` apart over one level, in white noise of deviation 1, for one record.
+    """Nats of two levels `size` apart over one level, in white noise of standard deviation 1, for one record.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def burst_gain(y: Array, ratio: float, share: float, leave: float) -> float:
     Parameters
     ----------
     y : array, (n,)
-        The record; quiet samples are of deviation 1.
+        The record; quiet samples are of standard deviation 1.
     leave : float
         Probability that a loud sample is followed by a quiet one.
     """

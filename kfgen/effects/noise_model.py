@@ -70,7 +70,7 @@ class ParameterCovariance:
     parameters : tuple of (int, str)
         Index of the effect, name of its parameter.
     matrix : tuple of rows, (k, k)
-        Covariance of their logarithms: the diagonal holds squared relative deviations.
+        Covariance of their logarithms: the diagonal holds squared relative standard deviations.
     """
 
     parameters: tuple[tuple[int, str], ...]

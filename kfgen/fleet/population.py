@@ -95,7 +95,7 @@ def _around(mean: float, wide: float) -> Interval:
 
 
 def _moments(y: Array, s: Array) -> tuple[float, float, float]:
-    """Mean, spread between sensors, and deviation of the mean [1]_."""
+    """Mean, spread between sensors, and standard deviation of the mean [1]_."""
     w = 1.0 / s**2
     spread = 0.0
     if y.size > 1:

@@ -46,7 +46,7 @@ class Identified:
     fit, unresolved, intervals, limits, covariance
         The method's estimate, see `kfgen.identify.methods.likelihood.Estimate`.
     bounds : dict
-        Cramér-Rao bound of each parameter, as a relative deviation.
+        Cramér-Rao bound of each parameter, as a relative standard deviation.
     record : Evidence
         What was fitted: without outliers, with the bands that were left out.
     warnings : tuple of str
@@ -159,7 +159,7 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     change = noise_change(record.y)
     if change is not None:
         warnings.append(
-            f"the noise is not the same all along: its deviation between stretches goes by a factor of "
+            f"the noise is not the same all along: its standard deviation between stretches goes by a factor of "
             f"{change[1] / change[0]:.3g}; N is an average"
         )
     cut = roll_off(record)

@@ -165,7 +165,7 @@ class Lagged(Effect):
 
     @classmethod
     def lags(cls, series: WhiteSeries) -> tuple[float, list[Detection]]:
-        """The best regression in deviations, and the lags whose course is not that of the channel itself."""
+        """The best regression in standard deviations, and the lags whose course is not that of the channel itself."""
         x, best, out = series.drive[cls.driver], 0.0, []
         _, u0 = series.regression(x)
         for lag in np.geomspace(SHORTEST, LONGEST, LAGS) * series.n * series.dt:

@@ -36,7 +36,7 @@ class SensorChange(PlantEffect):
         raise NotImplementedError
 
     def begun(self, t: Array, y: Array) -> Array | None:
-        """One deviation of what it may have begun with, which nobody knows, shape (n, batch).
+        """One standard deviation of what it may have begun with, which nobody knows, shape (n, batch).
 
         Parameters
         ----------

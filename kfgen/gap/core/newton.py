@@ -24,7 +24,7 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 Array = NDArray[np.float64]
 
 NOISE_LEVEL_SD_OF_LOG = 0.1
-"""Deviation of the logarithm of a channel's noise level."""
+"""Standard deviation of the logarithm of a channel's noise level."""
 MAX_NEWTON_STEPS = 15
 GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
@@ -51,7 +51,7 @@ class SceneFit:
     point : Point
     residual : ndarray, shape (N,)
     levels : ndarray, shape (channels,)
-        Deviation of each channel's noise, in assumed ones.
+        Standard deviation of each channel's noise, in assumed ones.
     value : float
         Log-likelihood plus log prior.
     information : ndarray, shape (p, p)
@@ -171,7 +171,7 @@ def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
 
 
 def _pulls(scene: Scene, unknowns: Array) -> Array:
-    """How far unknowns are from what is assumed about them, in deviations."""
+    """How far unknowns are from what is assumed about them, in standard deviations."""
     values = np.array([u.value for u in scene.unknowns])
     return np.asarray((unknowns - values) * _weights(scene))
 

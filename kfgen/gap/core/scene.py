@@ -48,13 +48,13 @@ class Unknown:
     value : float
         What is assumed [SI].
     sd : float
-        Deviation of a Gaussian prior [SI]; infinite for none.
+        Standard deviation of a Gaussian prior [SI]; infinite for none.
     begun : float, optional
         Where fits begin, if not there [SI].
     own : str
-        How the model file calls it, where it says both value and deviation.
+        How the model file calls it, where it says both value and standard deviation.
     far : float
-        Deviations from what is assumed beyond which it does not hold.
+        Standard deviations from what is assumed beyond which it does not hold.
     once : bool
         Whether it belongs to this record alone.
     """

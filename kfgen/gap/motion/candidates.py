@@ -64,7 +64,7 @@ class MotionCandidates:
     mag : ndarray, shape (n, 3)
         Magnetometer readings less what effects explain [T].
     spread : float
-        Deviation of a reading's noise [T].
+        Standard deviation of a reading's noise [T].
     field : ndarray, shape (3,), optional
         The field in space, where an attitude alone is known.
     drive : mapping of str to ndarray

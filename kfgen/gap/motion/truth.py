@@ -78,7 +78,7 @@ class Truth:
     bandwidth : mapping of str to float
         Highest frequency [Hz] up to which a sensor's truth is known; infinite where not in it.
     angle : float
-        Deviation [rad] of the white noise of the attitude's samples about each axis.
+        Standard deviation [rad] of the white noise of the attitude's samples about each axis.
     floor : Floor
         The noise of the rate that was taken from it.
     words : tuple of str
@@ -268,7 +268,7 @@ def body_rate(
     corner : float
         That frequency [Hz].
     angle : float
-        Deviation [rad] of the attitude's noise, taken to be white.
+        Standard deviation [rad] of the attitude's noise, taken to be white.
     floor : Floor
         The noise of the rate.
     """

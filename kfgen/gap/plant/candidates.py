@@ -42,7 +42,7 @@ LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 DEAD = (0.003, 0.03, 0.1, 0.3)
 """Start values of a dead zone, in largest inputs."""
 MAX_BACKLASH_FRACTION = 0.3
-"""Widest start value of a backlash, in rms of the channel; the narrowest is a deviation of its noise."""
+"""Widest start value of a backlash, in rms of the channel; the narrowest is a standard deviation of its noise."""
 FINER = 2.5
 """Times by which its start values differ at most: what turns at a width is seen from nearby only."""
 SPEEDS = ("m/s", "rad/s", "Hz")
@@ -68,7 +68,7 @@ def additions(
     speeds : mapping of str to float
         Rms of each state [SI].
     seen : mapping of str to (float, float)
-        Rms of each channel about its mean, and deviation of its noise [SI].
+        Rms of each channel about its mean, and standard deviation of its noise [SI].
     times : (float, float, float)
         Sampling period, length of the record, and how late the channels seem to be [s].
     """

@@ -49,7 +49,8 @@ def of_sensors(
 
 
 def unsettled(batch: Batch, inputs: Mapping[str, Array]) -> dict[str, float]:
-    """The inputs that act late, and one deviation of what they were before: as they are later, from the first on.
+    """The inputs that act late, and one standard deviation of what they were before: as they are later, from the
+    first on.
 
     Parameters
     ----------

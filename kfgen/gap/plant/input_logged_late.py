@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 MAX_LEAD_FRACTION_OF_RECORD = 0.1
 """Of the record: the longest lead."""
 MAX_CHANCE_SD = 4.0
-"""Deviations of a sum of squares that are chance."""
+"""Standard deviations of a sum of squares that are chance."""
 MIN_EXPLAINED_SHARE = 0.9
 """Share of what is beyond the noise that a lead must explain, if it is not all."""
 

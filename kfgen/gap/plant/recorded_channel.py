@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 MIN_GAP_STEPS = 3.0
 """Usual steps of time beyond which samples are missing."""
 MAX_DISTANCE_SD = 1e3
-"""Deviations of the data at which a simulation that diverges is held."""
+"""Standard deviations of the data at which a simulation that diverges is held."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class RecordedChannel:
 
     @property
     def noise(self) -> float:
-        """Deviation of the white noise of a sample [SI]."""
+        """Standard deviation of the white noise of a sample [SI]."""
         return 1.0 / float(self.whitener.weight[-1])
 
     def left(self, simulated: Array) -> Array:
@@ -47,7 +47,7 @@ class RecordedChannel:
         return np.where(np.abs(np.where(np.isfinite(left), left, np.inf)) < far, left, side)
 
     def begun(self, effect: SensorChange, t: Array, shown: Array) -> Array:
-        """Whitened, one deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
+        """Whitened, one standard deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
         found = effect.begun(t[self.at], shown[self.at])
         if found is None or not np.isfinite(found).all():
             return np.zeros((self.at.size, shown.shape[1]))

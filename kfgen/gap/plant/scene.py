@@ -41,7 +41,7 @@ ASTRAY = 0.8
 LATE, LATEST = 3, 0.5
 """Samples by which channels are late without doubt; share of a record of which nothing would be left."""
 FAR_FROM_START = 4.0
-"""Deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
+"""Standard deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
 
 Kinds = tuple[tuple[str, type[PlantEffect]], ...]
 

@@ -38,7 +38,7 @@ from kfgen.model.plant.user import UserModel
 Array = NDArray[np.float64]
 
 MIN_ASTRAY_SHARE = 0.6
-"""Share of a channel's deviation that is left where a model does not follow it at all."""
+"""Share of a channel's standard deviation that is left where a model does not follow it at all."""
 MAX_FOLLOWED_SHARE = 0.3
 """Share that is left where it does."""
 MAX_TIE_RATIO = 1.5
@@ -161,7 +161,7 @@ def _miswired(scene: PlantScene) -> list[Placed]:
 
 
 def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
-    """The largest share of a channel's deviation that a model leaves over samples a to b; and what was fitted.
+    """The largest share of a channel's standard deviation that a model leaves over samples a to b; and what was fitted.
 
     Only where it starts is fitted: parameters keep their assumed values.
     """

@@ -28,7 +28,7 @@ MAX_STUCK_STRETCHES = 8
 MAX_BAD_SHARE = 0.2
 """Share of the samples beyond which they are not left out: the channel is spoilt."""
 WILD, TAME = 30.0, 8.0
-"""Deviations beyond which a value is no noise, if none lies between both."""
+"""Standard deviations beyond which a value is no noise, if none lies between both."""
 MAX_WILD_SHARE = 1e-3
 """Share of wild samples beyond which they are a law of the noise."""
 

@@ -180,7 +180,7 @@ def series_of(base: Candidate) -> WhiteSeries:
 
 
 def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
-    """Mean and deviation of what is assumed about the size of the first of some effects, over that of the fit."""
+    """Mean and standard deviation of what is assumed about the size of the first of some effects, over that of the fit."""
     for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
         prior = base.problem.priors.get((i, name))
         if base.fit.effects[i] in effects and name in base.fit.effects[i].sizes() and prior is not None:
@@ -313,7 +313,7 @@ def _over_places(
 
 
 def _between(x: Array, values: Array) -> tuple[float, float] | None:
-    """Where a parabola through the best of some places and its neighbours is highest, and its deviation."""
+    """Where a parabola through the best of some places and its neighbours is highest, and its standard deviation."""
     k = int(np.argmax(values))
     if not 0 < k < x.size - 1:
         return None

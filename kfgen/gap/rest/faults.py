@@ -62,7 +62,7 @@ def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]
 
 
 def assumed_sd(effects: Sequence[Effect], dt: float) -> float:
-    """Deviation of the white part of a sample [SI].
+    """Standard deviation of the white part of a sample [SI].
 
     Parameters
     ----------

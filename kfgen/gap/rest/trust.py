@@ -15,10 +15,10 @@ from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.identify import MIN_SAMPLES
 
 DEFAULT_RELATIVE_SD = 0.1
-"""Relative deviation of an assumed number that states no interval."""
+"""Relative standard deviation of an assumed number that states no interval."""
 MIN_RELATIVE_SD = 0.02
 MAX_SHIFT_SD = 1.0
-"""Deviations from an assumed number beyond which it does not hold."""
+"""Standard deviations from an assumed number beyond which it does not hold."""
 MIN_RETUNING_NATS = 7.0
 """Nats that assumed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 

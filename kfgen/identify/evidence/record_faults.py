@@ -19,20 +19,20 @@ from kfgen.identify.evidence.whittle import frequencies
 Array = NDArray[np.float64]
 
 OUTLIER_DEVIATIONS = 9.0
-"""Robust deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
+"""Robust standard deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
 JUMP_DEVIATIONS = 6.0
-"""The same deviations between neighbours, beyond which a sample is looked at."""
+"""The same standard deviations between neighbours, beyond which a sample is looked at."""
 MEDIAN_WINDOW_SAMPLES = 7
 """Samples of which the median is taken."""
 STRETCHES_OF_RECORD = 20
 SAMPLES_OF_EACH_STRETCH = 10_000
-"""Samples of each stretch of a record from which the deviation is taken."""
+"""Samples of each stretch of a record from which the standard deviation is taken."""
 COARSE_STEP_IN_DEVIATIONS = 1.5
-"""Steps of the ADC grid in deviations beyond which a quantised sample is no sample of the noise."""
+"""Steps of the ADC grid in standard deviations beyond which a quantised sample is no sample of the noise."""
 CLIPPED_SHARE = 0.02
 """Share of samples at the ends of the range that is no chance."""
 NOISE_CHANGE_DEVIATIONS = 6.0
-"""Deviations of a stretch's noise from that of the others that are no chance."""
+"""Standard deviations of a stretch's noise from that of the others that are no chance."""
 MAX_OUTLIER_SHARE = 0.05
 """Share of outliers beyond which they are the noise."""
 ROLLED_OFF_SHARE_OF_POWER = 0.7
@@ -112,7 +112,7 @@ def amplitude_faults(y: Array) -> list[str]:
     step, said = _smallest_step(y), []
     if step > COARSE_STEP_IN_DEVIATIONS * white:
         said.append(
-            f"neighbouring values are {step / white:.2g} deviations apart: too coarse for sizes to be trusted"
+            f"neighbouring values are {step / white:.2g} standard deviations apart: too coarse for sizes to be trusted"
         )
     elif ends > CLIPPED_SHARE and step < 0.1 * white:
         said.append(
@@ -122,10 +122,10 @@ def amplitude_faults(y: Array) -> list[str]:
 
 
 def noise_change(y: Array) -> tuple[float, float] | None:
-    """The smallest and the largest deviation of a sample [SI] over stretches, where they differ beyond chance.
+    """The smallest and the largest standard deviation of a sample [SI] over stretches, where they differ beyond chance.
 
     The mean square of the differences of a stretch has about a third of the degrees of freedom of its
-    samples; `NOISE_CHANGE_DEVIATIONS` deviations of its logarithm are asked for, and a tenth of its size.
+    samples; `NOISE_CHANGE_DEVIATIONS` standard deviations of its logarithm are asked for, and a tenth of its size.
     """
     parts = np.array_split(np.diff(y), STRETCHES_OF_RECORD)
     level = np.array([float(np.mean(part**2)) for part in parts])

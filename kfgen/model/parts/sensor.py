@@ -49,7 +49,7 @@ class Sensor(Configured):
     blocks : tuple of Vector
         Constants that it does not know: states of the filter.
     biases : bool
-        Each channel has a constant bias, a state, of deviation `bias_prior` [SI].
+        Each channel has a constant bias, a state, of standard deviation `bias_prior` [SI].
     period : float
         Of a residual that is an angle [rad]; zero for none.
     shows : str

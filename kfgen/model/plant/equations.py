@@ -31,7 +31,7 @@ from kfgen.model.register import BacklashOperator, DelayLine
 from kfgen.model.symbols.blocks import Vector
 
 UNKNOWN = {"rad": 3.0, "rad/s": 10.0, "m": 100.0, "m/s": 30.0, "K": 100.0, "A": 10.0}
-"""Deviation of a state that starts unknown [SI], by its unit; 10 in others."""
+"""Standard deviation of a state that starts unknown [SI], by its unit; 10 in others."""
 C_WORDS = (
     "auto break case char const continue default do double else enum extern float for goto if inline int long "
     "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
@@ -229,7 +229,7 @@ def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
 
 
 def unknown_deviation(unit: str, initial: float) -> float:
-    """Deviation of a state that starts unknown and that no measurement shows [SI], by its SI unit."""
+    """Standard deviation of a state that starts unknown and that no measurement shows [SI], by its SI unit."""
     return max(UNKNOWN.get(unit, 10.0), abs(initial))
 
 
