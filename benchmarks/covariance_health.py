@@ -103,12 +103,12 @@ def discrete() -> DiscreteModel:
     return DiscreteModel(build("ins15", NoiseModel(channels)), rate=float(RATE))
 
 
-def emitted(form: str, real: str, lump: float = 0.0) -> dict[str, str]:
+def emitted(form: str, real: str, q_interval: float = 0.0) -> dict[str, str]:
     """Files of an emitted filter with its driver."""
     driver = (
         EMITTED.replace("REAL", real).replace("GRAVITY", str(STANDARD_GRAVITY)).replace("DT", str(1.0 / RATE))
     )
-    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, q_interval=lump))}
+    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, q_interval=q_interval))}
 
 
 def textbook(joseph: bool) -> dict[str, str]:
@@ -172,7 +172,7 @@ def main() -> None:
     forms = {
         "double, p": emitted("p", "double"),
         "float, ud": emitted("ud", "float"),
-        "float, ud, lump 0.2 s": emitted("ud", "float", 0.2),
+        "float, ud, q interval 0.2 s": emitted("ud", "float", 0.2),
         "float, p": emitted("p", "float"),
         "float, textbook (I-KH)P": textbook(joseph=False),
         "float, textbook Joseph": textbook(joseph=True),

@@ -4,7 +4,7 @@ Usage: python benchmarks/identify_speed.py [allan | fit | memory [SAMPLES]]
 
 Times are the minimum of several repeats in this process, on fresh random data whose seed is printed; what the
 compiled kernel costs once (import, compilation or reading it back) is measured in processes of its own and
-printed apart. Without an argument: all three, the file with 1e8 samples.
+printed separately. Without an argument: all three, the file with 1e8 samples.
 """
 
 from __future__ import annotations

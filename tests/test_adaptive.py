@@ -1,4 +1,4 @@
-"""Proves that the adaptive filters adapt, stay positive definite, and that their price is told.
+"""Proves that the adaptive filters adapt, stay positive definite, and that their price is said.
 
 Oracles: filterpy's Kalman filter, the exponential smoother in closed form, the filter of one channel against the
 emitted one. NIS is tested by the 95 % band of the mean of 1000 chi-squares (rate 5 %, seeds fixed), which the

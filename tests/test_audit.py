@@ -157,7 +157,7 @@ def test_row_22_gauss_markov_beside_a_walk_is_visible() -> None:
     assert float(O.det()) == pytest.approx(1 / tau, rel=1e-12)
 
 
-def test_temperature_must_change_to_be_told_from_a_bias() -> None:
+def test_temperature_must_change_to_be_distinguished_from_a_bias() -> None:
     """With a temperature whose derivatives are free the coefficient shows; without, it is the bias."""
     model = one_axis(make("rate_random_walk", K=1e-5))
     model = model.augment("gyro_x", make("temperature", coefficient=1e-5), Use(known=False))

@@ -73,7 +73,7 @@ def test_no_heading_is_read_into_an_unknown_acceleration() -> None:
     assert not column["phi"].is_zero_matrix
 
 
-def test_at_rest_acceleration_is_told_from_tilt() -> None:
+def test_at_rest_acceleration_is_distinguished_from_tilt() -> None:
     """One stays and the other decays: hidden are what gyros show in turns only, the delay, and heading behind east iron."""
     model = build("ahrs25")
     found = {tuple(d.vector): d.vector for d in unobservable_directions(model)}

@@ -313,7 +313,7 @@ def test_bad_input(kfgen: Cli, logs: Path) -> None:
 
 
 def test_defect_in_one_log(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A defect of the program that one log meets is told with that log."""
+    """A defect of the program that one log meets is reported with that log."""
 
     def broken(task: worker.LogTask) -> None:
         raise ZeroDivisionError("by nothing")

@@ -351,8 +351,8 @@ def test_gap_answers_as_the_interface_says(
     files: tuple[Path, Path], kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:
     log, assumed = files
-    out, mended = tmp_path / "gap.json", tmp_path / "improved.toml"
-    result = kfgen("gap", log, "--model", assumed, "--json", out, "-o", mended)
+    out, updated = tmp_path / "gap.json", tmp_path / "improved.toml"
+    result = kfgen("gap", log, "--model", assumed, "--json", out, "-o", updated)
     assert result.exit_code == 0, result.output
     answer = json.loads(out.read_text())
     assert answer["format"] == "kfgen-gap-1"
@@ -381,19 +381,19 @@ def test_gap_answers_as_the_interface_says(
     assert answer["remaining"] == {"significant": False, "tests": []}
     assert all({"effect", "would_not_see_below", "unit"} <= set(m) for m in answer["limits"])
     assert "temperature" in result.output
-    effects = {e.name: e for e in read_noise(mended).channel("gyro_x").effects}
+    effects = {e.name: e for e in read_noise(updated).channel("gyro_x").effects}
     assert list(effects) == ["white_noise", "temperature"]
     assert effects["temperature"].coefficient == pytest.approx(coefficient["value"], rel=1e-6)
 
 
-def test_the_mended_model_has_no_gap(
+def test_the_updated_model_has_no_gap(
     files: tuple[Path, Path], kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:
     """Closing the circle: the written model against the same log."""
     log, assumed = files
-    mended, out = tmp_path / "improved.toml", tmp_path / "again.json"
-    assert kfgen("gap", log, "--model", assumed, "-o", mended).exit_code == 0
-    result = kfgen("gap", log, "--model", mended, "--json", out)
+    updated, out = tmp_path / "improved.toml", tmp_path / "again.json"
+    assert kfgen("gap", log, "--model", assumed, "-o", updated).exit_code == 0
+    result = kfgen("gap", log, "--model", updated, "--json", out)
     assert result.exit_code == 0, result.output
     answer = json.loads(out.read_text())
     assert answer["verdict"] == "no_gap"

@@ -1,4 +1,4 @@
-"""Proves that effects that look alike in motion are told apart where they can be, and said to be alike where not.
+"""Proves that effects that look alike in motion are distinguished where they can be, and said to be alike where not.
 
 Data are made here in plain numpy; expected values are those that were put in, or follow from theory as stated.
 """

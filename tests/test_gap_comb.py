@@ -1,4 +1,4 @@
-"""What repeats without being a sine: harmonics are told from lines that have nothing to do with each other."""
+"""What repeats without being a sine: harmonics are distinguished from lines that have nothing to do with each other."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Two channels of plain numpy normal samples of a known correlation. A correlation of 0.12 in 4096 samples is worth about 30 nats; it is held to
 2.5 half-widths of its 95 % interval (1e-6). Without one, a Bayes factor exceeds e^x in at most e^-x of the records: with the
-cost of the candidates taken off, e^-1.5 and less in 30 pairs is at most a tenth of one. Seeds are fixed.
+cost of the candidates subtracted, e^-1.5 and less in 30 pairs is at most a tenth of one. Seeds are fixed.
 """
 
 from __future__ import annotations

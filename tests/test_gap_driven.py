@@ -85,7 +85,7 @@ def test_a_bias_that_follows_any_channel_is_coupled_to_it() -> None:
     assert [f.effect.name for f in gap.findings] == ["coupling:fuel_level"]
     lo, hi = gap.findings[0].ci95["coefficient"]
     assert abs(c - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
-    again = parse_noise(noise_text(NoiseModel({"gyro_x": gap.updated}, {})), "mended.toml")
+    again = parse_noise(noise_text(NoiseModel({"gyro_x": gap.updated}, {})), "updated.toml")
     effect = again.channels["gyro_x"].effects[-1]
     assert (effect.name, effect.driver) == ("coupling:fuel_level", "fuel_level")
     assert effect.values[0] == pytest.approx(gap.findings[0].effect.values[0], rel=1e-6)

@@ -199,7 +199,7 @@ def test_what_is_alike_has_its_angle() -> None:
     assert sum(added.probabilities.values()) == pytest.approx(1.0)
 
 
-def test_directions_that_are_the_same_cannot_be_told_apart() -> None:
+def test_directions_that_are_the_same_cannot_be_distinguished() -> None:
     """Two names for one line share what is probable; the rival stands among what is not ruled out."""
 
     class Twice(Lines):

@@ -1,4 +1,4 @@
-"""Proves that what happens at a time, and what is not normal, is named with its numbers, and taken out.
+"""Proves that what happens at a time, and what is not normal, is named with its numbers, and removed.
 
 Records are plain numpy: white noise of one per sample and one event. Each event is worth over 30 nats, so that its
 name is missed in fewer than 1e-6 of the seeds; its numbers are held to 2.5 half-widths of their 95 % intervals
@@ -196,7 +196,7 @@ def test_a_constant_is_no_noise_that_changes() -> None:
     assert [f.effect.name for f in gap.findings] == ["noise_change"]
 
 
-def test_levels_are_told_from_the_slow_noise_that_is_assumed() -> None:
+def test_levels_are_distinguished_from_the_slow_noise_that_is_assumed() -> None:
     """A bias of 0.3 over 50 s, and levels 0.7 apart for 15 s: their spectra are alike, their laws are not."""
     rng = np.random.default_rng([2, 17])
     slow = make("gauss_markov", sigma=0.3, tau=50.0)

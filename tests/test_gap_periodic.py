@@ -111,7 +111,7 @@ def test_a_resonance_is_named_with_its_numbers(frequency: float, damping: float,
 
 
 def test_a_low_pass_is_named_with_its_corner() -> None:
-    """One pole ``exp(-2 pi f dt)`` on all that is measured; its order is told by the fall above the corner."""
+    """One pole ``exp(-2 pi f dt)`` on all that is measured; its order is read from the fall above the corner."""
     a = np.exp(-2 * np.pi * 1.5 * DT)
     gap = gap_of(lfilter([1.0 - a], [1.0, -a], noise(5, N + 200))[200:])
     assert [f.effect.name for f in gap.findings] == ["low_pass"]

@@ -69,8 +69,8 @@ def test_an_assumed_time_longer_than_half_the_record_stays() -> None:
     y = noise(23) + truth.simulate(T, np.random.default_rng(24))
     g = answer(y, make("white_noise", N=N), truth)
     assert (g.verdict, g.findings, g.retuned) == ("no_gap", (), False)
-    (mended,) = (e for e in g.updated.effects if e.name == "gauss_markov")
-    assert 1000.0 < mended.tau < 4000.0  # type: ignore[attr-defined]
+    (updated,) = (e for e in g.updated.effects if e.name == "gauss_markov")
+    assert 1000.0 < updated.tau < 4000.0  # type: ignore[attr-defined]
 
 
 def test_noise_that_is_louder_where_it_is_warm_fails_the_test_of_its_level() -> None:
@@ -96,12 +96,12 @@ def test_checks_that_fail_say_so() -> None:
 
 
 @pytest.mark.parametrize("assumed", [0.0, 2e-3, -2e-3])
-def test_a_coefficient_that_is_wrong_is_mended(assumed: float) -> None:
+def test_a_coefficient_that_is_wrong_is_corrected(assumed: float) -> None:
     y = noise(2) + 2e-4 * (HEAT - 300.0)
     g = answer(y, make("white_noise", N=N), make("temperature", coefficient=assumed, reference=300.0))
     assert [f.effect.name for f in g.findings] == ["temperature"]
-    (mended,) = (e for e in g.updated.effects if e.name == "temperature")
-    assert mended.coefficient == pytest.approx(2e-4, rel=0.05)  # type: ignore[attr-defined]
+    (updated,) = (e for e in g.updated.effects if e.name == "temperature")
+    assert updated.coefficient == pytest.approx(2e-4, rel=0.05)  # type: ignore[attr-defined]
 
 
 def test_a_coefficient_that_is_right_is_no_gap() -> None:

@@ -196,7 +196,7 @@ def test_noise_of_another_size_is_said_with_its_number() -> None:
     assert g.gap.after == 0.0
 
 
-def test_the_mended_model_holds_the_noise_that_was_found() -> None:
+def test_the_updated_model_holds_the_noise_that_was_found() -> None:
     """Sizes are scaled, correlation times and deterministic effects stay."""
     walk = scaled(make("gauss_markov", sigma=2.0, tau=7.0), 1.5)
     assert (walk.sigma, walk.tau) == (3.0, 7.0)  # type: ignore[attr-defined]

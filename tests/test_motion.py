@@ -176,7 +176,7 @@ def test_the_deviation_of_a_scale_is_that_of_its_closed_form() -> None:
     assert sd == pytest.approx(N_GYRO / np.sqrt(DT) / np.sqrt(N * w.var()), rel=1e-3)
 
 
-def test_a_delay_and_a_bandwidth_are_told_apart_where_there_is_content() -> None:
+def test_a_delay_and_a_bandwidth_are_distinguished_where_there_is_content() -> None:
     """Exact answers of sines to 12 Hz: a phase of -2 pi f d; a phase and a loss of 1 / (1 + i f / fc)."""
     rng = np.random.default_rng(3)
     f, phase = rng.uniform(0.1, 12.0, (3, 10)), rng.uniform(0, 2 * np.pi, (3, 10))
@@ -362,7 +362,7 @@ def test_a_field_fixed_in_space_is_no_iron(turning: tuple[Array, Array, Array]) 
 
 
 def test_gravity_finds_its_direction(turning: tuple[Array, Array, Array]) -> None:
-    """The same motion told in east-north-up and north-east-down gives the same accelerometer."""
+    """The same motion given in east-north-up and north-east-down gives the same accelerometer."""
     _, R, _ = turning
     f = np.einsum("nji,j->ni", R, np.array([0.0, 0.0, -G]))
     flip = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])

@@ -495,7 +495,7 @@ def test_a_change_of_the_input_is_recovered(name: str, wanted: list[float]) -> N
     white(r)
 
 
-def test_a_wrong_parameter_is_recovered_and_mended_in_its_place() -> None:
+def test_a_wrong_parameter_is_recovered_and_corrected_in_its_place() -> None:
     text = PENDULUM.replace("19.6", "18.5")
     scene = scene_of(motion(LONG, push(LONG), none)[:, 1], 4, text)
     (start,) = next(c for c in scene.candidates([]) if c[0].where == "g_over_l")

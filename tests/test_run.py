@@ -159,7 +159,7 @@ def made(tilt: np.ndarray, heading: np.ndarray, extra: dict[str, np.ndarray] | N
 
 
 @pytest.mark.parametrize("offset", [0.0, 1.0, 3.1, -2.0])
-def test_tilt_and_heading_errors_are_told_apart(offset: float) -> None:
+def test_tilt_and_heading_errors_are_distinguished(offset: float) -> None:
     rng = np.random.default_rng(0)
     tilt, heading = rng.uniform(0.0, 0.6, 500), 0.2 * rng.normal(size=500)
     error = attitude_error(*made(tilt, heading + offset))

@@ -1,4 +1,4 @@
-"""`Case`: a log with something hidden in it, what is assumed about it, and the truth kept apart."""
+"""`Case`: a log with something hidden in it, what is assumed about it, and the truth kept separately."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class Case:
         return place
 
     def write_truth(self, folder: Path) -> Path:
-        """Write ``folder/<id>.json``, apart from the log; return it."""
+        """Write ``folder/<id>.json``, separate from the log; return it."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{self.request.id}.json"
         path.write_text(json.dumps(self.truth(), indent=1), encoding="utf-8")

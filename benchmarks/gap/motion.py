@@ -1,7 +1,7 @@
 """Records on a rate table, with references: gyroscope, accelerometer, magnetometer.
 
 A hidden effect changes the noise-free signals by d(t). Its gain is ``1/2 sum |d|^2 / sigma^2`` over all
-channels, after the part that the assumed model explains anyway has been taken out of d by least squares:
+channels, after the part that the assumed model explains anyway has been removed from d by least squares:
 a constant on every channel of gyroscope and accelerometer, the three components of the unknown field on
 the magnetometer. Size is found by bisection, for effects that are not linear in it; at the strength `OBVIOUS` it is that of `SIZES`.
 
@@ -11,7 +11,7 @@ the magnetometer. Size is found by bisection, for effects that are not linear in
 * ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration, its axes together
 * ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late. To first
   order both are the same; where the best of one comes within a nat of the other (`TWIN`), no record of this motion
-  can tell them apart: the case counts as poorly excited, and either name is right; so with the square of a force
+  can distinguish them: the case counts as poorly excited, and either name is right; so with the square of a force
   whose tilts are so small that one of the forces does the same
 * ``soft_iron``, entry xy: ``B_x += xy * B_y``, both ways; ``magnetic_disturbance``: a constant in the
   navigation frame, in a span of time

@@ -31,7 +31,7 @@ LEFT_OUT = ("cross_axis_noise",)
 OFF_THE_LATTICE = ("quantisation", "low_pass")
 """Effects that come before the converter: the samples of a coarse one, rounded twice, would lose them again."""
 ROUNDS = 3
-"""Times that the assumed model is mended until nothing is found in the piece as it is."""
+"""Times that the assumed model is updated until nothing is found in the piece as it is."""
 WIDTH = 0.04
 """Half-width of the average over the periodogram, of the frequency."""
 LEAST = 6

@@ -1,17 +1,17 @@
-"""What a mended model is worth on a second record of the same sensor, which the tool never sees.
+"""What an updated model is worth on a second record of the same sensor, which the tool never sees.
 
 The second record has the same truth, new noise and a new climate. Three models are judged on it by the
 mean of their log-likelihood over all such records (so no single draw adds noise): the assumed one, the
-mended one with the numbers that the answer gives, and the oracle's, which knows the truth. The score is
+updated one with the numbers that the answer gives, and the oracle's, which knows the truth. The score is
 
-    (mended - assumed) / (oracle - assumed),
+    (updated - assumed) / (oracle - assumed),
 
-at most 1, below 0 where the mended model predicts worse than the assumed one.
+at most 1, below 0 where the updated model predicts worse than the assumed one.
 
 * Spectra and known signals are compared per ordinate of the cosine transform, as in `strength`, and as
   there each model may retune its level by a common factor. Wrong names count as well: a random walk
   named for flicker has its own spectrum.
-* Driven effects follow the true temperature of the new record, in the mended model and in the oracle's.
+* Driven effects follow the true temperature of the new record, in the updated model and in the oracle's.
 * The phase of a line on another day is nobody's to know: each model gets the best one.
 * Outliers and telegraph, where they are both hidden and named, add what their laws gain over the normal
   law of the same spectrum; telegraph noise is judged on drawn records, the same for both models.
@@ -157,7 +157,7 @@ LASTING = (*SPECTRA, *SIGNALS, "sinusoid", "low_pass", "outliers")
 def reached(
     case: Case, steps: Sequence[Mapping[str, object]], base: Mapping[str, float]
 ) -> tuple[float, float]:
-    """Nats that the mended model and the oracle's gain over the assumed one on a second record.
+    """Nats that the updated model and the oracle's gain over the assumed one on a second record.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def reached(
     steps : sequence of mapping
         What the answer added: ``effect``, ``channel``, ``parameters`` with values in SI.
     base : mapping
-        Assumed numbers that the mended model has changed: ``N``, ``sigma``, ``tau`` in the sensor's unit;
+        Assumed numbers that the updated model has changed: ``N``, ``sigma``, ``tau`` in the sensor's unit;
         ``order`` of a low-pass.
 
     Returns

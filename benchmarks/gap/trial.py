@@ -53,7 +53,7 @@ def ask(place: Path, answer: Path) -> dict[str, Any]:
 
 
 def changed(case: Case, path: Path) -> dict[str, float]:
-    """What the mended noise file says of the assumed noise and of a low-pass; nothing where there is none.
+    """What the updated noise file says of the assumed noise and of a low-pass; nothing where there is none.
 
     Values are text with units: those of the assumed noise in the unit of the channel, as it was given.
     """

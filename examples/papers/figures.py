@@ -66,6 +66,6 @@ def figure_2(seed: int = 0) -> PagePart:
     lines.append(Line("B as standard deviation, alone", curve.tau, markov, "#7a8794", dashed=True))
     words = (
         f"Figure 2: lowest point / 0.664 = {seen.B.size:.3g} deg/s (printed: 1.2e-2); N and K alone give a curve that "
-        "cannot be told from that with B."
+        "cannot be distinguished from that with B."
     )
     return figure(allan_picture(curve, lines, "deg/s", 1.0, "figure-2"), words)

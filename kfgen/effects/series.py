@@ -259,10 +259,10 @@ class RawSamples:
     def adc_step(self) -> float:
         """Distance of neighbouring values [SI], zero where they lie on no ADC grid."""
         values = np.unique(self.y[:50_000])
-        apart = np.diff(values) > SAME * float(
+        distinct = np.diff(values) > SAME * float(
             np.ptp(values)
         )  # values that are computed differ in their last digits
-        values = values[np.concatenate([[True], apart])]
+        values = values[np.concatenate([[True], distinct])]
         if values.size < 2 or values.size > 0.5 * min(self.n, 50_000):
             return 0.0
         steps = np.diff(values)

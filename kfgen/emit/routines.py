@@ -92,7 +92,9 @@ class Program:
                 raise InputError(
                     f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
                 )
-        if not 0.0 <= self.q_interval < float("inf") or (self.q_interval and not FORMS[self.form].LUMPS):
+        if not 0.0 <= self.q_interval < float("inf") or (
+            self.q_interval and not FORMS[self.form].HAS_Q_INTERVAL
+        ):
             raise InputError(
                 f"noise cannot wait for {self.q_interval:g} s with --form {self.form}",
                 where="--q-interval",

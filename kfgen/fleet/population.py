@@ -243,7 +243,7 @@ class OutlyingSensor:
 
 
 def outliers(y: Array, s: Array, rate: float) -> list[OutlyingSensor]:
-    """The sensors that lie apart from the rest, by Rosner's many-outlier procedure [5]_.
+    """The outlying sensors, by Rosner's many-outlier procedure [5]_.
 
     The sensor farthest from the others is set aside, then the farthest of the rest, up to a quarter of them:
     so two outliers cannot hide each other. All up to the last one that is significant are outliers. A sensor

@@ -179,7 +179,7 @@ def _likened(f: Finding, name: str) -> str:
     if known is not None:
         ways += [w for w in (f.effect.distinguishing_experiment(name) or known.separating_experiment,) if w]
     said = [f"cos2 {cos2:.2f}"] if cos2 > MIN_SAID_COS2 or any(o.nats is not None for o in near) else []
-    said += [f"told apart by {' or '.join(ways).rstrip(',')}"] if ways else []
+    said += [f"distinguished by {' or '.join(ways).rstrip(',')}"] if ways else []
     return f"{name} ({', '.join(said)})" if said else name
 
 

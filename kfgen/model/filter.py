@@ -3,7 +3,7 @@
 Every effect of a channel appends its states. Of an input (a gyro that drives the
 motion) the truth is ``u = u_measured - sum C x - n``; of a sensor the measurement is
 ``z = predict(x) + sum C x + n``. States of one channel that only keep their value (a constant
-bias, a random walk) cannot be told apart and are one state whose driving noises add.
+bias, a random walk) cannot be distinguished and are one state whose driving noises add.
 
 The errors obey ``d(dx)/dt = F dx + G n`` and a measurement's residual is ``H dx + n``, where
 F, G and H are the derivatives, at zero error, of the equations written with the perturbed state.

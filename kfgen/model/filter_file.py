@@ -89,7 +89,7 @@ def parse_filter(text: str, path: str) -> FilterFile:
     text : str
         TOML, of which nothing is executed.
     path : str
-        Said in errors; a noise file that it names is sought beside it.
+        Said in errors; a noise file that it names is looked for beside it.
 
     Raises
     ------

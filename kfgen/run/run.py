@@ -252,7 +252,7 @@ def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     Notes
     -----
     Inclination is the angle between the two verticals; heading is what remains about the vertical,
-    after the constant difference of the two norths is taken out.
+    after the constant difference of the two norths is removed.
     """
     from scipy.spatial.transform import Rotation
 

@@ -122,11 +122,11 @@ class ThermalHysteresis(Effect):
         """The hysteresis operator of the temperature is kept beside the state."""
         import sympy as sp
 
-        def taken_along(stood: Any, driver: Any, dt: Any) -> Any:
+        def follow(stood: Any, driver: Any, dt: Any) -> Any:
             pushed = sp.Rational(1, 2) * (driver - self.width + stood + sp.Abs(driver - self.width - stood))
             return sp.Rational(1, 2) * (pushed + driver + self.width - sp.Abs(pushed - driver - self.width))
 
-        stored = StoredValue("stood", "K", "temperature within its hysteresis", self.driver, taken_along)
+        stored = StoredValue("stood", "K", "temperature within its hysteresis", self.driver, follow)
         return DrivenOutput(lambda _, stood: stood, self.driver, stored)
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
@@ -244,9 +244,9 @@ def rate_of(t: Array, T: Array) -> Array:
         savgol_filter(means, w, 2, deriv=1, delta=step, mode="interp") for w in windows if w < means.size
     ]
     # Too short a window leaves noise, too long a one leaves the course: between both a rate does not change.
-    apart = [float(np.std(a - b)) for a, b in pairwise(rates)]
-    calm = next((k for k, d in enumerate(apart) if d < CLEAR * float(np.std(rates[k + 1]))), None)
-    best = rates[calm if calm is not None else int(np.argmin(apart))] if apart else rates[0]
+    differences = [float(np.std(a - b)) for a, b in pairwise(rates)]
+    calm = next((k for k, d in enumerate(differences) if d < CLEAR * float(np.std(rates[k + 1]))), None)
+    best = rates[calm if calm is not None else int(np.argmin(differences))] if differences else rates[0]
     return np.asarray(np.interp(t, at, best))
 
 

@@ -315,7 +315,7 @@ def _ways(d: Array, logs: NDArray[np.bool_]) -> list[Array]:
 
     The first is shortened where it is long, everything by the same share. In the second a number grows or shrinks as
     a step of its own would have it, and all else goes its whole way: from a time that is far too short or long only
-    this way leads on, for the unknowns that make up for it go in proportion to the time and not to its logarithm.
+    this way goes on, for the unknowns that make up for it go in proportion to the time and not to its logarithm.
     """
     along = d[: logs.size][logs]
     largest = float(np.abs(along).max(initial=0.0))

@@ -27,7 +27,7 @@ from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
 from kfgen.gap.core.newton import SceneFit, fitted
 from kfgen.gap.core.scene import Placed, ReadingByReading, Scene, ScenePoint, Unknown
-from kfgen.gap.core.screen import basis, freed
+from kfgen.gap.core.screen import basis, orthogonal_part
 from kfgen.gap.core.whitener import Whitener
 
 Array = NDArray[np.float64]
@@ -203,7 +203,7 @@ def _cut(scene: Scene, fit: SceneFit) -> Cut:
     alone = series(scene, np.column_stack([scene.residuals([p])[:, 0] - fit.residual for p in without]))
     J = series(scene, fit.jacobian[:, len(fit.keys) :])
     power, shown = (
-        np.sum(freed(alone[rows], basis(J[rows])) ** 2, axis=0)
+        np.sum(orthogonal_part(alone[rows], basis(J[rows])) ** 2, axis=0)
         for rows in (np.ones(len(alone), dtype=bool), last.rows)
     )
     return blocks if (shown < MIN_TAIL_POWER_SHARE * power).any() else last
@@ -220,9 +220,9 @@ def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
         loss1 += 0.5 * float(p1.sum() / s**2 - f1.sum()) + float(f1.sum() * np.log(s))
         edges = band_edges(p1.size)
         power, count = (np.add.reduceat(x, edges[:-1]) for x in (p1 / s**2, f1))
-        told = count > MIN_DEGREES_OF_FREEDOM
-        r.append(np.maximum(power[told] / count[told], 1e-12))
-        m.append(count[told])
+        enough = count > MIN_DEGREES_OF_FREEDOM
+        r.append(np.maximum(power[enough] / count[enough], 1e-12))
+        m.append(count[enough])
     noise = float(np.sqrt(sum(p.sum() for p in P1) / max(sum(f.sum() for f in m1), 1.0)))
     away = noise * float(np.linalg.norm(before.residual - after.residual))
     size = np.array([(s**2 - 1.0) * np.sqrt(0.5 * f.sum()) for s, f in zip(levels, m1)])

@@ -72,7 +72,7 @@ def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
         raise InputError(
             f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
             where=log.source,
-            remedy="Mend the unit in the header, or in the model file",
+            remedy="Correct the unit in the header, or in the model file",
         )
 
 
@@ -96,7 +96,7 @@ def check_near(
                 f"{model.name} does not follow the log: {words}, a simulation is nowhere near {name}, "
                 "however often it starts anew",
                 where=model.path,
-                remedy="Check the equations and what is assumed about their numbers: a gap is sought in a model that is nearly right",
+                remedy="Check the equations and what is assumed about their numbers: a gap is looked for in a model that is nearly right",
             )
 
 

@@ -1,7 +1,7 @@
 """What is wrong with the columns of a plant's log, before anything is fitted to them.
 
 First the samples of each channel by themselves: stuck, held, clipped. Then the columns against one another: where
-the assumed model follows them nowhere, but does so once one of them is turned round, taken in another unit or moved
+the assumed model follows them nowhere, but does so once one of them is given the opposite sign, taken in another unit or moved
 in time, that column is wrong, and no effect is missing.
 """
 
@@ -28,7 +28,7 @@ from kfgen.effects.faults.samples import (
 )
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.core.scene import Placed
-from kfgen.gap.plant.input_logged_late import leading
+from kfgen.gap.plant.input_logged_late import logged_late
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness
 from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
@@ -79,7 +79,7 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
     if spoilt:
         return replace(bare, spoilt=tuple(spoilt), either=tuple(either))
     scene = replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said), seen_late=bare.late)
-    return replace(scene, spoilt=tuple(leading(scene)))
+    return replace(scene, spoilt=tuple(logged_late(scene)))
 
 
 def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]:
@@ -135,7 +135,7 @@ def _near(y: Array, limit: float, noise: float) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class _Mended:
+class _Corrected:
     """A column as it may have been meant: what was wrong with it, what is fitted without that, and up to which sample."""
 
     fault: Placed
@@ -183,20 +183,20 @@ def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
     return max(shares, default=0.0), x0
 
 
-def _turned(shooting: Shooting) -> Iterator[_Mended]:
-    """Every column turned round or in another unit."""
+def _turned(shooting: Shooting) -> Iterator[_Corrected]:
+    """Every column with the opposite sign or in another unit."""
     wrong: list[tuple[Effect, float]] = [(SignError(), -1.0)]
     wrong += [(UnitError(f), f) for _, k in UNIT_FACTORS for f in (k, 1.0 / k)]
     for effect, factor in wrong:
         for name, (at, values) in shooting.data.items():
             data = {**shooting.data, name: (at, values / factor)}
-            yield _Mended(Placed(effect, name), replace(shooting, data=data), shooting.t.size)
+            yield _Corrected(Placed(effect, name), replace(shooting, data=data), shooting.t.size)
         for name, u in shooting.inputs.items():
             inputs = {**shooting.inputs, name: u / factor}
-            yield _Mended(Placed(effect, name), replace(shooting, inputs=inputs), shooting.t.size)
+            yield _Corrected(Placed(effect, name), replace(shooting, inputs=inputs), shooting.t.size)
 
 
-def _moved(shooting: Shooting, x0: Array) -> Iterator[_Mended]:
+def _moved(shooting: Shooting, x0: Array) -> Iterator[_Corrected]:
     """Inputs whose log is late, by as much as the channels say."""
     late = lateness(shooting.data, shooting.simulated(np.concatenate([x0, shooting.trusted])))
     if late >= 0:
@@ -205,7 +205,7 @@ def _moved(shooting: Shooting, x0: Array) -> Iterator[_Mended]:
     for name, u in shooting.inputs.items():
         inputs = {**shooting.inputs, name: np.concatenate([u[-late:], np.full(-late, u[-1])])}
         fault = Placed(TooEarly(-late * dt), name)
-        yield _Mended(fault, replace(shooting, inputs=inputs), shooting.t.size + late)
+        yield _Corrected(fault, replace(shooting, inputs=inputs), shooting.t.size + late)
 
 
 def _stuck_inputs(shooting: Shooting) -> list[Placed]:

@@ -1,4 +1,4 @@
-"""Samples that are no measurements: a stretch that stands still, a value far beyond all others.
+"""Samples that are no measurements: a stuck stretch, a value far beyond all others.
 
 They are left out like missing ones, and named: a model of the noise would be bent by them, and another effect
 would be found in their place.
@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 MIN_REPEAT_PROBABILITY = 1e-4
 """Chance that a sample equals the one before it, at least."""
 MIN_RUNS_AT_A_LIMIT = 3
-"""Runs at one end of the range that are a limit and no stretch that stands still."""
+"""Runs at one end of the range that are a limit and no stuck stretch."""
 MAX_STUCK_STRETCHES = 8
 """Stretches beyond which samples rather repeat."""
 MAX_BAD_SHARE = 0.2
@@ -33,17 +33,17 @@ MAX_WILD_SHARE = 1e-3
 """Share of wild samples beyond which they are a law of the noise."""
 
 
-def odd_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
+def invalid_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
     """Which samples are no measurements, shape (n,), and what they show."""
-    still, odd, found = _still(raw), _wild(raw), []
-    if odd.any():
-        off = float(np.sqrt(np.mean((raw.y[odd] - np.median(raw.y)) ** 2)))
-        found.append(DetectedFault(Outliers(float(np.mean(odd)), off), float(odd.sum())))
+    still, invalid, found = _still(raw), _wild(raw), []
+    if invalid.any():
+        off = float(np.sqrt(np.mean((raw.y[invalid] - np.median(raw.y)) ** 2)))
+        found.append(DetectedFault(Outliers(float(np.mean(invalid)), off), float(invalid.sum())))
     for a, b in still:
-        odd[a:b] = True
+        invalid[a:b] = True
         began, ended = float(raw.t[a] - raw.t[0]), float(raw.t[b - 1] - raw.t[0])
         found.append(DetectedFault(Stuck(began, ended - began), float(b - a)))
-    return odd, tuple(found)
+    return invalid, tuple(found)
 
 
 def _still(raw: RawSamples) -> list[tuple[int, int]]:
@@ -66,7 +66,7 @@ def _wild(raw: RawSamples) -> Mask:
     return np.asarray(wild) if few and not between and scale > 0.0 else np.zeros(raw.n, dtype=np.bool_)
 
 
-def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> list[str]:
+def words_of(name: str, t: Array, invalid: Mask, found: Sequence[DetectedFault]) -> list[str]:
     """What is said of them: how many, and when.
 
     Parameters
@@ -75,13 +75,13 @@ def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> 
         Of the channel.
     t : ndarray, shape (n,)
         Times [s].
-    odd : ndarray of bool, shape (n,)
+    invalid : ndarray of bool, shape (n,)
         Samples that are left out.
     found : sequence of DetectedFault
     """
     if not found:
         return []
-    first, last = t[odd][[0, -1]]
+    first, last = t[invalid][[0, -1]]
     when = f"at {first:.6g} s" if first == last else f"between {first:.6g} and {last:.6g} s"
     kinds = " and ".join(f.effect.title for f in found)
-    return [f"{int(odd.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]
+    return [f"{int(invalid.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]

@@ -297,7 +297,7 @@ def limits_of(
     base : Candidate
         The updated model.
     trusted : sequence of Term
-        Deterministic terms that were taken out of its record: for these none is given.
+        Deterministic terms that were removed from its record: for these none is given.
     """
     present, record = {e.name for e in base.fit.effects}, base.problem.record
     sizeless = frozenset(name for name, cls in catalogue().items() if cls.changes_samples or cls.is_filter)

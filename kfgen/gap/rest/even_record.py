@@ -13,7 +13,7 @@ from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.rest.bad_samples import odd_samples, words_of
+from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
@@ -110,11 +110,11 @@ def regular(
     logged = log.t[good]
     faults: tuple[DetectedFault, ...] = ()
     if logged.size > MIN_STEPS_FOR_REPEATS:
-        odd, faults = odd_samples(
+        invalid, faults = invalid_samples(
             RawSamples(logged, y[good], assumed_sd(assumed, float(np.median(np.diff(logged)))))
         )
-        said += words_of(name, logged, odd, faults)
-        good[good] = ~odd
+        said += words_of(name, logged, invalid, faults)
+        good[good] = ~invalid
     stamps = log.t[good]
     if y.size < 3:
         raise InputError(

@@ -5,7 +5,7 @@ likelihood integrated over them by Laplace's method in logarithms [1]_, over tim
 hardly bounds numerically, over places (an onset, a frequency) by the scan that found them. Sizes and
 times have log-uniform priors, the assumed model's numbers keep the priors that trust in them gives,
 and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
-competes openly: the same structure with the trust taken away. Each addition costs the
+competes openly: the same structure without the trust. Each addition costs the
 logarithm of the number of candidates (and what its class says that it is rarer than others, ``prior_penalty_nats``).
 
 References
@@ -246,7 +246,7 @@ def _retuned(base: Candidate, reference: float) -> Candidate:
 
 
 def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
-    """Trust taken away."""
+    """Without trust."""
     return {key: replace(p, deviation=max(RETUNED_SD_OF_LOG, p.deviation)) for key, p in priors.items()}
 
 

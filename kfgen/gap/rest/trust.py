@@ -1,4 +1,4 @@
-"""What is assumed about a channel, made ready to be compared: trust in its numbers, its known terms taken out."""
+"""What is assumed about a channel, made ready to be compared: trust in its numbers, its known terms removed."""
 
 from __future__ import annotations
 

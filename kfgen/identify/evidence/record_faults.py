@@ -89,7 +89,7 @@ def is_outlier(y: Array) -> NDArray[np.bool_]:
     return Spread.of(y).is_outlier(y)
 
 
-def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
+def interpolated(y: Array, bad: NDArray[np.bool_]) -> Array:
     """The samples with the bad ones interpolated.
 
     Parameters

@@ -88,7 +88,7 @@ def run_ekf(y: Array, dt: float, start: Parameters) -> EkfRun:
     Parameters
     ----------
     y : ndarray, shape (n,)
-        Samples [U], their mean taken out.
+        Samples [U], their mean removed.
     dt : float
         Sampling period [s].
 

@@ -37,7 +37,7 @@ C_WORDS = (
     "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
 )
 OWN_WORDS = "x P k z kf dt innovation variance status gate fused dx np"
-TAKEN = frozenset({*re.findall(r"\w+", f"{C_WORDS} {OWN_WORDS}"), *keyword.kwlist})
+RESERVED = frozenset({*re.findall(r"\w+", f"{C_WORDS} {OWN_WORDS}"), *keyword.kwlist})
 """Names of the emitted filter and of its languages."""
 
 
@@ -263,7 +263,7 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
     """
     user = parse_model(model_text(user), user.path)  # with the digits of its file, so that hashes agree
     for name in (*user.names, *user.measurements):
-        if name in TAKEN:
+        if name in RESERVED:
             raise InputError(
                 f"the emitted filter needs the name '{name}'", where=user.path, remedy="Rename it"
             )

@@ -1,6 +1,6 @@
 """Proves that an input which was logged after its effect is a fault of the log, and that nothing else is taken for it.
 
-The motor is the exact solution of ``v' = 20 u - 2 v`` between tenths of a sample. A lead is held to five standard
+The motor is the exact solution of ``v' = 20 u - 2 v`` between tenths of a sample. A time advance is held to five standard
 deviations of its Cramér-Rao bound, 6e-7: the noise over the norm of the speed's slope. Seeds are fixed.
 """
 
