@@ -131,7 +131,7 @@ def test_a_strong_gauss_markov_is_found(seed: int) -> None:
     assert holds(found, "gauss_markov", "tau", 5.0)
 
 
-def test_two_gauss_markov_well_apart_are_two() -> None:
+def test_two_gauss_markov_well_separated_are_two() -> None:
     """0.3 at 2 s and 0.5 at 100 s, over 20 000 s: 200 of the longer correlation times."""
     rng, n = np.random.default_rng(4), 200_000
     y = white(rng, n) + markov(rng, n, 0.3, 2.0) + markov(rng, n, 0.5, 100.0)

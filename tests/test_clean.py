@@ -36,7 +36,7 @@ def N_of(result: Identified) -> float:
 
 
 @pytest.mark.parametrize("frequency", [3.217, 12.0, 41.9])
-def test_a_line_is_found_and_taken_out(frequency: float) -> None:
+def test_a_line_is_found_and_removed(frequency: float) -> None:
     result = found(white(1) + 0.4 * np.sin(2 * np.pi * frequency * T + 0.3))
     assert len(result.lines) == 1
     assert result.lines[0].frequency == pytest.approx(frequency, abs=2.0 / SECONDS)

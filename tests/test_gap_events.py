@@ -126,7 +126,7 @@ def series(y: Array) -> WhiteSeries:
 
 
 @pytest.mark.parametrize("name", ALTERING)
-def test_what_is_taken_out_leaves_white_normal_samples(name: str) -> None:
+def test_what_is_removed_leaves_white_normal_samples(name: str) -> None:
     """Kolmogorov's test at 1e-4; powers of three scales of time within 4.5 sqrt(2 / m), and 3 % for what a level
     that jumps leaves beside its jumps."""
     y = record_of(name).y

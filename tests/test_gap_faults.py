@@ -137,7 +137,7 @@ def test_a_log_that_pauses_is_refused() -> None:
         regular(Log(t, {"gyro_x": Channel.of(white(8), "rad/s")}), "gyro_x")
 
 
-def wandering(seed: int) -> Array:
+def slow(seed: int) -> Array:
     a, w = np.exp(-DT / 5.0), np.random.default_rng([seed, 52]).standard_normal(N)
     x = np.empty(N)
     x[0] = w[0]
@@ -148,7 +148,7 @@ def wandering(seed: int) -> Array:
 
 SOUND: dict[str, Callable[[int], Array]] = {
     "white": white,
-    "slow": lambda s: white(s) + 3.0 * wandering(s),
+    "slow": lambda s: white(s) + 3.0 * slow(s),
     "ADC grid": lambda s: 0.1 * np.round(white(s) / 0.1),
     "wide ADC grid": lambda s: 0.5 * np.round((white(s) + 2.0) / 0.5),
     "integral of an ADC grid": lambda s: (

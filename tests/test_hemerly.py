@@ -266,11 +266,11 @@ def test_a_variance_of_few_samples() -> None:
 
 def test_the_crossing_is_no_bias_instability() -> None:
     """At the point of sec. 2.2 with B of eq. (18), and without any B, nothing is read; a true floor is."""
-    told = []
+    own_floor = []
     for seed in range(12):
         y = noises(seed, 100_000, 0.01, 5.75e-2, 1.1e-3 * (seed % 2), 100.0, 9e-4)
-        told.append(read_asymptotes(allan_curve(y, 0.01)).B_is_own)
-    assert sum(told) <= 2
+        own_floor.append(read_asymptotes(allan_curve(y, 0.01)).B_is_own)
+    assert sum(own_floor) <= 2
     flicker = make("bias_instability", B=0.05, shortest=0.1, longest=1e4)
     y = noises(3, 100_000, 0.1, 0.1, 0.0, 1.0, 1e-5) + flicker.simulate(
         np.arange(100_000) * 0.1, np.random.default_rng(0)

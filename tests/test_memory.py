@@ -128,7 +128,7 @@ def test_a_refused_step_keeps_no_sample() -> None:
     assert list(kf.nominal) == before
 
 
-def test_a_backlash_moves_with_the_state_once_it_is_taken_up() -> None:
+def test_a_backlash_moves_with_the_state_once_it_is_used_up() -> None:
     program = program_of(text_of(SIZES["backlash"]))
     kf, stands, u = filter_of(program), 0.0, pushed(400)
     kf.gate = 0.0  # the filter looks, and corrects nothing
@@ -140,7 +140,7 @@ def test_a_backlash_moves_with_the_state_once_it_is_taken_up() -> None:
     assert abs(stands) > 0.1  # it was taken along
 
 
-def test_within_a_play_a_sample_says_nothing() -> None:
+def test_within_a_backlash_a_sample_says_nothing() -> None:
     kf = filter_of(program_of(text_of(SIZES["backlash"])))
     kf.P = np.diag([0.04, 0.01])
     kf.nominal[:] = [0.05, 0.0, 0.0]

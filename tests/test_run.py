@@ -135,7 +135,7 @@ def test_innovations_over_a_log_after_the_alignment(sensor: str) -> None:
     assert np.abs(lag).max() < 4.0 / np.sqrt(len(y))
 
 
-def test_a_filter_that_believes_too_small_a_noise_leaves_the_band() -> None:
+def test_a_filter_that_assumes_too_small_a_noise_leaves_the_band() -> None:
     """The band can fail: GNSS 1.3 times as noisy as assumed."""
     nis = np.concatenate([consistent_run(s)[1]["gnss_position"] for s in SEEDS])
     assert not in_band(1.3**2 * nis.sum(), 3 * nis.size)

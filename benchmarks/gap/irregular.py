@@ -51,12 +51,12 @@ def thermal_lag(r: Recording, X: float) -> Hidden:
     return _near(r, np.asarray(lfilter(b, a, away)), X, "thermal_lag", also)
 
 
-def wandering_line(r: Recording, X: float) -> Hidden:
+def drifting_line(r: Recording, X: float) -> Hidden:
     """A line whose phase walks by a few radians over the record."""
     walk = np.cumsum(r.rng.standard_normal(r.n)) * 3.0 / np.sqrt(r.n)
     f = r.rng.uniform(0.02, 0.2) / r.dt
     shape = np.sin(2.0 * np.pi * f * r.elapsed + walk)
-    return _near(r, shape, X, "wandering_line", ("sinusoid", "resonance", "unknown"))
+    return _near(r, shape, X, "drifting_line", ("sinusoid", "resonance", "unknown"))
 
 
 def soft_step(r: Recording, X: float) -> Hidden:
@@ -68,7 +68,7 @@ def soft_step(r: Recording, X: float) -> Hidden:
 
 NEAR: Mapping[str, Callable[[Recording, float], Hidden]] = {
     "thermal_lag": thermal_lag,
-    "wandering_line": wandering_line,
+    "drifting_line": drifting_line,
     "soft_step": soft_step,
 }
 

@@ -237,11 +237,11 @@ RICH_ONLY = (
     "vibration_rectification",
     "g_squared",
 )
-"""Effects that poor motion hides or that need more than one axis: measured in rich motion alone."""
+"""Effects that little motion hides or that need more than one axis: measured in motion with much excitation alone."""
 
 
 def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
-    """Every effect at every strength and at its obvious size; odd numbers in poor motion. Null records of each kind of sensor."""
+    """Every effect at every strength and at its obvious size; odd numbers with little excitation. Null records of each kind of sensor."""
     out = [
         Request("motion", "single", (name,), X, i, int(seeds.integers(2**47)))
         for X in (OBVIOUS, *strengths)

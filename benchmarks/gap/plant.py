@@ -205,8 +205,8 @@ def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array
 
     def gain(size: float) -> float:
         away = (respond(m, u, start, change(size)) - plain) / (m.factor * m.noise)
-        taken = J.T @ away
-        kept = away @ away - taken @ np.linalg.solve(np.eye(len(start)) + J.T @ J, taken)
+        projected = J.T @ away
+        kept = away @ away - projected @ np.linalg.solve(np.eye(len(start)) + J.T @ J, projected)
         return max(float(0.5 * kept), 1e-12)
 
     p = nats.penalty(u.size, 1)

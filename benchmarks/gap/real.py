@@ -28,7 +28,7 @@ from sensor import THERMOMETER_NOISE, Recording, Sensor, climate
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 LEFT_OUT = ("cross_axis_noise",)
 """Effects that need a second axis whose noise is known."""
-OFF_THE_LATTICE = ("quantisation", "low_pass")
+BEFORE_THE_ADC = ("quantisation", "low_pass")
 """Effects that come before the converter: the samples of a coarse one, rounded twice, would lose them again."""
 ROUNDS = 3
 """Times that the assumed model is updated until nothing is found in the piece as it is."""
@@ -189,7 +189,7 @@ def make(request: Request) -> Case:
     r = Recording(base, rng, n, base.samples.copy(), np.zeros(n), temperature, warmth)
     hidden = tuple(EFFECTS[name](r, request.strength) for name in request.effects)
     channels = r.channels()
-    if not set(request.effects) & set(OFF_THE_LATTICE):
+    if not set(request.effects) & set(BEFORE_THE_ADC):
         steps = np.round((channels[base.channel][0] - base.offset) / base.step)
         channels[base.channel] = (base.offset + steps * base.step, base.unit)
     t = np.arange(n) * base.dt

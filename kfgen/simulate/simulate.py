@@ -20,7 +20,7 @@ from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
 from kfgen.manoeuvre.flight import ManoeuvreMotion, plant_input
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.manoeuvre.motion import Motion
-from kfgen.manoeuvre.truth import drawn, noise_driven
+from kfgen.manoeuvre.random_truth import drawn, noise_driven
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.reading import axes_of

@@ -31,7 +31,7 @@ GAIN_TOLERANCE_NATS = 3e-3
 GAIN_TOLERANCE_SHARE = 1e-5
 """Or this share of what the fit gained in all."""
 DIFFERENCE_STEP_SD = 0.1
-"""Change of the residuals [deviations] by which they are differentiated."""
+"""Change of the residuals [standard deviations] by which they are differentiated."""
 MAX_RELATIVE_STEP = 1e12
 """Largest relative change where nothing shows it."""
 MAX_LOG_STEP = 1.0

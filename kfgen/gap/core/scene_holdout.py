@@ -1,4 +1,4 @@
-"""The proof of a scene: samples that no fit saw, foretold by the assumed and by the updated model.
+"""The proof of a scene: samples that no fit saw, predicted by the assumed and by the updated model.
 
 The whole scene is run, so that what is inside it (the state of a filter, of a plant) is carried over from the part
 that was fitted into the part that was not; its white series is cut in time. Effects, biases and all that is unknown
@@ -161,8 +161,8 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     cut = _cut(scene, found.fit)
     if any(b - a < MIN_STRETCH_SAMPLES for blocks in cut.stretches for a, b in blocks):
         return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
-    learnt, trained, after = _foretold(scene, cut, found.fit)
-    before = _foretold(answer.written, cut, found.assumed)[2]
+    learnt, trained, after = _predicted(scene, cut, found.fit)
+    before = _predicted(answer.written, cut, found.assumed)[2]
     levels = np.ones(len(scene.channels))
     if not found.fit.point.placed and (rescaled is None or not rescaled.any()):
         after = before  # nothing was updated
@@ -172,7 +172,7 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     return _gap(cut, before, after, levels)
 
 
-def _foretold(scene: Scene, cut: Cut, fit: SceneFit) -> tuple[ScenePart, SceneFit, SceneFit]:
+def _predicted(scene: Scene, cut: Cut, fit: SceneFit) -> tuple[ScenePart, SceneFit, SceneFit]:
     """What is seen, the fit to it, and the fit to the rest of where things start: all else is as it was seen."""
     seen = tuple(~m for m in cut.unseen)
     learnt = ScenePart(scene, seen, fit.point.unknowns, _shown(scene, seen, fit))
@@ -262,8 +262,8 @@ def _powers(cut: Cut, fit: SceneFit) -> tuple[list[Array], list[Array]]:
     for z, q, blocks in zip(np.split(fit.residual, ends), np.split(Q, ends), cut.stretches):
         size = blocks[0][1] - blocks[0][0]
         power.append(_spectrum(z, size).sum(axis=0))
-        taken = _spectrum(q, size).sum(axis=(0, 2)) if q.shape[1] else 0.0
-        count.append(np.maximum(len(blocks) - taken, 0.0) * np.ones(size))
+        absorbed = _spectrum(q, size).sum(axis=(0, 2)) if q.shape[1] else 0.0
+        count.append(np.maximum(len(blocks) - absorbed, 0.0) * np.ones(size))
     return power, count
 
 

@@ -2,7 +2,7 @@
 
 A rate table (``ref_gyro_*``), a reference accelerometer or magnetometer say it at once. An attitude
 (``ref_q_*``, body to navigation) says it by its rate, by gravity where the body is not accelerated, and by a
-field that is constant in space. The rate is the logarithm of the turn from sample to sample [1]_, taken up
+field that is constant in space. The rate is the logarithm of the turn from sample to sample [1]_, used up
 to the frequency at which the noise of the attitude, whose derivative grows with frequency, drowns it.
 
 References

@@ -39,7 +39,9 @@ def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
     return priors
 
 
-def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
+def without_assumed_terms(
+    record: Record, noise: ChannelNoise
+) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
     """The record less what the assumed deterministic terms say, those terms, and the random ones.
 
     So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.

@@ -95,7 +95,7 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
 
 
 def is_of(line: PeriodicLine, effects: Sequence[Effect]) -> bool:
-    """Whether a line belongs to one of the effects that are fitted: then it is not taken out.
+    """Whether a line belongs to one of the effects that are fitted: then it is not removed.
 
     Parameters
     ----------
