@@ -86,7 +86,7 @@ def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array],
     return np.where(whole[:size] & whole[size:] & (power < MAX_COLUMN_SQUARE_SUM), out, 0.0)
 
 
-def distinct_points(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:
+def distinct(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:
     """Points without those that differ only in so many `first` unknowns, and which of these each one is."""
     keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
     place = {k: i for i, k in enumerate(dict.fromkeys(keys))}

@@ -24,14 +24,7 @@ from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.plant.candidates import additions
-from kfgen.gap.plant.initial_history import (
-    changed,
-    distinct_points,
-    independent,
-    integrated,
-    of_sensors,
-    unsettled,
-)
+from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness, segments, shortest
@@ -358,7 +351,7 @@ class PlantScene:
         batch = self._batch(self._own(), points)
         found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
         for name, size in unsettled(batch, self.inputs).items():
-            columns, source = distinct_points(
+            columns, source = distinct(
                 points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
             )
             before = np.repeat([0.0, size], len(columns))
