@@ -167,6 +167,18 @@ class Attachment:
         else:
             self.shared[channel] = sp.sympify(role.rho, strict=True)
 
+    def dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
+        """Dynamics A and driving density W of the states, shape (m, m)."""
+        m = len(self.states)
+        A, W = sp.zeros(m, m), sp.zeros(m, m)
+        for effect in self.effects:
+            places = [k - self.offset for k in effect.states]
+            for i, k in enumerate(places):
+                for j, l in enumerate(places):
+                    W[k, l] += sp.sympify(effect.form.W[i][j], strict=True)
+                    A[k, l] += sp.sympify(effect.form.A[i][j], strict=True)
+        return A, W
+
     def _append(
         self, channel: str, unit: str, effect: Effect, form: LinearSystem, priors: list[float]
     ) -> None:

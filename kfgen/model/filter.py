@@ -328,15 +328,7 @@ class FilterModel:
     @cached_property
     def effect_dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
         """Dynamics A and driving density W of the effects' states, shape (m, m)."""
-        n0 = sum(len(b.error_names) for b in self.blocks)
-        m = len(self._attachment.states)
-        A, W = sp.zeros(m, m), sp.zeros(m, m)
-        for a in self.attached:
-            for i, k in enumerate(a.states):
-                for j, l in enumerate(a.states):
-                    W[k - n0, l - n0] += sp.sympify(a.form.W[i][j], strict=True)
-                    A[k - n0, l - n0] += sp.sympify(a.form.A[i][j], strict=True)
-        return A, W
+        return self._attachment.dynamics()
 
     def white(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
         """White noise of a channel: density [U^2/Hz], and variance of the steps of its integral."""
