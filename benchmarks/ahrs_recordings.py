@@ -6,7 +6,7 @@ example; VQF (Laidig, Seel, Information Fusion 91, 2023). ``--set NAME=VALUE`` c
 ``--only kfgen`` leaves out what does not begin so, ``--trials 01,06`` takes some.
 
 Errors are root mean squares over the samples in movement. No two of them agree where north is, so each one's constant
-heading difference (its circular mean) is taken out. Needs ``pip install kfgen[peers]`` and the recordings.
+heading difference (its circular mean) is removed. Needs ``pip install kfgen[peers]`` and the recordings.
 """
 
 import argparse

@@ -5,7 +5,8 @@ Usage: python benchmarks/covariance_health.py [SECONDS] [--picture FILE.svg]
 An ins15 at rest with the noise of an identified MEMS unit, and no floors under its variances: gyros 8.7e-5
 rad/s/sqrt(Hz) and 1e-6 rad/s/sqrt(s), accelerometers 1e-3 m/s^2/sqrt(Hz) and 1e-5 m/s^2/sqrt(s), predictions at 250 Hz,
 GNSS position and velocity at 5 Hz. Every minute: the smallest eigenvalue of the covariance scaled to a unit
-diagonal (not positive: no covariance any more), and each deviation over that of double precision. An hour by default.
+diagonal (not positive: no covariance any more), and each standard deviation over that of double precision. An hour
+by default.
 """
 
 from __future__ import annotations
@@ -102,12 +103,12 @@ def discrete() -> DiscreteModel:
     return DiscreteModel(build("ins15", NoiseModel(channels)), rate=float(RATE))
 
 
-def emitted(form: str, real: str, lump: float = 0.0) -> dict[str, str]:
+def emitted(form: str, real: str, q_interval: float = 0.0) -> dict[str, str]:
     """Files of an emitted filter with its driver."""
     driver = (
         EMITTED.replace("REAL", real).replace("GRAVITY", str(STANDARD_GRAVITY)).replace("DT", str(1.0 / RATE))
     )
-    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, q_interval=lump))}
+    return {"run.c": driver, "ins15.h": header(Program(discrete(), form, real, q_interval=q_interval))}
 
 
 def textbook(joseph: bool) -> dict[str, str]:
@@ -171,7 +172,7 @@ def main() -> None:
     forms = {
         "double, p": emitted("p", "double"),
         "float, ud": emitted("ud", "float"),
-        "float, ud, lump 0.2 s": emitted("ud", "float", 0.2),
+        "float, ud, q interval 0.2 s": emitted("ud", "float", 0.2),
         "float, p": emitted("p", "float"),
         "float, textbook (I-KH)P": textbook(joseph=False),
         "float, textbook Joseph": textbook(joseph=True),

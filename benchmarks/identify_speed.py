@@ -4,7 +4,7 @@ Usage: python benchmarks/identify_speed.py [allan | fit | memory [SAMPLES]]
 
 Times are the minimum of several repeats in this process, on fresh random data whose seed is printed; what the
 compiled kernel costs once (import, compilation or reading it back) is measured in processes of its own and
-printed apart. Without an argument: all three, the file with 1e8 samples.
+printed separately. Without an argument: all three, the file with 1e8 samples.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def side_by_side() -> None:
                 f"  {name:30} {seconds:8.3f} {seconds / unit:20.2f} {worst[0]:20.1e} {worst[1]:10.1e} {worst[2]:10.1e}"
             )
     print(
-        "  Differences are relative, of the deviation, to the first program; from m = 128 on kfgen thins records beyond\n"
+        "  Differences are relative, of the standard deviation, to the first program; from m = 128 on kfgen thins records beyond\n"
         "  2e6 samples. compute_avar leaves one difference out: its phase lacks the zero it starts from."
     )
     if find_spec("numba"):

@@ -26,9 +26,9 @@ log = Log(log.t, channels, source=log.source)
 result = run(Program(DiscreteModel(learning, rate=RATE)), log)
 states = [s.name for s in learning.states]
 found = np.array([result.estimate[-1, result.names.index(f"b_mag_{a}")] for a in "xyz"])
-believed = np.array([result.deviation[-1, states.index(f"b_mag_{a}")] for a in "xyz"])
+assumed = np.array([result.deviation[-1, states.index(f"b_mag_{a}")] for a in "xyz"])
 bound = learning.sensor("mag").sd / np.sqrt(log.n)
 print(
-    f"hard iron to {np.abs(found - IRON).max() * 1e9:.0f} nT at worst; the filter says {believed.max() * 1e9:.0f} nT, "
+    f"hard iron to {np.abs(found - IRON).max() * 1e9:.0f} nT at worst; the filter says {assumed.max() * 1e9:.0f} nT, "
     f"the bound for a known attitude is {bound * 1e9:.0f} nT"
 )

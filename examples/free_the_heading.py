@@ -30,7 +30,7 @@ model = build("ins15")
 answer = audit(model, (LIBRARY["static"], parse_manoeuvre(LEAVE, "leave.toml")), Horizon(20.0, 10.0))
 print("at rest:")
 for direction in answer.first.directions:
-    print(f"  {direction.sentence}; freed by {', '.join(direction.freed_by)}")
+    print(f"  {direction.sentence}; made observable by {', '.join(direction.freed_by)}")
 
 leave = answer.audits[1]
 heading = [s.name for s in model.states].index("phi_D")

@@ -49,8 +49,8 @@ voltage = 3.3 + 0.2 * np.sin(2 * np.pi * t / 900.0) * np.exp(-t / 3000.0)
 white, hidden = make("white_noise", N=1e-4), SupplySquared(coefficient=5e-3)
 y = white.simulate(t, rng) + hidden.simulate(t, rng, {"voltage": voltage})
 
-believed = ChannelNoise("deg/s", (Term(white),))
-gap = channel_gap("gyro_x", Record(t, y, {"voltage": voltage}), believed)
+assumed = ChannelNoise("deg/s", (Term(white),))
+gap = channel_gap("gyro_x", Record(t, y, {"voltage": voltage}), assumed)
 for finding in gap.findings:
     print(finding_sentence(gap, finding))
 assert [f.effect.name for f in gap.findings] == ["supply_squared"]

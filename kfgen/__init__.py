@@ -25,7 +25,7 @@ Paper letters
     transition, ``Qd`` discrete process noise, ``R`` measurement noise,
     ``S`` innovation covariance, ``K`` gain; ``n`` samples, ``dt`` sampling period.
 Verbs
-    ``import kfgen as kf``: ``kf.identify``, ``kf.build``, ``kf.emit`` ... are functions, each in its own room; what
+    ``import kfgen as kf``: ``kf.identify``, ``kf.build``, ``kf.emit`` ... are functions, each in its own folder; what
     they give back is frozen, with a short ``repr``, ``to_dict()`` (the JSON of the command) and ``plot()``.
 """
 

@@ -114,10 +114,10 @@ def run_demo(out: Path, say: Callable[[str], None]) -> Answer:
     write_noise(updated, out / "improved.toml")
     say("3 emit the updated filter and prove it")
     proof, filter_page = _filter(out, updated)
-    return _told(out / "report.html", identified, gap, proof, filter_page)
+    return _summary(out / "report.html", identified, gap, proof, filter_page)
 
 
-def _told(report: Path, identified: Answer, gap: Answer, proof: Answer, filter_page: Page) -> Answer:
+def _summary(report: Path, identified: Answer, gap: Answer, proof: Answer, filter_page: Page) -> Answer:
     """The answers of the steps as one, with its page."""
     how = text(
         "How it was found: a bench log at constant temperature gave the model; a field log disagreed with it; "

@@ -25,7 +25,7 @@ QUICK = {
     *("test_straight_line", "test_words", "test_gap_search", "test_memory", "test_simulate", "test_readers"),
     *("test_effects", "test_every_effect"),
 }
-"""Modules that `make test-quick` runs: a part of every room, within a minute on two cores."""
+"""Modules that `make test-quick` runs: a part of every layer, within a minute on two cores."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,4 +1,4 @@
-"""Proves that the adaptive filters adapt, stay positive definite, and that their price is told.
+"""Proves that the adaptive filters adapt, stay positive definite, and that their price is said.
 
 Oracles: filterpy's Kalman filter, the exponential smoother in closed form, the filter of one channel against the
 emitted one. NIS is tested by the 95 % band of the mean of 1000 chi-squares (rate 5 %, seeds fixed), which the
@@ -133,12 +133,12 @@ def test_q_follows_a_livelier_state() -> None:
 
 
 def test_a_filter_that_knows_is_best() -> None:
-    """After the jump Sage-Husa and IAE are within a fifth of the error of the filter that is told R."""
+    """After the jump Sage-Husa and IAE are within a fifth of the error of the filter that knows R."""
     level = np.full(8000, 10.0)
     x = first_order(2, np.zeros(8000))
     z = x + level * np.random.default_rng(9).standard_normal(8000)
-    told = run_filter(z, ScalarModel(FIRST.A, FIRST.Q, FIRST.H, 100.0), rule_named("kf"))
-    best = np.std((told.estimate - x)[1000:])
+    informed = run_filter(z, ScalarModel(FIRST.A, FIRST.Q, FIRST.H, 100.0), rule_named("kf"))
+    best = np.std((informed.estimate - x)[1000:])
     for name in ("iae", "sage-husa"):
         assert np.std((run_filter(z, FIRST, rule_named(name)).estimate - x)[1000:]) < 1.2 * best
     assert np.std((run_filter(z, FIRST, rule_named("kf")).estimate - x)[1000:]) > 1.5 * best

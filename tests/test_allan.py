@@ -121,7 +121,7 @@ FACTORS = np.array([1, 3, 10, 30, 100])
 
 @pytest.fixture(scope="module")
 def inside() -> Array:
-    """How many of the bands hold the true deviation of white noise, by factor."""
+    """How many of the bands hold the true Allan deviation of white noise, by factor."""
     rng = np.random.default_rng(7)
     truth = 1.0 / np.sqrt(FACTORS)
     curves = [allan_curve(rng.standard_normal(LENGTH), 1.0, FACTORS) for _ in range(RUNS)]
@@ -274,14 +274,14 @@ def test_thinning_is_far_below_the_statistical_error(thinned: None, kind: str, p
 
 @pytest.mark.usefixtures("thinned")
 @pytest.mark.parametrize("m", [[1000], [999], [1, 131, 4097, 99_999], [3, 2048, 6001]])
-def test_factors_that_are_no_multiples_are_taken_more_densely(m: list[int]) -> None:
+def test_factors_that_are_no_multiples_are_computed_more_densely(m: list[int]) -> None:
     y, factors = record("white", 200_001), np.array(m)
     got = overlapping_variance(y, factors)
     exact = definition(y, factors, thin=False)
     edf = degrees_of_freedom(y.size, factors.astype(float), np.full(len(m), -1.0))
     assert (np.abs(got / exact - 1.0) < 0.1 * np.sqrt(2.0 / edf)).all()
-    odd = factors % 2 == 1
-    np.testing.assert_allclose(got[odd], exact[odd], rtol=1e-11)
+    uneven = factors % 2 == 1
+    np.testing.assert_allclose(got[uneven], exact[uneven], rtol=1e-11)
 
 
 @pytest.mark.parametrize("kind", ["f4", "f8", ">f4", "i2"])

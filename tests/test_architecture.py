@@ -33,11 +33,11 @@ def test_tool_is_content(words: tuple[str, ...]) -> None:
 
 def test_every_module_has_a_layer() -> None:
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    rooms = {p.relative_to(ROOT / "kfgen").parts[0].removesuffix(".py") for p in FILES} - {
+    layers = {p.relative_to(ROOT / "kfgen").parts[0].removesuffix(".py") for p in FILES} - {
         "__init__",
         "__main__",
     }
-    assert [r for r in rooms if f"kfgen.{r}" not in text] == []
+    assert [r for r in layers if f"kfgen.{r}" not in text] == []
 
 
 def functions(tree: ast.AST) -> list[ast.FunctionDef]:

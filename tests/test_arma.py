@@ -2,8 +2,9 @@
 
 The equations of Hemerly 2017 (Systems Science & Control Engineering 5(1)) are typed in as printed and compared in
 symbols; his process (7)-(13) is written out in its white noises, sample by sample. Estimators are held against the
-asymptotic deviation of maximum likelihood (Brockwell and Davis 1991, ex. 8.8), at six of them (2e-9 each) with a factor for the
-less efficient ones; the tests of a series against their stated false-alarm rate, at most the 99.9 % point of the binomial.
+asymptotic standard deviation of maximum likelihood (Brockwell and Davis 1991, ex. 8.8), at six of them (2e-9 each)
+with a factor for the less efficient ones; the tests of a series against their stated false-alarm rate, at most the
+99.9 % point of the binomial.
 """
 
 from __future__ import annotations
@@ -169,7 +170,7 @@ def test_state_space_has_the_density() -> None:
         )
 
 
-# Estimators: the asymptotic deviations of phi and theta are those of example 8.8.1 of Brockwell and Davis.
+# Estimators: the asymptotic standard deviations of phi and theta are those of example 8.8.1 of Brockwell and Davis.
 
 N = 20_000
 PROCESSES = {

@@ -157,7 +157,7 @@ def test_row_22_gauss_markov_beside_a_walk_is_visible() -> None:
     assert float(O.det()) == pytest.approx(1 / tau, rel=1e-12)
 
 
-def test_temperature_must_change_to_be_told_from_a_bias() -> None:
+def test_temperature_must_change_to_be_distinguished_from_a_bias() -> None:
     """With a temperature whose derivatives are free the coefficient shows; without, it is the bias."""
     model = one_axis(make("rate_random_walk", K=1e-5))
     model = model.augment("gyro_x", make("temperature", coefficient=1e-5), Use(known=False))
@@ -310,12 +310,12 @@ def test_amounts_are_exact_and_in_parameters() -> None:
 def test_table_says_what_frees_what() -> None:
     """Rows 4, 6, 9 and 14: turning about the vertical frees tilts, not heading; level flight in turns frees all."""
     answer = audit(build("ins15"))
-    freed = {"+".join(d.vector): set(d.freed_by) for d in answer.first.directions}
-    assert "yaw-turn" in freed["phi_E+ba_N"]
-    assert "yaw-turn" in freed["phi_N+ba_E"]
-    assert not freed["phi_D"] & {"yaw-turn", "two-position", "six-position", "cruise", "hover"}
-    assert "six-position" in freed["bg_D"]
-    assert "accelerate" not in freed["phi_N+ba_E"]
+    freeing = {"+".join(d.vector): set(d.freed_by) for d in answer.first.directions}
+    assert "yaw-turn" in freeing["phi_E+ba_N"]
+    assert "yaw-turn" in freeing["phi_N+ba_E"]
+    assert not freeing["phi_D"] & {"yaw-turn", "two-position", "six-position", "cruise", "hover"}
+    assert "six-position" in freeing["bg_D"]
+    assert "accelerate" not in freeing["phi_N+ba_E"]
     assert answer.table is not None
     assert answer.table.shortest is LIBRARY["s-turn"]
 

@@ -181,10 +181,10 @@ def test_what_no_motion_shows_no_manoeuvre_frees() -> None:
     m = build("ins15", None, {"scale_factors": "true", "misalignment": "full"})
     table = audit(m, (LIBRARY["generic"],)).table
     assert table is not None
-    assert not any(free for row in table.freed for free in row)
+    assert not any(free for row in table.observable for free in row)
     car = audit(build("ins15", None, {"sensors": "odometer,non_holonomic"}))
     assert car.table is not None
-    rows = {tuple(d.vector): row for d, row in zip(car.first.directions, car.table.freed)}
+    rows = {tuple(d.vector): row for d, row in zip(car.first.directions, car.table.observable)}
     for never in ("p_N", "p_E", "p_D", "phi_D"):
         assert not any(rows[(never,)]), never
 

@@ -257,7 +257,7 @@ FACTS: dict[str, tuple[FilterModel, Manoeuvre, int, tuple[dict[str, Any], ...]]]
     ),
     "wheels, at rest": (WHEELS, STATIC, 7, ({"p_N": 1}, {"p_E": 1}, {"p_D": 1}, *MEMS)),
     "steady turn": (ins(), LIBRARY["coordinated-turn"], 3, ()),
-    # At rest the arm adds to position; nothing tells them apart, beside the four of row 4.
+    # At rest the arm adds to position; nothing distinguishes them, beside the four of row 4.
     "lever arm, static": (model(With(Strapdown(), LEVER), antenna), STATIC, 7, ()),
     # The arm's horizontal part circles: the biases hide it, as they hide tilts; heading turns it. The rate is seen.
     "lever arm, hovering": (

@@ -83,7 +83,7 @@ LOGS = {
     "missing cell": (changed(5, "0.03"), ["line 5", "1 cells instead of 2"]),
     "nan in time": (changed(5, "nan,1"), ["time", "sample 4"]),
     "time running backwards": (changed(5, "0.005,1"), ["time", "sample 4"]),
-    "time standing still": (changed(5, "0.02,1"), ["time", "sample 4"]),
+    "time that does not move on": (changed(5, "0.02,1"), ["time", "sample 4"]),
     "header twice": (rows(header="t [s],t [s]"), ["'t' twice", "line 1", "column 2"]),
     "unknown unit": (rows(header="t [s],gyro_x [furlong]"), ["furlong", "gyro_x"]),
     "no unit": (rows(header="t [s],gyro_x"), ["no unit", "gyro_x"]),

@@ -18,7 +18,8 @@ from kfgen.audit.audit import unobservable_directions
 from kfgen.emit.routines import Program
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import read_log
-from kfgen.manoeuvre.truth import numeric, wandered
+from kfgen.manoeuvre.random_truth import noise_driven
+from kfgen.manoeuvre.truth import numeric
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.model.register import DT
@@ -54,7 +55,7 @@ def test_it_starts_stationary_and_is_simulated_so() -> None:
     """The sizes of 20 000 steps of a simulated course about its own transition: chi-square, false alarm 0.1 %."""
     model, dt, n = build("ahrs25", None, CHOSEN), 0.05, 20_001
     assert [s.prior for s in model.states[3:9]] == pytest.approx([SIGMA] * 3 + [SIGMA / TAU] * 3)
-    found = wandered(model, dt * np.arange(n), np.random.default_rng(3))
+    found = noise_driven(model, dt * np.arange(n), np.random.default_rng(3))
     x = np.column_stack([found[f"{b}_{a}"] for b in ("vl", "al") for a in "NED"])
     Phi = transition(dt)
     w = x[1:] - x[:-1] @ Phi.T
@@ -73,7 +74,7 @@ def test_no_heading_is_read_into_an_unknown_acceleration() -> None:
     assert not column["phi"].is_zero_matrix
 
 
-def test_at_rest_acceleration_is_told_from_tilt() -> None:
+def test_at_rest_acceleration_is_distinguished_from_tilt() -> None:
     """One stays and the other decays: hidden are what gyros show in turns only, the delay, and heading behind east iron."""
     model = build("ahrs25")
     found = {tuple(d.vector): d.vector for d in unobservable_directions(model)}
@@ -94,19 +95,19 @@ def test_a_late_field_is_that_of_the_attitude_before() -> None:
     x |= {"mag_N": m_n[0], "mag_D": m_n[2]}
 
     def off(delay: float) -> float:
-        told = np.array([float(v) for v in numeric(list(model.expected(sensor)), x | {"tm": delay})])
+        expected = np.array([float(v) for v in numeric(list(model.expected(sensor)), x | {"tm": delay})])
         true = (R * Rotation.from_rotvec(-delay * omega)).inv().apply(m_n)
-        return float(np.linalg.norm(told - true))
+        return float(np.linalg.norm(expected - true))
 
     assert off(0.01) < 0.01 * off(0.0) + 0.5 * (0.01 * np.linalg.norm(omega)) ** 2 * np.linalg.norm(m_n)
     assert off(0.01) / off(0.005) == pytest.approx(4.0, rel=0.05)
 
 
-@pytest.mark.parametrize(("sd", "told"), [("0.5 uT", True), ("20 uT", False)])
-def test_the_first_sample_tells_the_field_where_little_iron_can_be_in_it(sd: str, told: bool) -> None:
+@pytest.mark.parametrize(("sd", "is_given"), [("0.5 uT", True), ("20 uT", False)])
+def test_the_first_sample_tells_the_field_where_little_iron_can_be_in_it(sd: str, is_given: bool) -> None:
     model = build("ahrs6", None, {"hard_iron": "true", "hard_iron_sd": sd})
     found = model.sensor("mag").calibrated((15e-6, 0.0, 41e-6), (0.0, 0.0, -1.0))
-    assert found == (pytest.approx({"mag_N": 15e-6, "mag_D": 41e-6}) if told else {})
+    assert found == (pytest.approx({"mag_N": 15e-6, "mag_D": 41e-6}) if is_given else {})
 
 
 def test_a_hand_turns_a_sensor(recording: Callable[[str], Path]) -> None:

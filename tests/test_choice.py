@@ -131,7 +131,7 @@ def test_a_strong_gauss_markov_is_found(seed: int) -> None:
     assert holds(found, "gauss_markov", "tau", 5.0)
 
 
-def test_two_gauss_markov_well_apart_are_two() -> None:
+def test_two_gauss_markov_well_separated_are_two() -> None:
     """0.3 at 2 s and 0.5 at 100 s, over 20 000 s: 200 of the longer correlation times."""
     rng, n = np.random.default_rng(4), 200_000
     y = white(rng, n) + markov(rng, n, 0.3, 2.0) + markov(rng, n, 0.5, 100.0)
@@ -158,7 +158,7 @@ def test_quantisation_of_an_integral_is_found() -> None:
 def test_without_quantisation_its_limit_is_given() -> None:
     found = identify(Record(times(4000), white(np.random.default_rng(6), 4000)))
     (limit,) = (m for m in found.limits if m.effect.name == "quantisation")
-    # Fisher: Q^2 / dt^2 beside N^2 / dt has the deviation N^2 / dt / sqrt n; an estimate within 2.6 of them.
+    # Fisher: Q^2 / dt^2 beside N^2 / dt has the standard deviation N^2 / dt / sqrt n; an estimate within 2.6 of them.
     deviation = 0.1**2 / DT / np.sqrt(4000)
     assert 0.3 * deviation < (limit.upper95 / DT) ** 2 < (1.96 + 2.6) * deviation
 
@@ -202,7 +202,7 @@ def test_a_ramp_is_found(R: float) -> None:
     rng, n = np.random.default_rng(10), 3000
     found = identify(Record(times(n), 5.0 + white(rng, n) + R * times(n)))
     assert names(found) == ["white_noise", "rate_ramp"]
-    # Ordinary least squares of a line: deviation N sqrt(12 / T^3).
+    # Ordinary least squares of a line: standard deviation N sqrt(12 / T^3).
     assert abs(value(found, "rate_ramp", "R") - R) < 4 * 0.1 * np.sqrt(12 / 300.0**3)
     assert holds(found, "rate_ramp", "R", R)
     lo, hi = found.intervals[1, "R"]

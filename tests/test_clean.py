@@ -23,7 +23,7 @@ T = np.arange(int(RATE * SECONDS)) / RATE
 
 
 def white(seed: int) -> np.ndarray:
-    """Samples of deviation one: N = 0.1."""
+    """Samples of standard deviation one: N = 0.1."""
     return np.random.default_rng(seed).standard_normal(T.size)
 
 
@@ -36,7 +36,7 @@ def N_of(result: Identified) -> float:
 
 
 @pytest.mark.parametrize("frequency", [3.217, 12.0, 41.9])
-def test_a_line_is_found_and_taken_out(frequency: float) -> None:
+def test_a_line_is_found_and_removed(frequency: float) -> None:
     result = found(white(1) + 0.4 * np.sin(2 * np.pi * frequency * T + 0.3))
     assert len(result.lines) == 1
     assert result.lines[0].frequency == pytest.approx(frequency, abs=2.0 / SECONDS)
@@ -67,7 +67,7 @@ def test_one_spike_anywhere_is_left_out(at: int) -> None:
     assert not any("low-pass" in w for w in result.warnings)
 
 
-def test_a_step_and_a_lattice_are_no_outliers() -> None:
+def test_a_step_and_an_adc_grid_are_no_outliers() -> None:
     stepped = white(3) + 30.0 * (T > 100.0)
     coarse = np.round(0.4 * white(4))
     assert not is_outlier(stepped).any()
@@ -83,7 +83,7 @@ def test_a_low_pass_is_left_out_of_the_fit(corner: float) -> None:
 
 
 def test_a_change_of_the_noise_is_said_and_chance_is_none() -> None:
-    """40 records of constant noise, 20 stretches each: six deviations are passed less than once in 1e5."""
+    """40 records of constant noise, 20 stretches each: six standard deviations are passed less than once in 1e5."""
     assert [noise_change(white(seed)) for seed in range(40)] == [None] * 40
     y = white(3).copy()
     y[y.size // 2 :] *= 2.0

@@ -1,6 +1,6 @@
 """Filters of the library are as sure as they should be: NEES and NIS of simulated flights against chi-square bands.
 
-Every flight draws its own start, biases, constants and noise from what the filter believes; its truth is integrated on a
+Every flight draws its own start, biases, constants and noise from what the filter assumes; its truth is integrated on a
 grid much finer than the samples, and its sensors have their own rates. Bands are two-sided, at a false alarm rate of `ALARM` for
 each number; the seeds are fixed, so a test that passes keeps passing.
 """
@@ -29,14 +29,14 @@ from kfgen.simulate.simulate import simulate
 ALARM = 1e-3
 RATE = 50.0
 SMALL = 0.1
-"""Share of the priors that is drawn and believed: small enough for a linear filter."""
+"""Share of the priors that is drawn and assumed: small enough for a linear filter."""
 
 Case = tuple[str, tuple[tuple[str, str], ...]]
 
 
 @cache
 def program(case: Case) -> Program:
-    """The model with what it leaves out left out, and its start believed a share of its prior."""
+    """The model with what it leaves out left out, and its start assumed a share of its prior."""
     model = build(case[0], None, dict(case[1]))
     noise = {
         c: tuple(make("bias", sd=SMALL * e.sd) if e.name == "bias" else e for e in es)  # type: ignore[attr-defined]
@@ -168,6 +168,6 @@ def test_a_filter_is_as_sure_as_it_should_be_over_many_flights(case: Case) -> No
 
 
 def test_the_band_can_fail() -> None:
-    """Errors half as large again than believed leave it."""
+    """Errors half as large again as assumed leave it."""
     nees = sum(flown(INS, "generic", 8.0, seed)[0] for seed in range(8))
     assert not in_band(1.5**2 * nees, program(INS).n * 8)

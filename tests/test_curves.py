@@ -107,7 +107,7 @@ def test_a_flicker_of_theory_is_recovered() -> None:
     assert got["B"] == pytest.approx(2e-3, rel=0.05)
 
 
-def test_a_band_that_is_given_is_believed() -> None:
+def test_a_band_that_is_given_is_assumed() -> None:
     """A band twice as wide makes an interval twice as wide in the logarithm; a bad point's wide band lets it go."""
     deviation = np.sqrt(white(TAU, 0.02))
     widths = []
@@ -339,7 +339,7 @@ def published(path: Path, column: str) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize(("name", "column"), cases())
 def test_white_noise_of_a_published_curve(name: str, column: str, recording: Callable[[str], Path]) -> None:
-    """Where an octave falls as white noise does, by -1/2 within 0.03: N is the deviation there, within 5 %."""
+    """Where an octave falls as white noise does, by -1/2 within 0.03: N is the Allan deviation there, within 5 %."""
     tau, d = published(recording(f"allan_curves/{name}"), column)
     at = [0]
     for i in range(tau.size):

@@ -4,7 +4,7 @@ The parametrisation is the catalogue itself: a new effect is tested by being the
 the integral of its own spectrum, its sampled spectrum must alias, sum to its variance and describe its simulation,
 and its words and file entries must carry every parameter. Where docs/noise.md states a closed form it is compared
 besides. Simulations are held to normal limits of 4.5 standard deviations of the statistic (7e-6 of the seeds
-for each of about 30 checks), with the deviation computed from the spectrum; seeds are fixed.
+for each of about 30 checks), with the standard deviation computed from the spectrum; seeds are fixed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_nois
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import c
 from kfgen.gap.rest.channel_gap import channel_gap
-from kfgen.gap.rest.evidence import additions, believed, candidates, series_of
+from kfgen.gap.rest.evidence import additions, assumed, candidates, series_of
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.model.discretise import DiscreteModel
@@ -493,7 +493,7 @@ def hum() -> Iterator[type[Effect]]:
 
 @pytest.fixture
 def swell() -> Iterator[type[Effect]]:
-    """Another: white noise through two equal lags, of stationary deviation `rms`."""
+    """Another: white noise through two equal lags, of stationary standard deviation `rms`."""
 
     @dataclass(frozen=True)
     class Swell(LinearProcess):
@@ -595,7 +595,7 @@ def test_a_new_effect_is_identified_and_named_by_gap(hum: Any) -> None:
     found = identify(record, ["white_noise", "test_hum"])
     lo, hi = found.intervals[1, "rms"]
     assert lo < 2.0 < hi < 3.0
-    base = believed(record, (make("white_noise", N=1.0),), {})
+    base = assumed(record, (make("white_noise", N=1.0),), {})
     assert any(type(starts[0].effect) is hum for starts in additions(base, series_of(base)))
     assert candidates(base)[0].name == "test_hum"
     gap = channel_gap("gyro_x", record, ChannelNoise("rad/s", (Term(make("white_noise", N=1.0)),)))

@@ -199,7 +199,7 @@ def unpacked(packed: Sequence[float] | np.ndarray, n: int) -> np.ndarray:
 
 
 def assert_near(got: np.ndarray, wanted: np.ndarray, near: float = 1e-9) -> None:
-    """Each element to `near` of the product of the two deviations."""
+    """Each element to `near` of the product of the two standard deviations."""
     sd = np.sqrt(np.diag(wanted))
     assert np.abs((got - wanted) / np.outer(sd, sd)).max() < near
 
@@ -361,7 +361,7 @@ def test_the_proofs_scenario_meets_every_branch_that_inputs_can_reach(name: str)
 
 
 def test_a_rate_whose_period_is_longer_than_the_longest_step_is_refused() -> None:
-    """Else every prediction at that rate is a bad step, and the proof compares filters that stand still."""
+    """Else every prediction at that rate is a bad step, and the proof compares filters that do not move."""
     with pytest.raises(InputError):
         _ = Program(DiscreteModel(build("ahrs6"), rate=5.0, max_step=0.1)).routines
 
@@ -587,7 +587,7 @@ def banner_of(**options: float) -> str:
 
 
 @pytest.mark.parametrize("options", [{"rate": 50.0}, {"max_step": 0.05}, {"order": 2}], ids=str)
-def test_banner_tells_headers_of_other_options_apart(options: dict[str, float]) -> None:
+def test_banner_distinguishes_headers_of_other_options(options: dict[str, float]) -> None:
     """Headers of one model at another rate, longest step or order are other filters: each must say so."""
     assert banner_of(**options) != banner_of()
 
@@ -901,23 +901,23 @@ def test_noise_of_constant_states_may_wait() -> None:
         model = model.augment(f"gyro_{axis}", make("rate_random_walk", K=1e-3))
     f = Filter("ins15", 1, 7, form="ud")
     d = DiscreteModel(model)
-    lumped = Machine(Program(d, "ud", q_interval=0.1), np.float64)
+    deferred = Machine(Program(d, "ud", q_interval=0.1), np.float64)
     prompt = Machine(Program(d, "p"), np.float64)
     still = Machine(Program(DiscreteModel(build("ins15")), "p"), np.float64)
-    for machine in (lumped, prompt, still):
+    for machine in (deferred, prompt, still):
         machine.call("init")
         machine.arrays["x"][:] = f.x
-    lumped.arrays["UD"][:] = f.machine.arrays["UD"]
+    deferred.arrays["UD"][:] = f.machine.arrays["UD"]
     for machine in (prompt, still):
         machine.arrays["P"][:] = f.P[np.triu_indices(15)]
     walk = np.diag([0.0] * 12 + [1e-6] * 3)  # K^2 by the second, of the gyros' biases
     for step in range(1, 4):
         arguments = f.arguments("predict")
-        assert {m.call("predict", arguments) for m in (lumped, prompt, still)} == {"OK"}
-        assert_near(lumped.covariance(), still.covariance() + (walk * 0.12 if step == 3 else 0.0))
-    assert lumped.arrays["waiting"][0] == 0.0
+        assert {m.call("predict", arguments) for m in (deferred, prompt, still)} == {"OK"}
+        assert_near(deferred.covariance(), still.covariance() + (walk * 0.12 if step == 3 else 0.0))
+    assert deferred.arrays["waiting"][0] == 0.0
     sd = np.sqrt(np.diag(prompt.covariance()))
-    assert np.abs(np.sqrt(np.diag(lumped.covariance())) / sd - 1.0).max() < 1e-2
+    assert np.abs(np.sqrt(np.diag(deferred.covariance())) / sd - 1.0).max() < 1e-2
     few, many = (Program(d, "ud", q_interval=s).predict.operations for s in (0.1, 0.0))
     assert few < 0.6 * many
 

@@ -261,7 +261,7 @@ def test_processes_and_order(kfgen: Cli, logs: Path) -> None:
 
 
 def test_gap_over_a_fleet(kfgen: Cli, tmp_path: Path) -> None:
-    """A line in each of three sensors, of the same frequency; what it is believed is white noise."""
+    """A line in each of three sensors, of the same frequency; what is assumed is white noise."""
     for k in range(3):
         t = np.arange(6000) / 50.0
         y = 0.05 * np.random.default_rng(k).standard_normal(t.size) + 0.02 * np.sin(2 * np.pi * 3.3 * t + k)
@@ -313,7 +313,7 @@ def test_bad_input(kfgen: Cli, logs: Path) -> None:
 
 
 def test_defect_in_one_log(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A defect of the program that one log meets is told with that log."""
+    """A defect of the program that one log meets is reported with that log."""
 
     def broken(task: worker.LogTask) -> None:
         raise ZeroDivisionError("by nothing")

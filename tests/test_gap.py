@@ -74,9 +74,9 @@ def model_slow() -> ChannelNoise:
     return noise(make("white_noise", N=float(WHITE)), make("gauss_markov", sigma=sigma, tau=tau))
 
 
-def gap_of(y: Array, believed: ChannelNoise, temperature: Array | None = None) -> ChannelGap:
+def gap_of(y: Array, assumed: ChannelNoise, temperature: Array | None = None) -> ChannelGap:
     drive = {} if temperature is None else {"temperature": temperature}
-    return channel_gap("gyro_x", Record(T, y, drive), believed)
+    return channel_gap("gyro_x", Record(T, y, drive), assumed)
 
 
 def names(gap: ChannelGap) -> list[str]:
@@ -125,11 +125,11 @@ SEEDS = [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))]
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", HIDDEN)
 def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> None:
-    hidden, truth, believed = HIDDEN[name]
+    hidden, truth, assumed = HIDDEN[name]
     rng = np.random.default_rng([seed, 7])
     K = thermometer(rng)
-    y = white(rng) + (wander(rng, *SLOW) if len(believed.terms) > 1 else 0.0) + hidden(rng, K)
-    gap = gap_of(y, believed, K)
+    y = white(rng) + (wander(rng, *SLOW) if len(assumed.terms) > 1 else 0.0) + hidden(rng, K)
+    gap = gap_of(y, assumed, K)
     assert gap.verdict == "effects_found"
     assert names(gap) == [name]
     (found,) = gap.findings
@@ -143,9 +143,7 @@ def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> No
     lo, hi = gap.gap.ci95
     assert lo <= gap.gap.closed <= hi
     assert gap.gap.after < gap.gap.before
-    assert [type(e) for e in gap.updated.effects[: len(believed.terms)]] == [
-        type(e) for e in believed.effects
-    ]
+    assert [type(e) for e in gap.updated.effects[: len(assumed.terms)]] == [type(e) for e in assumed.effects]
     for parameter, value in truth.items():
         lo, hi = found.ci95[parameter]
         assert lo < float(getattr(found.effect, parameter)) < hi
@@ -274,7 +272,7 @@ def test_a_wrong_number_is_retuned_and_no_effect_invented(factor: float) -> None
 
 @pytest.mark.parametrize("factor", [1.5, 1 / 1.5])
 def test_the_gap_of_a_wrong_number_is_shown_before_and_closes(factor: float) -> None:
-    """Before: power over expectation is factor^-2 in every band, by the numbers that were believed."""
+    """Before: power over expectation is factor^-2 in every band, by the numbers that were assumed."""
     rng = np.random.default_rng(40)
     gap = gap_of(white(rng), model_white(float(WHITE) * factor))
     assert gap.before[0].significant
@@ -287,11 +285,11 @@ def test_the_gap_of_a_wrong_number_is_shown_before_and_closes(factor: float) -> 
 
 
 def test_a_wrong_number_within_its_interval_is_no_gap() -> None:
-    """Trust has a width: 2 % off, with an interval of 10 %, is what was believed."""
+    """Trust has a width: 2 % off, with an interval of 10 %, is what was assumed."""
     rng = np.random.default_rng(41)
     N = float(WHITE)
-    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=1.02 * N), {"N": (0.92 * N, 1.12 * N)}),))
-    assert gap_of(white(rng), believed).verdict == "no_gap"
+    assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=1.02 * N), {"N": (0.92 * N, 1.12 * N)}),))
+    assert gap_of(white(rng), assumed).verdict == "no_gap"
 
 
 # Limits.
@@ -314,16 +312,16 @@ def test_limits_name_what_would_have_been_seen() -> None:
 
 
 @pytest.mark.parametrize(
-    ("y", "believed", "match"),
+    ("y", "assumed", "match"),
     [
         (np.zeros(100), model_white(), "too few"),
         (np.zeros(N_SAMPLES), model_white(), "never changes"),
         (T, noise(make("gauss_markov", sigma=1.0, tau=1.0)), "no white noise"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(y: Array, believed: ChannelNoise, match: str) -> None:
+def test_what_cannot_be_compared_is_refused(y: Array, assumed: ChannelNoise, match: str) -> None:
     with pytest.raises(InputError, match=match):
-        channel_gap("gyro_x", Record(np.arange(y.size) * DT, y), believed)
+        channel_gap("gyro_x", Record(np.arange(y.size) * DT, y), assumed)
 
 
 # The command.
@@ -344,17 +342,17 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     rng = np.random.default_rng(60)
     K = thermometer(rng)
     log = write_csv(tmp_path / "log.csv", white(rng) + 0.1 * (K - 298.15), K)
-    believed = tmp_path / "noise.toml"
-    believed.write_text(NOISE.format(N=f"{WHITE} deg/s/sqrt(Hz)"))
-    return log, believed
+    assumed = tmp_path / "noise.toml"
+    assumed.write_text(NOISE.format(N=f"{WHITE} deg/s/sqrt(Hz)"))
+    return log, assumed
 
 
 def test_gap_answers_as_the_interface_says(
     files: tuple[Path, Path], kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:
-    log, believed = files
-    out, mended = tmp_path / "gap.json", tmp_path / "improved.toml"
-    result = kfgen("gap", log, "--model", believed, "--json", out, "-o", mended)
+    log, assumed = files
+    out, updated = tmp_path / "gap.json", tmp_path / "improved.toml"
+    result = kfgen("gap", log, "--model", assumed, "--json", out, "-o", updated)
     assert result.exit_code == 0, result.output
     answer = json.loads(out.read_text())
     assert answer["format"] == "kfgen-gap-1"
@@ -383,19 +381,19 @@ def test_gap_answers_as_the_interface_says(
     assert answer["remaining"] == {"significant": False, "tests": []}
     assert all({"effect", "would_not_see_below", "unit"} <= set(m) for m in answer["limits"])
     assert "temperature" in result.output
-    effects = {e.name: e for e in read_noise(mended).channel("gyro_x").effects}
+    effects = {e.name: e for e in read_noise(updated).channel("gyro_x").effects}
     assert list(effects) == ["white_noise", "temperature"]
     assert effects["temperature"].coefficient == pytest.approx(coefficient["value"], rel=1e-6)
 
 
-def test_the_mended_model_has_no_gap(
+def test_the_updated_model_has_no_gap(
     files: tuple[Path, Path], kfgen: Callable[..., Result], tmp_path: Path
 ) -> None:
     """Closing the circle: the written model against the same log."""
-    log, believed = files
-    mended, out = tmp_path / "improved.toml", tmp_path / "again.json"
-    assert kfgen("gap", log, "--model", believed, "-o", mended).exit_code == 0
-    result = kfgen("gap", log, "--model", mended, "--json", out)
+    log, assumed = files
+    updated, out = tmp_path / "improved.toml", tmp_path / "again.json"
+    assert kfgen("gap", log, "--model", assumed, "-o", updated).exit_code == 0
+    result = kfgen("gap", log, "--model", updated, "--json", out)
     assert result.exit_code == 0, result.output
     answer = json.loads(out.read_text())
     assert answer["verdict"] == "no_gap"
@@ -406,18 +404,18 @@ def test_the_mended_model_has_no_gap(
 def test_a_channel_that_is_not_there_is_bad_input(
     files: tuple[Path, Path], kfgen: Callable[..., Result]
 ) -> None:
-    log, believed = files
-    believed.write_text(NOISE.format(N="1 deg/s/sqrt(Hz)").replace("gyro_x", "accel_q"))
-    assert kfgen("gap", log, "--model", believed).exit_code == 2
+    log, assumed = files
+    assumed.write_text(NOISE.format(N="1 deg/s/sqrt(Hz)").replace("gyro_x", "accel_q"))
+    assert kfgen("gap", log, "--model", assumed).exit_code == 2
 
 
 def test_a_channel_of_the_model_that_the_log_lacks_is_said(
     files: tuple[Path, Path], kfgen: Callable[..., Result]
 ) -> None:
-    log, believed = files
+    log, assumed = files
     text = NOISE.format(N=f"{WHITE} deg/s/sqrt(Hz)")
-    believed.write_text(text + text[text.index("[gyro_x]") :].replace("gyro_x", "gyro_y"))
-    result = kfgen("gap", log, "--model", believed)
+    assumed.write_text(text + text[text.index("[gyro_x]") :].replace("gyro_x", "gyro_y"))
+    result = kfgen("gap", log, "--model", assumed)
     assert result.exit_code == 0, result.output
     assert "gyro_y" in result.stderr
 

@@ -36,7 +36,7 @@ def recording_at(path: Path, seed: int, *, temperature: float, step: float) -> P
 def test_what_comes_again_closes_and_what_does_not_opens(
     tmp_path: Path, kfgen: Callable[..., Result], coefficient: float, least: float, most: float
 ) -> None:
-    """A temperature term of the other sign in the second recording makes the mended model the worse one."""
+    """A temperature term of the other sign in the second recording makes the updated model the worse one."""
     first = recording_at(tmp_path / "first.csv", 0, temperature=0.002, step=0.008)
     second = recording_at(tmp_path / "second.csv", 1, temperature=coefficient, step=0.0)
     (tmp_path / "noise.toml").write_text(NOISE)
@@ -63,7 +63,7 @@ def test_a_plant_has_no_other_recording(tmp_path: Path, kfgen: Callable[..., Res
 
 
 def test_what_has_a_driver_comes_again() -> None:
-    """A play of the temperature has a width that was looked for, and no time at which it happened."""
+    """A hysteresis of the temperature has a width that was looked for, and no time at which it happened."""
     from kfgen.effects import effect_named
     from kfgen.gap.rest.second_recording import happens_once
 

@@ -1,4 +1,4 @@
-"""Proves that effects that look alike in motion are told apart where they can be, and said to be alike where not.
+"""Proves that effects that look alike in motion are distinguished where they can be, and said to be alike where not.
 
 Data are made here in plain numpy; expected values are those that were put in, or follow from theory as stated.
 """
@@ -29,7 +29,7 @@ T = np.arange(N) * DT
 AXES = "xyz"
 
 
-def believed(sensor: str, unit: str, sd: float) -> NoiseModel:
+def assumed(sensor: str, unit: str, sd: float) -> NoiseModel:
     term = Term(make("white_noise", N=sd * DT**0.5))
     return NoiseModel({f"{sensor}_{a}": ChannelNoise(unit, (term,)) for a in AXES})
 
@@ -72,7 +72,7 @@ def test_g_sensitivity_beside_a_shaken_accelerometer(seed: int) -> None:
     """A table that swings by a sine: gravity in the body and the rate's derivative have nearly one shape.
 
     The accelerometer's noise of a third of gravity's swing must not decide for the delay. The interval is taken at
-    4.5 of its deviations (7e-6 a check), not at 95 %.
+    4.5 of its standard deviations (7e-6 a check), not at 95 %.
     """
     rng = np.random.default_rng(seed)
     sd, g = np.radians(0.1), 2e-4
@@ -86,7 +86,7 @@ def test_g_sensitivity_beside_a_shaken_accelerometer(seed: int) -> None:
     read[:, 0] += g * force[:, 1]
     channels = triad("gyro", read, "rad/s") | triad("ref_gyro", rate, "rad/s")
     channels |= triad("accel", force + 1.0 * rng.standard_normal((N, 3)), "m/s^2")
-    first = found_in(channels, believed("gyro", "rad/s", sd))[0]
+    first = found_in(channels, assumed("gyro", "rad/s", sd))[0]
     assert "g_sensitivity" in (first.effect.name, *first.indistinguishable)
     if first.effect.name == "g_sensitivity" and first.effect.xz == 0.0:
         lo, hi = first.ci95["xy"]
@@ -103,7 +103,7 @@ def test_a_hard_iron_along_one_axis_is_no_warm_up(seed: int) -> None:
     m[:, 1] += 5.5e-8
     q = body.as_quat(scalar_first=True)
     channels = triad("mag", m, "T") | {f"ref_q_{c}": (q[:, i], "") for i, c in enumerate("wxyz")}
-    names = [f.effect.name for f in found_in(channels, believed("mag", "T", sd))]
+    names = [f.effect.name for f in found_in(channels, assumed("mag", "T", sd))]
     assert "warm_up" not in names
 
 
@@ -114,7 +114,7 @@ def test_lags_that_are_one_are_said_to_be() -> None:
     f, p = rng.uniform(0.1, 2.0, (3, 4)), rng.uniform(0, 6, (3, 4))
     rate, late = (0.4 * np.sin(2 * np.pi * f * (T - d)[:, None, None] + p).sum(axis=2) for d in (0.0, delay))
     channels = triad("gyro", late + sd * rng.standard_normal((N, 3)), "rad/s")
-    gap = compared(channels | triad("ref_gyro", rate, "rad/s"), believed("gyro", "rad/s", sd))
+    gap = compared(channels | triad("ref_gyro", rate, "rad/s"), assumed("gyro", "rad/s", sd))
     first = gap.findings[0]
     assert {first.effect.name, *first.indistinguishable} == {"time_delay", "bandwidth"}
     words = finding_sentence(gap, first)

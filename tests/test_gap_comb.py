@@ -1,4 +1,4 @@
-"""What repeats without being a sine: harmonics are told from lines that have nothing to do with each other."""
+"""What repeats without being a sine: harmonics are distinguished from lines that have nothing to do with each other."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def test_other_lines_have_none() -> None:
 
 
 def test_ticks_are_called_unknown_with_their_period() -> None:
-    """Every 46th sample is off by 2.2 deviations of the noise: 22 lines of 21 nats each."""
+    """Every 46th sample is off by 2.2 standard deviations of the noise: 22 lines of 21 nats each."""
     rng, n, dt = np.random.default_rng(3), 9000, 1.0 / 30.0
     y = rng.standard_normal(n) + 2.2 * (np.arange(n) % 46 == 7)
-    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
-    gap = channel_gap("gyro_x", Record(np.arange(n) * dt, y), believed)
+    assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
+    gap = channel_gap("gyro_x", Record(np.arange(n) * dt, y), assumed)
     assert gap.verdict == "unknown_effect"
     said = next(s for s in sentences(gap) if "harmonics" in s)
     assert f"{46 * dt:.3g}"[:4] in said

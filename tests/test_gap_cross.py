@@ -2,7 +2,7 @@
 
 Two channels of plain numpy normal samples of a known correlation. A correlation of 0.12 in 4096 samples is worth about 30 nats; it is held to
 2.5 half-widths of its 95 % interval (1e-6). Without one, a Bayes factor exceeds e^x in at most e^-x of the records: with the
-cost of the candidates taken off, e^-1.5 and less in 30 pairs is at most a tenth of one. Seeds are fixed.
+cost of the candidates subtracted, e^-1.5 and less in 30 pairs is at most a tenth of one. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 N, DT = 4096, 0.1
 T = np.arange(N) * DT
-BELIEVED = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
+ASSUMED = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
 
 
 def pair(rho: float, seed: int) -> Array:
@@ -35,7 +35,7 @@ def pair(rho: float, seed: int) -> Array:
 @pytest.fixture(scope="module")
 def quiet() -> ChannelGap:
     """The answer for one channel without a gap, to be given other white series."""
-    gap = channel_gap("gyro_x", Record(T, pair(0.0, 1)[0]), BELIEVED)
+    gap = channel_gap("gyro_x", Record(T, pair(0.0, 1)[0]), ASSUMED)
     assert gap.verdict == "no_gap"
     return gap
 
@@ -47,14 +47,14 @@ def answers(quiet: ChannelGap, series: Array) -> dict[str, ChannelGap]:
 @pytest.mark.parametrize("rho", [0.12, -0.12, 0.6])
 def test_shared_noise_is_named_once(rho: float) -> None:
     """Through the whole workflow: what it leaves of two channels correlates as they do."""
-    gaps = {f"gyro_{a}": channel_gap(f"gyro_{a}", Record(T, y), BELIEVED) for a, y in zip("xy", pair(rho, 2))}
+    gaps = {f"gyro_{a}": channel_gap(f"gyro_{a}", Record(T, y), ASSUMED) for a, y in zip("xy", pair(rho, 2))}
     assert [g.verdict for g in gaps.values()] == ["no_gap", "no_gap"]
     out = with_pairs(gaps)
     (found,) = out["gyro_x"].findings
     assert found.effect.name == "cross_axis_noise"
     lo, hi = found.ci95["rho"]
     assert abs(rho - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
-    # Fisher's deviation, of the 95 % of the ordinates that are compared
+    # Fisher's standard deviation, of the 95 % of the ordinates that are compared
     assert 0.5 * (hi - lo) == pytest.approx(1.96 * (1 - rho**2) / np.sqrt(N), rel=0.1)
     assert found.probability > 0.99
     assert out["gyro_x"].verdict == "effects_found"
@@ -84,7 +84,7 @@ def test_channels_of_other_lengths_are_not_compared(quiet: ChannelGap) -> None:
     assert with_pairs(gaps) == gaps
 
 
-def test_what_is_believed_is_not_said_again_and_goes_through_a_file(quiet: ChannelGap, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_what_is_assumed_is_not_said_again_and_goes_through_a_file(quiet: ChannelGap, tmp_path) -> None:  # type: ignore[no-untyped-def]
     out = with_pairs(answers(quiet, pair(0.3, 6)))
     write_noise(NoiseModel({n: g.updated for n, g in out.items()}), tmp_path / "n.toml")
     back = read_noise(tmp_path / "n.toml")

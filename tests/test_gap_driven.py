@@ -36,8 +36,8 @@ def gap_beside(channel: str, unit: str, coefficient: float, seed: int) -> Channe
     driver = 3.0 + COURSE + 0.05 * rng.standard_normal(N)
     log = Log(T, {"gyro_x": Channel.of(y, "rad/s"), channel: Channel.of(driver, unit)})
     record, stamps, _ = regular(log, "gyro_x", drive=drivers_of(log)[0])
-    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
-    return channel_gap("gyro_x", record, believed, stamps)
+    assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
+    return channel_gap("gyro_x", record, assumed, stamps)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
@@ -85,7 +85,7 @@ def test_a_bias_that_follows_any_channel_is_coupled_to_it() -> None:
     assert [f.effect.name for f in gap.findings] == ["coupling:fuel_level"]
     lo, hi = gap.findings[0].ci95["coefficient"]
     assert abs(c - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
-    again = parse_noise(noise_text(NoiseModel({"gyro_x": gap.updated}, {})), "mended.toml")
+    again = parse_noise(noise_text(NoiseModel({"gyro_x": gap.updated}, {})), "updated.toml")
     effect = again.channels["gyro_x"].effects[-1]
     assert (effect.name, effect.driver) == ("coupling:fuel_level", "fuel_level")
     assert effect.values[0] == pytest.approx(gap.findings[0].effect.values[0], rel=1e-6)

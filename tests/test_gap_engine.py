@@ -1,9 +1,9 @@
 """Proves that a scene is explained as its likelihood says: evidence, intervals, what is alike, nothing where nothing is.
 
 The scene is this file's: two channels that are straight lines and decays in white noise, so that every integral and
-every deviation is known. Rates: without an effect an addition is named at e^-1.5 over the number of candidates at most
-(its evidence is asked to be above that), so of 20 seeds more than 3 happen in less than 4 % of the choices of seeds;
-numbers are held to 2.5 half-widths of their 95 % intervals (1e-6). Seeds are fixed.
+every standard deviation is known. Rates: without an effect an addition is named at e^-1.5 over the number of
+candidates at most (its evidence is asked to be above that), so of 20 seeds more than 3 happen in less than 4 % of
+the choices of seeds; numbers are held to 2.5 half-widths of their 95 % intervals (1e-6). Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def test_the_level_of_the_noise_is_the_most_likely_one() -> None:
 
 
 def test_a_linear_effect_is_least_squares() -> None:
-    """Value, deviation and gain in closed form."""
+    """Value, standard deviation and gain in closed form."""
     scene = hidden(2)
     fit = fitted(scene, ScenePoint((scale("a"),), np.zeros(0)))
     found = float(coordinates(fit.point)[0])
@@ -199,7 +199,7 @@ def test_what_is_alike_has_its_angle() -> None:
     assert sum(added.probabilities.values()) == pytest.approx(1.0)
 
 
-def test_directions_that_are_the_same_cannot_be_told_apart() -> None:
+def test_directions_that_are_the_same_cannot_be_distinguished() -> None:
     """Two names for one line share what is probable; the rival stands among what is not ruled out."""
 
     class Twice(Lines):

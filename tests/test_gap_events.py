@@ -1,4 +1,4 @@
-"""Proves that what happens at a time, and what is not normal, is named with its numbers, and taken out.
+"""Proves that what happens at a time, and what is not normal, is named with its numbers, and removed.
 
 Records are plain numpy: white noise of one per sample and one event. Each event is worth over 30 nats, so that its
 name is missed in fewer than 1e-6 of the seeds; its numbers are held to 2.5 half-widths of their 95 % intervals
@@ -20,7 +20,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.series import WhiteSeries
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.gap.rest.evidence import assumed, series_of
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -109,24 +109,24 @@ def test_an_event_is_named_with_its_numbers(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ALTERING)
-def test_what_is_believed_of_an_event_is_no_gap(name: str) -> None:
+def test_what_is_assumed_of_an_event_is_no_gap(name: str) -> None:
     effect = make(name, **EVENTS[name][1])
     gap = gap_of(record_of(name), effect)
     assert gap.verdict == "no_gap"
     assert effect in gap.updated.effects
 
 
-def test_a_believed_step_is_no_gap() -> None:
+def test_an_assumed_step_is_no_gap() -> None:
     gap = gap_of(record_of("bias_step"), make("bias_step", size=0.5, time=300.0))
     assert (gap.verdict, gap.findings) == ("no_gap", ())
 
 
 def series(y: Array) -> WhiteSeries:
-    return series_of(believed(Record(np.arange(y.size) * DT, y), (WHITE,), {}))
+    return series_of(assumed(Record(np.arange(y.size) * DT, y), (WHITE,), {}))
 
 
 @pytest.mark.parametrize("name", ALTERING)
-def test_what_is_taken_out_leaves_white_normal_samples(name: str) -> None:
+def test_what_is_removed_leaves_white_normal_samples(name: str) -> None:
     """Kolmogorov's test at 1e-4; powers of three scales of time within 4.5 sqrt(2 / m), and 3 % for what a level
     that jumps leaves beside its jumps."""
     y = record_of(name).y
@@ -196,7 +196,7 @@ def test_a_constant_is_no_noise_that_changes() -> None:
     assert [f.effect.name for f in gap.findings] == ["noise_change"]
 
 
-def test_levels_are_told_from_the_slow_noise_that_is_believed() -> None:
+def test_levels_are_distinguished_from_the_slow_noise_that_is_assumed() -> None:
     """A bias of 0.3 over 50 s, and levels 0.7 apart for 15 s: their spectra are alike, their laws are not."""
     rng = np.random.default_rng([2, 17])
     slow = make("gauss_markov", sigma=0.3, tau=50.0)

@@ -28,7 +28,7 @@ N, DT = 4096, 0.1
 T = np.arange(N) * DT
 
 
-def believed(scale: float = 1.0) -> ChannelNoise:
+def assumed(scale: float = 1.0) -> ChannelNoise:
     return ChannelNoise("rad/s", (Term(make("white_noise", N=scale * np.sqrt(DT))),))
 
 
@@ -44,7 +44,7 @@ def repeated(y: Array) -> Array:
 
 
 def stuck(y: Array) -> Array:
-    """Codes of a tenth of a deviation whose bit 2 is never set."""
+    """Codes of a tenth of a standard deviation whose bit 2 is never set."""
     codes = np.round(y / 0.1).astype(np.int64) + 1000
     return 0.1 * (codes & ~4)
 
@@ -62,11 +62,11 @@ SPOIL: dict[str, tuple[Callable[[Array], Array], str, float]] = {
 @pytest.mark.parametrize("name", SPOIL)
 def test_a_fault_that_spoils_is_said_and_nothing_is_fitted(name: str) -> None:
     wrong, parameter, value = SPOIL[name]
-    gap = channel_gap("gyro_x", Record(T, wrong(white(2))), believed())
+    gap = channel_gap("gyro_x", Record(T, wrong(white(2))), assumed())
     assert gap.verdict == "bad_data"
     assert gap.findings[0].effect.name == name
     assert float(getattr(gap.findings[0].effect, parameter)) == pytest.approx(value, rel=0.15)
-    assert gap.updated.terms == believed().terms
+    assert gap.updated.terms == assumed().terms
     assert gap.limits == ()
 
 
@@ -78,7 +78,7 @@ def test_jitter_is_said_and_the_samples_are_used() -> None:
     """Steps differ by sqrt 2 of the stamps' 10 %; what is left of the record is white."""
     log = Log(jitter(T), {"gyro_x": Channel.of(white(3), "rad/s")})
     record, stamps, _ = regular(log, "gyro_x")
-    gap = channel_gap("gyro_x", record, believed(), stamps)
+    gap = channel_gap("gyro_x", record, assumed(), stamps)
     assert [f.effect.name for f in gap.findings] == ["timestamp_jitter"]
     assert gap.verdict == "effects_found"
     sigma = gap.findings[0].effect.sigma  # type: ignore[attr-defined]
@@ -99,7 +99,7 @@ def test_dropped_samples_are_said_and_drawn_over() -> None:
     np.testing.assert_allclose(record.t, T, atol=1e-6)
     np.testing.assert_allclose(record.y[keep], y[keep], atol=1e-12)
     assert [f"{N - keep.sum()} samples" in s for s in said] == [True]
-    (fault,) = spotted_in(record, believed(), stamps)
+    (fault,) = spotted_in(record, assumed(), stamps)
     assert fault.effect.name == "dropped_samples"
     assert not fault.spoils
     assert fault.effect.share == pytest.approx(1.0 - keep.mean(), rel=1e-9)  # type: ignore[attr-defined]
@@ -110,7 +110,7 @@ def test_many_dropped_samples_spoil() -> None:
     keep = lost(5, 0.3)
     log = Log(T[keep], {"gyro_x": Channel.of(white(5)[keep], "rad/s")})
     record, stamps, _ = regular(log, "gyro_x")
-    assert channel_gap("gyro_x", record, believed(), stamps).verdict == "bad_data"
+    assert channel_gap("gyro_x", record, assumed(), stamps).verdict == "bad_data"
 
 
 def test_samples_that_are_no_numbers_are_drawn_over() -> None:
@@ -120,7 +120,7 @@ def test_samples_that_are_no_numbers_are_drawn_over() -> None:
     record, stamps, said = regular(Log(T, {"gyro_x": Channel.of(holes, "rad/s")}), "gyro_x")
     np.testing.assert_allclose(record.y, np.interp(T, T[keep], y[keep]), atol=1e-9)
     assert len(said) == 1
-    assert {f.effect.name for f in spotted_in(record, believed(), stamps)} == {"dropped_samples"}
+    assert {f.effect.name for f in spotted_in(record, assumed(), stamps)} == {"dropped_samples"}
 
 
 @pytest.mark.parametrize(("share", "match"), [(0.6, "no numbers"), (1.0, "no numbers")])
@@ -137,7 +137,7 @@ def test_a_log_that_pauses_is_refused() -> None:
         regular(Log(t, {"gyro_x": Channel.of(white(8), "rad/s")}), "gyro_x")
 
 
-def wandering(seed: int) -> Array:
+def slow(seed: int) -> Array:
     a, w = np.exp(-DT / 5.0), np.random.default_rng([seed, 52]).standard_normal(N)
     x = np.empty(N)
     x[0] = w[0]
@@ -148,10 +148,12 @@ def wandering(seed: int) -> Array:
 
 SOUND: dict[str, Callable[[int], Array]] = {
     "white": white,
-    "slow": lambda s: white(s) + 3.0 * wandering(s),
-    "lattice": lambda s: 0.1 * np.round(white(s) / 0.1),
-    "wide lattice": lambda s: 0.5 * np.round((white(s) + 2.0) / 0.5),
-    "integral lattice": lambda s: np.diff(np.round(np.cumsum(white(s, N + 1)) * DT / 0.02) * 0.02) / DT,
+    "slow": lambda s: white(s) + 3.0 * slow(s),
+    "ADC grid": lambda s: 0.1 * np.round(white(s) / 0.1),
+    "wide ADC grid": lambda s: 0.5 * np.round((white(s) + 2.0) / 0.5),
+    "integral of an ADC grid": lambda s: (
+        np.diff(np.round(np.cumsum(white(s, N + 1)) * DT / 0.02) * 0.02) / DT
+    ),
     "offset": lambda s: white(s) + 1e4,
 }
 
@@ -159,7 +161,7 @@ SOUND: dict[str, Callable[[int], Array]] = {
 @pytest.mark.parametrize("name", SOUND)
 def test_sound_samples_have_no_fault(name: str) -> None:
     for seed in range(20):
-        found = spotted_in(Record(T, SOUND[name](seed)), believed())
+        found = spotted_in(Record(T, SOUND[name](seed)), assumed())
         assert [f.effect.name for f in found] == [], seed
 
 
@@ -176,7 +178,7 @@ def test_every_fault_has_its_test() -> None:
     assert faults == {*SPOIL, "timestamp_jitter", "dropped_samples"} | elsewhere
 
 
-def test_a_fault_that_is_believed_is_not_said_again() -> None:
-    noise = ChannelNoise("rad/s", (*believed().terms, Term(make("clipping", limit=1.5))))
+def test_a_fault_that_is_assumed_is_not_said_again() -> None:
+    noise = ChannelNoise("rad/s", (*assumed().terms, Term(make("clipping", limit=1.5))))
     found = spotted_in(Record(T, np.clip(white(2), -9.0, 1.5)), noise)
     assert [f.effect.name for f in found] == []

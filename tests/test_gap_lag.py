@@ -39,8 +39,8 @@ def worth(shape: Array, nats: float) -> Array:
 
 def gap_of(part: Array, seed: int, **drive: Array) -> ChannelGap:
     y = np.random.default_rng([seed, 43]).standard_normal(N) + part
-    believed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
-    return channel_gap("gyro_x", Record(T, y, drive), believed)
+    assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
+    return channel_gap("gyro_x", Record(T, y, drive), assumed)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_a_bias_that_bends_with_the_temperature() -> None:
     assert [f.effect.name for f in gap.findings] == ["temperature_squared"]
 
 
-def test_two_drivers_are_not_taken_for_a_random_walk() -> None:
+def test_two_drivers_are_not_confused_with_a_random_walk() -> None:
     """60 and 60 nats; a random walk explains nearly as much, and each of them alone much less."""
     part = worth(CYCLE, 60.0) + worth(LOAD, 60.0)
     gap = gap_of(part, 5, temperature=300.0 + CYCLE, load=LOAD)

@@ -1,8 +1,9 @@
 """Noise whose level follows a channel is named with its slope; without, nothing is.
 
 Records are plain numpy: white noise of one per sample times the exponential of a slope times what the channel is away
-from a reference. The deviation of a slope is that of its Fisher information, ``1 / sqrt(2 sum (s - mean s)^2)``; slopes are held to 4.5
-of them (7e-6 a check). A Bayes factor exceeds e^x by chance in at most e^-x of the seeds. Seeds are fixed.
+from a reference. The standard deviation of a slope is that of its Fisher information, ``1 / sqrt(2 sum (s - mean
+s)^2)``; slopes are held to 4.5 of them (7e-6 a check). A Bayes factor exceeds e^x by chance in at most e^-x of the
+seeds. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from kfgen.effects import catalogue, effect_named, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise, write_noise
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.gap.rest.evidence import assumed, series_of
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -57,7 +58,7 @@ def test_noise_that_follows_a_channel_is_named(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SLOPES)
-def test_noise_that_is_believed_to_follow_a_channel_is_no_gap(name: str, tmp_path: Path) -> None:
+def test_noise_that_is_assumed_to_follow_a_channel_is_no_gap(name: str, tmp_path: Path) -> None:
     """Also after a way through a file."""
     s, slope = SLOPES[name]
     effect = effect_named(name)(slope, float(s.mean()))  # type: ignore[call-arg]
@@ -76,7 +77,7 @@ def test_a_log_without_the_channel_is_refused() -> None:
 
 def test_even_noise_follows_nothing() -> None:
     for seed in range(20):
-        series = series_of(believed(record_of("", seed), (WHITE,), {}))
+        series = series_of(assumed(record_of("", seed), (WHITE,), {}))
         for name in ("noise_temperature", "noise_level"):
             found = [x.evidence for x in catalogue()[name].detect(series)]
             assert all(e is not None and e < 8.0 for e in found), (seed, name, found)

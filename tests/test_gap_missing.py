@@ -1,7 +1,7 @@
 """Rows that a log of sensors that move lacks: they become samples without numbers, and the rest is compared.
 
-Expected values are from plain numpy: the scale that was put in, and the least deviation of its estimate, that of the
-noise over the root of the power of what is left of the motion.
+Expected values are from plain numpy: the scale that was put in, and the least standard deviation of its estimate,
+that of the noise over the root of the power of what is left of the motion.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def written(table: dict[str, Array], path: Path) -> Path:
 
 
 def test_a_scale_is_found_in_a_log_that_lacks_rows(kfgen: Cli, tmp_path: Path) -> None:
-    """Three gaps of 1, 30 and 120 rows; false-alarm rate of four deviations 6e-5."""
+    """Three gaps of 1, 30 and 120 rows; false-alarm rate of four standard deviations 6e-5."""
     table = without([(300, 301), (900, 930), (1700, 1820)])
     log, model, out = written(table, tmp_path / "log.csv"), tmp_path / "noise.toml", tmp_path / "out.json"
     model.write_text(MODEL, encoding="utf-8")

@@ -2,8 +2,8 @@
 
 Records are plain numpy: white noise of one per sample, a line by its sine, a resonance by the exact recursion of an
 oscillator, a low-pass by its recursion. Every effect is worth over 30 nats: its name is missed in fewer than 1e-6 of the
-seeds. Numbers are held to 2.5 half-widths of their 95 % intervals (1e-6 each), those of a line to 4.5 deviations of
-the Cramér-Rao bound (7e-6 each). Seeds are fixed.
+seeds. Numbers are held to 2.5 half-widths of their 95 % intervals (1e-6 each), those of a line to 4.5 standard
+deviations of the Cramér-Rao bound (7e-6 each). Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def gap_of(y: Array, *more: Effect) -> ChannelGap:
 
 
 def bound(amplitude: float) -> dict[str, float]:
-    """Deviations of a line's numbers in unit white noise, phase at the first sample: Rife and Boorstyn, 1974."""
+    """Standard deviations of a line's numbers in unit white noise, phase at the first sample: Rife and Boorstyn, 1974."""
     snr = 0.5 * amplitude**2
     return {
         "amplitude": np.sqrt(2.0 / N),
@@ -75,12 +75,12 @@ def test_two_lines_are_two() -> None:
     assert not any(t.significant for t in gap.after)
 
 
-def test_a_believed_line_is_no_gap() -> None:
+def test_an_assumed_line_is_no_gap() -> None:
     """A third of its amplitude beside it is one: what is left of it is named."""
     y = noise(3) + line(0.2, 0.7321, 1.0)
-    believed = make("sinusoid", amplitude=0.2, frequency=0.7321, phase=1.0)
-    assert gap_of(y, believed).verdict == "no_gap"
-    more = gap_of(y + line(0.15, 1.3, 0.0), believed)
+    assumed = make("sinusoid", amplitude=0.2, frequency=0.7321, phase=1.0)
+    assert gap_of(y, assumed).verdict == "no_gap"
+    more = gap_of(y + line(0.15, 1.3, 0.0), assumed)
     assert [f.effect.name for f in more.findings] == ["sinusoid"]
     assert len([e for e in more.updated.effects if e.name == "sinusoid"]) == 2
 
@@ -111,7 +111,7 @@ def test_a_resonance_is_named_with_its_numbers(frequency: float, damping: float,
 
 
 def test_a_low_pass_is_named_with_its_corner() -> None:
-    """One pole ``exp(-2 pi f dt)`` on all that is measured; its order is told by the fall above the corner."""
+    """One pole ``exp(-2 pi f dt)`` on all that is measured; its order is read from the fall above the corner."""
     a = np.exp(-2 * np.pi * 1.5 * DT)
     gap = gap_of(lfilter([1.0 - a], [1.0, -a], noise(5, N + 200))[200:])
     assert [f.effect.name for f in gap.findings] == ["low_pass"]
@@ -123,7 +123,7 @@ def test_a_low_pass_is_named_with_its_corner() -> None:
     assert gap.gap.closed > 0.8
 
 
-def test_a_believed_low_pass_is_no_gap() -> None:
+def test_an_assumed_low_pass_is_no_gap() -> None:
     a = np.exp(-2 * np.pi * 1.5 * DT)
     y = lfilter([1.0 - a], [1.0, -a], noise(6, N + 200))[200:]
     gap = gap_of(y, make("low_pass", corner=1.5, order=1))

@@ -193,8 +193,8 @@ def test_faults_of_samples_that_move(name: str) -> None:
 
 MOVING: dict[str, Callable[[Array], Array]] = {
     "smooth": lambda y: y,
-    "lattice": lambda y: 2e-4 * np.round(y / 2e-4),
-    "wide lattice": lambda y: 1e-3 * np.round(y / 1e-3),
+    "ADC grid": lambda y: 2e-4 * np.round(y / 2e-4),
+    "wide ADC grid": lambda y: 1e-3 * np.round(y / 1e-3),
 }
 
 

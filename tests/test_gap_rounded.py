@@ -64,7 +64,7 @@ def names(found: SceneGap) -> Sequence[str]:
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_two_digits_are_too_few(sensor: str) -> None:
-    """A step of 0.01 turns by 0.33 deg: 1.1 deviations of the accelerometer, 0.7 of the magnetometer."""
+    """A step of 0.01 turns by 0.33 deg: 1.1 standard deviations of the accelerometer, 0.7 of the magnetometer."""
     found = gap_of(sensor, log_of(sensor, 2))
     assert found.verdict == "bad_data"
     assert names(found) == ["rounded_reference"]
@@ -73,7 +73,7 @@ def test_two_digits_are_too_few(sensor: str) -> None:
 
 @pytest.mark.parametrize(("sensor", "digits"), [("gyro", 4), ("accel", 3), ("mag", 3)])
 def test_digits_that_are_enough(sensor: str, digits: int) -> None:
-    """A step of 0.001: 0.11 deviations of the accelerometer; of 1e-4: 0.2 of the gyro's at 1 Hz."""
+    """A step of 0.001: 0.11 standard deviations of the accelerometer; of 1e-4: 0.2 of the gyro's at 1 Hz."""
     assert gap_of(sensor, log_of(sensor, digits)).verdict == "no_gap"
 
 

@@ -46,7 +46,7 @@ def said_of(found: Finding, unknowns: tuple[str, ...] = ()) -> str:
         (("xx", "yy", "zz"), FIELD, ""),
     ],
 )
-def test_scales_of_soft_iron_that_are_taken_to_be_zero(
+def test_scales_of_soft_iron_that_are_fixed_at_zero(
     entries: tuple[str, ...], unknowns: tuple[str, ...], said: str
 ) -> None:
     """(1 + e) times a matrix in a field is the matrix in a field 1 + e times as large."""

@@ -156,7 +156,7 @@ def test_the_name_that_stands_keeps_its_place_in_a_tie(better: float, kept: str)
     assert names(again) == [kept, "c"]
 
 
-def test_an_effect_that_a_later_one_makes_superfluous_is_taken_out() -> None:
+def test_an_effect_that_a_later_one_makes_superfluous_is_removed() -> None:
     """What two effects explain a third explains alone, with a part of its own that makes it worth adding."""
     table = Table({"a": "12", "b": "123", "c": "4"}, {"1": 20.0, "2": 20.0, "3": 10.0, "4": 30.0})
     grown_ = table.having("a", "b", "c")

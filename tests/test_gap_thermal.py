@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
-from kfgen.effects.driven.history import play, rate_of
+from kfgen.effects.driven.history import hysteresis, rate_of
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
@@ -29,7 +29,7 @@ RATE = 3.0 / 40.0 * np.cos(T / 40.0) - 0.5 / 97.0 * np.sin(T / 97.0)
 DRIVEN = {"temperature", "temperature_rate", "thermal_hysteresis"}
 
 
-def believed() -> ChannelNoise:
+def assumed() -> ChannelNoise:
     return ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),))
 
 
@@ -65,7 +65,7 @@ CASES: dict[str, tuple[Array, float]] = {
 def test_an_effect_of_the_temperature_is_named_with_its_coefficient(name: str) -> None:
     """Its proof is the third of the record where it is warmest, which the coefficient did not see."""
     part, coefficient = CASES[name]
-    gap = channel_gap("gyro_x", Record(T, noise(1) + part, {"temperature": HEAT}), believed())
+    gap = channel_gap("gyro_x", Record(T, noise(1) + part, {"temperature": HEAT}), assumed())
     assert names(gap) == [name]
     assert gap.verdict == "effects_found"
     assert not any(t.significant for t in gap.after)
@@ -78,12 +78,12 @@ def test_an_effect_of_the_temperature_is_named_with_its_coefficient(name: str) -
         assert found.effect.width == pytest.approx(0.2 * SPAN, abs=0.026 * SPAN)  # type: ignore[attr-defined]
 
 
-def test_a_play_by_hand() -> None:
+def test_a_hysteresis_by_hand() -> None:
     T_ = np.array([0.0, 1.0, 2.0, 1.5, 0.0, -1.0, 0.2, 0.2])
-    np.testing.assert_allclose(play(T_, 0.5), [0.0, 0.5, 1.5, 1.5, 0.5, -0.5, -0.3, -0.3], atol=1e-15)
-    np.testing.assert_array_equal(play(T_, 0.0), T_)
-    np.testing.assert_array_equal(play(T_, 5.0), 0.0)
-    np.testing.assert_allclose(play(HEAT, 0.7), stayed(HEAT, 0.7), atol=1e-12)
+    np.testing.assert_allclose(hysteresis(T_, 0.5), [0.0, 0.5, 1.5, 1.5, 0.5, -0.5, -0.3, -0.3], atol=1e-15)
+    np.testing.assert_array_equal(hysteresis(T_, 0.0), T_)
+    np.testing.assert_array_equal(hysteresis(T_, 5.0), 0.0)
+    np.testing.assert_allclose(hysteresis(HEAT, 0.7), stayed(HEAT, 0.7), atol=1e-12)
 
 
 @pytest.mark.parametrize("noisy", [0.0, 0.02])
@@ -114,7 +114,7 @@ def test_a_noisy_thermometer_names_the_same_effect() -> None:
     drive, said = drivers_of(log)
     record, _, words = regular(log, "gyro_x", drive=drive)
     assert [*said, *words] == []
-    gap = channel_gap("gyro_x", record, believed())
+    gap = channel_gap("gyro_x", record, assumed())
     assert names(gap) == ["temperature"]
     lo, hi = gap.findings[0].ci95["coefficient"]
     assert abs(0.15 - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo)
@@ -134,28 +134,28 @@ def test_a_thermometer_without_numbers_is_said_and_not_blamed(temperature: Array
     drive, said = drivers_of(log)
     assert any(words in s for s in said)
     record, _, _ = regular(log, "gyro_x", drive=drive)
-    gap = channel_gap("gyro_x", record, believed())
+    gap = channel_gap("gyro_x", record, assumed())
     assert names(gap) == ["rate_ramp"]
     assert not DRIVEN & {n for f in gap.findings for n, _, _ in f.alternatives}
     assert not DRIVEN & {m.effect.name for m in gap.limits}
 
 
-def test_a_believed_effect_without_its_channel_is_refused() -> None:
-    """What is believed cannot be compared; it is not silently left out."""
+def test_an_assumed_effect_without_its_channel_is_refused() -> None:
+    """What is assumed cannot be compared; it is not silently left out."""
     from kfgen.core.errors import InputError
 
     wrong: list[Effect] = [make("temperature", coefficient=0.1), make("temperature_rate", coefficient=4.0)]
     for effect in wrong:
-        noise_ = ChannelNoise("rad/s", (*believed().terms, Term(effect)))
+        noise_ = ChannelNoise("rad/s", (*assumed().terms, Term(effect)))
         with pytest.raises(InputError, match="no channel 'temperature'"):
             channel_gap("gyro_x", Record(T, noise(6)), noise_)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_believed_effect_of_the_temperature_is_no_gap(name: str) -> None:
+def test_an_assumed_effect_of_the_temperature_is_no_gap(name: str) -> None:
     part, coefficient = CASES[name]
     more = {"width": 0.2 * SPAN} if name == "thermal_hysteresis" else {}
     effect = make(name, coefficient=coefficient, **more)
-    noise_ = ChannelNoise("rad/s", (*believed().terms, Term(effect)))
+    noise_ = ChannelNoise("rad/s", (*assumed().terms, Term(effect)))
     gap = channel_gap("gyro_x", Record(T, noise(7) + part, {"temperature": HEAT}), noise_)
     assert (gap.verdict, gap.findings) == ("no_gap", ())

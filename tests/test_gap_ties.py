@@ -1,4 +1,4 @@
-"""Proves that of two names that a record cannot tell apart the one that physics suggests comes first, the other beside it.
+"""Proves that of two names that a record cannot distinguish the one that physics suggests comes first, the other beside it.
 
 A tank ``h' = 2e-3 u - 0.01 h - q`` in closed form; its level is always positive, so that a constant outflow and dry
 friction of the level are the same.

@@ -23,7 +23,7 @@ T = np.arange(N) * DT
 
 
 def together(kind: str, seed: int) -> JointGap:
-    """Three recordings of white noise of deviation one and something else."""
+    """Three recordings of white noise of standard deviation one and something else."""
     rng, parts = np.random.default_rng(seed), []
     for k in range(COUNT):
         y = rng.standard_normal(N)
@@ -48,7 +48,7 @@ def test_a_walk_that_goes_another_way_each_time_is_a_walk() -> None:
 
 
 def test_a_ramp_comes_again_with_one_slope() -> None:
-    """Its deviation is that of a straight line through all three: sqrt(12 / (3 N)) over the length of one."""
+    """Its standard deviation is that of a straight line through all three: sqrt(12 / (3 N)) over the length of one."""
     found = together("ramp", 2)
     assert [f.effect.name for f in found.gap.findings] == ["rate_ramp"]
     lo, hi = found.gap.findings[0].ci95["R"]
@@ -65,7 +65,7 @@ def test_a_step_in_one_is_said_of_that_one() -> None:
 
 
 def files(folder: Path, unit: str = "rad/s") -> tuple[list[Path], Path]:
-    """Two recordings, the second with a step, and the noise that is believed of them."""
+    """Two recordings, the second with a step, and the noise that is assumed about them."""
     rng, paths = np.random.default_rng(4), []
     for k in range(2):
         y = rng.standard_normal(N) + 0.7 * k * (T > 200.0)

@@ -1,4 +1,4 @@
-"""What is believed is compared as it is written: numbers, coefficients, a constant.
+"""What is assumed is compared as it is written: numbers, coefficients, a constant.
 
 Records are plain numpy. A null is falsely found at the battery's family-wise rate of 1 %; seeds are fixed.
 """
@@ -49,7 +49,7 @@ def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
 
 @pytest.mark.parametrize("factor", [0.8, 1.2])
 def test_a_number_that_does_not_hold_is_said_old_and_new(factor: float) -> None:
-    """Alone, and beside a step of ten times the deviation of its mean."""
+    """Alone, and beside a step of ten times the standard deviation of its mean."""
     step = np.where(T > 700.0, 3e-5, 0.0)
     for y, found in ((noise(21, factor), []), (noise(21, factor) + step, ["bias_step"])):
         g = answer(y, make("white_noise", N=N))
@@ -63,14 +63,14 @@ def test_numbers_that_hold_are_not_said_anew() -> None:
     assert not any(" instead of " in s for s in sentences(answer(noise(22), make("white_noise", N=N))))
 
 
-def test_a_believed_time_longer_than_half_the_record_stays() -> None:
+def test_an_assumed_time_longer_than_half_the_record_stays() -> None:
     """Of 2000 s in 1200: the record cannot say it, and does not contradict it."""
     truth = make("gauss_markov", sigma=3e-5, tau=2000.0)
     y = noise(23) + truth.simulate(T, np.random.default_rng(24))
     g = answer(y, make("white_noise", N=N), truth)
     assert (g.verdict, g.findings, g.retuned) == ("no_gap", (), False)
-    (mended,) = (e for e in g.updated.effects if e.name == "gauss_markov")
-    assert 1000.0 < mended.tau < 4000.0  # type: ignore[attr-defined]
+    (updated,) = (e for e in g.updated.effects if e.name == "gauss_markov")
+    assert 1000.0 < updated.tau < 4000.0  # type: ignore[attr-defined]
 
 
 def test_noise_that_is_louder_where_it_is_warm_fails_the_test_of_its_level() -> None:
@@ -95,13 +95,13 @@ def test_checks_that_fail_say_so() -> None:
     assert "finds nothing" in check_sentences(Checks(0.0, {}, (), ("bias_step",)))[2]
 
 
-@pytest.mark.parametrize("believed", [0.0, 2e-3, -2e-3])
-def test_a_coefficient_that_is_wrong_is_mended(believed: float) -> None:
+@pytest.mark.parametrize("assumed", [0.0, 2e-3, -2e-3])
+def test_a_coefficient_that_is_wrong_is_corrected(assumed: float) -> None:
     y = noise(2) + 2e-4 * (HEAT - 300.0)
-    g = answer(y, make("white_noise", N=N), make("temperature", coefficient=believed, reference=300.0))
+    g = answer(y, make("white_noise", N=N), make("temperature", coefficient=assumed, reference=300.0))
     assert [f.effect.name for f in g.findings] == ["temperature"]
-    (mended,) = (e for e in g.updated.effects if e.name == "temperature")
-    assert mended.coefficient == pytest.approx(2e-4, rel=0.05)  # type: ignore[attr-defined]
+    (updated,) = (e for e in g.updated.effects if e.name == "temperature")
+    assert updated.coefficient == pytest.approx(2e-4, rel=0.05)  # type: ignore[attr-defined]
 
 
 def test_a_coefficient_that_is_right_is_no_gap() -> None:
@@ -110,7 +110,7 @@ def test_a_coefficient_that_is_right_is_no_gap() -> None:
     assert (g.verdict, g.findings) == ("no_gap", ())
 
 
-def test_a_believed_constant_is_no_gap() -> None:
+def test_an_assumed_constant_is_no_gap() -> None:
     g = answer(noise(4) + 0.01, make("white_noise", N=N), make("bias", value=0.02))
     assert (g.verdict, g.findings) == ("no_gap", ())
 
@@ -145,7 +145,7 @@ def test_a_flicker_of_which_only_B_is_stated_reaches_to_the_samples(seed: int) -
     assert (g.verdict, g.findings) == ("no_gap", ())
 
 
-def test_a_stated_band_of_flicker_is_believed() -> None:
+def test_a_stated_band_of_flicker_is_assumed() -> None:
     stated = make("bias_instability", B=2 * N, shortest=1.0, longest=1000.0)
     assert stated.extended_band(0.05, 1e5) is stated
     open_band = make("bias_instability", B=2 * N).extended_band(0.05, 1e5)

@@ -1,7 +1,7 @@
 """Proves what is said of samples that no fit saw: none where nothing is missing, the likelihood ratio where something is.
 
-What a known signal ``s`` is worth in ``m`` samples of noise of deviation ``d`` is ``|s|^2 / 2 d^2`` nats, which chance
-moves by its root times the root of two. Expected values are from plain numpy.
+What a known signal ``s`` is worth in ``m`` samples of noise of standard deviation ``d`` is ``|s|^2 / 2 d^2`` nats,
+which chance moves by its root times the root of two. Expected values are from plain numpy.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 Cli = Callable[..., Result]
 
 DT, N, SD = 0.02, 2500, 0.1
-"""Period [s], samples, deviation of the noise [rad/s]."""
+"""Period [s], samples, standard deviation of the noise [rad/s]."""
 LIMIT = 4.0
-"""Deviations; false-alarm rate 6e-5."""
+"""Standard deviations; false-alarm rate 6e-5."""
 
 
 def motion() -> Array:
@@ -76,7 +76,7 @@ def test_the_gap_of_a_scale_is_its_likelihood_ratio_on_the_tail() -> None:
 
 
 def test_a_drift_goes_on_in_the_tail() -> None:
-    """The constant bias that the believed model has seen is not that of the tail."""
+    """The constant bias that the assumed model has seen is not that of the tail."""
     wrong = np.zeros((N, 3))
     wrong[:, 2] = 0.0012 * DT * np.arange(N)
     g = answer(wrong, 9)
@@ -84,7 +84,7 @@ def test_a_drift_goes_on_in_the_tail() -> None:
     assert found.effect.name == "rate_ramp"
     s, k = wrong[:, 2], int(0.7 * N)
     nats = 0.5 * float(np.sum((s[k:] - s[:k].mean()) ** 2)) / SD**2
-    # What is seen says where the mean of the tail is, to a deviation of sqrt(1 + 3/7) of its own.
+    # What is seen says where the mean of the tail is, to a standard deviation of sqrt(1 + 3/7) of its own.
     assert g.gap.before * 0.9 * N == pytest.approx(nats, abs=LIMIT * np.sqrt(2.0 * nats * (1.0 + 3.0 / 7.0)))
     assert g.gap.closed == 1.0
 
@@ -156,10 +156,10 @@ def test_an_actuator_is_still_on_its_way_where_the_tail_begins(kfgen: Cli, tmp_p
     rng = np.random.default_rng(3)
     u = np.repeat(rng.uniform(-6.0, 6.0, 22), 100)[3 : n + 3]  # the tail begins three samples after a step
     u[:97] = 0.0  # and the log at rest
-    x, believed, true = np.zeros(2), 0.0, np.empty((n, 2))
+    x, assumed, true = np.zeros(2), 0.0, np.empty((n, 2))
     for k in range(n):
-        true[k] = x[0], believed
-        x, believed = (full @ [*x, u[k]])[:2], float((less @ [believed, u[k]])[0])
+        true[k] = x[0], assumed
+        x, assumed = (full @ [*x, u[k]])[:2], float((less @ [assumed, u[k]])[0])
     y = true[:, 0] + sd * rng.standard_normal(n)
     path, model, out = tmp_path / "log.csv", tmp_path / "model.toml", tmp_path / "out.json"
     table = np.column_stack([0.01 * np.arange(n), u, y])
@@ -196,7 +196,7 @@ def test_noise_of_another_size_is_said_with_its_number() -> None:
     assert g.gap.after == 0.0
 
 
-def test_the_mended_model_holds_the_noise_that_was_found() -> None:
+def test_the_updated_model_holds_the_noise_that_was_found() -> None:
     """Sizes are scaled, correlation times and deterministic effects stay."""
     walk = scaled(make("gauss_markov", sigma=2.0, tau=7.0), 1.5)
     assert (walk.sigma, walk.tau) == (3.0, 7.0)  # type: ignore[attr-defined]

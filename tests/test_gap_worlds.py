@@ -1,4 +1,4 @@
-"""Proves that the command finds the gap of a plant and of a rate table, and that its mended model has none any more.
+"""Proves that the command finds the gap of a plant and of a rate table, and that its updated model has none any more.
 
 Motions are integrated and sensors made in plain numpy. What is hidden is worth over 100 nats; its number is held to
 2.5 half-widths of its 95 % interval (1e-6). A sound log is falsely alarmed at 0.2 % by the battery. Seeds are fixed.
@@ -99,14 +99,14 @@ def test_a_plant_that_lacks_friction(plant: Any, kfgen: Cli, tmp_path: Path) -> 
     assert 0.29 < lo < hi < 0.31
     assert answer["remaining"]["significant"] is False
     assert answer["gap"]["after"] < 0.1 * answer["gap"]["before"]
-    mended = read_model(str(tmp_path / "improved.toml"))
-    assert set(mended.states) == {"omega", "theta"}
+    updated = read_model(str(tmp_path / "improved.toml"))
+    assert set(updated.states) == {"omega", "theta"}
     again = asked(kfgen, log, tmp_path / "improved.toml")
     assert (again["verdict"], again["steps"]) == ("no_gap", [])
 
 
 def test_a_plant_that_lacks_nothing(plant: Any, kfgen: Cli, tmp_path: Path) -> None:
-    """The mended model is the model."""
+    """The updated model is the model."""
     log, model = plant(0.0)
     answer = asked(kfgen, log, model, tmp_path / "improved.toml")
     assert (answer["verdict"], answer["steps"]) == ("no_gap", [])

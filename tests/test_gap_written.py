@@ -74,8 +74,8 @@ def asked(kfgen: Cli, tmp_path: Path) -> Asked:
     return ask
 
 
-def test_a_believed_number_that_is_wrong(asked: Asked, tmp_path: Path) -> None:
-    """Four deviations and a half away: the gap is that of the file as it is written."""
+def test_an_assumed_number_that_is_wrong(asked: Asked, tmp_path: Path) -> None:
+    """Four standard deviations and a half away: the gap is that of the file as it is written."""
     answer = asked(154.5)
     assert answer["verdict"] == "effects_found"
     (step,) = answer["steps"]
@@ -100,7 +100,7 @@ def test_a_number_within_its_deviation_is_no_gap(asked: Asked) -> None:
 
 
 def test_a_state_that_starts_elsewhere(asked: Asked, tmp_path: Path) -> None:
-    """Fifty millimetres from where it is believed to start within two."""
+    """Fifty millimetres from where it is assumed to start within two."""
     answer = asked(150.0, x0=0.05)
     (step,) = answer["steps"]
     assert (step["effect"], step["channel"]) == ("parameter_error", "x")
@@ -111,7 +111,7 @@ def test_a_state_that_starts_elsewhere(asked: Asked, tmp_path: Path) -> None:
 
 
 def test_a_state_that_starts_within_its_deviation_is_no_gap(asked: Asked) -> None:
-    answer = asked(150.0, x0=0.005)  # two and a half deviations
+    answer = asked(150.0, x0=0.005)  # two and a half standard deviations
     assert (answer["verdict"], answer["steps"]) == ("no_gap", [])
 
 

@@ -1,7 +1,8 @@
 """A magnetometer on a body that turns about the vertical alone: a wheeled robot, a turntable.
 
-Expected values come from plain numpy: the field that was put in, and the smallest deviation that any estimate of it
-can have (Cramer and Rao), ``s sqrt(1/k + 1/(n - k))`` for a step of k of n samples in noise of deviation s.
+Expected values come from plain numpy: the field that was put in, and the smallest standard deviation that any
+estimate of it can have (Cramer and Rao), ``s sqrt(1/k + 1/(n - k))`` for a step of k of n samples in noise of
+standard deviation s.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from kfgen.log.log import Channel, Log
 Array = NDArray[np.float64]
 
 DT, N, SD = 0.02, 2000, 0.35
-"""Period [s], samples, deviation of the noise [uT]."""
+"""Period [s], samples, standard deviation of the noise [uT]."""
 FIELD = np.array([21.0, 1.2, 43.0])
 T = DT * np.arange(N)
 PSI = 1.5 * np.sin(0.7 * T) + 0.9 * np.sin(0.31 * T + 1.0) + 0.2 * T
@@ -52,7 +53,7 @@ def answer(added: Array, seed: int) -> SceneGap:
 def test_a_field_that_comes_and_goes_is_found_in_a_turn_about_the_vertical(
     start: float, stop: float, in_body: bool
 ) -> None:
-    """False-alarm rate: one bound of four deviations for each of three components, 2e-4."""
+    """False-alarm rate: one bound of four standard deviations for each of three components, 2e-4."""
     h, inside = np.array([0.25, 0.15, -0.09]), ((start <= T) & (stop > T)).astype(float)
     added = inside[:, None] * (h if in_body else turns() @ h)
     g = answer(added, 3)
@@ -74,7 +75,7 @@ def test_nothing_is_found_in_a_turn_about_the_vertical_where_nothing_is(seed: in
 
 
 def test_soft_iron_of_an_axis_that_stands_still_is_found() -> None:
-    """What of the horizontal field is drawn into the vertical axis; false-alarm rate of four deviations 6e-5."""
+    """What of the horizontal field is drawn into the vertical axis; false-alarm rate of four standard deviations 6e-5."""
     u = turns() @ FIELD
     added = np.zeros((N, 3))
     added[:, 2] = 0.004 * u[:, 0]

@@ -178,7 +178,7 @@ def test_no_round_lowers_the_likelihood() -> None:
 
 
 def test_em_finds_a_strong_process() -> None:
-    """sigma 0.5, tau 20 s over 4000 s: within 5 deviations of the bound (6e-7), and Euler's step."""
+    """sigma 0.5, tau 20 s over 4000 s: within 5 standard deviations of the bound (6e-7), and Euler's step."""
     N, sigma, tau = 0.5, 0.5, 20.0
     y = noises(8, 40_000, 0.1, N, sigma, tau, 0.001)
     found = identify(Record(np.arange(y.size) * 0.1, y), None, "em")
@@ -240,7 +240,7 @@ def test_the_filter_ends_where_it_starts() -> None:
 
 
 def test_section_2_3_with_B_as_a_deviation() -> None:
-    """N and B without K at 10 Hz, 1e5 samples: errors within 5 deviations (6e-7) of bounds .002 and .084."""
+    """N and B without K at 10 Hz, 1e5 samples: errors within 5 standard deviations (6e-7) of bounds .002 and .084."""
     y = noises(0, 100_000, 0.1, 5.75e-2, 1.55e-2, 100.0, 0.0)
     found = solve(y, 0.1, ("white_noise", "gauss_markov"))
     size = {e.name: e for e in found.effects}
@@ -259,18 +259,18 @@ def test_section_2_2_shows_no_process() -> None:
 
 
 def test_a_variance_of_few_samples() -> None:
-    """Remark 3.4: 6000 samples have a relative deviation of 1 / sqrt(12000); 5 of them (6e-7) and 0.1 % of drift."""
+    """Remark 3.4: 6000 samples have a relative standard deviation of 1 / sqrt(12000); 5 of them (6e-7) and 0.1 % of drift."""
     y = noises(5, 100_000, 0.01, 5.75e-2, 1.1e-3, 100.0, 9e-4)
     assert short_white(y, 0.01) == pytest.approx(5.75e-2, rel=5 / np.sqrt(12_000) + 0.001)
 
 
 def test_the_crossing_is_no_bias_instability() -> None:
     """At the point of sec. 2.2 with B of eq. (18), and without any B, nothing is read; a true floor is."""
-    told = []
+    own_floor = []
     for seed in range(12):
         y = noises(seed, 100_000, 0.01, 5.75e-2, 1.1e-3 * (seed % 2), 100.0, 9e-4)
-        told.append(read_asymptotes(allan_curve(y, 0.01)).B_is_own)
-    assert sum(told) <= 2
+        own_floor.append(read_asymptotes(allan_curve(y, 0.01)).B_is_own)
+    assert sum(own_floor) <= 2
     flicker = make("bias_instability", B=0.05, shortest=0.1, longest=1e4)
     y = noises(3, 100_000, 0.1, 0.1, 0.0, 1.0, 1e-5) + flicker.simulate(
         np.arange(100_000) * 0.1, np.random.default_rng(0)

@@ -196,7 +196,7 @@ def test_intervals_of_white_noise_cover() -> None:
     inside = sum(held(f, {(0, "N"): 0.02})[0] for f in found)
     assert binom.ppf(0.001, runs, 0.95) <= inside <= binom.ppf(0.999, runs, 0.95)
     values = np.log([f.fit.effects[0].N / 0.02 for f in found])
-    bound = np.sqrt(1 / (2 * 600))  # of the logarithm of a deviation from 600 samples
+    bound = np.sqrt(1 / (2 * 600))  # of the logarithm of a standard deviation from 600 samples
     assert abs(values.mean()) < 4 * bound / np.sqrt(runs)
     assert 0.8 < values.std() / bound < 1.2
 

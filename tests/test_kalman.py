@@ -285,8 +285,8 @@ def test_intervals_hold_the_truth_with_a_fifth_missing(runs: int, least: int) ->
             lo, hi = found.intervals[key]
             inside[i] += lo <= TRUTH[i] <= hi
         logs.append(np.log(fitted(found) / TRUTH))
-        mended = identify(Record(t, np.interp(t, t[keep], y[keep])), NAMES)
-        lines.append(np.log(fitted(mended)[0]))
+        updated = identify(Record(t, np.interp(t, t[keep], y[keep])), NAMES)
+        lines.append(np.log(fitted(updated)[0]))
     assert inside.sum() >= least
     bound = relative_bound([make("white_noise", N=1.0), make("gauss_markov", sigma=1.5, tau=2.0)], DT, 1200)
     standard = bound[0, "N"] / np.sqrt(runs)

@@ -1,6 +1,6 @@
-"""Proves that what a filter keeps beside its state is right: late inputs, plays, and every effect of a plant in code.
+"""Proves that what a filter keeps beside its state is right: late inputs, backlashes, and every effect of a plant in code.
 
-Delays are compared with the exact integral of the shifted input, plays with the play operator written anew, whole
+Delays are compared with the exact integral of the shifted input, backlashes with the backlash operator written anew, whole
 filters with logs of the plant's own simulation, which integrates breakpoints and knows no filter.
 """
 
@@ -128,7 +128,7 @@ def test_a_refused_step_keeps_no_sample() -> None:
     assert list(kf.nominal) == before
 
 
-def test_a_play_moves_with_the_state_once_it_is_taken_up() -> None:
+def test_a_backlash_moves_with_the_state_once_it_is_used_up() -> None:
     program = program_of(text_of(SIZES["backlash"]))
     kf, stands, u = filter_of(program), 0.0, pushed(400)
     kf.gate = 0.0  # the filter looks, and corrects nothing
@@ -140,7 +140,7 @@ def test_a_play_moves_with_the_state_once_it_is_taken_up() -> None:
     assert abs(stands) > 0.1  # it was taken along
 
 
-def test_within_a_play_a_sample_says_nothing() -> None:
+def test_within_a_backlash_a_sample_says_nothing() -> None:
     kf = filter_of(program_of(text_of(SIZES["backlash"])))
     kf.P = np.diag([0.04, 0.01])
     kf.nominal[:] = [0.05, 0.0, 0.0]
@@ -158,7 +158,7 @@ def test_there_is_an_entry_for_every_effect_of_a_plant() -> None:
 
 @pytest.mark.parametrize("name", SIZES)
 def test_a_filter_carries_every_effect_of_a_plant(name: str) -> None:
-    """Of 2000 innovations the mean square is within 0.15 of one (5 deviations), without the effect it is beyond."""
+    """Of 2000 innovations the mean square is within 0.15 of one (5 standard deviations), without the effect it is beyond."""
     log = log_of(text_of(SIZES[name]))
     plain, carried = (
         float(np.mean(run(program_of(text), log).sensors["place"].nis))

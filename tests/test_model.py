@@ -226,7 +226,7 @@ def test_integrators_of_one_channel_share_a_state_and_their_densities_add() -> N
     assert sum(abs(e) for e in W) == W[at, at]
 
 
-def test_gauss_markov_states_of_one_channel_stay_apart() -> None:
+def test_gauss_markov_states_of_one_channel_stay_separate() -> None:
     model = build("ahrs6")
     for tau in (10.0, 20.0, 30.0):
         model = model.augment("gyro_x", make("gauss_markov", sigma=1e-4, tau=tau))

@@ -60,7 +60,7 @@ def values(placed: Sequence[Placed], keys: list[tuple[int, Parameter]]) -> Array
 
 
 def fit(scene: MotionScene, *placed: Placed) -> tuple[tuple[Placed, ...], Array, Array, float]:
-    """The effects at their least squares, values, deviations, and the sum of squares left."""
+    """The effects at their least squares, values, standard deviations, and the sum of squares left."""
     keys = located(placed)
     theta, signed = values(placed, keys), np.array([p.kind == "signed" for _, p in keys], dtype=bool)
     u = np.array([one.value for one in scene.unknowns])
@@ -176,7 +176,7 @@ def test_the_deviation_of_a_scale_is_that_of_its_closed_form() -> None:
     assert sd == pytest.approx(N_GYRO / np.sqrt(DT) / np.sqrt(N * w.var()), rel=1e-3)
 
 
-def test_a_delay_and_a_bandwidth_are_told_apart_where_there_is_content() -> None:
+def test_a_delay_and_a_bandwidth_are_distinguished_where_there_is_content() -> None:
     """Exact answers of sines to 12 Hz: a phase of -2 pi f d; a phase and a loss of 1 / (1 + i f / fc)."""
     rng = np.random.default_rng(3)
     f, phase = rng.uniform(0.1, 12.0, (3, 10)), rng.uniform(0, 2 * np.pi, (3, 10))
@@ -210,7 +210,7 @@ def test_g_sensitivity_feels_the_accelerometer() -> None:
 
 @pytest.mark.parametrize("pair", ["zz", "xy"])
 def test_products_of_forces_are_no_forces(pair: str) -> None:
-    """Tilts to all sides: of 100 m^2/s^4 times 1e-5 the deviation of a sample's noise makes 60 in the whole record."""
+    """Tilts to all sides: of 100 m^2/s^4 times 1e-5 the standard deviation of a sample's noise makes 60 in the whole record."""
     w, f = waves(2, 1.0), waves(4, 5.0, 0.5) + np.array([0.0, 0.0, -G])
     product = f[:, AXES.index(pair[0])] * f[:, AXES.index(pair[1])]
     read = moved(w, 1, 1e-5 * product) + white(6, N_GYRO)
@@ -341,7 +341,9 @@ def test_iron_on_a_magnetometer(turning: tuple[Array, Array, Array]) -> None:
         if name == "hard_iron":
             assert (np.abs(theta - h) < LIMIT * sd).all()
         if added is magnet:
-            assert found.effect.time == pytest.approx(20.0, abs=DT)  # to the sample: of ten deviations
+            assert found.effect.time == pytest.approx(
+                20.0, abs=DT
+            )  # to the sample: of ten standard deviations
             assert found.effect.duration == pytest.approx(21.0, abs=DT)
             assert "from 2" in found.effect.sentence("mag", "uT")
         else:
@@ -360,7 +362,7 @@ def test_a_field_fixed_in_space_is_no_iron(turning: tuple[Array, Array, Array]) 
 
 
 def test_gravity_finds_its_direction(turning: tuple[Array, Array, Array]) -> None:
-    """The same motion told in east-north-up and north-east-down gives the same accelerometer."""
+    """The same motion given in east-north-up and north-east-down gives the same accelerometer."""
     _, R, _ = turning
     f = np.einsum("nji,j->ni", R, np.array([0.0, 0.0, -G]))
     flip = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])
@@ -550,7 +552,7 @@ def test_a_rate_table_shows_a_misalignment_in_the_axis_that_does_not_turn() -> N
 
 
 def test_motion_is_no_vibration() -> None:
-    """White shaking of a known deviation on a slow swing five times as large: its own variance, within 5 %."""
+    """White shaking of a known standard deviation on a slow swing five times as large: its own variance, within 5 %."""
     t = np.arange(20_000) * 0.01
     swing = 5.0 * np.sin(2 * np.pi * 0.3 * t)[:, None] * np.ones(3)
     shaken = swing + np.random.default_rng(4).standard_normal((t.size, 3))

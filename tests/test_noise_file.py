@@ -1,6 +1,6 @@
 """Proves that a noise file says what it means, survives being written, and is refused where it is wrong.
 
-A file is text from anywhere: nothing in it is executed, and no text in it, however odd, may come out as
+A file is text from anywhere: nothing in it is executed, and no text in it, however unusual, may come out as
 another model than went in.
 """
 
@@ -181,7 +181,7 @@ def test_another_number_gives_another_hash() -> None:
     assert a.hash != b.hash
 
 
-ODD = {
+UNUSUAL = {
     "quotes": 'the "best" log',
     "backslash": "C:\\logs\\new\\u0041.csv",
     "umlaut": "Prüfstand µ°",
@@ -196,12 +196,12 @@ ODD = {
 }
 
 
-@pytest.mark.parametrize("case", ODD)
+@pytest.mark.parametrize("case", UNUSUAL)
 def test_any_text_survives_in_the_provenance(case: str, tmp_path: Path) -> None:
-    noise = NoiseModel(full().channels, {"log": ODD[case]})
+    noise = NoiseModel(full().channels, {"log": UNUSUAL[case]})
     write_noise(noise, tmp_path / "n.toml")
     again = read_noise(tmp_path / "n.toml")
-    assert again.provenance["log"] == ODD[case]
+    assert again.provenance["log"] == UNUSUAL[case]
     assert list(again.channels) == list(noise.channels)
 
 

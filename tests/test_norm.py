@@ -50,7 +50,7 @@ IRON = (
 
 
 def fit(scene: NormScene, placed: tuple[Placed, ...], x0: Array | None = None) -> tuple[Array, Array, float]:
-    """Values (the unknown length last), deviations, half the sum of squares left, by scipy."""
+    """Values (the unknown length last), standard deviations, half the sum of squares left, by scipy."""
     keys = [(i, p.name) for i, one in enumerate(placed) for p in free(one.effect)]
 
     def residual(x: Array) -> Array:

@@ -1,7 +1,7 @@
 """Proves the proof on a log: the calls of a real recording give the same words in C, an altered header is found, gaps are bridged.
 
-What single precision does to the estimate is held to a share of the deviation that the filter states; the other side is
-filterpy's matrix arithmetic in double precision, which shares no routine with the emitted C.
+What single precision does to the estimate is held to a share of the standard deviation that the filter states; the
+other side is filterpy's matrix arithmetic in double precision, which shares no routine with the emitted C.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Find = Callable[[str], Path]
 FLIGHT = Path(__file__).parents[1] / "examples" / "recordings" / "fixed_wing.py"
 
 WITHIN = 0.05
-"""Of a deviation: what single precision may cost over a recording."""
+"""Of a standard deviation: what single precision may cost over a recording."""
 ANGLE = 1e-4
 """[rad] of it, 0.006 deg; the recordings' optical reference is good to 0.1 deg."""
 
@@ -144,7 +144,7 @@ def test_samples_that_a_sensor_has_not_are_no_calls(short: tuple[Program, Log]) 
 
 
 def test_rounding_finds_a_word_that_is_off(short: tuple[Program, Log]) -> None:
-    """A position one deviation away, at one sample, is one deviation; a turn of 1 mrad is 1 mrad."""
+    """A position one standard deviation away, at one sample, is one standard deviation; a turn of 1 mrad is 1 mrad."""
     program, log = short
     played, double = replay(FilterCalls(program, log)), run(program, log)
     k, call = 150, played.ends[150] - 1

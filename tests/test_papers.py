@@ -60,12 +60,12 @@ def test_the_variance_of_the_state() -> None:
     psi = [1.0, -0.5422 + 0.1382]
     for _ in range(200):
         psi.append(-0.5422 * psi[-1] - 0.1204 * psi[-2])
-    true, taken = white_state_variance()
+    true, as_white = white_state_variance()
     assert true == pytest.approx(float(np.sum(np.square(psi))), rel=1e-9)
     ar = [1.0, -0.5422]
     for _ in range(200):
         ar.append(-0.5422 * ar[-1] - 0.1204 * ar[-2])
-    assert taken == pytest.approx((1 + 0.1382**2) * float(np.sum(np.square(ar))), rel=1e-9)
+    assert as_white == pytest.approx((1 + 0.1382**2) * float(np.sum(np.square(ar))), rel=1e-9)
 
 
 def turning(n: int, dt: float) -> tuple[Log, np.ndarray]:

@@ -14,8 +14,8 @@ N, DT, DRAWS = 200, 0.01, 6000
 
 @pytest.mark.parametrize(("order", "corner"), [(1, 5.0), (2, 5.0), (2, 30.0), (2, 42.0)])
 def test_the_ends_of_a_record_carry_power_to_where_a_filter_stops(order: int, corner: float) -> None:
-    """Mean squares of 6000 draws within 5.5 deviations of them, 1e-5 for 800 ordinates; without the ends' share they
-    are up to hundreds of times what the filter lets pass."""
+    """Mean squares of 6000 draws within 5.5 standard deviations of them, 1e-5 for 800 ordinates; without the ends'
+    share they are up to hundreds of times what the filter lets pass."""
     if order == 2:
         b, a = butter(2, 2.0 * corner * DT)
     else:

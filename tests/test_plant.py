@@ -1,8 +1,8 @@
 """Proves that a plant is simulated as its equations say, with every effect, and that its scene finds them.
 
 Expected motions come from scipy's integrators of equations that the test writes itself, at tolerances of 1e-10;
-what an effect does is written anew for each (an actuator's lag as a state, a delay by breakpoints, a play by its
-definition). Recovered numbers are held to 4.5 of their own deviations (7e-6 of the seeds for each of about
+what an effect does is written anew for each (an actuator's lag as a state, a delay by breakpoints, a backlash by its
+definition). Recovered numbers are held to 4.5 of their own standard deviations (7e-6 of the seeds for each of about
 20 checks); seeds are fixed.
 """
 
@@ -251,7 +251,7 @@ def test_a_slow_sensor() -> None:
     assert np.abs(angle - exact).max() < 5e-3
 
 
-def test_a_play() -> None:
+def test_a_backlash() -> None:
     states, angle = run([("angle", make("backlash", width=0.1))], TIMES, push(TIMES))
     now, wanted = states[0, 1], []
     for h in states[:, 1]:
@@ -368,7 +368,7 @@ def moved(point: ScenePoint, values: Array) -> ScenePoint:
 
 
 def gauss_newton(scene: PlantScene, start: ScenePoint) -> tuple[Array, Array, Array]:
-    """Numbers, their deviations, residuals: differences of residuals, steps halved while they do not help."""
+    """Numbers, their standard deviations, residuals: differences of residuals, steps halved while they do not help."""
     x = np.array(
         [float(getattr(p.effect, q.name)) for p in start.placed for q in p.effect.estimated()]
         + start.unknowns.tolist()
@@ -399,7 +399,7 @@ def scene_of(angle: Array, seed: int, text: str = PENDULUM) -> PlantScene:
 
 
 def white(r: Array) -> None:
-    """Mean square one and no correlation of neighbours, within 4.5 deviations."""
+    """Mean square one and no correlation of neighbours, within 4.5 standard deviations."""
     assert abs(np.mean(r**2) - 1.0) < 4.5 * np.sqrt(2.0 / r.size)
     assert abs(np.mean(r[1:] * r[:-1])) < 4.5 / np.sqrt(r.size)
 
@@ -412,7 +412,7 @@ def test_a_right_model_leaves_white_residuals_over_the_whole_record() -> None:
     assert scene.dt == pytest.approx(0.02)
     assert scene.span == (0.0, pytest.approx(39.98))
     assert [u.name for u in scene.unknowns] == ["omega at 0 s", "theta at 0 s"]
-    x, sd, r = gauss_newton(scene, scene.believed())
+    x, sd, r = gauss_newton(scene, scene.assumed())
     white(r)
     assert np.all(np.abs(x - [-0.4, 0.3]) < 4.5 * sd)
 
@@ -438,20 +438,20 @@ def test_a_missing_term_is_recovered(name: str, values: dict[str, float]) -> Non
         "coulomb_friction": lambda w, p: -0.3 * np.tanh(w / 0.01),
     }
     scene = scene_of(motion(LONG, push(LONG), laws[name])[:, 1], 2)
-    before = scene.residuals([scene.believed()])
+    before = scene.residuals([scene.assumed()])
     assert np.mean(before**2) > 2.0
     (start,) = next(c for c in scene.candidates([]) if c[0].effect.name == name)
     assert start.where == "omega"
-    x, sd, r = gauss_newton(scene, scene.believed([start]))
+    x, sd, r = gauss_newton(scene, scene.assumed([start]))
     (wanted,) = values.values()
     slack = 0.02 * abs(wanted) if name == "coulomb_friction" else 0.0  # smooth over another speed
     assert abs(x[0] - wanted) < 4.5 * sd[0] + slack
     assert sd[0] < 0.1 * abs(wanted)
     white(r)
-    found = updated_model(scene.model, moved(scene.believed([start]), x).placed)
+    found = updated_model(scene.model, moved(scene.assumed([start]), x).placed)
     again = parse_model(model_text(found), "again.toml")
     assert again.dynamics_effects[0].where == "omega"
-    white(gauss_newton(PlantScene.of(again, scene.log), PlantScene.of(again, scene.log).believed())[2])
+    white(gauss_newton(PlantScene.of(again, scene.log), PlantScene.of(again, scene.log).assumed())[2])
 
 
 def changed(name: str) -> Array:
@@ -489,21 +489,21 @@ def changed(name: str) -> Array:
 def test_a_change_of_the_input_is_recovered(name: str, wanted: list[float]) -> None:
     scene = scene_of(changed(name), 3)
     starts = next(c for c in scene.candidates([]) if c[0].effect.name == name)
-    fits = [gauss_newton(scene, scene.believed([s])) for s in starts]
+    fits = [gauss_newton(scene, scene.assumed([s])) for s in starts]
     x, sd, r = min(fits, key=lambda f: float(f[2] @ f[2]))
     assert np.all(np.abs(x[: len(wanted)] - wanted) < 4.5 * sd[: len(wanted)])
     white(r)
 
 
-def test_a_wrong_parameter_is_recovered_and_mended_in_its_place() -> None:
+def test_a_wrong_parameter_is_recovered_and_corrected_in_its_place() -> None:
     text = PENDULUM.replace("19.6", "18.5")
     scene = scene_of(motion(LONG, push(LONG), none)[:, 1], 4, text)
     (start,) = next(c for c in scene.candidates([]) if c[0].where == "g_over_l")
     assert scene.unit(start) == "1/s^2"
-    x, sd, r = gauss_newton(scene, scene.believed([start]))
+    x, sd, r = gauss_newton(scene, scene.assumed([start]))
     assert abs(x[0] - 1.1) < 4.5 * sd[0]
     white(r)
-    found = updated_model(scene.model, moved(scene.believed([start]), x).placed)
+    found = updated_model(scene.model, moved(scene.assumed([start]), x).placed)
     assert found.parameters["g_over_l"].value == pytest.approx(18.5 + x[0])
     assert not found.dynamics_effects
 
@@ -514,7 +514,7 @@ def test_a_parameter_that_is_not_trusted_is_an_unknown() -> None:
     last = scene.unknowns[-1]
     assert (last.name, last.value, last.sd) == ("gain", 24.0, 2.0)
     assert not [c for c in scene.candidates([]) if c[0].where == "gain"]
-    x, sd, r = gauss_newton(scene, scene.believed())
+    x, sd, r = gauss_newton(scene, scene.assumed())
     assert abs(x[-1] - 25.0) < 4.5 * sd[-1]
     white(r)
     assert updated_model(scene.model, [], {"gain": 25.1}).parameters["gain"].value == 25.1
@@ -541,12 +541,12 @@ def test_candidates_are_at_sensible_places_once() -> None:
             for p in s.effect.estimated():
                 value = float(getattr(s.effect, p.name))
                 assert value > 0.0 if p.kind != "signed" else value == 0.0
-            assert np.isfinite(scene.residuals([scene.believed([s])])).all()
+            assert np.isfinite(scene.residuals([scene.assumed([s])])).all()
 
 
 def test_residuals_of_different_points_are_those_of_each() -> None:
     scene = scene_of(motion(LONG, push(LONG), none)[:, 1], 7)
-    points = [scene.believed([c[0]]) for c in scene.candidates([])] + [scene.believed()]
+    points = [scene.assumed([c[0]]) for c in scene.candidates([])] + [scene.assumed()]
     together = scene.residuals(points)
     for j, p in enumerate(points):
         np.testing.assert_allclose(together[:, j], scene.residuals([p])[:, 0], rtol=1e-9, atol=1e-9)
@@ -561,8 +561,8 @@ def test_a_chaotic_plant_is_followed_in_segments() -> None:
     y = X[:, 1] + 0.002 * np.sqrt(50.0) * rng.standard_normal(t.size)
     log = Log(t, {"angle": Channel.of(y, "rad"), "u": Channel.of(u, "N m")})
     scene = PlantScene.of(parse_model(text, "chaos.toml"), log)
-    assert np.isfinite(scene.residuals([scene.believed()])).all()
-    x, _, r = gauss_newton(scene, scene.believed())
+    assert np.isfinite(scene.residuals([scene.assumed()])).all()
+    x, _, r = gauss_newton(scene, scene.assumed())
     assert len(x) == 2 * len(scene.starts)
     white(r)
 
@@ -573,7 +573,7 @@ def test_an_unstable_plant_has_finite_residuals() -> None:
     angle = simulate(model, LONG, {"u": push(LONG)}, START).channels["angle"][:, 0]
     scene = PlantScene.of(model, recorded(angle, LONG, push(LONG), 10))
     wild = ScenePoint(
-        (Placed(make("viscous_friction", coefficient=-50.0), "omega"),), scene.believed().unknowns
+        (Placed(make("viscous_friction", coefficient=-50.0), "omega"),), scene.assumed().unknowns
     )
     assert np.isfinite(scene.residuals([wild])).all()
 
@@ -589,7 +589,7 @@ def test_a_channel_with_gaps_and_one_that_is_slow() -> None:
     channels = {"angle": Channel.of(angle, "rad"), "gyro": Channel.of(speed, "rad/s"), "u": Channel.of(push(LONG), "N m")}  # fmt: skip
     scene = PlantScene.of(parse_model(text, "m.toml"), Log(LONG, channels))
     assert scene.lengths == (2000, 400)
-    r = gauss_newton(scene, scene.believed())[2]
+    r = gauss_newton(scene, scene.assumed())[2]
     white(r[:2000])
     white(r[2000:])
 
@@ -661,7 +661,7 @@ def test_a_free_motion_that_dies_away_at_uneven_times() -> None:
     scene = PlantScene.of(parse_model(FREE, "free.toml"), Log(t, {"x": Channel.of(x + noise, "m")}))
     (start,) = next(s for s in scene.candidates([]) if s[0].effect.name == "viscous_friction")
     assert {s[0].where for s in scene.candidates([])} == {"v", "x", "k"}
-    values, sd, r = gauss_newton(scene, scene.believed([start]))
+    values, sd, r = gauss_newton(scene, scene.assumed([start]))
     assert abs(values[0] - c) < 4.5 * sd[0]
     white(r)
 
@@ -679,6 +679,6 @@ def test_a_model_without_states() -> None:
     scene = PlantScene.of(model, Log(t, {"U": Channel.of(u, "V"), "i": Channel.of(push(t), "A")}))
     assert scene.unknowns == ()
     (start,) = next(s for s in scene.candidates([]) if s[0].where == "R")
-    values, sd, r = gauss_newton(scene, scene.believed([start]))
+    values, sd, r = gauss_newton(scene, scene.assumed([start]))
     assert abs(values[0] - 0.1) < 4.5 * sd[0]
     white(r)

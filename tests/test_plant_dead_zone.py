@@ -56,14 +56,14 @@ def test_a_dead_zone_is_named(width: float, kfgen: Cli, tmp_path: Path) -> None:
     table = np.column_stack([np.arange(u.size) * 0.01, u, turned(u, width, 51)])
     np.savetxt(path, table, delimiter=",", header="t [s],u [V],speed [rad/s]", comments="", fmt="%.12g")
     model.write_text(MOTOR, encoding="utf-8")
-    mended = tmp_path / "mended.toml"
-    done = kfgen("gap", path, "--model", model, "--json", out, "-o", mended)
+    updated = tmp_path / "updated.toml"
+    done = kfgen("gap", path, "--model", model, "--json", out, "-o", updated)
     assert done.exit_code == 0, done.output
     (step,) = json.loads(out.read_text(encoding="utf-8"))["steps"]
     assert step["effect"] == "input_dead_zone"
     lo, hi = step["parameters"]["width"]["ci95"]
     assert abs(width - 0.5 * (lo + hi)) < 2.5 * 0.5 * (hi - lo) < 0.2 * width
-    again = kfgen("gap", path, "--model", mended, "--json", out)
+    again = kfgen("gap", path, "--model", updated, "--json", out)
     assert again.exit_code == 0, again.output
     assert not json.loads(out.read_text(encoding="utf-8"))["steps"]
 

@@ -45,7 +45,7 @@ def scene() -> PlantScene:
 
 
 def test_a_simulation_that_runs_away_is_no_constant(scene: PlantScene) -> None:
-    """Held beyond the data it stays far from them, whatever constant is taken off."""
+    """Held beyond the data it stays far from them, whatever constant is subtracted."""
     recorded = scene.recorded["speed"]
     for far in (1e12, -1e12, np.nan, np.inf):
         left = recorded.left(np.full((1000, 1), far))[:, 0]

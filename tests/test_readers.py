@@ -167,7 +167,7 @@ def test_one_column_with_a_rate(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.t, [0.0, 0.1])
 
 
-def test_foreign_lines_and_comments_before_the_header_are_passed_over(tmp_path: Path) -> None:
+def test_foreign_lines_and_comments_before_the_header_are_skipped(tmp_path: Path) -> None:
     lines = ["# logger 3000", "Date: yesterday", "range,250", "# t [s],a [m]", "# end", "0,1", "1,2"]
     lines[4] = ""
     log = read_log(csv(tmp_path, *lines))
@@ -175,7 +175,7 @@ def test_foreign_lines_and_comments_before_the_header_are_passed_over(tmp_path: 
 
 
 @pytest.mark.parametrize("line", ["# a remark", "", "   "])
-def test_comments_and_blank_lines_between_rows_are_passed_over(tmp_path: Path, line: str) -> None:
+def test_comments_and_blank_lines_between_rows_are_skipped(tmp_path: Path, line: str) -> None:
     log = read_log(csv(tmp_path, "t [s],a [m]", "0,1", line, "1,2"))
     np.testing.assert_array_equal(log.values("a"), [1.0, 2.0])
 

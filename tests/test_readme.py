@@ -111,7 +111,7 @@ def test_files_that_are_shown_are_read() -> None:
         assert FORMATS[name](text, "docs/files.md") is not None
 
 
-def test_pages_are_short_and_their_links_lead_somewhere() -> None:
+def test_pages_are_short_and_their_links_resolve() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert readme.count("\n") <= 150
     for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:

@@ -33,7 +33,7 @@ SEEDS = range(12)
 DURATION = 12.0
 RATE = 50.0
 SMALL = 0.05
-"""Initial deviations against the priors: small enough for a linear filter."""
+"""Initial standard deviations over the priors: small enough for a linear filter."""
 
 
 @cache
@@ -135,8 +135,8 @@ def test_innovations_over_a_log_after_the_alignment(sensor: str) -> None:
     assert np.abs(lag).max() < 4.0 / np.sqrt(len(y))
 
 
-def test_a_filter_that_believes_too_small_a_noise_leaves_the_band() -> None:
-    """The band can fail: GNSS 1.3 times as noisy as believed."""
+def test_a_filter_that_assumes_too_small_a_noise_leaves_the_band() -> None:
+    """The band can fail: GNSS 1.3 times as noisy as assumed."""
     nis = np.concatenate([consistent_run(s)[1]["gnss_position"] for s in SEEDS])
     assert not in_band(1.3**2 * nis.sum(), 3 * nis.size)
 
@@ -159,7 +159,7 @@ def made(tilt: np.ndarray, heading: np.ndarray, extra: dict[str, np.ndarray] | N
 
 
 @pytest.mark.parametrize("offset", [0.0, 1.0, 3.1, -2.0])
-def test_tilt_and_heading_errors_are_told_apart(offset: float) -> None:
+def test_tilt_and_heading_errors_are_distinguished(offset: float) -> None:
     rng = np.random.default_rng(0)
     tilt, heading = rng.uniform(0.0, 0.6, 500), 0.2 * rng.normal(size=500)
     error = attitude_error(*made(tilt, heading + offset))

@@ -1,8 +1,8 @@
-"""Proves that times as they were logged become evidence: even, gappy or uneven, said in words, and never mended.
+"""Proves that times as they were logged become evidence: even, gappy or uneven, said in words, and never changed.
 
-Records of white noise of deviation one are made in plain numpy with fixed seeds. An estimate is held to four of its
-Cramer-Rao bounds, 1/sqrt(2 n) for one deviation (chance 6e-5 a case), or to its own 95 % interval widened twofold
-(9e-5).
+Records of white noise of standard deviation one are made in plain numpy with fixed seeds. An estimate is held to
+four of its Cramer-Rao bounds, 1/sqrt(2 n) for one standard deviation (chance 6e-5 a case), or to its own 95 %
+interval widened twofold (9e-5).
 """
 
 from __future__ import annotations
@@ -308,7 +308,7 @@ def test_the_constants_of_logs_are_their_own(four: Identified) -> None:
 def test_logs_of_different_rates_are_refused_together() -> None:
     with pytest.raises(InputError, match="50 to 100 Hz") as caught:
         JointRecord((Record(T, noise(0)), Record(2 * T, noise(1))))
-    assert "apart" in str(caught.value.remedy)
+    assert "separately" in str(caught.value.remedy)
 
 
 def test_logs_of_different_lengths_are_fitted_together() -> None:

@@ -97,7 +97,7 @@ def test_innovations_are_white_and_normal_and_give_the_noise_back() -> None:
 
 @pytest.mark.parametrize("nu", [4.0, 200.0])
 def test_a_law_integrates_to_one(nu: float) -> None:
-    """Heavy and light tails, four arguments of scales from 1e-3 to 10, first points two deviations off."""
+    """Heavy and light tails, four arguments of scales from 1e-3 to 10, first points two standard deviations off."""
     mean, L = (
         np.array([1.0, -2.0, 0.5, 3.0]),
         np.diag([1e-3, 0.1, 1.0, 10.0]) @ (np.eye(4) + 0.4 * np.eye(4, k=-1)),

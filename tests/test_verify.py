@@ -134,7 +134,7 @@ def test_no_word_differs_on_any_core(core: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("core", ["rv32imfc"])
 def test_fused_products_stay_within_the_tolerance(core: str, tmp_path: Path) -> None:
-    """They do fuse, for fewer instructions run; words are within a thousandth of a deviation."""
+    """They do fuse, for fewer instructions run; words are within a thousandth of a standard deviation."""
     need("m4f")
     p = Program(DiscreteModel(build("ahrs6")), "ud")
     write_folder(p, "c", None, tmp_path / "c")

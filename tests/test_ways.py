@@ -90,8 +90,8 @@ def test_no_word_differs(name: str, options: dict[str, str], how: dict[str, Any]
         assert v.words == v.calls * program.word_count > 5000
 
 
-def waits(lump: float) -> Program:
-    return Program(DiscreteModel(walking()), "ud", q_interval=lump)
+def waits(q_interval: float) -> Program:
+    return Program(DiscreteModel(walking()), "ud", q_interval=q_interval)
 
 
 def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:

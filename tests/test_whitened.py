@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import make
 from kfgen.gap.core.whitener import DENSITY_GRID_POINTS, Whitener
-from kfgen.gap.rest.evidence import believed, series_of
+from kfgen.gap.rest.evidence import assumed, series_of
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import residual_ratio
 
@@ -86,8 +86,8 @@ def test_a_series_tells_its_white_part_from_its_slow_one() -> None:
     """Shares of the density: the low-frequency end is the process, the upper end is white."""
     n = 8192
     record = Record(np.arange(n) * DT, samples(n))
-    series = series_of(believed(record, SLOW[:2], {}))
-    fitted = believed(record, SLOW[:2], {}).fit.effects
+    series = series_of(assumed(record, SLOW[:2], {}))
+    fitted = assumed(record, SLOW[:2], {}).fit.effects
     omega = np.arange(1, n) * np.pi / n
     parts = [e.sampled_density(omega, DT) for e in fitted]
     np.testing.assert_allclose(series.slow[1:], parts[1] / (parts[0] + parts[1]), rtol=1e-3, atol=1e-6)

@@ -1,7 +1,7 @@
 """Baselines: which effect the Allan variance alone would name, by lowest AIC and by lowest BIC.
 
 The overlapping Allan variance at octaves of the sample time is fitted, in logarithms and with weights
-of half its degrees of freedom, by the believed terms (held) plus up to two of Q, B, GM, K, R and by a
+of half its degrees of freedom, by the assumed terms (held) plus up to two of Q, B, GM, K, R and by a
 white noise whose size is free. The name given is that of the added term that improves the fit most.
 """
 
@@ -46,7 +46,7 @@ def gauss_markov_variance(tau: Array, sigma: float, corner: float) -> Array:
 
 
 def said(y: Array, dt: float, base: Mapping[str, float]) -> tuple[str, str]:
-    """The names by lowest AIC and by lowest BIC; ``none`` where the believed terms suffice."""
+    """The names by lowest AIC and by lowest BIC; ``none`` where the assumed terms suffice."""
     tau, avar, edf = allan_variance(y, dt)
     fits: dict[tuple[str, ...], float] = {(): _misfit((), tau, avar, edf, base)}
     for size in range(1, MOST + 1):

@@ -1,4 +1,4 @@
-"""`Case`: a log with something hidden in it, what is believed of it, and the truth kept apart."""
+"""`Case`: a log with something hidden in it, what is assumed about it, and the truth kept separately."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Hidden:
     parameters : mapping
         True values [SI].
     nats : float
-        Expected gain of log-likelihood over the believed model.
+        Expected gain of log-likelihood over the assumed model.
     penalty : float
         Subtracted from it to give the strength [nats].
     also : tuple of str
@@ -103,7 +103,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Case:
-    """A log, a believed model and the truth.
+    """A log, an assumed model and the truth.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Case:
     model : str
         Text of the noise or model file.
     base : mapping of str to float
-        Believed noise of the first channel in its own unit (``N``, ``sigma``, ``tau``), for baselines.
+        Assumed noise of the first channel in its own unit (``N``, ``sigma``, ``tau``), for baselines.
     """
 
     request: Request
@@ -145,7 +145,7 @@ class Case:
         return place
 
     def write_truth(self, folder: Path) -> Path:
-        """Write ``folder/<id>.json``, apart from the log; return it."""
+        """Write ``folder/<id>.json``, separate from the log; return it."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{self.request.id}.json"
         path.write_text(json.dumps(self.truth(), indent=1), encoding="utf-8")

@@ -5,12 +5,12 @@ it hid. Parameters are in SI. Where a name leaves room, this is what is meant:
 
 * ``low_pass``: the white noise through ``y_k = phi y_(k-1) + (1 - phi) w_k``, ``phi = exp(-2 pi corner dt)``
 * ``quantisation``: the integrated output is rounded; ``Q`` is the step over sqrt(12). In every other case
-  the rounding error is that of a dithered counter: uniform, without a lattice of values
-* ``outliers``: `share` of the samples have normal noise of deviation `sigma` added to the usual one
-* ``noise_change``: `ratio` of deviations, after to before
+  the rounding error is that of a dithered counter: uniform, without a grid of values
+* ``outliers``: `share` of the samples have normal noise of standard deviation `sigma` added to the usual one
+* ``noise_change``: `ratio` of standard deviations, after to before
 * ``intermittent_noise``: white noise, `ratio` times as loud in a `share` of the time, for `lasting` on average
 * ``random_telegraph``: two levels `size` apart, mean time of stay `dwell`
-* ``thermal_hysteresis``: ``coefficient * h`` with the play ``h = clip(h, T - width, T + width)``; its
+* ``thermal_hysteresis``: ``coefficient * h`` with the hysteresis ``h = clip(h, T - width, T + width)``; its
   strength is that of the part which is not linear in T
 * ``resonance``: white noise through an all-pole oscillator
 """
@@ -52,7 +52,7 @@ def _known(r: Recording, shape: Array, X: float, penalty: float) -> float:
 
 
 def _random(r: Recording, x: Array, X: float, penalty: float) -> float:
-    """The size of a process, whose variance over the believed one is x for size 1, that is worth X."""
+    """The size of a process, whose variance over the assumed one is x for size 1, that is worth X."""
     return nats.scaled(lambda a: nats.random_gain(1.0 + a * a * x), X + penalty, 1e-12, 1e12)
 
 
@@ -106,7 +106,7 @@ def temperature_rate(r: Recording, X: float) -> Hidden:
     return _hidden(r, "temperature_rate", {"coefficient": sign * size * r.si}, X + p, p)
 
 
-def play(temperature: Array, width: float) -> Array:
+def hysteresis(temperature: Array, width: float) -> Array:
     """``h = clip(h, T - width, T + width)``, from ``h = T`` at the start."""
     h, values = float(temperature[0]), []
     for low, high in zip((temperature - width).tolist(), (temperature + width).tolist()):
@@ -116,10 +116,10 @@ def play(temperature: Array, width: float) -> Array:
 
 
 def thermal_hysteresis(r: Recording, X: float) -> Hidden:
-    """Play of a fifth of the range of temperature."""
+    """Hysteresis of a fifth of the range of temperature."""
     p, sign = nats.penalty(r.n, 2), _sign(r)
     width = 0.2 * float(np.ptp(r.temperature))
-    shape = play(r.temperature, width) - 25.0
+    shape = hysteresis(r.temperature, width) - 25.0
     T = np.column_stack([np.ones(r.n), r.temperature])
     rest = shape - T @ np.linalg.lstsq(T, shape, rcond=None)[0]
     size = float(np.sqrt((X + p) / nats.known_gain(rest, r.spectrum)))
@@ -147,7 +147,7 @@ def bias_instability(r: Recording, X: float) -> Hidden:
 
 
 def gauss_markov_bias(r: Recording, X: float) -> Hidden:
-    """A (second) Gauss-Markov bias; beside a believed one, a tenth or less of its time constant."""
+    """A (second) Gauss-Markov bias; beside an assumed one, a tenth or less of its time constant."""
     p = nats.penalty(r.n, 2)
     longest = r.sensor.tau / 10.0 if r.sensor.sigma else r.duration / 25.0
     tau = float(np.exp(r.rng.uniform(np.log(5.0 * r.dt), np.log(longest))))

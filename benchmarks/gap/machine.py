@@ -29,7 +29,7 @@ class Machine:
     output : int
         The state that is measured.
     noise : float
-        Deviation of a sample, in `unit`; `factor` takes the unit to SI.
+        Standard deviation of a sample, in `unit`; `factor` takes the unit to SI.
     drive : float
         Size of the input.
     same : mapping of str to str
@@ -77,12 +77,12 @@ class Machine:
 
 @dataclass(frozen=True)
 class Change:
-    """What differs from the believed plant; the names are those of the catalogue.
+    """What differs from the assumed plant; the names are those of the catalogue.
 
     Parameters
     ----------
     numbers : mapping
-        True values of parameters that are believed wrongly.
+        True values of parameters that are assumed wrongly.
     """
 
     viscous_friction: float = 0.0

@@ -1,7 +1,7 @@
 """Records on a rate table, with references: gyroscope, accelerometer, magnetometer.
 
 A hidden effect changes the noise-free signals by d(t). Its gain is ``1/2 sum |d|^2 / sigma^2`` over all
-channels, after the part that the believed model explains anyway has been taken out of d by least squares:
+channels, after the part that the assumed model explains anyway has been removed from d by least squares:
 a constant on every channel of gyroscope and accelerometer, the three components of the unknown field on
 the magnetometer. Size is found by bisection, for effects that are not linear in it; at the strength `OBVIOUS` it is that of `SIZES`.
 
@@ -11,7 +11,7 @@ the magnetometer. Size is found by bisection, for effects that are not linear in
 * ``vibration_rectification``: ``y_x += coefficient * v(t)``, v the variance of the vibration, its axes together
 * ``bandwidth``: one pole at `corner`; ``time_delay``: the sensor shows the motion `delay` seconds late. To first
   order both are the same; where the best of one comes within a nat of the other (`TWIN`), no record of this motion
-  can tell them apart: the case counts as poorly excited, and either name is right; so with the square of a force
+  can distinguish them: the case counts as poorly excited, and either name is right; so with the square of a force
   whose tilts are so small that one of the forces does the same
 * ``soft_iron``, entry xy: ``B_x += xy * B_y``, both ways; ``magnetic_disturbance``: a constant in the
   navigation frame, in a span of time
@@ -32,7 +32,7 @@ from table import Table, poor, rich
 
 AXES = "xyz"
 NOISE = {"gyro": 0.1, "accel": 0.05, "mag": 0.4}
-"""Deviation of a sample in the unit of the log."""
+"""Standard deviation of a sample in the unit of the log."""
 UNIT = {"gyro": "deg/s", "accel": "m/s^2", "mag": "uT"}
 FIELD = np.array([21.0, 1.2, 43.0])
 """The local field [uT], north, east, down; the tool is not told."""
@@ -48,7 +48,7 @@ class Run:
     Parameters
     ----------
     shaken : array
-        Deviation of the vibration at every sample [m/s^2].
+        Standard deviation of the vibration at every sample [m/s^2].
     temperature : array
         Of the sensor [degC].
     """
@@ -237,11 +237,11 @@ RICH_ONLY = (
     "vibration_rectification",
     "g_squared",
 )
-"""Effects that poor motion hides or that need more than one axis: measured in rich motion alone."""
+"""Effects that little motion hides or that need more than one axis: measured in motion with much excitation alone."""
 
 
 def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
-    """Every effect at every strength and at its obvious size; odd numbers in poor motion. Null records of each kind of sensor."""
+    """Every effect at every strength and at its obvious size; odd numbers with little excitation. Null records of each kind of sensor."""
     out = [
         Request("motion", "single", (name,), X, i, int(seeds.integers(2**47)))
         for X in (OBVIOUS, *strengths)
@@ -291,7 +291,7 @@ def _run(table: Table, rng: np.random.Generator) -> Run:
 
 
 def _gain(run: Run, plan: Plan, size: float) -> float:
-    """Nats of a size, less what the believed model explains."""
+    """Nats of a size, less what the assumed model explains."""
     return _nats(plan.kind, run, plan.change(size) - plan.change(0.0))
 
 
@@ -327,8 +327,8 @@ def _case(
         q = run.attitude.as_quat(scalar_first=True)
         out |= {f"ref_q_{a}": (q[:, k], "") for k, a in enumerate("wxyz")}
     out["temperature"] = (run.temperature + 0.05 * rng.standard_normal(n), "degC")
-    believed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
-    return Case(request, f"{variant}-{kind}", hidden, run.table.t, out, noise_file(believed))
+    assumed = {f"{kind}_{a}": (UNIT[kind], {"N": NOISE[kind] * run.table.dt**0.5}) for a in AXES}
+    return Case(request, f"{variant}-{kind}", hidden, run.table.t, out, noise_file(assumed))
 
 
 def _measured(

@@ -1,12 +1,12 @@
 """Records of a plant with an input: pendulum, motor, cart.
 
-The gain of a hidden effect is ``1/2 d' (I + J J')^-1 d``: ``d`` is ``(h_true - h_believed) / sigma`` between the two
-noise-free simulations from the same start, and a column of ``J`` is what one deviation of a state's start adds to it. A
-start is known no better than the model file says (`START`); what another start explains is no gap. Coefficients of friction, drag and springs act on the acceleration:
-``v' = … - coefficient v``, ``- level tanh(v / v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``,
-``- coefficient q``, ``- coefficient q^3``. The others act on the input: ``clip(u, ±limit)``,
-``u + k2 u^2``, ``u + value``, ``u(t - delay)``, one pole `tau`; ``sensor_lag`` is a pole on the measurement.
-At the strength `OBVIOUS` the sizes are those of `SIZES`, whatever they are worth.
+The gain of a hidden effect is ``1/2 d' (I + J J')^-1 d``: ``d`` is ``(h_true - h_assumed) / sigma`` between the two
+noise-free simulations from the same start, and a column of ``J`` is what one standard deviation of a state's start
+adds to it. A start is known no better than the model file says (`START`); what another start explains is no gap.
+Coefficients of friction, drag and springs act on the acceleration: ``v' = … - coefficient v``, ``- level tanh(v /
+v0)`` with v0 = 0.02 in SI, ``- coefficient v |v|``, ``- coefficient q``, ``- coefficient q^3``. The others act on
+the input: ``clip(u, ±limit)``, ``u + k2 u^2``, ``u + value``, ``u(t - delay)``, one pole `tau`; ``sensor_lag`` is a
+pole on the measurement. At the strength `OBVIOUS` the sizes are those of `SIZES`, whatever they are worth.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from machine import Change, Machine, excite, respond
 
 DEGREE = np.pi / 180.0
 START = 0.01
-"""Deviation of where states start [SI]."""
+"""Standard deviation of where states start [SI]."""
 FARTHEST = 1.6
-"""Angle of the believed pendulum [rad]."""
+"""Angle of the assumed pendulum [rad]."""
 
 
 def _pendulum(x: Sequence[float], u: float, p: Mapping[str, float]) -> list[float]:
@@ -165,7 +165,7 @@ def make(request: Request) -> Case:
     m = MACHINES[which]
     n = int(rng.integers(2000, 4001))
     u, start = excite(rng, m, n), (START * rng.standard_normal(len(m.states))).tolist()
-    believed = {k: v for k, (v, _) in m.parameters.items()}
+    assumed = {k: v for k, (v, _) in m.parameters.items()}
     plain = respond(m, u, start, Change())
     while m is PENDULUM and np.abs(plain).max() > FARTHEST:  # over the top nothing can be predicted
         u = 0.7 * u
@@ -180,7 +180,7 @@ def make(request: Request) -> Case:
         m.channel: (noisy, m.unit),
         "temperature": (25.0 + 0.01 * np.arange(n) / m.rate + 0.05 * rng.standard_normal(n), "degC"),
     }
-    return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(believed))
+    return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(assumed))
 
 
 Drawn = tuple[Array, list[float], Array, np.random.Generator]
@@ -205,8 +205,8 @@ def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array
 
     def gain(size: float) -> float:
         away = (respond(m, u, start, change(size)) - plain) / (m.factor * m.noise)
-        taken = J.T @ away
-        kept = away @ away - taken @ np.linalg.solve(np.eye(len(start)) + J.T @ J, taken)
+        projected = J.T @ away
+        kept = away @ away - projected @ np.linalg.solve(np.eye(len(start)) + J.T @ J, projected)
         return max(float(0.5 * kept), 1e-12)
 
     p = nats.penalty(u.size, 1)

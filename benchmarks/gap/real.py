@@ -1,9 +1,9 @@
 """Effects hidden in real recordings of sensors at rest.
 
-What is believed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
-hidden in it: without the hidden effect both agree. What is believed of a piece already is not hidden in it. The size
+What is assumed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
+hidden in it: without the hidden effect both agree. What is assumed about a piece already is not hidden in it. The size
 that is worth a number of nats is reckoned over the piece's own periodogram. Samples are rounded to the recording's own
-lattice again; thermometer and decoys are drawn as for records of sensors that never were.
+ADC grid again; thermometer and decoys are drawn as for records of sensors that never were.
 
 The recordings are those of ``../shared/data`` (or of KFGEN_DATA); the world is empty where they are absent.
 """
@@ -28,10 +28,10 @@ from sensor import THERMOMETER_NOISE, Recording, Sensor, climate
 DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 LEFT_OUT = ("cross_axis_noise",)
 """Effects that need a second axis whose noise is known."""
-OFF_THE_LATTICE = ("quantisation", "low_pass")
+BEFORE_THE_ADC = ("quantisation", "low_pass")
 """Effects that come before the converter: the samples of a coarse one, rounded twice, would lose them again."""
 ROUNDS = 3
-"""Times that the believed model is mended until nothing is found in the piece as it is."""
+"""Times that the assumed model is updated until nothing is found in the piece as it is."""
 WIDTH = 0.04
 """Half-width of the average over the periodogram, of the frequency."""
 LEAST = 6
@@ -95,7 +95,7 @@ def _pieces() -> list[Piece]:
     return [p for p in out if (DATA / f"{p.file}.npz").is_file()]
 
 
-def _lattice(y: Array) -> float:
+def _adc_step(y: Array) -> float:
     """The step of the values that occur."""
     steps = np.diff(np.unique(y))
     return float(steps[steps > 1e-6 * np.ptp(y)].min())
@@ -103,7 +103,7 @@ def _lattice(y: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Base(Sensor):
-    """A piece as the sensor of records: its samples, their lattice, and what is believed of them."""
+    """A piece as the sensor of records: its samples, their ADC grid, and what is assumed about them."""
 
     samples: Array | None = None
     step: float = 0.0
@@ -129,7 +129,7 @@ def _base(index: int) -> Base | None:
     """None where what is found in a piece has no end: it is no base for a hidden effect."""
     p = _pieces()[index]
     y = p.stored() * p.scale
-    text = _believed(p, y)
+    text = _assumed(p, y)
     if not text:
         return None
     white = float(np.std(np.diff(y)) / np.sqrt(2.0))
@@ -137,11 +137,11 @@ def _base(index: int) -> Base | None:
     offset = float(np.median(y))
     return Base(
         name, p.channel, p.unit, p.rate, y.size, white, offset=offset,
-        samples=y - offset, step=_lattice(y), text=text,
+        samples=y - offset, step=_adc_step(y), text=text,
     )  # fmt: skip
 
 
-def _believed(p: Piece, y: Array) -> str:
+def _assumed(p: Piece, y: Array) -> str:
     """The text of the noise file with which ``kfgen gap`` finds nothing in the piece; empty if there is none."""
     from typer.testing import CliRunner
 
@@ -189,7 +189,7 @@ def make(request: Request) -> Case:
     r = Recording(base, rng, n, base.samples.copy(), np.zeros(n), temperature, warmth)
     hidden = tuple(EFFECTS[name](r, request.strength) for name in request.effects)
     channels = r.channels()
-    if not set(request.effects) & set(OFF_THE_LATTICE):
+    if not set(request.effects) & set(BEFORE_THE_ADC):
         steps = np.round((channels[base.channel][0] - base.offset) / base.step)
         channels[base.channel] = (base.offset + steps * base.step, base.unit)
     t = np.arange(n) * base.dt

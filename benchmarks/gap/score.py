@@ -25,7 +25,7 @@ class Score:
     right_first : bool
         The first name is a hidden effect (or an exact equivalent of it).
     in_set : bool
-        The truth is the first name or cannot be told from it.
+        The truth is the first name or cannot be distinguished from it.
     set_size : int
     probability : float
         Claimed for the first name; nan without one.
@@ -34,13 +34,13 @@ class Score:
     covered : tuple of (str, bool)
         Parameters of the rightly named effects, and whether their 95 % intervals hold the truth.
     closed : float
-        Fraction of the held-out gap that the mended model closes, by the tool's own account.
+        Fraction of the held-out gap that the updated model closes, by the tool's own account.
     after : float
-        Held-out gap of the mended model by the tool's own account; zero or less is none above chance.
+        Held-out gap of the updated model by the tool's own account; zero or less is none above chance.
     remaining : bool
         A test of what is left is significant, by the tool's own account.
     gained, best : float
-        Nats over the believed model on a second record, of the mended model and of the oracle; see `second`.
+        Nats over the assumed model on a second record, of the updated model and of the oracle; see `second`.
     """
 
     id: str
@@ -129,7 +129,7 @@ def _first(verdict: str, steps: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _options(step: Mapping[str, Any]) -> set[str]:
-    """The effect and what the answer says cannot be told from it."""
+    """The effect and what the answer says cannot be distinguished from it."""
     listed = step.get("indistinguishable")
     if listed is None:
         listed = [a for a in step.get("alternatives", ()) if float(a.get("probability", 0.0)) > EXACT]

@@ -1,17 +1,17 @@
-"""What a mended model is worth on a second record of the same sensor, which the tool never sees.
+"""What an updated model is worth on a second record of the same sensor, which the tool never sees.
 
 The second record has the same truth, new noise and a new climate. Three models are judged on it by the
-mean of their log-likelihood over all such records (so no single draw adds noise): the believed one, the
-mended one with the numbers that the answer gives, and the oracle's, which knows the truth. The score is
+mean of their log-likelihood over all such records (so no single draw adds noise): the assumed one, the
+updated one with the numbers that the answer gives, and the oracle's, which knows the truth. The score is
 
-    (mended - believed) / (oracle - believed),
+    (updated - assumed) / (oracle - assumed),
 
-at most 1, below 0 where the mended model predicts worse than the believed one.
+at most 1, below 0 where the updated model predicts worse than the assumed one.
 
 * Spectra and known signals are compared per ordinate of the cosine transform, as in `strength`, and as
   there each model may retune its level by a common factor. Wrong names count as well: a random walk
   named for flicker has its own spectrum.
-* Driven effects follow the true temperature of the new record, in the mended model and in the oracle's.
+* Driven effects follow the true temperature of the new record, in the updated model and in the oracle's.
 * The phase of a line on another day is nobody's to know: each model gets the best one.
 * Outliers and telegraph, where they are both hidden and named, add what their laws gain over the normal
   law of the same spectrum; telegraph noise is judged on drawn records, the same for both models.
@@ -30,7 +30,7 @@ from functools import lru_cache, partial
 import numpy as np
 import strength as nats
 from case import SI, Array, Case
-from effects import play
+from effects import hysteresis
 from noise import (
     all_pole_spectrum,
     angles,
@@ -148,7 +148,7 @@ SIGNALS: Mapping[str, Callable[[Array, Array, Mapping[str, float]], Array]] = {
     "warm_up": lambda t, T, v: v["size"] * np.exp(-t / v["tau"]),
     "temperature": lambda t, T, v: v["coefficient"] * (T - 25.0),
     "temperature_rate": lambda t, T, v: v["coefficient"] * np.gradient(T, t[1] - t[0]),
-    "thermal_hysteresis": lambda t, T, v: v["coefficient"] * play(T, v["width"]),
+    "thermal_hysteresis": lambda t, T, v: v["coefficient"] * hysteresis(T, v["width"]),
 }
 LASTING = (*SPECTRA, *SIGNALS, "sinusoid", "low_pass", "outliers")
 """Effects that say something of a second record."""
@@ -157,7 +157,7 @@ LASTING = (*SPECTRA, *SIGNALS, "sinusoid", "low_pass", "outliers")
 def reached(
     case: Case, steps: Sequence[Mapping[str, object]], base: Mapping[str, float]
 ) -> tuple[float, float]:
-    """Nats that the mended model and the oracle's gain over the believed one on a second record.
+    """Nats that the updated model and the oracle's gain over the assumed one on a second record.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def reached(
     steps : sequence of mapping
         What the answer added: ``effect``, ``channel``, ``parameters`` with values in SI.
     base : mapping
-        Believed numbers that the mended model has changed: ``N``, ``sigma``, ``tau`` in the sensor's unit;
+        Assumed numbers that the updated model has changed: ``N``, ``sigma``, ``tau`` in the sensor's unit;
         ``order`` of a low-pass.
 
     Returns
@@ -178,11 +178,11 @@ def reached(
     if hidden.effect not in LASTING:
         return np.nan, np.nan
     sensor = next(s for s in SENSORS if s.name == case.variant)
-    believed = Model(sensor, case.t.size, ())
-    oracle = replace(believed, terms=((hidden.effect, hidden.parameters),))
-    named = replace(believed, sensor=_anew(sensor, base), terms=_terms(steps, hidden.channel, base))
+    assumed = Model(sensor, case.t.size, ())
+    oracle = replace(assumed, terms=((hidden.effect, hidden.parameters),))
+    named = replace(assumed, sensor=_anew(sensor, base), terms=_terms(steps, hidden.channel, base))
     seed = np.random.default_rng([case.request.seed, 2]).integers(2**32)
-    worth = [_likelihood(oracle, m, np.random.default_rng(seed)) for m in (believed, named, oracle)]
+    worth = [_likelihood(oracle, m, np.random.default_rng(seed)) for m in (assumed, named, oracle)]
     return worth[1] - worth[0], worth[2] - worth[0]
 
 
@@ -199,7 +199,7 @@ def _terms(
 
 
 def _anew(sensor: Sensor, base: Mapping[str, float]) -> Sensor:
-    """The believed sensor with numbers that the tool has changed."""
+    """The assumed sensor with numbers that the tool has changed."""
     return replace(
         sensor,
         white=base["N"] / sensor.dt**0.5 if "N" in base else sensor.white,
@@ -211,7 +211,7 @@ def _anew(sensor: Sensor, base: Mapping[str, float]) -> Sensor:
 def _likelihood(true: Model, model: Model, rng: np.random.Generator) -> float:
     """Mean log-likelihood [nats] of a model over records of the truth, up to a constant."""
     t, dt = np.arange(true.n) * true.sensor.dt, true.sensor.dt
-    believed, P = model.spectrum, true.spectrum
+    assumed, P = model.spectrum, true.spectrum
     total = []
     for _ in range(CLIMATES):
         temperature, phase = climate(rng, true.n, dt), rng.uniform(-np.pi, np.pi)
@@ -219,8 +219,8 @@ def _likelihood(true: Model, model: Model, rng: np.random.Generator) -> float:
         for size, f in true.lines():
             left = left + size * np.sin(2.0 * np.pi * f * t + phase)
         for size, f in model.lines():
-            left = left - _best_line(left, size, 2.0 * np.pi * f * t, believed)
-        total.append(nats.expected(P, left, believed))
+            left = left - _best_line(left, size, 2.0 * np.pi * f * t, assumed)
+        total.append(nats.expected(P, left, assumed))
     return float(np.mean(total)) + _outlying(true, model) + _switching(true, model, rng)
 
 

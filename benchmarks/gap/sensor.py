@@ -1,4 +1,4 @@
-"""`Sensor`: a believed static sensor; `Recording`: one record of it that effects are added to."""
+"""`Sensor`: an assumed static sensor; `Recording`: one record of it that effects are added to."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from case import SI, Array, noise_file
 from noise import gauss_markov, gauss_markov_spectrum, smooth_wander
 
 THERMOMETER_NOISE = 0.05
-"""Deviation of a sample of the thermometer [degC]."""
+"""Standard deviation of a sample of the thermometer [degC]."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Sensor:
     rate : float
         [Hz]
     white : float
-        Deviation of a sample, in `unit`.
+        Standard deviation of a sample, in `unit`.
     sigma, tau : float
         Gauss-Markov bias, in `unit` and seconds; 0: none.
     """
@@ -44,12 +44,12 @@ class Sensor:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """What is believed, in `unit`."""
+        """What is assumed, in `unit`."""
         out = {"N": self.white * self.dt**0.5}
         return out | {"sigma": self.sigma, "tau": self.tau} if self.sigma else out
 
     def spectrum(self, n: int) -> Array:
-        """Believed variance of each ordinate of n samples."""
+        """Assumed variance of each ordinate of n samples."""
         P: Array = np.full(n - 1, self.white**2)
         if self.sigma:
             P = np.asarray(P + gauss_markov_spectrum(n, self.dt, self.sigma, self.tau))
@@ -117,7 +117,7 @@ class Recording:
 
     @property
     def spectrum(self) -> Array:
-        """Believed variance of each ordinate."""
+        """Assumed variance of each ordinate."""
         return self.sensor.spectrum(self.n)
 
     def values(self) -> Array:

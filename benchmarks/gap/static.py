@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from case import Case, Hidden, Request
 from effects import EFFECTS, FAMILIES, ORDER
-from oddities import INTEGRITY, NEAR, UNKNOWN
+from irregular import INTEGRITY, NEAR, UNKNOWN
 from sensor import SENSORS, Recording, record
 
 LENGTHS = (0, 4000, 0, 60000, 10000)

@@ -1,9 +1,9 @@
-"""How many nats a hidden effect is worth: the mean gain of log-likelihood over the believed model.
+"""How many nats a hidden effect is worth: the mean gain of log-likelihood over the assumed model.
 
 A record of n samples is seen through its cosine transform (DCT-II, orthonormal): ordinate k = 1 … n-1
-at the frequency k/(2 n dt) is real, nearly independent, and of variance P_k under the believed model.
+at the frequency k/(2 n dt) is real, nearly independent, and of variance P_k under the assumed model.
 The constant, k = 0, is left out: an offset is no gap. Unlike the Fourier transform it does not see a
-jump between the ends of the record. The believed model may retune its level: a common factor c of P.
+jump between the ends of the record. The assumed model may retune its level: a common factor c of P.
 
 * known signal s(t):        ``1/2 sum S_k^2 / P_k``
 * random, variance ratio r: ``1/2 sum (r_k/c - 1 - ln(r_k/c))`` at the best ``c = mean r``, which is
@@ -49,13 +49,13 @@ def ordinates(n: int, dt: float) -> Array:
 
 
 def known_gain(signal: Array, P: Array) -> float:
-    """Nats of a known signal over a believed spectrum."""
+    """Nats of a known signal over an assumed spectrum."""
     S = dct(signal, norm="ortho")[1:]
     return float(0.5 * (S * S / P).sum())
 
 
 def random_gain(ratio: Array) -> float:
-    """Nats of a variance that is `ratio` times the believed one, up to a common factor."""
+    """Nats of a variance that is `ratio` times the assumed one, up to a common factor."""
     return float(0.5 * (ratio.size * np.log(ratio.mean()) - np.log(ratio).sum()))
 
 
@@ -69,7 +69,7 @@ def mixture_gain(
     true : (float, float), optional
         Share and size of the outliers that there are; those of the model by default.
     white : float
-        Deviation of the model's white noise, in units of the true one; sizes are in these units too.
+        Standard deviation of the model's white noise, in units of the true one; sizes are in these units too.
     """
     true = (share, size) if true is None else true
     end = 8.0 * (1.0 + true[1])
@@ -90,7 +90,7 @@ def _log_normal(y: Array, variance: float) -> Array:
 
 
 def telegraph_gain(y: Array, size: float, stay: float) -> float:
-    """Nats of two levels `size` apart over one level, in white noise of deviation 1, for one record.
+    """Nats of two levels `size` apart over one level, in white noise of standard deviation 1, for one record.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def burst_gain(y: Array, ratio: float, share: float, leave: float) -> float:
     Parameters
     ----------
     y : array, (n,)
-        The record; quiet samples are of deviation 1.
+        The record; quiet samples are of standard deviation 1.
     leave : float
         Probability that a loud sample is followed by a quiet one.
     """
@@ -132,19 +132,19 @@ def burst_gain(y: Array, ratio: float, share: float, leave: float) -> float:
     return float(total - 0.5 * y.size * (power - 1.0 - np.log(power)))
 
 
-def expected(true: Array, left: Array, believed: Array) -> float:
-    """Mean log-likelihood [nats] of records under a believed spectrum at its best level, up to a constant.
+def expected(true: Array, left: Array, assumed: Array) -> float:
+    """Mean log-likelihood [nats] of records under an assumed spectrum at its best level, up to a constant.
 
     Parameters
     ----------
-    true, believed : array, (n - 1,)
+    true, assumed : array, (n - 1,)
         Variance of each ordinate.
     left : array, (n,)
-        The known signals that there are less those that are believed.
+        The known signals that there are less those that are assumed.
     """
     D = dct(left, norm="ortho")[1:]
-    level = ((true + D * D) / believed).mean()
-    return float(-0.5 * (np.log(believed).sum() + believed.size * np.log(level)))
+    level = ((true + D * D) / assumed).mean()
+    return float(-0.5 * (np.log(assumed).sum() + assumed.size * np.log(level)))
 
 
 def scaled(gain: Callable[[float], float], wanted: float, lo: float, hi: float) -> float:

@@ -64,7 +64,7 @@ def report(scores: Sequence[Score]) -> str:
         _title("one hidden effect", _singles(scores)),
         _title("each excitation", _excitations(scores)),
         _title("each effect", _effects(scores)),
-        _title("a second record: gain of the mended model over that of the oracle", _second(scores)),
+        _title("a second record: gain of the updated model over that of the oracle", _second(scores)),
         _title("false alarms on null records", _nulls(scores)),
         _title("stacks: named exactly", _stacks(scores)),
         _title("outside the catalogue, near misses, thermometer withheld", _outside(scores)),

@@ -53,9 +53,9 @@ def ask(place: Path, answer: Path) -> dict[str, Any]:
 
 
 def changed(case: Case, path: Path) -> dict[str, float]:
-    """What the mended noise file says of the believed noise and of a low-pass; nothing where there is none.
+    """What the updated noise file says of the assumed noise and of a low-pass; nothing where there is none.
 
-    Values are text with units: those of the believed noise in the unit of the channel, as it was given.
+    Values are text with units: those of the assumed noise in the unit of the channel, as it was given.
     """
     name = case.hidden[0].channel
     if not path.is_file():
@@ -64,7 +64,7 @@ def changed(case: Case, path: Path) -> dict[str, float]:
     if channel["unit"] != case.channels[name][1]:
         raise ValueError(f"{path}: channel {name} changed its unit to {channel['unit']}")
     out: dict[str, float] = {}
-    for term in channel["effects"]:  # the believed terms come first
+    for term in channel["effects"]:  # the assumed terms come first
         for key in ("N", "order") if "gauss_markov" not in term["effect"] else ("sigma", "tau"):
             if key in term and key not in out and (key in case.base or key == "order"):
                 out[key] = float(str(term[key]).split()[0])

@@ -28,7 +28,7 @@ def figure_1() -> PagePart:
     ]
     picture = maps_picture(maps, "correlation time [s]", "sampling time [s]", "figure-1")
     words = (
-        "Figure 1 beside the Cramér-Rao bound with B as deviation. The condition number changes ten thousandfold with the "
+        "Figure 1 beside the Cramér-Rao bound with B as standard deviation. The condition number changes ten thousandfold with the "
         "sampling time, the bound hardly: the data limit, not the system of equations."
     )
     return figure(picture, words)
@@ -63,9 +63,9 @@ def figure_2(seed: int = 0) -> PagePart:
         truth("N and K alone", BEFORE, 0, 2),
     ]
     markov = np.sqrt(as_deviation().allan_variance(curve.tau))
-    lines.append(Line("B as deviation, alone", curve.tau, markov, "#7a8794", dashed=True))
+    lines.append(Line("B as standard deviation, alone", curve.tau, markov, "#7a8794", dashed=True))
     words = (
         f"Figure 2: lowest point / 0.664 = {seen.B.size:.3g} deg/s (printed: 1.2e-2); N and K alone give a curve that "
-        "cannot be told from that with B."
+        "cannot be distinguished from that with B."
     )
     return figure(allan_picture(curve, lines, "deg/s", 1.0, "figure-2"), words)

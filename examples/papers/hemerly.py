@@ -44,7 +44,7 @@ def record(effects: Sequence[Effect], seed: int, n: int = SAMPLES, dt: float = T
 
 
 def as_deviation(B: float = POINT.B) -> Effect:
-    """The Gauss-Markov process with B as its stationary deviation, the other common meaning."""
+    """The Gauss-Markov process with B as its stationary standard deviation, the other common meaning."""
     return make("gauss_markov", sigma=B, tau=1.0 / POINT.beta)
 
 
@@ -79,7 +79,7 @@ def figure_1() -> list[Row]:
         printed = "9" if (tau, dt) == (100.0, 0.01) else "figure"
         rows.append(
             exact(f"log10 cond(M), tau {tau:g} s, T {dt:g} s", printed, np.log10(condition(tau, dt)),
-                  f"bound in 1e5 samples, B as deviation: {words}")
+                  f"bound in 1e5 samples, B as standard deviation: {words}")
         )  # fmt: skip
     return rows
 
@@ -143,7 +143,7 @@ def _size(effects: Sequence[Effect], name: str) -> float:
 def section_2_3(seeds: int, steps: Sequence[float] = FIGURE_3) -> list[Row]:
     """N and B without K: eq. (17), and figure 3."""
     rows = []
-    for meaning, markov in (("eq. (18)", POINT.effects()[1]), ("B as deviation", as_deviation())):
+    for meaning, markov in (("eq. (18)", POINT.effects()[1]), ("B as standard deviation", as_deviation())):
         effects = (make("white_noise", N=POINT.N), markov)
         for dt in steps if meaning != "eq. (18)" else (0.1,):
             found = [_without_walk(effects, k, dt) for k in range(seeds)]
@@ -181,7 +181,7 @@ def section_3(seeds: int) -> list[Row]:
             100.0 * abs(short_white(record(POINT.effects(), k, n), T, n) / POINT.N - 1) for k in range(seeds)
         ]
         rows.append(over_seeds(f"remark 3.4: error of N [%] from {n} samples", f"{printed}", errors,
-                               f"deviation {100 / np.sqrt(2 * n):.2g}"))  # fmt: skip
+                               f"standard deviation {100 / np.sqrt(2 * n):.2g}"))  # fmt: skip
     rank = state_space.frozen_observability().subs(
         dict(zip(state_space.STATES, (5, 3, 4, 3, 1)))
     ).subs(state_space.SAMPLING_PERIOD, 1).rank()  # fmt: skip

@@ -60,13 +60,13 @@ def white_state_variance() -> tuple[float, float]:
     A, r, H = Arma(PHI, (THETA,), 1.0).state_space()
     true = H @ solve_discrete_lyapunov(A, np.outer(r, r)) @ H
     companion = np.array([[PHI[0], PHI[1]], [1.0, 0.0]])
-    taken = solve_discrete_lyapunov(companion, np.diag([1.0 + THETA**2, 0.0]))[0, 0]
-    return float(true), float(taken)
+    as_white = solve_discrete_lyapunov(companion, np.diag([1.0 + THETA**2, 0.0]))[0, 0]
+    return float(true), float(as_white)
 
 
 def printed_numbers() -> list[Row]:
     """What follows from the printed numbers alone."""
-    true, taken = white_state_variance()
+    true, as_white = white_state_variance()
     rows = [
         exact("floor of the Allan deviation of B", "0.668", FLICKER_FLOOR_OVER_B, "sqrt(2 ln 2 / pi)"),
         exact("kurtosis of normal samples", "1", 3.0),
@@ -75,7 +75,7 @@ def printed_numbers() -> list[Row]:
         exact("noise of table 3 from its AIC [U]", "-", float(np.exp(AIC / 2.0))),
         exact("AIC of ARMA(1,1) less that of (2,1)", "0.1886", innovation_gain(),
               "phi2 = -0.12 gains no more: the printed AICs are not of one record"),
-        exact("variance of the state, W = [e_k, e_(k-1)] taken as white", "-", taken / true,
+        exact("variance of the state, W = [e_k, e_(k-1)] taken as white", "-", as_white / true,
               "of the true variance: e_(k-1) was e_k a sample before"),
     ]  # fmt: skip
     most = max(raw[0] / after[0] for raw, *filtered in PRINTED.values() for after in filtered)

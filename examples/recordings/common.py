@@ -1,4 +1,4 @@
-"""What the examples on real recordings share: where these are, what is believed, how an answer is said."""
+"""What the examples on real recordings share: where these are, what is assumed, how an answer is said."""
 
 import argparse
 import os
@@ -48,9 +48,9 @@ def thinned(log: Log, every: int) -> Log:
     return replace(log, t=log.t[::every], channels=kept)
 
 
-def of_channel(log: Log, name: str, believed: NoiseModel) -> Case:
+def of_channel(log: Log, name: str, assumed: NoiseModel) -> Case:
     """The gap of one channel at rest."""
-    found = find_gap(log, believed, channels=[name])
+    found = find_gap(log, assumed, channels=[name])
     (gap,) = found.comparisons
     return [f"verdict {gap.verdict}", *map(partial(_said, gap), gap.findings)], gap_answer(found)
 

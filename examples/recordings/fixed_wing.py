@@ -30,7 +30,7 @@ UNITS = {
 
 
 def model() -> FilterModel:
-    """ins15 as believed."""
+    """ins15 as assumed."""
     terms = {name: Term(make("white_noise", N=N)) for name, (_, N) in NOISE.items()}
     noise = {c: ChannelNoise(unit, (terms[c[:-2]],)) for c, unit in UNITS.items()}
     return build("ins15", NoiseModel(noise), {"delay": "0.22 s"})

@@ -1,4 +1,4 @@
-"""A gyro that warms up: the noise of its last 100 s is what is believed of the whole record.
+"""A gyro that warms up: the noise of its last 100 s is what is assumed about the whole record.
 
 Recording: S. Shrikanth (MIT); 8.75 mdps a count. 200 Hz is a guess, for the source states no rate.
 """

@@ -85,7 +85,7 @@ class TurnScene:
         return tuple(sorted({t.axis for t in self.turns}))
 
     def residuals(self, points: Sequence[ScenePoint]) -> Array:
-        """Integral less what it should be, over its deviation, shape (m, points)."""
+        """Integral less what it should be, over its standard deviation, shape (m, points)."""
         out = np.empty((len(self.turns), len(points)))
         for k, point in enumerate(points):
             bias = dict(zip(self.axes, point.unknowns))
@@ -125,7 +125,7 @@ def turn_scene(log: Log, noise: NoiseModel, turns: Sequence[Turn], sd: float) ->
     turns : sequence of Turn
         Turns and rests, within the log; the sign of an angle is taken from the reading.
     sd : float
-        Deviation [rad] to which a turn's angle is known.
+        Standard deviation [rad] to which a turn's angle is known.
 
     Raises
     ------

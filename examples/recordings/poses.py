@@ -13,7 +13,7 @@ from kfgen.log.readers import read_log
 
 
 def posed(file: Path) -> Case:
-    """As quiet as in the longest pose is what is believed, and no error of scale or bias."""
+    """As quiet as in the longest pose is what is assumed, and no error of scale or bias."""
     log = read_log(file)
     names = [f"accel_{a}" for a in AXES]
     log = log.select(names)

@@ -11,7 +11,7 @@ from kfgen.log.readers import ColumnMap, read_log
 
 
 def ranger(file: Path) -> Case:
-    """The second half is what is believed."""
+    """The second half is what is assumed."""
     log = read_log(file, columns=ColumnMap.parse("distance = dist_mm [mm]"))
     return of_channel(log, "distance", at_rest(log, ["distance"], log.n // 2, log.n))
 

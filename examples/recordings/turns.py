@@ -25,8 +25,8 @@ def turned(file: Path) -> Case:
     turns = [Turn(*spans[f"{a}_rot"], i, 2.0 * np.pi) for i, a in enumerate(AXES)]
     turns += [Turn(*s, i, 0.0) for k, s in spans.items() if not k.endswith("rot") for i in range(3)]
     rest = sections["x_p"]
-    believed = at_rest(log, [f"gyro_{a}" for a in AXES], rest["start"], rest["end"])
-    _, said, answer = of_scene(log, turn_scene(log, believed, turns, float(BY_HAND)))
+    assumed = at_rest(log, [f"gyro_{a}" for a in AXES], rest["start"], rest["end"])
+    _, said, answer = of_scene(log, turn_scene(log, assumed, turns, float(BY_HAND)))
     return said, answer
 
 

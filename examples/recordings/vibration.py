@@ -1,4 +1,4 @@
-"""When a moving sensor is tapped, or a phone on its board vibrates: where its accelerometer is to be believed less.
+"""When a moving sensor is tapped, or a phone on its board vibrates: where its accelerometer is to be trusted less.
 
 Recordings: D. Laidig et al., BROAD, Data 6(7):72, 2021 (CC BY 4.0).
 """

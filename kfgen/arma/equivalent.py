@@ -5,7 +5,7 @@ It is the ARMA process on one white noise that has the same autocovariance as th
 Every noise of a sensor is a rational function of the backshift ``q^-1`` on a white noise of its own: white
 noise 1, quantisation of the integral ``1 - q^-1``, a Gauss-Markov process ``q^-1 / (1 - alpha q^-1)``, a
 random walk ``q^-1 / (1 - q^-1)``. Over their common denominator each becomes a moving average; the
-autocovariance of the sum is linear in the variances, ``gamma = L(alpha) s``. The walk's pole is taken out by a
+autocovariance of the sum is linear in the variances, ``gamma = L(alpha) s``. The walk's pole is removed by a
 difference of the samples, the Gauss-Markov pole is the autoregression. The moving average of the sum is the
 spectral factor of gamma.
 

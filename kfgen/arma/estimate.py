@@ -221,7 +221,7 @@ def estimate(y: Array, p: int, q: int, method: str = "ml") -> Arma:
     Parameters
     ----------
     y : ndarray, shape (n,)
-        The series [U], its mean taken out.
+        The series [U], its mean removed.
     p, q : int
         Orders of the autoregression and of the moving average.
     method : str

@@ -212,7 +212,7 @@ def orders(y: Array, most: tuple[int, int] = (3, 2), method: str = "ml") -> list
     Parameters
     ----------
     y : ndarray, shape (n,)
-        The series [U], its mean taken out; of a long one the first `MAX_ORDER_SAMPLES` are used.
+        The series [U], its mean removed; of a long one the first `MAX_ORDER_SAMPLES` are used.
     most : (int, int)
         The largest p and q.
     method : str

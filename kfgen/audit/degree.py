@@ -68,7 +68,7 @@ class Degree:
     t : ndarray, shape (k,)
         After each step [s]; the first is zero.
     sigma : ndarray, shape (k, n)
-        Deviations of the states [SI]; the first row is the prior.
+        Standard deviations of the states [SI]; the first row is the prior.
     singular : ndarray, shape (r,)
         Singular values of the measurements with respect to the start, in units of priors and of noise: sigmas of
         information, largest first, of the visible directions.
@@ -97,7 +97,7 @@ class Degree:
         return largest / smallest if smallest > 0.0 else float("inf")
 
     def reaches(self, state: int, wanted: float) -> float | None:
-        """When a deviation is first reached [s]; None where it is not."""
+        """When a standard deviation is first reached [s]; None where it is not."""
         below = np.flatnonzero(self.sigma[:, state] <= wanted)
         return float(self.t[below[0]]) if below.size else None
 

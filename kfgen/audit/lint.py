@@ -93,7 +93,7 @@ def _redundant(model: FilterModel, unobservable: Sequence[frozenset[str]]) -> It
     advice = [f"make {m} triangular (take {', '.join(_below(model, m)[: len(tied)])} out)" for m in matrices]
     listed = ", ".join(sorted(involved & constants))
     yield (
-        f"{len(tied)} redundant among {listed}: no motion tells them apart. "
+        f"{len(tied)} redundant among {listed}: no motion distinguishes them. "
         + (advice[0].capitalize() if advice else "Fix as many of them as are redundant, or give them priors")
     )
 

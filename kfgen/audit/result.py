@@ -23,7 +23,7 @@ from kfgen.model.filter import FilterModel
 UNDETERMINED = "unobservable"
 FAINT = "practically_unobservable"
 SEEN = "observable"
-FREED, HIDDEN, UNKNOWN = "freed", "hidden", "unknown"
+UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
@@ -215,27 +215,29 @@ class ManoeuvreTable:
     Parameters
     ----------
     manoeuvres : tuple of Manoeuvre
-    freed : tuple of tuple of bool or None
+    observable : tuple of tuple of bool or None
         One row a direction, one column a manoeuvre; None where it is not known.
     """
 
     manoeuvres: tuple[Manoeuvre, ...]
-    freed: tuple[tuple[bool | None, ...], ...]
+    observable: tuple[tuple[bool | None, ...], ...]
 
     @property
     def shortest(self) -> Manoeuvre | None:
-        """The shortest manoeuvre that frees all."""
-        columns = zip(self.manoeuvres, zip(*self.freed)) if self.freed else ()
+        """The shortest manoeuvre that makes all observable."""
+        columns = zip(self.manoeuvres, zip(*self.observable)) if self.observable else ()
         able = [m for m, column in columns if all(column)]
         return min(able, key=lambda m: m.length, default=None)
 
     def cells(self, row: Sequence[bool | None]) -> list[str]:
-        """A row of `freed` in words."""
-        return [UNKNOWN if free is None else FREED if free else HIDDEN for free in row]
+        """A row of `observable` in words."""
+        return [UNKNOWN if seen is None else SEEN if seen else UNDETERMINED for seen in row]
 
     def to_dict(self, directions: Sequence[Direction]) -> dict[str, Any]:
         """The table by the names of manoeuvres, a row for each of the first manoeuvre's directions."""
-        rows = [{"direction": d.label, "cells": self.cells(row)} for d, row in zip(directions, self.freed)]
+        rows = [
+            {"direction": d.label, "cells": self.cells(row)} for d, row in zip(directions, self.observable)
+        ]
         names = [m.name for m in self.manoeuvres]
         return {"manoeuvres": names, "rows": rows, "shortest": self.shortest.name if self.shortest else None}
 

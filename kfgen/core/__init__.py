@@ -1,1 +1,1 @@
-"""What every room stands on: units, errors, files, linear systems, expressions."""
+"""What every layer stands on: units, errors, files, linear systems, expressions."""

@@ -41,5 +41,5 @@ class Result:
 
     def plot(self) -> Any:
         """The picture of the report, `kfgen.report.pictures.Picture`; raises `InputError` where there is none."""
-        # By name, for the report stands above every room and is the only one that draws.
+        # By name, for the report stands above every layer and is the only one that draws.
         return importlib.import_module("kfgen.report.pictures").picture_of(self)

@@ -2,7 +2,7 @@
 
 All numbers that kfgen works out of expressions come from this one form: `kfgen.core.tape` runs it in floating point (numpy,
 numba), `kfgen.audit.exact.power_series` on power series over a ring, `kfgen.emit.ir.lower` turns it into code. What a number is
-(a float, an exact fraction) and which functions there are is theirs; how sums, products and powers are taken apart is decided here.
+(a float, an exact fraction) and which functions there are is theirs; how sums, products and powers are decomposed is decided here.
 """
 
 from __future__ import annotations

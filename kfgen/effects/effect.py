@@ -209,7 +209,7 @@ class Effect:
         return self.solved([0.0] * len(self.coefficients()))
 
     def spread(self, covariance: Array) -> dict[str, float]:
-        """Deviations of the parameters that follow from its coefficients' covariance."""
+        """Standard deviations of the parameters that follow from its coefficients' covariance."""
         return dict(zip(self.coefficients(), np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()))
 
     def log_prior(self, covariance: Array) -> float:

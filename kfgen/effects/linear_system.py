@@ -38,7 +38,7 @@ class State:
         Unit template, ``U`` being the channel's.
     shared : bool
         It keeps its value and shows in the output as it is: a bias. Effects that gather in the bias
-        of one channel (a constant, a random walk, a ramp) cannot be told apart there and share it.
+        of one channel (a constant, a random walk, a ramp) cannot be distinguished there and share it.
     """
 
     name: str

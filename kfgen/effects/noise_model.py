@@ -70,7 +70,7 @@ class ParameterCovariance:
     parameters : tuple of (int, str)
         Index of the effect, name of its parameter.
     matrix : tuple of rows, (k, k)
-        Covariance of their logarithms: the diagonal holds squared relative deviations.
+        Covariance of their logarithms: the diagonal holds squared relative standard deviations.
     """
 
     parameters: tuple[tuple[int, str], ...]
@@ -278,6 +278,6 @@ def valued(value: float, unit: str) -> str:
 
 def quoted(text: str) -> str:
     """A text as TOML writes it."""
-    text = text.encode("utf-8", "replace").decode("utf-8")  # lone surrogates of odd file names
+    text = text.encode("utf-8", "replace").decode("utf-8")  # lone surrogates of unusual file names
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'

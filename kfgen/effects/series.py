@@ -45,12 +45,12 @@ class WhiteSeries:
         Share of the density that is not white, by ordinate.
     nuisance : ndarray, shape (n, q)
         Orthonormal whitened ordinates of the regressors that are in the model.
-    level : (mean, deviation)
-        What is believed of the logarithm of the noise's level over that of the fit.
+    level : (mean, standard deviation)
+        What is assumed about the logarithm of the noise's level over that of the fit.
     drive : mapping of str to ndarray, shape (n,)
     forms : tuple of Form
         The systems of the slow noise that is in the model.
-    wander : (mean, deviation)
+    wander : (mean, standard deviation)
         As `level`, of the slow noise.
     """
 
@@ -96,7 +96,7 @@ class WhiteSeries:
         return np.asarray(quick / np.sqrt(1.0 - low / self.n))
 
     def regression(self, x: Array) -> tuple[float, Array]:
-        """On a shape (n,): the coefficient in deviations, and the shape's whitened ordinates."""
+        """On a shape (n,): the coefficient in standard deviations, and the shape's whitened ordinates."""
         from scipy.fft import dct
 
         u = dct(x - x.mean(), type=2, norm="ortho") * self.weight
@@ -133,7 +133,7 @@ class WhiteSeries:
 
     @property
     def sd(self) -> float:
-        """Deviation of the white part of a sample [SI]."""
+        """Standard deviation of the white part of a sample [SI]."""
         return 1.0 / float(np.mean(self.weight[self.n // 2 :]))
 
 
@@ -167,7 +167,7 @@ def log_mean(w: Array) -> float:
 
 
 def coefficient_worth(score: Array) -> Array:
-    """Log of the likelihood of one coefficient integrated over its prior; `score` in deviations."""
+    """Log of the likelihood of one coefficient integrated over its prior; `score` in standard deviations."""
     return np.asarray(
         0.5 * score**2 + 0.5 * np.log(2.0 * np.pi) - np.log(OF_A_COEFFICIENT * np.maximum(np.abs(score), 1.0))
     )
@@ -182,18 +182,18 @@ def middle95(at: Array, w: Array) -> tuple[float, float]:
 
 
 SWIFT = 6.0
-"""Deviations of the noise by which a sample of a sensor that moves differs from the one before."""
+"""Standard deviations of the noise by which a sample of a sensor that moves differs from the one before."""
 ORDERS = (1, 2, 4, 6, 8)
 """Differences that are looked at: noise survives them all, and fast motion the first alone."""
 
 
 def noise_of(x: Array) -> float:
-    """Deviation of the white noise of samples that move, shape (n, ...): the smallest of differences of several orders."""
+    """Standard deviation of the white noise of samples that move, shape (n, ...): the least of several orders of differences."""
     return min(noise_of_differences(np.diff(x, n=k, axis=0), k) for k in ORDERS if k < len(x))
 
 
 def noise_of_differences(differences: Array, order: int) -> float:
-    """Deviation of white noise from its differences: those of order k have C(2k, k) times its variance."""
+    """Standard deviation of white noise from its differences: those of order k have C(2k, k) times its variance."""
     moved = differences[differences != 0.0]
     spread = float(np.median(np.abs(moved - np.median(moved)))) if moved.size else 0.0
     return 1.4826 * spread / math.sqrt(math.comb(2 * order, order))
@@ -207,8 +207,8 @@ class RawSamples:
     ----------
     t, y : ndarray, shape (n,)
         Time stamps [s] as they are, samples [SI].
-    believed : float
-        Deviation of the white part of a sample that the model believes [SI].
+    assumed : float
+        Standard deviation of the white part of a sample that the model assumes [SI].
     stated : float
         How long the log says that it lasted [s], beside its times; zero where it does not.
     moves : bool
@@ -217,7 +217,7 @@ class RawSamples:
 
     t: Array
     y: Array
-    believed: float
+    assumed: float
     stated: float = 0.0
     moves: bool = False
 
@@ -233,7 +233,7 @@ class RawSamples:
 
     @cached_property
     def noise(self) -> float:
-        """Deviation of a sample's white part [SI], from differences between neighbours that are not equal."""
+        """Standard deviation of a sample's white part [SI], from differences between neighbours that are not equal."""
         if self.moves:
             return noise_of(self.y)
         steps = np.diff(self.y)
@@ -246,7 +246,7 @@ class RawSamples:
         """Of a sensor that moves, the steps about which it does not move for sure, shape (n - 1,)."""
         if not self.moves:
             return None
-        about = np.abs(self.y[3:] - self.y[:-3]) > 3.0 * (SWIFT * self.noise + self.lattice)
+        about = np.abs(self.y[3:] - self.y[:-3]) > 3.0 * (SWIFT * self.noise + self.adc_step)
         return ~np.concatenate([[False], about, [False]])
 
     @cached_property
@@ -256,13 +256,13 @@ class RawSamples:
         return one, two
 
     @cached_property
-    def lattice(self) -> float:
-        """Distance of neighbouring values [SI], zero where they lie on no lattice."""
+    def adc_step(self) -> float:
+        """Distance of neighbouring values [SI], zero where they lie on no ADC grid."""
         values = np.unique(self.y[:50_000])
-        apart = np.diff(values) > SAME * float(
+        distinct = np.diff(values) > SAME * float(
             np.ptp(values)
         )  # values that are computed differ in their last digits
-        values = values[np.concatenate([[True], apart])]
+        values = values[np.concatenate([[True], distinct])]
         if values.size < 2 or values.size > 0.5 * min(self.n, 50_000):
             return 0.0
         steps = np.diff(values)

@@ -54,7 +54,7 @@ GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its v
 MAX_INPUT_SQUARE_SUM = 1e30
 """Squares of inputs add up to less, unless one is no number."""
 MAX_WAITING_PREDICTIONS = 2000
-"""Predictions for which noise may wait: the proof plays twice as many."""
+"""Predictions for which noise may wait: the proof runs twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
@@ -92,7 +92,9 @@ class Program:
                 raise InputError(
                     f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
                 )
-        if not 0.0 <= self.q_interval < float("inf") or (self.q_interval and not FORMS[self.form].LUMPS):
+        if not 0.0 <= self.q_interval < float("inf") or (
+            self.q_interval and not FORMS[self.form].HAS_Q_INTERVAL
+        ):
             raise InputError(
                 f"noise cannot wait for {self.q_interval:g} s with --form {self.form}",
                 where="--q-interval",

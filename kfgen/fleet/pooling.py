@@ -75,9 +75,9 @@ def _pooled_number(plain: PooledNumber, closed: Sequence[SensorEstimate], rate: 
     if not closed:
         return plain
     y, s = _on_normal_scale(plain.number, closed)
-    apart = tuple((closed[a.index], a) for a in outliers(y, s, rate))
-    inside = [k for k in range(y.size) if k not in {a.index for _, a in apart}]
-    return replace(plain, population=population(y[inside], s[inside]), outliers=apart)
+    outlying = tuple((closed[a.index], a) for a in outliers(y, s, rate))
+    inside = [k for k in range(y.size) if k not in {a.index for _, a in outlying}]
+    return replace(plain, population=population(y[inside], s[inside]), outliers=outlying)
 
 
 def _on_normal_scale(number: SensorNumber, closed: Sequence[SensorEstimate]) -> tuple[Array, Array]:

@@ -95,7 +95,7 @@ def _around(mean: float, wide: float) -> Interval:
 
 
 def _moments(y: Array, s: Array) -> tuple[float, float, float]:
-    """Mean, spread between sensors, and deviation of the mean [1]_."""
+    """Mean, spread between sensors, and standard deviation of the mean [1]_."""
     w = 1.0 / s**2
     spread = 0.0
     if y.size > 1:
@@ -243,7 +243,7 @@ class OutlyingSensor:
 
 
 def outliers(y: Array, s: Array, rate: float) -> list[OutlyingSensor]:
-    """The sensors that lie apart from the rest, by Rosner's many-outlier procedure [5]_.
+    """The outlying sensors, by Rosner's many-outlier procedure [5]_.
 
     The sensor farthest from the others is set aside, then the farthest of the rest, up to a quarter of them:
     so two outliers cannot hide each other. All up to the last one that is significant are outliers. A sensor

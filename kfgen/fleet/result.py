@@ -272,10 +272,10 @@ class FleetResult(Result):
         return min(1.0, outlier.p * self.tested)
 
     def __repr__(self) -> str:
-        apart = dict.fromkeys(s.log for n in self.numbers for s, _ in n.outliers)
+        outlying = dict.fromkeys(s.log for n in self.numbers for s, _ in n.outliers)
         said = [f"{len(self.done)} logs", f"{len(self.failed)} failed" if self.failed else ""]
         said += [", ".join(f"{e.channel} {e.effect} in {len(e.logs)}" for e in self.effects)]
-        said += [f"not like the others: {', '.join(apart)}" if apart else ""]
+        said += [f"not like the others: {', '.join(outlying)}" if outlying else ""]
         return f"FleetResult({'; '.join(s for s in said if s)})"
 
 

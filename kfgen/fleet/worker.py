@@ -61,7 +61,7 @@ class LogTask:
 
 
 def work(task: LogTask) -> Outcome:
-    """Do one log; whatever is wrong with it is told and not raised, for the others go on."""
+    """Do one log; whatever is wrong with it is said and not raised, for the others go on."""
     try:
         sha256, answer, warnings = _compared(task) if task.model else _identified(task)
     except (KfgenError, OSError, MemoryError) as error:

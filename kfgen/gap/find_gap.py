@@ -135,7 +135,7 @@ def _is_model_file(model: str | Path) -> bool:
 
 
 def _noise(model: NoiseModel | FilterModel, log: Log) -> NoiseModel:
-    """The noise that is assumed of the channels of a log."""
+    """The noise that is assumed about the channels of a log."""
     if isinstance(model, NoiseModel):
         return model
     units = {c: log.channels[c].unit if c in log.channels else u for c, u in model.channel_units.items()}

@@ -284,7 +284,7 @@ def _step(c: Comparison, f: Finding) -> dict[str, Any]:
         "evidence_nats": f.evidence_nats,
         "alternatives": [{"effect": n, "channel": w, "probability": p} for n, w, p in f.alternatives],
         "indistinguishable": list(f.indistinguishable),
-        "apart": [_apart(o) for o in f.others],
+        "apart": [_distinguished(o) for o in f.others],
         "separator": distinguishing(f) or f.effect.separating_experiment,
         "cos2": {f"{o.effect} ({o.where})": o.cos2 for o in f.others if o.cos2 > MIN_LISTED_COS2},
         "parameters": parameters_of(c, f),
@@ -293,9 +293,9 @@ def _step(c: Comparison, f: Finding) -> dict[str, Any]:
     }
 
 
-def _apart(o: Distinguishability) -> dict[str, Any]:
-    told = {"nats": o.nats, "record_factor": o.record_factor}
-    return {"effect": o.effect, "channel": o.where, "cos2": o.cos2, **told}
+def _distinguished(o: Distinguishability) -> dict[str, Any]:
+    by = {"nats": o.nats, "record_factor": o.record_factor}
+    return {"effect": o.effect, "channel": o.where, "cos2": o.cos2, **by}
 
 
 def parameters_of(c: Comparison, f: Finding) -> dict[str, dict[str, Any]]:

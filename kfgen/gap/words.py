@@ -151,11 +151,11 @@ def _when(f: Finding) -> str:
 def _in_unknown_field(c: Comparison, f: Finding) -> str:
     """Which scales of soft iron were taken to be zero, where nobody knows how large the field is."""
     scales = ("xx", "yy", "zz")
-    taken = [e for e in scales if e not in f.ci95]
+    fixed = [e for e in scales if e not in f.ci95]
     unknown = any("field" in name.split() for name in c.unknowns)
-    if not (isinstance(f.effect, SoftIron) and unknown and 0 < len(taken) < len(scales)):
+    if not (isinstance(f.effect, SoftIron) and unknown and 0 < len(fixed) < len(scales)):
         return ""
-    held = f"{' and '.join(taken)} {'is' if len(taken) == 1 else 'are'} taken to be zero"
+    held = f"{' and '.join(fixed)} {'is' if len(fixed) == 1 else 'are'} taken to be zero"
     return f"; in a field of unknown size only differences of xx, yy and zz can be seen: {held}"
 
 
@@ -179,7 +179,7 @@ def _likened(f: Finding, name: str) -> str:
     if known is not None:
         ways += [w for w in (f.effect.distinguishing_experiment(name) or known.separating_experiment,) if w]
     said = [f"cos2 {cos2:.2f}"] if cos2 > MIN_SAID_COS2 or any(o.nats is not None for o in near) else []
-    said += [f"told apart by {' or '.join(ways).rstrip(',')}"] if ways else []
+    said += [f"distinguished by {' or '.join(ways).rstrip(',')}"] if ways else []
     return f"{name} ({', '.join(said)})" if said else name
 
 

@@ -1,6 +1,6 @@
 """Which channels of a log are identified, and which of them drive the others.
 
-A sensor channel is told by its name (``gyro_x``, ``baro_height``); where a log has none of these, every channel
+A sensor channel is recognised by its name (``gyro_x``, ``baro_height``); where a log has none of these, every channel
 counts that is no reference, no driver, and no time or counter.
 """
 
@@ -24,7 +24,7 @@ SENSOR_NAME = re.compile(r"(gyro|accel|mag|flow)_\w+|baro_height|airspeed|range|
 TIME_NAME = re.compile(
     r"(time|timestamp|index|counter|sequence)(_\w+)?|t|count|seq|frame|sample", re.IGNORECASE
 )
-"""Names of columns that hold times or counters, beside those that are told by their unit or their values."""
+"""Names of columns that hold times or counters, beside those that are recognised by their unit or their values."""
 OTHER_NAME = ("ref_", "movement", "input", "throttle", "vibration", *DRIVERS)
 """Beginnings of names of references, of commands and of drivers."""
 BAND_ENDS = ("_lo", "_hi")

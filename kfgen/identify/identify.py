@@ -1,4 +1,4 @@
-"""Identification of one channel: checked, cleaned, its lines taken out, then a method's estimate."""
+"""Identification of one channel: checked, cleaned, its lines removed, then a method's estimate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.long import Long, Stream, condense
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
-from kfgen.identify.evidence.record_faults import amplitude_faults, is_outlier, mended, noise_change, roll_off
+from kfgen.identify.evidence.record_faults import (
+    amplitude_faults,
+    interpolated,
+    is_outlier,
+    noise_change,
+    roll_off,
+)
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
@@ -46,7 +52,7 @@ class Identified:
     fit, unresolved, intervals, limits, covariance
         The method's estimate, see `kfgen.identify.methods.likelihood.Estimate`.
     bounds : dict
-        Cramér-Rao bound of each parameter, as a relative deviation.
+        Cramér-Rao bound of each parameter, as a relative standard deviation.
     record : Evidence
         What was fitted: without outliers, with the bands that were left out.
     warnings : tuple of str
@@ -153,13 +159,13 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     if record.n > MAX_SAMPLES_IN_FULL:
         return prepared(condense(Stream.of(record.y, record.dt)))
     bad = is_outlier(record.y)
-    record = replace(record, y=mended(record.y, bad))
+    record = replace(record, y=interpolated(record.y, bad))
     warnings = _outliers(int(bad.sum()), bad.size)
     warnings += amplitude_faults(record.y)
     change = noise_change(record.y)
     if change is not None:
         warnings.append(
-            f"the noise is not the same all along: its deviation between stretches goes by a factor of "
+            f"the noise is not the same all along: its standard deviation between stretches goes by a factor of "
             f"{change[1] / change[0]:.3g}; N is an average"
         )
     cut = roll_off(record)
@@ -255,7 +261,7 @@ def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
 
 @singledispatch
 def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
-    """The evidence with the lines taken out.
+    """The evidence with the lines removed.
 
     Parameters
     ----------

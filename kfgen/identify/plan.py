@@ -105,7 +105,7 @@ def plan(noise: NoiseModel | str | Path, rate: float = 100.0, wanted: float = 0.
     Parameters
     ----------
     noise : NoiseModel or path-like
-        The effects of the channels, as they are believed before the record is made.
+        The effects of the channels, as they are assumed before the record is made.
     rate : float
         Sampling rate of the record [Hz].
     wanted : float

@@ -21,7 +21,23 @@ Array = NDArray[np.float64]
 
 
 def plant_input(manoeuvre: Manoeuvre, name: str, k: int, t: Array) -> Array:
-    """Input number `k` of a plant at times (n,) [SI]: as named, else the manoeuvre's own signals as plain numbers."""
+    """An input of a plant along a manoeuvre: as named, else the manoeuvre's own signals as plain numbers.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+    name : str
+        Of the input.
+    k : int
+        Its number among the plant's inputs.
+    t : ndarray, shape (n,)
+        Times [s].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In SI.
+    """
     named = manoeuvre.input(name, t)
     if named is not None:
         return named
@@ -73,7 +89,18 @@ class ManoeuvreMotion:
 
 
 def wanted(manoeuvre: Manoeuvre, t: Array) -> ManoeuvreMotion:
-    """A manoeuvre of the length of times (n,)."""
+    """A manoeuvre of the length of a time base.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+    t : ndarray, shape (n,)
+        Even times [s].
+
+    Returns
+    -------
+    ManoeuvreMotion
+    """
     return ManoeuvreMotion(manoeuvre, t, float(t[-1] - t[0]) if t.size > 1 else DEFAULT_LENGTH_S)
 
 

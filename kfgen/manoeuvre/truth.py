@@ -24,12 +24,11 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.core import linear
 from kfgen.core.tape import Tape, tape
 from kfgen.manoeuvre.motion import Motion
 from kfgen.manoeuvre.rotations import as_matrix, cumulative, exponential, product, rotated
 from kfgen.model.filter import FilterModel
-from kfgen.model.symbols.blocks import Attitude, Vector
+from kfgen.model.symbols.blocks import Vector
 
 Array = NDArray[np.float64]
 
@@ -55,7 +54,21 @@ PARTIAL = np.array(
 
 
 def fine_times(t: Array, until: float, step: float = FINE_STEP_S) -> Array:
-    """A fine even grid that has all of even times `t` (n,) in it and goes on to `until` [s]."""
+    """A fine even grid that has all of some even times in it.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Even times [s].
+    until : float
+        Where the grid ends [s].
+    step : float
+        Its longest step [s].
+
+    Returns
+    -------
+    ndarray, shape (m,)
+    """
     dt = float(t[1] - t[0]) if t.size > 1 else max(until - float(t[0]), step)
     parts = max(LEAST_SUBSTEPS, int(np.ceil(dt / step * (1.0 - 1e-9))))
     last = round((until - float(t[0])) / dt) * parts
@@ -316,39 +329,31 @@ class _Shown:
 
 
 def numeric(expressions: Sequence[sp.Expr], values: Mapping[str, Any]) -> list[Array]:
-    """Expressions where their symbols have these values."""
+    """Expressions where their symbols have these values.
+
+    Parameters
+    ----------
+    expressions : sequence of sympy expression
+    values : mapping of str to float or ndarray
+
+    Returns
+    -------
+    list of ndarray
+    """
     return _Formulas(expressions, {})(values)
 
 
 def level_at(model: FilterModel, values: Mapping[str, Any]) -> Array:
-    """Navigation axes to north-east-down, shape (3, 3), where symbols have these values."""
+    """Navigation axes to north-east-down where symbols have these values.
+
+    Parameters
+    ----------
+    model : FilterModel
+    values : mapping of str to float
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+    """
     level = model.motion.offers({b.name: b.value for b in model.motion.blocks}, {})["level"]
     return np.asarray(level.subs({s: float(values[s.name]) for s in level.free_symbols}), dtype=np.float64)
-
-
-def wandered(model: FilterModel, t: Array, rng: np.random.Generator) -> dict[str, Array]:
-    """Random courses of the blocks that noise alone moves, from a draw of their priors on, each of shape (n,)."""
-    blocks, A, W = model.noise_driven_blocks
-    if not blocks:
-        return {}
-    names = [n for b in blocks for n in b.nominal_names]
-    start = np.array([b.prior for b in blocks for _ in b.nominal_names]) * rng.standard_normal(len(names))
-    dt = float(t[1] - t[0]) if t.size > 1 else 1.0
-    Phi, Qd = linear.van_loan(np.array(A, dtype=np.float64), np.array(W, dtype=np.float64), dt)
-    x = linear.simulate(Phi, Qd, start, t.size, rng)
-    return {n: x[:, k] for k, n in enumerate(names)}
-
-
-def drawn(model: FilterModel, rng: np.random.Generator) -> dict[str, float]:
-    """A truth of the constant states, drawn from their priors [SI]."""
-    still = [
-        b
-        for b in model.blocks
-        if not isinstance(b, Attitude) and all(e == 0 for e in model.rates(False)[b.name])
-    ]
-    return {
-        name: start + sd * float(rng.standard_normal())
-        for b in still
-        if isinstance(b, Vector)
-        for name, start, sd in zip(b.nominal_names, b.start, b.deviations)
-    }

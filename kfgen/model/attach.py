@@ -1,7 +1,7 @@
 """How the effects of channels become states, noise and outputs of a filter.
 
 Every effect says its role (`kfgen.effects.filter_role`). A linear process appends its states; those that it shares (a bias, in
-which constants, random walks and ramps of one channel gather and cannot be told apart) are one state per channel,
+which constants, random walks and ramps of one channel gather and cannot be distinguished) are one state per channel,
 whose driving noises add. What follows a driver is a known output, or one constant state. Changes of readings are
 `kfgen.model.parts.attached_error`. What no filter models is an `Omission`, which every command says.
 """
@@ -167,6 +167,18 @@ class Attachment:
         else:
             self.shared[channel] = sp.sympify(role.rho, strict=True)
 
+    def dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
+        """Dynamics A and driving density W of the states, shape (m, m)."""
+        m = len(self.states)
+        A, W = sp.zeros(m, m), sp.zeros(m, m)
+        for effect in self.effects:
+            places = [k - self.offset for k in effect.states]
+            for i, k in enumerate(places):
+                for j, l in enumerate(places):
+                    W[k, l] += sp.sympify(effect.form.W[i][j], strict=True)
+                    A[k, l] += sp.sympify(effect.form.A[i][j], strict=True)
+        return A, W
+
     def _append(
         self, channel: str, unit: str, effect: Effect, form: LinearSystem, priors: list[float]
     ) -> None:
@@ -197,8 +209,8 @@ class Attachment:
         self.effects.append(Attached(channel, effect, form, tuple(places), tuple(brought)))
 
     def _unique(self, stem: str) -> str:
-        taken = {s.name for s in self.states}
-        return next(n for n in (stem, *(f"{stem}{i}" for i in range(2, 1000))) if n not in taken)
+        used = {s.name for s in self.states}
+        return next(n for n in (stem, *(f"{stem}{i}" for i in range(2, 1000))) if n not in used)
 
 
 def _priors(effect: Effect, form: LinearSystem, use: Use) -> list[float]:

@@ -137,7 +137,7 @@ class DiscreteModel:
             # The series cut at dt^2 is not positive: the trapezoid of the integral is, to the same order.
             E = sp.eye(model.F.rows) + model.F * DT
             Qd = (density + E * density * E.T) * DT / 2
-        self._wander(Phi, Qd)
+        self._put_noise_driven(Phi, Qd)
         if self.order == 1:
             Phi = Phi.applyfunc(lambda e: self._forces_halfway.get(e, e))
         if self._acting:
@@ -161,7 +161,7 @@ class DiscreteModel:
         return sp.diag(*(sp.Float((ROUNDED * s.prior) ** 2) for s in self.model.states))
 
     @cached_property
-    def _wandering(self) -> tuple[tuple[int, ...], sp.Matrix, sp.Matrix]:
+    def _noise_driven(self) -> tuple[tuple[int, ...], sp.Matrix, sp.Matrix]:
         """Places of what noise alone moves, its transition and its process noise, exhausted like an effect's."""
         blocks, A, W = self.model.noise_driven_blocks
         if not blocks:
@@ -172,9 +172,9 @@ class DiscreteModel:
         places = tuple(names.index(n) for b in blocks for n in b.error_names)
         return places, Phi.applyfunc(self._series), Qd.applyfunc(self._series)
 
-    def _wander(self, Phi: sp.Matrix, Qd: sp.Matrix) -> None:
+    def _put_noise_driven(self, Phi: sp.Matrix, Qd: sp.Matrix) -> None:
         """Put that into the matrices of the whole."""
-        places, Phi_w, Qd_w = self._wandering
+        places, Phi_w, Qd_w = self._noise_driven
         for i, k in enumerate(places):
             for j, l in enumerate(places):
                 Phi[k, l], Qd[k, l] = Phi_w[i, j], Qd_w[i, j]
@@ -195,28 +195,28 @@ class DiscreteModel:
 
     @cached_property
     def memories(self) -> tuple[Register, ...]:
-        """What is kept beside the state: samples of late inputs, where plays stand."""
+        """What is kept beside the state: samples of late inputs, where the backlash of channels stands."""
         model = self.model
         lines = [m for line in model.motion.late for m in line.memories(self.rate)]
         return (
             *lines,
             *model.registers,
-            *(s.play.memory(model.clean(s)[0]) for s in model.sensors if s.play),
+            *(s.backlash.memory(model.clean(s)[0]) for s in model.sensors if s.backlash),
         )
 
     def expected(self, sensor: Sensor) -> sp.Matrix:
-        """The expected measurement, plays and the effects of its channels in it, shape (m, 1)."""
+        """The expected measurement, backlashes and the effects of its channels in it, shape (m, 1)."""
         z = self.model.expected(sensor)
-        if sensor.play is None:
+        if sensor.backlash is None:
             return z
         h = self.model.clean(sensor)
-        return z - h + sp.Matrix([sensor.play.shown(h[0])])
+        return z - h + sp.Matrix([sensor.backlash.shown(h[0])])
 
     def H(self, sensor: Sensor) -> sp.Matrix:
-        """The measurement's Jacobian, shape (m, n); within a play no state shows."""
+        """The measurement's Jacobian, shape (m, n); within a backlash no state shows."""
         H = self.model.H(sensor)
-        if sensor.play is not None:
-            follows = sensor.play.follows(self.model.clean(sensor)[0])
+        if sensor.backlash is not None:
+            follows = sensor.backlash.follows(self.model.clean(sensor)[0])
             for j in range(sum(len(b.error_names) for b in self.model.blocks)):
                 H[0, j] *= follows
         return H
@@ -254,15 +254,15 @@ class DiscreteModel:
             for s, r in zip(b.nominal, rates[b.name])
         }
         out: list[sp.Expr] = []
-        wandering = self.model.noise_driven_blocks[0]
-        x = sp.Matrix([s for b in wandering for s in b.nominal])
-        wandered = dict(zip(x, self._wandering[1] * x)) if wandering else {}
+        driven = self.model.noise_driven_blocks[0]
+        x = sp.Matrix([s for b in driven for s in b.nominal])
+        ahead = dict(zip(x, self._noise_driven[1] * x)) if driven else {}
         for b in self.model.blocks:
             if isinstance(b, Attitude):
                 out.extend(hamilton(b.quaternion, small_quaternion(rates[b.name] * DT)))
                 continue
-            if b in wandering:
-                out.extend(wandered[s] for s in b.nominal)
+            if b in driven:
+                out.extend(ahead[s] for s in b.nominal)
                 continue
             for s, r in zip(b.nominal, rates[b.name]):
                 second = sum((_slope(r, other) * rate for other, rate in vectors.items()), sp.Integer(0))

@@ -1,4 +1,4 @@
-"""How the effects of a filter's channels are taken, in words."""
+"""How the effects of a filter's channels are used, in words."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ def effects_in_words(model: FilterModel) -> list[str]:
     ----------
     model : FilterModel
     """
-    return [_taken(e) for e in model.errors] + [o.sentence.rstrip(".") for o in model.omitted]
+    return [_how_used(e) for e in model.errors] + [o.sentence.rstrip(".") for o in model.omitted]
 
 
-def _taken(error: AttachedError) -> str:
+def _how_used(error: AttachedError) -> str:
     """One error of a reading."""
     what = f"{error.effect.name} of {error.where}"
     if not error.known:

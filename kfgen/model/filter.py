@@ -3,7 +3,7 @@
 Every effect of a channel appends its states. Of an input (a gyro that drives the
 motion) the truth is ``u = u_measured - sum C x - n``; of a sensor the measurement is
 ``z = predict(x) + sum C x + n``. States of one channel that only keep their value (a constant
-bias, a random walk) cannot be told apart and are one state whose driving noises add.
+bias, a random walk) cannot be distinguished and are one state whose driving noises add.
 
 The errors obey ``d(dx)/dt = F dx + G n`` and a measurement's residual is ``H dx + n``, where
 F, G and H are the derivatives, at zero error, of the equations written with the perturbed state.
@@ -62,7 +62,7 @@ class FilterModel:
     uses : mapping of str to tuple of Use
         How the effects of `noise` are taken, in their order: known where it says nothing.
     initial : mapping of str to Initial
-        What is believed before the first measurement, by the name of a stored state, or ``heading``.
+        What is assumed before the first measurement, by the name of a stored state, or ``heading``.
     unchecked : tuple of Omission
         What else its file says that is not in the filter.
     ideal : bool
@@ -185,7 +185,7 @@ class FilterModel:
         return tuple(self._known_better(s) for s in blocks + tuple(self._attachment.states))
 
     def _known_better(self, state: StateInfo) -> StateInfo:
-        """A state with what is believed of it before the first measurement; the heading is the turn about down."""
+        """A state with what is assumed about it before the first measurement; the heading is the turn about down."""
         turn = self.attitude.error_names[2] if self.attitude is not None else ""
         found = self.initial.get(HEADING if state.name == turn else state.name)
         sd = found.sd if found is not None else 0.0
@@ -328,15 +328,7 @@ class FilterModel:
     @cached_property
     def effect_dynamics(self) -> tuple[sp.Matrix, sp.Matrix]:
         """Dynamics A and driving density W of the effects' states, shape (m, m)."""
-        n0 = sum(len(b.error_names) for b in self.blocks)
-        m = len(self._attachment.states)
-        A, W = sp.zeros(m, m), sp.zeros(m, m)
-        for a in self.attached:
-            for i, k in enumerate(a.states):
-                for j, l in enumerate(a.states):
-                    W[k - n0, l - n0] += sp.sympify(a.form.W[i][j], strict=True)
-                    A[k - n0, l - n0] += sp.sympify(a.form.A[i][j], strict=True)
-        return A, W
+        return self._attachment.dynamics()
 
     def white(self, channel: str) -> tuple[sp.Expr, sp.Expr]:
         """White noise of a channel: density [U^2/Hz], and variance of the steps of its integral."""

@@ -73,7 +73,9 @@ def content_hash(model: FilterModel) -> str:
     parts += [f"{r.name} {sp.srepr(r.after)}" for r in model.registers]
     parts += [repr(line) for line in model.motion.late]
     parts += [
-        f"{s.play.channel} {sp.srepr(sp.sympify(s.play.width, strict=True))}" for s in model.sensors if s.play
+        f"{s.backlash.channel} {sp.srepr(sp.sympify(s.backlash.width, strict=True))}"
+        for s in model.sensors
+        if s.backlash
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

@@ -28,7 +28,7 @@ HEADING = "heading"
 
 @dataclass(frozen=True)
 class Initial:
-    """What is believed of a value before the first measurement, and its standard deviation [SI]; zero: as the model says."""
+    """What is assumed about a value before the first measurement, and its standard deviation [SI]; zero: as the model says."""
 
     value: float
     sd: float = 0.0
@@ -89,7 +89,7 @@ def parse_filter(text: str, path: str) -> FilterFile:
     text : str
         TOML, of which nothing is executed.
     path : str
-        Said in errors; a noise file that it names is sought beside it.
+        Said in errors; a noise file that it names is looked for beside it.
 
     Raises
     ------

@@ -153,7 +153,7 @@ def _check_start(model: FilterModel) -> None:
             raise InputError(
                 f"the state {s.name} is exactly known at the start and nothing moves it, so P is singular",
                 where=f"{model.name}: {s.title}",
-                remedy="Give its effect a deviation (sd of a bias), or leave it out",
+                remedy="Give its effect a standard deviation (sd of a bias), or leave it out",
             )
 
 
@@ -228,7 +228,7 @@ class Fixed(Entry):
 
 
 def _turn_on(unit: str, effects: tuple[Effect, ...]) -> float:
-    """Deviation of the unknown constant of a channel before the first sample [SI]."""
+    """Standard deviation of the unknown constant of a channel before the first sample [SI]."""
     sizes = [abs(float(getattr(e, name))) for e in effects for name in e.sizes()]
     return TURN_ON.get(unit, BEYOND * max(sizes, default=1.0))
 

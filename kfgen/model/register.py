@@ -1,4 +1,4 @@
-"""`Register`: numbers that a filter keeps beside its state, exactly known: the last samples of an input, where a play stands.
+"""`Register`: numbers that a filter keeps beside its state, exactly known: the last samples of an input, where a backlash stands.
 
 They stand behind the stored state, have no error and no place in the covariance, and take a new value with every step.
 """
@@ -22,7 +22,7 @@ WHOLE_SAMPLE_TOLERANCE = 1e-3
 
 
 TOUCHING_SHARE_OF_BACKLASH = sp.Float(1e-6)
-"""Share of a play within which it is used up."""
+"""Share of a backlash within which it is used up."""
 
 
 @dataclass(frozen=True)
@@ -119,14 +119,14 @@ class DelayLine:
 
 @dataclass(frozen=True)
 class BacklashOperator:
-    """A play between a value and what shows it: where it stands is remembered from sample to sample.
+    """A backlash between a value and what shows it: where it stands is remembered from sample to sample.
 
     Parameters
     ----------
     channel, unit : str
         SI unit.
     width : Any
-        Of the play, a number or a symbol [SI].
+        Of the backlash, a number or a symbol [SI].
     """
 
     channel: str
@@ -136,9 +136,7 @@ class BacklashOperator:
     @property
     def sentence(self) -> str:
         """What who calls the filter must know."""
-        return (
-            f"{self.channel} has a play: within it a sample says nothing of the state and corrects nothing."
-        )
+        return f"{self.channel} has a backlash: within it a sample says nothing of the state and corrects nothing."
 
     @property
     def symbol(self) -> sp.Symbol:
@@ -147,17 +145,17 @@ class BacklashOperator:
 
     def memory(self, h: sp.Expr) -> Register:
         """What is remembered, for the value `h` in symbols."""
-        title = f"{self.channel} at the last step, within its play"
+        title = f"{self.channel} at the last step, within its backlash"
         return Register(str(self.symbol), self.unit, title, self.shown(h), self.channel)
 
     def shown(self, h: sp.Expr) -> sp.Expr:
-        """The play operator: where it stood, taken along by `h` where the play is used up."""
+        """The backlash operator: where it stood, taken along by `h` where the backlash is used up."""
         lo, hi = h - self.width / 2, h + self.width / 2
         pushed = (lo + self.symbol + sp.Abs(lo - self.symbol)) / 2
         return (pushed + hi - sp.Abs(pushed - hi)) / 2
 
     def follows(self, h: sp.Expr) -> sp.Expr:
-        """The derivative of what is shown by `h`: one where the play is used up, zero within it.
+        """The derivative of what is shown by `h`: one where the backlash is used up, zero within it.
 
         What just touches is used up, whichever way a last digit is rounded.
         """

@@ -161,14 +161,14 @@ def _table_lines(first: Audit, t: ManoeuvreTable) -> list[str]:
     lines = []
     for k in range(0, len(t.manoeuvres), AT_ONCE):
         head = [f"hidden at {first.manoeuvre.name}", *(m.name for m in t.manoeuvres[k : k + AT_ONCE])]
-        rows = [[d.label, *t.cells(row[k : k + AT_ONCE])] for d, row in zip(first.directions, t.freed)]
+        rows = [[d.label, *t.cells(row[k : k + AT_ONCE])] for d, row in zip(first.directions, t.observable)]
         lines.append(columns([head, *rows]))
     return lines
 
 
 def _table_part(first: Audit, t: ManoeuvreTable) -> PagePart:
     head = (f"hidden at {first.manoeuvre.name}", *(m.name for m in t.manoeuvres))
-    rows = [[d.label, *t.cells(row)] for d, row in zip(first.directions, t.freed)]
+    rows = [[d.label, *t.cells(row)] for d, row in zip(first.directions, t.observable)]
     return table(head, rows, "Every cell is exact")
 
 
@@ -179,9 +179,11 @@ def _shortest(t: ManoeuvreTable) -> str:
     count = _count(t, best)
     if not count:
         return "No manoeuvre here frees any of them"
-    return f"No manoeuvre here frees all; {best.name} frees {count} of {len(t.freed)}"
+    return (
+        f"No manoeuvre here makes all observable; {best.name} makes {count} of {len(t.observable)} observable"
+    )
 
 
 def _count(t: ManoeuvreTable, m: Manoeuvre) -> int:
     """How many directions a manoeuvre frees."""
-    return sum(bool(row[t.manoeuvres.index(m)]) for row in t.freed)
+    return sum(bool(row[t.manoeuvres.index(m)]) for row in t.observable)

@@ -33,7 +33,7 @@ _EFFECTS = ("channel", "effect", "found in", "")
 def fleet_answer(fleet: FleetResult) -> Answer:
     """Text, JSON and page of a fleet."""
     names = short_names([o.log for o in (*fleet.done, *fleet.failed)])
-    words, apart = _sentences(fleet, names), _apart_rows(fleet, names)
+    words, outlying = _sentences(fleet, names), _outlier_rows(fleet, names)
     lines, parts = [f"{w}." for w in words], [sentence(f"{w}.") for w in words]
     parts += [text(f"Not used: {o.complaint}.") for o in fleet.failed]
     for channel in dict.fromkeys(s.number.channel for s in fleet.numbers):
@@ -48,10 +48,10 @@ def fleet_answer(fleet: FleetResult) -> Answer:
     ]
     lines += ["", "effects", columns(found)] if found else []
     parts += [heading("Effects"), table(_EFFECTS, found)] if found else []
-    lines += ["", _APART, columns(apart)] if apart else []
+    lines += ["", _OUTLIERS, columns(outlying)] if outlying else []
     parts += (
-        [heading("Not like the others"), text(f"{_APART}."), table(("log", "number", "", ""), apart)]
-        if apart
+        [heading("Not like the others"), text(f"{_OUTLIERS}."), table(("log", "number", "", ""), outlying)]
+        if outlying
         else []
     )
     lines += [*([""] if fleet.failed else []), *(f"not used: {o.complaint}" for o in fleet.failed)]
@@ -59,7 +59,7 @@ def fleet_answer(fleet: FleetResult) -> Answer:
     return Answer("\n".join(lines), fleet.to_dict(), page, ok=not fleet.failed, warnings=fleet.warnings)
 
 
-_APART = (
+_OUTLIERS = (
     f"outliers; in about {100 * FALSE_ALARM_SHARE_OF_FLEETS:g} % of fleets without an outlier one is named"
 )
 
@@ -73,7 +73,7 @@ def short_names(paths: Sequence[str]) -> dict[str, str]:
 
 
 def _sentences(fleet: FleetResult, names: Mapping[str, str]) -> list[str]:
-    """What was read, then what differs, then who is apart, in words."""
+    """What was read, then what differs, then which are outliers, in words."""
     failed = f"; {len(fleet.failed)} could not be used" if fleet.failed else ""
     many = "1 log was" if len(fleet.done) == 1 else f"{len(fleet.done)} logs were"
     words = [f"{many} {'compared with ' + fleet.model if fleet.model else 'identified'}{failed}"]
@@ -93,12 +93,14 @@ def _sentences(fleet: FleetResult, names: Mapping[str, str]) -> list[str]:
         )
     elif any(s.population and s.population.size > 2 for s in fleet.numbers):
         words.append("In no number does the spread between the sensors exceed their measurement uncertainty")
-    apart: dict[str, list[str]] = {}
+    outlying: dict[str, list[str]] = {}
     for s in fleet.numbers:
         for r, _ in s.outliers:
-            apart.setdefault(names[r.log], []).append(f"{s.number.channel} {s.number.label}")
-    words += [f"{log} is not like the others in {', '.join(which)}" for log, which in sorted(apart.items())]
-    if fleet.tested and not apart:
+            outlying.setdefault(names[r.log], []).append(f"{s.number.channel} {s.number.label}")
+    words += [
+        f"{log} is not like the others in {', '.join(which)}" for log, which in sorted(outlying.items())
+    ]
+    if fleet.tested and not outlying:
         words.append("None of them is an outlier")
     return words
 
@@ -177,7 +179,7 @@ def _value(s: PooledNumber, r: SensorEstimate) -> tuple[str, str]:
     return quantity(r.estimate.value, unit), closed
 
 
-def _apart_rows(fleet: FleetResult, names: Mapping[str, str]) -> list[list[str]]:
+def _outlier_rows(fleet: FleetResult, names: Mapping[str, str]) -> list[list[str]]:
     return [
         [
             names[r.log],

@@ -73,7 +73,7 @@ def one_line(channel: IdentifiedChannel) -> str:
 def _missing(channel: IdentifiedChannel, unit: str) -> list[str]:
     """Spectral lines that were found, then what the record cannot show."""
     lines = [
-        f"line at {line.frequency:.4g} Hz, amplitude {quantity(line.amplitude, unit)}, taken out of the fit"
+        f"line at {line.frequency:.4g} Hz, amplitude {quantity(line.amplitude, unit)}, removed before the fit"
         for line in channel.lines
     ]
     return lines + [_limit(limit, channel.fitted.record.longest, unit) for limit in channel.limits]

@@ -208,13 +208,13 @@ def thin(x: Array, most: int = 1500) -> slice:
 
 @dataclass(frozen=True)
 class Dot:
-    """One row of a comparison: its name, value and interval; whether it stands apart."""
+    """One row of a comparison: its name, value and interval; whether it is an outlier."""
 
     name: str
     value: float
     lo: float
     hi: float
-    apart: bool = False
+    outlier: bool = False
 
 
 def dots_picture(
@@ -225,7 +225,7 @@ def dots_picture(
     if np.isfinite(band).all():
         ax.axvspan(*band, color=BAND, alpha=0.35, linewidth=0)
     for k, d in enumerate(dots):
-        color = BEFORE if d.apart else AFTER
+        color = BEFORE if d.outlier else AFTER
         if np.isfinite([d.lo, d.hi]).all():
             ax.plot([d.lo, d.hi], [k, k], color=color, linewidth=1.6)
         ax.plot([d.value], [k], ".", color=color, markersize=7)

@@ -55,9 +55,9 @@ def align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str,
     for s in model.sensors:
         if s.at_rest == "north" and s in parts:
             ahead = _first_mean(log, s, model)
-            told = s.calibrated(tuple(ahead), tuple(up_b))
-            k |= {name: told[name] for name in told.keys() & k.keys()}
-            x |= {name: told[name] for name in told.keys() & x.keys()}
+            calibrated = s.calibrated(tuple(ahead), tuple(up_b))
+            k |= {name: calibrated[name] for name in calibrated.keys() & k.keys()}
+            x |= {name: calibrated[name] for name in calibrated.keys() & x.keys()}
     north = ahead - (ahead @ up_b) * up_b
     north /= np.linalg.norm(north)
     R_lb = _turned(np.vstack([north, np.cross(-up_b, north), -up_b]), model)

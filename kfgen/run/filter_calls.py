@@ -1,6 +1,6 @@
 """A log as calls of a filter: how it starts, then sample by sample what it is given.
 
-Every target that runs over a log gets its calls from here: what `kfgen run` computes and what the proof plays
+Every target that runs over a log gets its calls from here: what `kfgen run` computes and what the proof replays
 through the emitted C are the same.
 """
 
@@ -59,7 +59,7 @@ class FilterCalls:
     known: Mapping[str, float] = field(default_factory=dict)
 
     GATE: ClassVar[float] = float("inf")
-    """Every sample counts: the innovations of a play are its result."""
+    """Every sample counts: the innovations of these calls are its result."""
 
     def __post_init__(self) -> None:
         model = self.program.discrete.model

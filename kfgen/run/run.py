@@ -209,21 +209,21 @@ def _played(
     program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | None, start: Mapping[str, float]
 ) -> FilterRun:
     """The calls of a log on the emitted filter."""
-    play = FilterCalls(program, log, start)
+    calls = FilterCalls(program, log, start)
     emitted = getattr(load(program), class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
-    kf.gate = play.GATE
-    kf.nominal[:], kf.constants[:] = play.start, play.constants
+    kf.gate = calls.GATE
+    kf.nominal[:], kf.constants[:] = calls.start, calls.constants
     names = program.discrete.nominal_names
     estimate = np.empty((log.n, len(names)))
     deviation = np.empty((log.n, program.n))
-    seen: dict[str, list[tuple[float, Array, float]]] = {name: [] for name in play.present}
+    seen: dict[str, list[tuple[float, Array, float]]] = {name: [] for name in calls.present}
     for k in range(log.n):
-        for name, given in play.updates(k):
+        for name, given in calls.updates(k):
             getattr(kf, f"update_{name}")(**given)
             seen[name].append((log.t[k], kf.innovation[: np.size(given["z"])].copy(), kf.nis))
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
-        for given in play.steps(k):
+        for given in calls.steps(k):
             kf.predict(**given)
     sensors = {
         name: SensorRun(
@@ -252,7 +252,7 @@ def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
     Notes
     -----
     Inclination is the angle between the two verticals; heading is what remains about the vertical,
-    after the constant difference of the two norths is taken out.
+    after the constant difference of the two norths is removed.
     """
     from scipy.spatial.transform import Rotation
 

@@ -20,7 +20,7 @@ from kfgen.manoeuvre.file import manoeuvre as manoeuvre_of
 from kfgen.manoeuvre.flight import ManoeuvreMotion, plant_input
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.manoeuvre.motion import Motion
-from kfgen.manoeuvre.truth import drawn, wandered
+from kfgen.manoeuvre.random_truth import drawn, noise_driven
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.reading import axes_of
@@ -127,7 +127,7 @@ def simulate_motion(  # noqa: PLR0913 - what a user may choose
     found = sensor_rates(discrete, rates)
     constants = drawn(model, rng)
     driven = _drive(model, t, drive, decoys)
-    scene = TrueScene(discrete, motion, constants, wandered(model, t, rng), found, driven, shaken)
+    scene = TrueScene(discrete, motion, constants, noise_driven(model, t, rng), found, driven, shaken)
     if VIBRATION in driven and VIBRATION not in (drive or {}) and scene.vibration is not None:
         driven[VIBRATION] = scene.vibration
     channels = {d: Channel(v, driver_named(d).unit) for d, v in driven.items()}

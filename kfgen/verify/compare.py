@@ -228,7 +228,7 @@ def _begin(core: Core, played: Replay) -> None:
 
 
 def _compare_contracted(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:
-    """Words on either side as state and covariance, against the reference's own deviations."""
+    """Words on either side as state and covariance, against the reference's own standard deviations."""
     _begin(core, played)
     words = differing = 0
     for call in played.calls:

@@ -55,7 +55,7 @@ class Family:
         The emulator's names: architecture, its modes, the module of its registers.
     stack, link : str
         Registers.
-    odd : int
+    thumb_bit : int
         Added to the address of a routine.
     wait : bytes
         An instruction that jumps to itself.
@@ -68,7 +68,7 @@ class Family:
     constants: str
     stack: str
     link: str
-    odd: int
+    thumb_bit: int
     wait: bytes
     long: Callable[[int], bool]
     """Whether an instruction that begins with this half word has four bytes."""
@@ -210,8 +210,8 @@ class Board:
             hook = uc.hook_add(UC_HOOK_BLOCK, self._block)
             uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
         uc.reg_write(getattr(self._registers, family.stack), STACK_TOP)
-        uc.reg_write(getattr(self._registers, family.link), RETURN | family.odd)
-        uc.emu_start(self.symbols[function] | family.odd, RETURN)
+        uc.reg_write(getattr(self._registers, family.link), RETURN | family.thumb_bit)
+        uc.emu_start(self.symbols[function] | family.thumb_bit, RETURN)
         if hook is not None:
             uc.hook_del(hook)
             counts.append(self._running)

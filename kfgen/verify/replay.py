@@ -71,21 +71,21 @@ class _Reference:
         self.calls.append(RecordedCall(routine, tuple(row.tolist()), words))
 
 
-def replay(play: FilterCalls) -> Replay:
+def replay(calls: FilterCalls) -> Replay:
     """The calls of a log, with what the filter must hold after each.
 
     Firmware sets the same before its first call: the aligned state, the constants that the log shows, and here a
     gate that is open, as in `kfgen.run.run.run`.
     """
-    start = {"x": play.start, "k": [*play.constants, play.GATE]}
-    assert play.program.constants[-1] is GATE
-    reference = _Reference(play.program)
+    start = {"x": calls.start, "k": [*calls.constants, calls.GATE]}
+    assert calls.program.constants[-1] is GATE
+    reference = _Reference(calls.program)
     reference.put(start)
     ends = []
-    for k in range(play.log.n):
-        for name, given in play.updates(k):
+    for k in range(calls.log.n):
+        for name, given in calls.updates(k):
             reference.call(f"update_{name}", given)
         ends.append(len(reference.calls))
-        for given in play.steps(k):
+        for given in calls.steps(k):
             reference.call("predict", given)
     return Replay(start, tuple(reference.calls), tuple(ends), dict(reference.refused))

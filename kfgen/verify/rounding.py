@@ -110,7 +110,7 @@ def over_log(program: Program, log: Log, start: Mapping[str, float] | None = Non
     if abs(log.dt * rate - 1.0) > RATE_TOLERANCE_FRACTION:
         warnings = (
             f"the filter was emitted for {rate:g} Hz and the log has {1.0 / log.dt:.6g} Hz: "
-            f"noise of samples is believed for the former (emit --rate {1.0 / log.dt:.6g})",
+            f"noise of samples is assumed for the former (emit --rate {1.0 / log.dt:.6g})",
         )
     calls = Counter(c.routine for c in played.calls)
     found = OnLog(log.source, log.sha256, log.duration, calls, played.refused, beside, warnings)

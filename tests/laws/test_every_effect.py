@@ -1,4 +1,4 @@
-"""The law: an effect that is declared is known in every room, or is refused there in words with a remedy.
+"""The law: an effect that is declared is known in every layer, or is refused there in words with a remedy.
 
 The effects are those of the catalogue, each at a strong size; a new one without an entry in `strong_effects` fails here.
 """

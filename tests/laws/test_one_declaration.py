@@ -1,4 +1,4 @@
-"""One declaration: what the gap writes changes every room, and options of models are spellings of effects."""
+"""One declaration: what the gap writes changes every layer, and options of models are spellings of effects."""
 
 from __future__ import annotations
 

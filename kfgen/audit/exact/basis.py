@@ -120,7 +120,7 @@ def _moving(plan: Plan) -> set[int]:
 
 
 def _circuits(hidden: NullSpace, moving: set[int]) -> list[Vector]:
-    """Vectors of small support, the smallest first, among equals those of states that stand still."""
+    """Vectors of small support, the smallest first, among equals those of states that do not change."""
     ring, d = hidden.ring, hidden.nullity
     rows = [[int(e) for e in column] for column in hidden.basis.T]
     states = [k for k in range(hidden.basis.shape[0]) if any(row[k] for row in rows)]

@@ -307,7 +307,7 @@ def null_space(rows: list[list[int]], columns: int, ring: Ring) -> tuple[Residue
 
 
 def _without(row: list[int], pivot: list[int], c: int, unit: int, power: int, m: int) -> list[int]:
-    """A row with its entry under a pivot taken away; the entry is a multiple of the pivot."""
+    """A row with its entry under a pivot eliminated; the entry is a multiple of the pivot."""
     if not row[c]:
         return row
     q = (row[c] // power) * unit

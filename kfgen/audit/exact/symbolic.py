@@ -64,7 +64,7 @@ def null_of(F: sp.Matrix, H: sp.Matrix, columns: Sequence[int] | None = None) ->
     """
     columns = list(range(F.rows)) if columns is None else list(columns)
     O = rows_of(F, H, columns)
-    # Eliminated from the last state backwards, so that the first ones lead.
+    # Eliminated from the last state backwards, so that the first ones are pivots.
     back = O.extract(list(range(O.rows)), list(range(O.cols - 1, -1, -1)))
     basis = back.nullspace(simplify=True) if O.rows else [sp.eye(O.cols).col(i) for i in range(O.cols)]
     out = []

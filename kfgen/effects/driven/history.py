@@ -1,8 +1,8 @@
-"""Effects of the past of a temperature: its rate, its play; of the past of any driver: a lag behind it.
+"""Effects of the past of a temperature: its rate, its hysteresis; of the past of any driver: a lag behind it.
 
 References
 ----------
-.. [1] F. Preisach, Über die magnetische Nachwirkung, Z. Phys. 94, 1935 (the play operator is his simplest element).
+.. [1] F. Preisach, Über die magnetische Nachwirkung, Z. Phys. 94, 1935 (the hysteresis with this dead band, backlash, is his simplest element).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from kfgen.effects.series import Detection, WhiteSeries
 Array = NDArray[np.float64]
 
 POINTS = 4096
-"""To which a thermometer is thinned before its rate or its play is taken."""
+"""To which a thermometer is thinned before its rate or its hysteresis is computed."""
 CLEAR = 0.1
 """Share of the rate's size by which it may differ from that of a window twice as long, else it is smoothed more."""
 WIDTHS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
@@ -89,7 +89,7 @@ class TemperatureRate(Effect):
 
 @dataclass(frozen=True)
 class ThermalHysteresis(Effect):
-    """A bias that follows the temperature with play: it stays behind by up to `width` either way [1]_."""
+    """A bias that follows the temperature with hysteresis: it stays behind by up to `width` either way [1]_."""
 
     width: Any = parameter("K", "place")
     coefficient: Any = parameter("U/K", "signed")
@@ -99,7 +99,7 @@ class ThermalHysteresis(Effect):
     title: ClassVar[str] = "thermal hysteresis"
     separating_experiment: ClassVar[str] = "the same temperatures passed at two speeds, up and down"
     sentence_template: ClassVar[str] = (
-        "follows the temperature by {coefficient} with a play of {width} either way"
+        "follows the temperature by {coefficient} with a hysteresis of {width} either way"
     )
     driver: ClassVar[str] = "temperature"
 
@@ -119,14 +119,14 @@ class ThermalHysteresis(Effect):
         )
 
     def in_filter(self, place: FilterPlace) -> FilterRole:
-        """The play operator of the temperature is kept beside the state."""
+        """The hysteresis operator of the temperature is kept beside the state."""
         import sympy as sp
 
-        def taken_along(stood: Any, driver: Any, dt: Any) -> Any:
+        def follow(stood: Any, driver: Any, dt: Any) -> Any:
             pushed = sp.Rational(1, 2) * (driver - self.width + stood + sp.Abs(driver - self.width - stood))
             return sp.Rational(1, 2) * (pushed + driver + self.width - sp.Abs(pushed - driver - self.width))
 
-        stored = StoredValue("stood", "K", "temperature within its hysteresis", self.driver, taken_along)
+        stored = StoredValue("stood", "K", "temperature within its hysteresis", self.driver, follow)
         return DrivenOutput(lambda _, stood: stood, self.driver, stored)
 
     def mean(self, t: Array, drive: Mapping[str, Array] | None = None) -> Array:
@@ -134,7 +134,7 @@ class ThermalHysteresis(Effect):
         if not drive:
             return np.zeros(np.size(t))
         at, T = thinned(t, drive["temperature"])
-        return float(self.coefficient) * np.interp(t, at, play(T, float(self.width)))
+        return float(self.coefficient) * np.interp(t, at, hysteresis(T, float(self.width)))
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class Lagged(Effect):
     )
     title: ClassVar[str] = "bias behind another channel"
     separating_experiment: ClassVar[str] = (
-        "that channel changed at two speeds: a lag shrinks with the slow one, a play does not"
+        "that channel changed at two speeds: a lag shrinks with the slow one, a hysteresis does not"
     )
     sentence_template: ClassVar[str] = "follows the other channel by {coefficient}, {lag} behind it"
 
@@ -165,7 +165,7 @@ class Lagged(Effect):
 
     @classmethod
     def lags(cls, series: WhiteSeries) -> tuple[float, list[Detection]]:
-        """The best regression in deviations, and the lags whose course is not that of the channel itself."""
+        """The best regression in standard deviations, and the lags whose course is not that of the channel itself."""
         x, best, out = series.drive[cls.driver], 0.0, []
         _, u0 = series.regression(x)
         for lag in np.geomspace(SHORTEST, LONGEST, LAGS) * series.n * series.dt:
@@ -244,14 +244,14 @@ def rate_of(t: Array, T: Array) -> Array:
         savgol_filter(means, w, 2, deriv=1, delta=step, mode="interp") for w in windows if w < means.size
     ]
     # Too short a window leaves noise, too long a one leaves the course: between both a rate does not change.
-    apart = [float(np.std(a - b)) for a, b in pairwise(rates)]
-    calm = next((k for k, d in enumerate(apart) if d < CLEAR * float(np.std(rates[k + 1]))), None)
-    best = rates[calm if calm is not None else int(np.argmin(apart))] if apart else rates[0]
+    differences = [float(np.std(a - b)) for a, b in pairwise(rates)]
+    calm = next((k for k, d in enumerate(differences) if d < CLEAR * float(np.std(rates[k + 1]))), None)
+    best = rates[calm if calm is not None else int(np.argmin(differences))] if differences else rates[0]
     return np.asarray(np.interp(t, at, best))
 
 
-def play(T: Array, width: float) -> Array:
-    """The play operator: follows T only where it is further away than `width`, shape (n,)."""
+def hysteresis(T: Array, width: float) -> Array:
+    """The hysteresis operator: follows T only where it is further away than `width`, shape (n,)."""
     out, h = np.empty(T.size), float(T[0])
     for k, x in enumerate(T.tolist()):
         h = min(max(h, x - width), x + width)

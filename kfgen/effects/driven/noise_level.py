@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 NOISE_LEVEL = "noise_level:"
 """Before the name of a channel: the effect of that channel on the noise."""
 PROMISING = 3.5
-"""Deviations of the regression of squares on a channel from which it is looked at in earnest."""
+"""Standard deviations of the regression of squares on a channel from which it is looked at in earnest."""
 ROUNDS = 30
 
 
 @dataclass(frozen=True)
 class NoiseLevel(AddsNothingAtRest):
-    """White noise of deviation ``sigma exp(slope (channel - reference))``, ``noise_level:NAME`` [1]_."""
+    """White noise of standard deviation ``sigma exp(slope (channel - reference))``, ``noise_level:NAME`` [1]_."""
 
     slope: Any = parameter("%", "solved")
     reference: float = parameter("", "setting", 0.0)
@@ -102,7 +102,7 @@ class NoiseLevel(AddsNothingAtRest):
 
 @dataclass(frozen=True)
 class NoiseTemperature(NoiseLevel):
-    """White noise whose deviation follows the temperature."""
+    """White noise whose standard deviation follows the temperature."""
 
     slope: Any = parameter("%/K", "solved")
     reference: float = parameter("K", "setting", 298.15)
@@ -126,16 +126,16 @@ def leveled(channel: str) -> type[NoiseLevel]:
 
 
 def followed(series: WhiteSeries, s: Array) -> float:
-    """Regression of the squares of the white series on a channel, shape (n,), in deviations."""
+    """Regression of the squares of the white series on a channel, shape (n,), in standard deviations."""
     u = s - np.mean(s)
     size = float(np.linalg.norm(u))
     z2 = series.z**2
     return float(u @ (z2 - np.mean(z2))) / (float(np.sqrt(2.0)) * size) if size > 0.0 else 0.0
 
 
-def _fitted(z2: Array, s: Array, believed: tuple[float, float]) -> tuple[float, float, float]:
-    """Slope of the logarithm of the level on a shape, gain over one level [nats], deviation of the slope."""
-    mean, sd = believed
+def _fitted(z2: Array, s: Array, assumed: tuple[float, float]) -> tuple[float, float, float]:
+    """Slope of the logarithm of the level on a shape, gain over one level [nats], standard deviation of the slope."""
+    mean, sd = assumed
     x = np.array([0.5 * np.log(np.mean(z2)), 0.0])
     one = -np.log(np.mean(z2)) * 0.5 * z2.size - 0.5 * z2.size - 0.5 * ((x[0] - mean) / sd) ** 2
     for _ in range(ROUNDS):

@@ -91,10 +91,10 @@ class RepeatedSamples(Fault):
         """More equal neighbours than the ADC grid and the noise explain."""
         same = np.diff(raw.y) == 0.0
         looked = same if raw.still is None else same[~raw.still]
-        if looked.size < MIN_STEPS_FOR_REPEATS or raw.lattice > MIN_COARSE_STEP_SIGMAS * raw.believed:
+        if looked.size < MIN_STEPS_FOR_REPEATS or raw.adc_step > MIN_COARSE_STEP_SIGMAS * raw.assumed:
             return None
         equal = float(np.mean(looked))
-        chance = min(raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
+        chance = min(raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
         share = (equal - chance) / max(1.0 - chance, 1e-9)
         least = 3.0 / looked.size + 5.0 * np.sqrt(chance / looked.size) + 0.25 * chance
         if equal - chance < max(least, 0.005):
@@ -189,7 +189,7 @@ class Clipping(Fault):
         for end in (float(raw.y.max()), float(raw.y.min())):
             count = int(np.sum(raw.y == end))
             share = count / raw.n
-            if count >= MIN_CLIPPED_SAMPLES and share > MIN_CLIPPED_SHARE and raw.lattice < 0.25 * raw.noise:
+            if count >= MIN_CLIPPED_SAMPLES and share > MIN_CLIPPED_SHARE and raw.adc_step < 0.25 * raw.noise:
                 return DetectedFault(cls(end), share * raw.n, spoils=True)
         return None
 
@@ -207,12 +207,12 @@ class CoarseQuantisation(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """The step of the ADC grid against the noise."""
-        if raw.lattice < MIN_COARSE_STEP_SIGMAS * raw.believed or raw.noise > 3.0 * raw.lattice:
+        if raw.adc_step < MIN_COARSE_STEP_SIGMAS * raw.assumed or raw.noise > 3.0 * raw.adc_step:
             return None
         one, two = raw.steps
-        if one > MIN_INTEGRATED_STEP_RATIO * two:  # the lattice is that of the integral
+        if one > MIN_INTEGRATED_STEP_RATIO * two:  # the ADC grid is that of the integral
             return None
-        return DetectedFault(cls(raw.lattice), float(raw.n), spoils=True)
+        return DetectedFault(cls(raw.adc_step), float(raw.n), spoils=True)
 
 
 @dataclass(frozen=True)
@@ -228,9 +228,9 @@ class StuckBit(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """Codes of which none has the bit, or all have, while the bit above changes."""
-        if raw.lattice <= 0.0:
+        if raw.adc_step <= 0.0:
             return None
-        codes = np.round(raw.y / raw.lattice).astype(np.int64)
+        codes = np.round(raw.y / raw.adc_step).astype(np.int64)
         for bit in range(1, 16):
             if codes.max() - codes.min() < 2 ** (bit + 1):
                 break
@@ -257,12 +257,12 @@ class DeadZone(Fault):
         zero = raw.y == 0.0
         share = float(np.mean(zero))
         away = np.abs(raw.y[~zero])
-        if share < 0.02 or away.size < 100 or raw.lattice > 0.25 * raw.noise:
+        if share < 0.02 or away.size < 100 or raw.adc_step > 0.25 * raw.noise:
             return None
         width = float(np.quantile(away, 0.001))
         if width < max(
-            1.5 * raw.lattice, 0.02 * raw.believed
-        ):  # the lattice itself; or zeros that were put in
+            1.5 * raw.adc_step, 0.02 * raw.assumed
+        ):  # the ADC grid itself; or zeros that were put in
             return None
         next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
         return DetectedFault(cls(width), share * raw.n, spoils=True) if share > 0.2 * next_to else None
@@ -284,7 +284,7 @@ class UnitError(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """A noise that is larger or smaller than assumed by just such a factor."""
-        found = _between(raw.noise / raw.believed) if raw.believed > 0.0 else None
+        found = _between(raw.noise / raw.assumed) if raw.assumed > 0.0 else None
         return DetectedFault(found, float(raw.n), spoils=True) if found else None
 
     @classmethod

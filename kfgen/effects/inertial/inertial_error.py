@@ -31,7 +31,7 @@ class InertialError(AddsNothingAtRest):
     filter_drivers: ClassVar[tuple[str, ...]] = ()
 
     def error(self, felt: Felt, axis: int) -> Any:
-        """The addition [U] to one axis of the triad: the one expression that every room uses.
+        """The addition [U] to one axis of the triad: the one expression that every layer uses.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Effects between what a plant does and what a channel shows of it: a slow sensor, a play."""
+"""Effects between what a plant does and what a channel shows of it: a slow sensor, a backlash."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class SensorChange(PlantEffect):
         return 0.0
 
     @property
-    def play(self) -> Any:
-        """Width of a play; zero for none."""
+    def backlash(self) -> Any:
+        """Width of a backlash; zero for none."""
         return 0.0
 
     def shown(self, t: Array, h: Array) -> Array:
@@ -36,7 +36,7 @@ class SensorChange(PlantEffect):
         raise NotImplementedError
 
     def begun(self, t: Array, y: Array) -> Array | None:
-        """One deviation of what it may have begun with, which nobody knows, shape (n, batch).
+        """One standard deviation of what it may have begun with, which nobody knows, shape (n, batch).
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class SensorLag(SensorChange):
 
 @dataclass(frozen=True)
 class Backlash(SensorChange):
-    """Play between the plant and its sensor: the channel follows once the play is taken up."""
+    """Backlash between the plant and its sensor: the channel follows once the backlash is used up."""
 
     width: Any = parameter("U", "size")
 
@@ -96,12 +96,12 @@ class Backlash(SensorChange):
     sentence_template: ClassVar[str] = "has a backlash of {width}"
 
     @property
-    def play(self) -> Any:
+    def backlash(self) -> Any:
         """The width."""
         return self.width
 
     def shown(self, t: Array, h: Array) -> Array:
-        """The play operator, from the middle of the play."""
+        """The backlash operator, from the middle of the backlash."""
         half = np.asarray(self.width) / 2.0
         out = np.empty(np.broadcast_shapes(h.shape, (1, half.size)))
         now = np.broadcast_to(h[0], out.shape[1:])

@@ -159,7 +159,7 @@ class Resonance(LinearProcess):
         )
 
     def is_itself(self, duration: float) -> bool:
-        """Whether its peak is wide enough to be told from a line."""
+        """Whether its peak is wide enough to be distinguished from a line."""
         return 2.0 * float(self.damping) * float(self.frequency) * duration > MIN_RESONANCE_WIDTH_BINS
 
     @classmethod

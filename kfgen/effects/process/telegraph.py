@@ -1,7 +1,8 @@
 """Random telegraph (popcorn) noise: a bias that jumps between two levels.
 
-Its spectrum is that of a Gauss-Markov process of half its dwell time, so nothing of second order can tell
-them apart; the likelihood of a level that switches can, see `kfgen.effects.process.switching_level`, also beside slow noise.
+Its spectrum is that of a Gauss-Markov process of half its dwell time, so nothing of second order
+distinguishes them; the likelihood of a level that switches does, also beside slow noise, see
+`kfgen.effects.process.switching_level`.
 
 References
 ----------

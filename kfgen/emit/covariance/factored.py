@@ -75,7 +75,7 @@ class Factored(Bierman):
 
     NAME = "ud"
     TITLE = "factors of P = U D U', upper triangle by rows, D on its diagonal"
-    LUMPS = True
+    HAS_Q_INTERVAL = True
 
     @cached_property
     def _triangular(self) -> tuple[int, ...] | None:
@@ -302,8 +302,8 @@ def factors(
         a = {i: let(body, f"q_{i}_{j}", mul(q, over)) for i, q in above.items()}
         for i, q in above.items():
             for k in (k for k in above if k <= i):
-                taken = mul(a[k], q)
-                left = add(Q[k, i], neg(taken)) if (k, i) in Q else neg(taken)
+                product = mul(a[k], q)
+                left = add(Q[k, i], neg(product)) if (k, i) in Q else neg(product)
                 Q[k, i] = let(body, f"q_{k}_{i}_{j}", left)
         inner = use(j, {**a, j: Num(1.0)}, c)
         body.append(When(positive, tuple(inner)))

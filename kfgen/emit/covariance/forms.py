@@ -85,7 +85,7 @@ class CovarianceForm:
     NAME = ""
     TITLE = ""
     ARRAY = ""
-    LUMPS = False
+    HAS_Q_INTERVAL = False
     """Whether noise may wait: it does where each term of it is dear."""
 
     @property

@@ -36,7 +36,7 @@ class Real:
     root: str
     macro: str
     whole: float
-    """``1.5 2^m`` for m bits of mantissa: added and taken away, it rounds to the nearest whole number."""
+    """``1.5 2^m`` for m bits of mantissa: added and subtracted, it rounds to the nearest whole number."""
     word: str
 
 

@@ -32,7 +32,7 @@ def handling(model: FilterModel) -> tuple[str, ...]:
     """What is done with samples before the filter gets them: options that act on a log, for who has none."""
     steps = f"Inputs of a step: {SAMPLE_OF_A_STEP[model.motion.chosen.get('samples', AFTER)]}."
     remembered = [line.sentence for line in model.motion.late] + [
-        s.play.sentence for s in model.sensors if s.play
+        s.backlash.sentence for s in model.sensors if s.backlash
     ]
     handled = [h for s in model.sensors for h in s.handling()]
     return (*((steps,) if model.motion.inputs else ()), *remembered, *handled)

@@ -1,7 +1,7 @@
 """Fitting a scene: damped Gauss-Newton steps in the effects' parameters and the world's unknowns.
 
 Signed parameters are fitted as they are, positive ones in their logarithm. Each channel's noise may be
-louder or quieter than believed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
+louder or quieter than assumed: its level has a log-normal prior of `NOISE_LEVEL_SD_OF_LOG` and is profiled out, so that a
 noise of the wrong size is no evidence for anything else.
 
 References
@@ -24,14 +24,14 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 Array = NDArray[np.float64]
 
 NOISE_LEVEL_SD_OF_LOG = 0.1
-"""Deviation of the logarithm of a channel's noise level."""
+"""Standard deviation of the logarithm of a channel's noise level."""
 MAX_NEWTON_STEPS = 15
 GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
 GAIN_TOLERANCE_SHARE = 1e-5
 """Or this share of what the fit gained in all."""
 DIFFERENCE_STEP_SD = 0.1
-"""Change of the residuals [deviations] by which they are differentiated."""
+"""Change of the residuals [standard deviations] by which they are differentiated."""
 MAX_RELATIVE_STEP = 1e12
 """Largest relative change where nothing shows it."""
 MAX_LOG_STEP = 1.0
@@ -51,7 +51,7 @@ class SceneFit:
     point : Point
     residual : ndarray, shape (N,)
     levels : ndarray, shape (channels,)
-        Deviation of each channel's noise, in believed ones.
+        Standard deviation of each channel's noise, in assumed ones.
     value : float
         Log-likelihood plus log prior.
     information : ndarray, shape (p, p)
@@ -171,7 +171,7 @@ def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
 
 
 def _pulls(scene: Scene, unknowns: Array) -> Array:
-    """How far unknowns are from what is believed of them, in deviations."""
+    """How far unknowns are from what is assumed about them, in standard deviations."""
     values = np.array([u.value for u in scene.unknowns])
     return np.asarray((unknowns - values) * _weights(scene))
 
@@ -315,7 +315,7 @@ def _ways(d: Array, logs: NDArray[np.bool_]) -> list[Array]:
 
     The first is shortened where it is long, everything by the same share. In the second a number grows or shrinks as
     a step of its own would have it, and all else goes its whole way: from a time that is far too short or long only
-    this way leads on, for the unknowns that make up for it go in proportion to the time and not to its logarithm.
+    this way goes on, for the unknowns that make up for it go in proportion to the time and not to its logarithm.
     """
     along = d[: logs.size][logs]
     largest = float(np.abs(along).max(initial=0.0))

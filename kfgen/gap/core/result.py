@@ -1,4 +1,4 @@
-"""What was found: `Finding`, `DetectionLimit`, and `Comparison` of some channels with what is assumed of them."""
+"""What was found: `Finding`, `DetectionLimit`, and `Comparison` of some channels with what is assumed about them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Finding:
     test : Test, optional
         The one that showed most disagreement before it was added.
     assumed_value : float, optional
-        What is assumed of the number of which it is the error [SI].
+        What is assumed about the number of which it is the error [SI].
     once : bool
         Whether it belongs to this recording alone: a step, single samples, a line with its phase, where a state starts.
     """

@@ -46,15 +46,15 @@ class Unknown:
     ----------
     name, unit : str
     value : float
-        What is believed [SI].
+        What is assumed [SI].
     sd : float
-        Deviation of a Gaussian prior [SI]; infinite for none.
+        Standard deviation of a Gaussian prior [SI]; infinite for none.
     begun : float, optional
         Where fits begin, if not there [SI].
     own : str
-        How the model file calls it, where it says both value and deviation.
+        How the model file calls it, where it says both value and standard deviation.
     far : float
-        Deviations from what is believed beyond which it does not hold.
+        Standard deviations from what is assumed beyond which it does not hold.
     once : bool
         Whether it belongs to this record alone.
     """
@@ -83,7 +83,7 @@ class ScenePoint:
 
 
 class Scene(Protocol):
-    """A world: channels of a log against what is believed of them."""
+    """A world: channels of a log against what is assumed about them."""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -138,13 +138,13 @@ class Undecided(Protocol):
 
 @runtime_checkable
 class Trusting(Protocol):
-    """A world with numbers that are believed."""
+    """A world with numbers that are assumed."""
 
     def held(self, names: Collection[str]) -> Scene:
-        """The same world with these unknowns as they are believed; their errors are candidates."""
+        """The same world with these unknowns at their assumed values; their errors are candidates."""
 
     def stated(self, where: str) -> float:
-        """What is believed of a number [SI]."""
+        """What is assumed about a number [SI]."""
 
 
 @runtime_checkable
@@ -165,7 +165,7 @@ class HasInputs(Protocol):
 
     @property
     def follows_nowhere(self) -> bool:
-        """Whether the believed model follows the record nowhere."""
+        """Whether the assumed model follows the record nowhere."""
 
 
 @runtime_checkable

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.gap.core.assumed_parameters import Answered, answered
 from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.core.believed_parameters import Answered, answered
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.core.noise_scale import NoiseScale, levels_in, noise_scales_in

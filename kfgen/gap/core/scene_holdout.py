@@ -1,4 +1,4 @@
-"""The proof of a scene: samples that no fit saw, foretold by the assumed and by the updated model.
+"""The proof of a scene: samples that no fit saw, predicted by the assumed and by the updated model.
 
 The whole scene is run, so that what is inside it (the state of a filter, of a plant) is carried over from the part
 that was fitted into the part that was not; its white series is cut in time. Effects, biases and all that is unknown
@@ -22,12 +22,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.gap.core.assumed_parameters import Answered
 from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
-from kfgen.gap.core.believed_parameters import Answered
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
 from kfgen.gap.core.newton import SceneFit, fitted
 from kfgen.gap.core.scene import Placed, ReadingByReading, Scene, ScenePoint, Unknown
-from kfgen.gap.core.screen import basis, freed
+from kfgen.gap.core.screen import basis, orthogonal_part
 from kfgen.gap.core.whitener import Whitener
 
 Array = NDArray[np.float64]
@@ -161,8 +161,8 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     cut = _cut(scene, found.fit)
     if any(b - a < MIN_STRETCH_SAMPLES for blocks in cut.stretches for a, b in blocks):
         return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
-    learnt, trained, after = _foretold(scene, cut, found.fit)
-    before = _foretold(answer.written, cut, found.assumed)[2]
+    learnt, trained, after = _predicted(scene, cut, found.fit)
+    before = _predicted(answer.written, cut, found.assumed)[2]
     levels = np.ones(len(scene.channels))
     if not found.fit.point.placed and (rescaled is None or not rescaled.any()):
         after = before  # nothing was updated
@@ -172,7 +172,7 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     return _gap(cut, before, after, levels)
 
 
-def _foretold(scene: Scene, cut: Cut, fit: SceneFit) -> tuple[ScenePart, SceneFit, SceneFit]:
+def _predicted(scene: Scene, cut: Cut, fit: SceneFit) -> tuple[ScenePart, SceneFit, SceneFit]:
     """What is seen, the fit to it, and the fit to the rest of where things start: all else is as it was seen."""
     seen = tuple(~m for m in cut.unseen)
     learnt = ScenePart(scene, seen, fit.point.unknowns, _shown(scene, seen, fit))
@@ -203,7 +203,7 @@ def _cut(scene: Scene, fit: SceneFit) -> Cut:
     alone = series(scene, np.column_stack([scene.residuals([p])[:, 0] - fit.residual for p in without]))
     J = series(scene, fit.jacobian[:, len(fit.keys) :])
     power, shown = (
-        np.sum(freed(alone[rows], basis(J[rows])) ** 2, axis=0)
+        np.sum(orthogonal_part(alone[rows], basis(J[rows])) ** 2, axis=0)
         for rows in (np.ones(len(alone), dtype=bool), last.rows)
     )
     return blocks if (shown < MIN_TAIL_POWER_SHARE * power).any() else last
@@ -220,9 +220,9 @@ def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
         loss1 += 0.5 * float(p1.sum() / s**2 - f1.sum()) + float(f1.sum() * np.log(s))
         edges = band_edges(p1.size)
         power, count = (np.add.reduceat(x, edges[:-1]) for x in (p1 / s**2, f1))
-        told = count > MIN_DEGREES_OF_FREEDOM
-        r.append(np.maximum(power[told] / count[told], 1e-12))
-        m.append(count[told])
+        enough = count > MIN_DEGREES_OF_FREEDOM
+        r.append(np.maximum(power[enough] / count[enough], 1e-12))
+        m.append(count[enough])
     noise = float(np.sqrt(sum(p.sum() for p in P1) / max(sum(f.sum() for f in m1), 1.0)))
     away = noise * float(np.linalg.norm(before.residual - after.residual))
     size = np.array([(s**2 - 1.0) * np.sqrt(0.5 * f.sum()) for s, f in zip(levels, m1)])
@@ -262,8 +262,8 @@ def _powers(cut: Cut, fit: SceneFit) -> tuple[list[Array], list[Array]]:
     for z, q, blocks in zip(np.split(fit.residual, ends), np.split(Q, ends), cut.stretches):
         size = blocks[0][1] - blocks[0][0]
         power.append(_spectrum(z, size).sum(axis=0))
-        taken = _spectrum(q, size).sum(axis=(0, 2)) if q.shape[1] else 0.0
-        count.append(np.maximum(len(blocks) - taken, 0.0) * np.ones(size))
+        absorbed = _spectrum(q, size).sum(axis=(0, 2)) if q.shape[1] else 0.0
+        count.append(np.maximum(len(blocks) - absorbed, 0.0) * np.ones(size))
     return power, count
 
 

@@ -19,7 +19,7 @@ from kfgen.effects.plant.terms import InputChange
 from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed, keys_of
 from kfgen.gap.core.scene import Linearised, Placed, Scene, ScenePoint
 from kfgen.gap.core.scene_evidence import evidence, time_limits
-from kfgen.gap.core.screen import MIN_OWN_SHARE, Screened, basis, freed, new_columns, screen
+from kfgen.gap.core.screen import MIN_OWN_SHARE, Screened, basis, new_columns, orthogonal_part, screen
 from kfgen.gap.core.search import Chosen, Contest, Distinguishability, Label, probabilities, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS, SearchLimits
 from kfgen.gap.rest.evidence import TIME_LIMITS
@@ -53,7 +53,7 @@ class FittedAddition:
     fit : SceneFit
         Of the scene with it, the last.
     gain : float
-        The cost of choosing it taken off.
+        Less the cost of choosing it.
     direction : ndarray, shape (N,)
         In which it moves the residuals most, as of `Screened`.
     """
@@ -201,8 +201,8 @@ def _doubtful(found: SceneExplanation, index: int) -> bool:
     J = fit.jacobian
     mine = [c for c, (i, _) in enumerate(fit.keys) if i == index]
     unknowns = J[:, len(fit.keys) :]
-    left = np.sum(freed(J[:, mine], basis(unknowns)) ** 2, axis=0)
-    alone = np.sum(freed(J[:, mine], basis(np.delete(J, mine, axis=1))) ** 2, axis=0)
+    left = np.sum(orthogonal_part(J[:, mine], basis(unknowns)) ** 2, axis=0)
+    alone = np.sum(orthogonal_part(J[:, mine], basis(np.delete(J, mine, axis=1))) ** 2, axis=0)
     kept = float((alone / np.maximum(left, 1e-300)).min(initial=1.0))
     return found.chosen[index].gain * kept < UNRIVALLED_EVIDENCE_NATS
 
@@ -351,7 +351,7 @@ def limits(scene: Scene, fit: SceneFit) -> list[tuple[Placed, str, float]]:
         if not np.isfinite(residual).all():
             continue
         column = new_columns(scene, fit, point, residual)[:, 0]
-        own = float(np.linalg.norm(freed(column, Q)))
+        own = float(np.linalg.norm(orthogonal_part(column, Q)))
         scale = 1.0 if is_signed(effect, name) else float(getattr(effect, name))
         if own > MIN_OWN_SHARE * float(np.linalg.norm(column)):
             out[what] = starts[0], name, scale * float(np.sqrt(2.0 * DETECTION_LIMIT_NATS)) / own

@@ -17,7 +17,7 @@ from kfgen.gap.core.scene import Placed, Scene, ScenePoint
 Array = NDArray[np.float64]
 
 MIN_OWN_SHARE = 0.02
-"""Share of an addition's direction that must be its own, for it to be told from what is fitted anyway."""
+"""Share of an addition's direction that must be its own, for it to be distinct from what is fitted anyway."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Screened:
         Linear gain [nats] of its best start.
     start : Placed
     direction : ndarray, shape (N,)
-        Of its parameter that moves the residuals most, freed of what is fitted anyway.
+        Of its parameter that moves the residuals most, without what is fitted anyway.
     claims : ndarray, shape (effects,)
-        Share cos^2 of it, freed of all else, that lies in each effect that is there.
+        Share cos^2 of it, without all else, that lies in each effect that is there.
     """
 
     gain: float
@@ -51,16 +51,16 @@ def screen(scene: Scene, base: SceneFit) -> list[Screened]:
         Of the scene with what is there.
     """
     Q, own = basis(base.jacobian), _own(base)
-    before = freed(over_levels(scene, base.residual, base.levels), Q)
+    before = orthogonal_part(over_levels(scene, base.residual, base.levels), Q)
     found = [_screened(scene, base, g, Q, own, before) for g in scene.candidates(base.point.placed)]
     return sorted(found, key=lambda s: -s.gain)
 
 
 def _own(base: SceneFit) -> list[Array]:
-    """Orthonormal directions of each effect, freed of everything else that is fitted."""
+    """Orthonormal directions of each effect, without everything else that is fitted."""
     J = base.jacobian
     columns = [[c for c, (i, _) in enumerate(base.keys) if i == k] for k in range(len(base.point.placed))]
-    return [basis(freed(J[:, mine], basis(np.delete(J, mine, axis=1)))) for mine in columns]
+    return [basis(orthogonal_part(J[:, mine], basis(np.delete(J, mine, axis=1)))) for mine in columns]
 
 
 def _screened(
@@ -75,12 +75,12 @@ def _screened(
         if not np.isfinite(found[:, j]).all():
             continue
         columns = new_columns(scene, base, point, found[:, j])
-        A = freed(columns, Q)
+        A = orthogonal_part(columns, Q)
         size = np.linalg.norm(A, axis=0)
-        told = size > MIN_OWN_SHARE * np.linalg.norm(columns, axis=0)
-        rest = freed(over_levels(scene, found[:, j], base.levels), Q)
-        if told.any():
-            B = A[:, told] / size[told]
+        distinct = size > MIN_OWN_SHARE * np.linalg.norm(columns, axis=0)
+        rest = orthogonal_part(over_levels(scene, found[:, j], base.levels), Q)
+        if distinct.any():
+            B = A[:, distinct] / size[distinct]
             rest = rest - B @ (np.linalg.pinv(B.T @ B, rcond=1e-10, hermitian=True) @ (B.T @ rest))
         gain = 0.5 * (power - float(rest @ rest))
         if gain > best.gain:
@@ -89,12 +89,12 @@ def _screened(
 
 
 def _claims(columns: Array, size: Array, own: Sequence[Array]) -> Array:
-    """Shares of columns, of `size` where they are freed of everything, that lie in each effect's directions."""
+    """Shares of columns, of `size` without everything else, that lie in each effect's directions."""
     shared = np.array([np.sum((D.T @ columns) ** 2, axis=0) for D in own]).reshape(len(own), columns.shape[1])
     return np.asarray((shared / np.maximum(shared + size**2, 1e-300)).max(axis=1, initial=0.0))
 
 
-def freed(x: Array, Q: Array) -> Array:
+def orthogonal_part(x: Array, Q: Array) -> Array:
     """Vectors without what lies in the columns of `Q`.
 
     Parameters

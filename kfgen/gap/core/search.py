@@ -29,7 +29,7 @@ class Addition(Protocol):
 
     @property
     def gain(self) -> float:
-        """Evidence over the explanation without it, the cost of choosing it taken off [nats]."""
+        """Evidence over the explanation without it, less the cost of choosing it [nats]."""
 
 
 A = TypeVar("A", bound=Addition)
@@ -45,9 +45,9 @@ class Distinguishability:
     effect, where : str
         The other.
     cos2 : float
-        Squared cosine between what the two do to this record: one where nothing tells them apart.
+        Squared cosine between what the two do to this record: one where nothing distinguishes them.
     nats : float, optional
-        By which this record is expected to tell them apart, where that was computed.
+        By which this record is expected to distinguish them, where that was computed.
     """
 
     effect: str
@@ -57,7 +57,7 @@ class Distinguishability:
 
     @property
     def record_factor(self) -> float | None:
-        """How many times as long a record would tell them apart, if both are stationary; None where not computed."""
+        """How many times as long a record would distinguish them, if both are stationary; None where not computed."""
         return None if self.nats is None else max(1.0, MIN_EVIDENCE_NATS / max(self.nats, 1e-9))
 
 
@@ -125,7 +125,7 @@ class Contest(Generic[E, A]):
 
 
 class Explanation(Protocol[A]):
-    """A record, what is assumed of it, and the effects that were added so far; never changed in place."""
+    """A record, what is assumed about it, and the effects that were added so far; never changed in place."""
 
     @property
     def chosen(self) -> Sequence[Chosen[A]]:
@@ -232,7 +232,7 @@ def settled(explanation: E, limits: SearchLimits) -> E:
 
 
 def reconsidered(explanation: E, limits: SearchLimits) -> E:
-    """Each effect in doubt judged anew beside all others: kept, taken out, or replaced by a better name.
+    """Each effect in doubt judged anew beside all others: kept, removed, or replaced by a better name.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ TIE_NATS = 1.0
 DETECTION_LIMIT_NATS = 8.0
 """Expected gain of log-likelihood of an effect that is named at its detection limit."""
 CONFUSION_SET_MIN_PROBABILITY = 0.05
-"""Probability above which another name belongs to what cannot be told apart."""
+"""Probability above which another name belongs to what cannot be distinguished."""
 NEARLY_ALIKE_MIN_COS2 = 0.95
 """Squared cosine above which an effect that is ruled out is still said to look alike."""
 MAX_ITERATIONS = 3
@@ -32,7 +32,7 @@ class SearchLimits:
     min_first_evidence_nats : float
         Evidence above which the first effect is named [nats].
     min_evidence_nats : float
-        Evidence above which one more is named, and below which one is taken out again [nats].
+        Evidence above which one more is named, and below which one is removed again [nats].
     tie_nats : float
         Evidence by which another name must be better to take a place [nats].
     max_iterations : int

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
 SOME = 4000
-"""Samples from which is seen whether directions can be told apart."""
+"""Samples from which is seen whether directions can be distinguished."""
 EARTH = 7.292115e-5
 """Rate of the earth [rad/s]."""
 IN_TIME = ("rate_ramp", "warm_up")
@@ -64,7 +64,7 @@ class MotionCandidates:
     mag : ndarray, shape (n, 3)
         Magnetometer readings less what effects explain [T].
     spread : float
-        Deviation of a reading's noise [T].
+        Standard deviation of a reading's noise [T].
     field : ndarray, shape (3,), optional
         The field in space, where an attitude alone is known.
     drive : mapping of str to ndarray
@@ -200,7 +200,7 @@ def _magnetic(bench: MotionCandidates) -> Iterator[list[Placed]]:
     h = SMALL * bench.size("mag")
     axes, every = bench.axes("mag"), bench.every("mag")
     known = "mag" in bench.truth.read
-    # Beside a field that is unknown, a constant on an axis along which it stands still is part of it.
+    # Beside a field that is unknown, a constant on an axis along which it does not change is part of it.
     offset = every if known else axes
     yield [Placed(HardIron(**{AXES[i]: h for i in offset}), "mag")]
     for i in offset if len(offset) > 1 else ():
@@ -209,7 +209,7 @@ def _magnetic(bench: MotionCandidates) -> Iterator[list[Placed]]:
     for e in entries:
         yield [Placed(SoftIron(**{e: SMALL}), "mag")]
     if len(entries) > 1:
-        yield [Placed(SoftIron(**dict.fromkeys(_told_apart(bench, entries), SMALL)), "mag")]
+        yield [Placed(SoftIron(**dict.fromkeys(_distinguishable(bench, entries), SMALL)), "mag")]
     if len(every) == 3:
         yield from _for_a_while(bench, h)
 
@@ -226,7 +226,7 @@ def _for_a_while(bench: MotionCandidates, h: float) -> Iterator[list[Placed]]:
             yield [Placed(cls(**dict.fromkeys(AXES, h), **times), "mag")]
 
 
-def _told_apart(bench: MotionCandidates, entries: Sequence[str]) -> list[str]:
+def _distinguishable(bench: MotionCandidates, entries: Sequence[str]) -> list[str]:
     """The entries of a matrix that are no sum of the ones before and of another field in space.
 
     Of an unknown field the whole size is unknown, so the scale of the last axis is its measure; where a body turns

@@ -16,7 +16,7 @@ from kfgen.effects.series import DetectedFault
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.motion.reference import frozen
 from kfgen.gap.motion.truth import Truth
-from kfgen.gap.rest.faults import believed_deviation, spotted_moving
+from kfgen.gap.rest.faults import assumed_sd, spotted_moving
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -98,10 +98,10 @@ def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compare
     sensor, axis = truth.place(name)
     if name not in log.channels or axis not in truth.axes.get(sensor, ()):
         return None
-    channel, believed = log.channels[name], noise.channel(name)
-    if not parse_unit(channel.unit).same_dimension(parse_unit(believed.unit)):
+    channel, assumed = log.channels[name], noise.channel(name)
+    if not parse_unit(channel.unit).same_dimension(parse_unit(assumed.unit)):
         raise InputError(
-            f"{name} is in {channel.unit}, its noise in {believed.unit}",
+            f"{name} is in {channel.unit}, its noise in {assumed.unit}",
             where=log.source,
             remedy="Give the unit with --columns",
         )
@@ -111,7 +111,7 @@ def compared_of(log: Log, noise: NoiseModel, truth: Truth, name: str) -> Compare
     if sensor in truth.bandwidth:
         keep = min(keep, int(2.0 * log.n * truth.dt * truth.bandwidth[sensor]))
     y = np.where(there, channel.values, 0.0)
-    return Compared(name, sensor, channel.unit, axis, y, believed.effects, keep, there, rows, sensor != "mag")
+    return Compared(name, sensor, channel.unit, axis, y, assumed.effects, keep, there, rows, sensor != "mag")
 
 
 def sample_rows(there: NDArray[np.bool_]) -> NDArray[np.intp] | None:
@@ -131,7 +131,7 @@ def sample_rows(there: NDArray[np.bool_]) -> NDArray[np.intp] | None:
 def _frozen(c: Compared, should: Array, truth: Truth) -> NDArray[np.bool_]:
     """Where a channel repeats itself while its truth moves, shape (n,)."""
     out = np.zeros(c.y.size, dtype=bool)
-    out[c.at] = frozen(c.y[c.at], should[c.at], believed_deviation(c.noise, c.step * truth.dt))
+    out[c.at] = frozen(c.y[c.at], should[c.at], assumed_sd(c.noise, c.step * truth.dt))
     return out
 
 

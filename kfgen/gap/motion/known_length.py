@@ -34,9 +34,9 @@ from kfgen.log.log import Log
 Array = NDArray[np.float64]
 
 MAX_REST_NOISE_RATIO = 3.0
-"""How far above its quietest tenth the running deviation of a sensor at rest may be."""
+"""How far above its quietest tenth the running standard deviation of a sensor at rest may be."""
 RUNNING_WINDOW_S = 0.5
-"""Length [s] of that running deviation."""
+"""Length [s] of that running standard deviation."""
 MIN_REST_S = 1.0
 """Shortest rest [s] that counts as a pose."""
 MIN_POSES = 4
@@ -102,7 +102,7 @@ class NormScene:
         return (Unknown("length of the field", parse_unit(self.unit).si, mean, np.inf),)
 
     def residuals(self, points: Sequence[ScenePoint]) -> Array:
-        """``(|u| - length)`` over its deviation, shape (m, points)."""
+        """``(|u| - length)`` over its standard deviation, shape (m, points)."""
         return np.array([self._residual(p) for p in points]).T
 
     def _residual(self, point: ScenePoint) -> Array:
@@ -158,7 +158,7 @@ def _same(new: Placed, old: Placed) -> bool:
 
 
 def poses(log: Log, sensor: str = "accel") -> list[tuple[int, int]]:
-    """The rests of a sensor, as slices: its running deviation is near that of its quietest tenth.
+    """The rests of a sensor, as slices: its running standard deviation is near that of its quietest tenth.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Whether readings are of the motion that their reference says: the share of them that it explains at any lag.
 
 Power is that of whitened ordinates, within the band in which the reference moves, without the mean; noise of the
-believed size has one for each.
+assumed size has one for each.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Likeness:
     Parameters
     ----------
     total, truth, noise : float
-        Of the readings, of the reference, of the believed noise.
+        Of the readings, of the reference, of the assumed noise.
     left : float
         Of what no lagged combination of the reference's axes explains.
     off : float

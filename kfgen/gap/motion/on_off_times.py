@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MIN_VIBRATION_NOISE_RATIO = 5.0
-"""How far the deviation of a vibration stands above that of the sensor's noise."""
+"""How far the standard deviation of a vibration stands above that of the sensor's noise."""
 COARSE_BLOCKS = 120
 """Blocks of the first look; the edges are then found again inside theirs."""
 FINE_BLOCKS = 24
@@ -207,7 +207,7 @@ def vibrations(
     f_b : ndarray, shape (n, 3)
         Specific force [m/s^2].
     noise : float
-        Deviation [m/s^2] of the noise of all three axes together above `corner`.
+        Standard deviation [m/s^2] of the noise of all three axes together above `corner`.
     corner : float
         Frequency [Hz] above which there is no motion to speak of.
     window : float

@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 MIN_LONG_RUN_SAMPLES = 8
 """Equal samples in a row that are looked at one by one."""
 MIN_MOTION_SD = 8.0
-"""Deviations of a sample's noise by which more than half of a stretch must be off its median ..."""
+"""Standard deviations of a sample's noise by which more than half of a stretch must be off its median ..."""
 MIN_MOTION_SHARE = 0.05
-"""... and share of the deviation of the whole log: then the sensor moves."""
+"""... and share of the standard deviation of the whole log: then the sensor moves."""
 MAX_HOLD_S = 1.0
 """Seconds for which a reference is held at most; what repeats itself for longer was set."""
 MIN_REGULAR_SHARE = 0.9

@@ -16,7 +16,7 @@ from kfgen.effects.series import RawSamples
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.motion.compared_channel import Compared
 from kfgen.gap.motion.reference import references
-from kfgen.gap.rest.faults import believed_deviation
+from kfgen.gap.rest.faults import assumed_sd
 from kfgen.log.log import Log
 
 MAX_ROUNDING_POWER_RATIO = 0.015
@@ -26,13 +26,13 @@ MAX_RATE_ROUNDING_POWER_RATIO = 3.0
 
 
 def step_of(log: Log) -> float:
-    """The step of the components of the reference attitude, zero where they lie on no lattice."""
+    """The step of the components of the reference attitude, zero where they lie on no grid."""
     steps = []
     for name in (f"ref_q_{c}" for c in "wxyz" if f"ref_q_{c}" in log.channels):
         y = log.channels[name].values
         there = np.isfinite(y)
         if there.any() and np.ptp(y[there]) > 0.0:
-            steps.append(RawSamples(log.t[there], y[there], 0.0).lattice)
+            steps.append(RawSamples(log.t[there], y[there], 0.0).adc_step)
     return max(steps, default=0.0) if all(steps) else 0.0
 
 
@@ -51,7 +51,7 @@ def rounded(log: Log, compared: Sequence[Compared]) -> list[Placed]:
     found = []
     for sensor in dict.fromkeys(c.sensor for c in compared if c.sensor not in given):
         axes = [c for c in compared if c.sensor == sensor]
-        noise = min(believed_deviation(c.noise, log.dt) for c in axes)
+        noise = min(assumed_sd(c.noise, log.dt) for c in axes)
         length = float(np.sqrt(sum(np.mean(c.y[c.there] ** 2) for c in axes)))
         size, most = {
             "accel": (STANDARD_GRAVITY, MAX_ROUNDING_POWER_RATIO),

@@ -62,7 +62,7 @@ class MotionScene:
     drive : mapping of str to ndarray
         Recorded drivers.
     own : tuple of Placed
-        What is believed of the channels beside their noise.
+        What is assumed about the channels beside their noise.
     said : tuple of Placed
         Faults of the samples and the references that were left out, or corrected.
     spoilt : tuple of Placed
@@ -99,19 +99,19 @@ class MotionScene:
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
-        """The biases and the field in space, believed as least squares has them."""
+        """The biases and the field in space, assumed as least squares has them."""
         found = []
         for c in self.compared:
             if c.biased:
                 away = (c.y - self.truth.signals(c.sensor).y[:, c.axis])[self.good & c.there]
                 found.append(Unknown(f"bias of {c.name}", parse_unit(c.unit).si, float(away.mean()), np.inf))
-        field = self.believed_field()
+        field = self.assumed_field()
         if field is not None:
             unit = next(parse_unit(c.unit).si for c in self.compared if c.sensor == "mag")
             found += [Unknown(f"field along {a}_n", unit, float(m), np.inf) for a, m in zip("123", field)]
         return tuple(found)
 
-    def believed_field(self, left_out: Array | None = None) -> Array | None:
+    def assumed_field(self, left_out: Array | None = None) -> Array | None:
         """The field in space [T] by least squares, shape (3,), where it is unknown.
 
         Parameters
@@ -142,7 +142,7 @@ class MotionScene:
         if c.sensor == "gyro" and "gyro" in self.truth.bandwidth:
             reference = self.truth.floor.density(np.arange(n) / (2.0 * n * dt))
         elif c.sensor not in self.truth.read:
-            field = self.believed_field()
+            field = self.assumed_field()
             reference = np.full(
                 n, float(np.sum((0.0 if field is None else field) ** 2)) * self.truth.angle**2
             )
@@ -210,11 +210,11 @@ class MotionScene:
         )
         left = c.y - with_errors(felt, c.axis, here, self.drive) - bias
         known = self.good & c.there & ~unheard(self.truth.t, here)
-        left = self._believed_where(c, left[c.at], known[c.at])
-        return self._believed_within(c, left, edges_of(here))
+        left = self._assumed_where(c, left[c.at], known[c.at])
+        return self._assumed_within(c, left, edges_of(here))
 
-    def _believed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
-        """What is left, with noise as it is believed about the mean beside, where no truth is known."""
+    def _assumed_where(self, c: Compared, left: Array, known: NDArray[np.bool_]) -> Array:
+        """What is left, with assumed noise about the mean beside, where no truth is known."""
         if known.all():
             return left
         from scipy.ndimage import uniform_filter1d
@@ -229,8 +229,8 @@ class MotionScene:
             level = self.whiteners[k].completed(np.where(known, away, level), known)
         return np.where(known, left, noise + level)
 
-    def _believed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
-        """What is left, with noise as it is believed where nobody knows what should have been read."""
+    def _assumed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
+        """What is left, with assumed noise where nobody knows what should have been read."""
         for start, stop in edges:
             i, j = np.searchsorted(self.truth.t[c.at], [start, stop])
             beside = [left[max(i - BESIDE, 0) : i], left[j : j + BESIDE]]
@@ -247,7 +247,7 @@ class MotionScene:
 
     @cached_property
     def made_up(self) -> tuple[Array, ...]:
-        """Noise of each channel as it is believed, always the same [SI]."""
+        """Assumed noise of each channel, always the same [SI]."""
         rng = np.random.default_rng(0)
         z = [rng.standard_normal(c.size(self.truth.t.size)) for c in self.compared]
         weights = [np.where(w.weight > 0.0, w.weight, np.inf) for w in self.whiteners]
@@ -260,7 +260,7 @@ class MotionScene:
 
     def moving(self, c: Compared) -> bool:
         """Whether 5 % of what a channel should have read would be noticed."""
-        field = self.believed_field()
+        field = self.assumed_field()
         u = self.truth.signals(c.sensor, field).y[:, c.axis]
         white = self.whiteners[self.compared.index(c)]
         z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0)[c.at])[1 : c.keep]
@@ -286,7 +286,7 @@ class MotionScene:
                 y[:, c.axis] = c.y - (alone if "mag" in self.truth.read else 0.0)
                 middle = self._whitener(c).weight[1 : c.keep]
                 spread = max(spread, float(1.0 / np.median(middle)))
-        field = self.believed_field(extra)
+        field = self.assumed_field(extra)
         good = self.good & np.all([c.there for c in self.compared if c.sensor == "mag"], axis=0)
         for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
             good[(self.truth.t >= start) & (self.truth.t < stop)] = False

@@ -2,7 +2,7 @@
 
 A rate table (``ref_gyro_*``), a reference accelerometer or magnetometer say it at once. An attitude
 (``ref_q_*``, body to navigation) says it by its rate, by gravity where the body is not accelerated, and by a
-field that is constant in space. The rate is the logarithm of the turn from sample to sample [1]_, taken up
+field that is constant in space. The rate is the logarithm of the turn from sample to sample [1]_, used up
 to the frequency at which the noise of the attitude, whose derivative grows with frequency, drowns it.
 
 References
@@ -78,7 +78,7 @@ class Truth:
     bandwidth : mapping of str to float
         Highest frequency [Hz] up to which a sensor's truth is known; infinite where not in it.
     angle : float
-        Deviation [rad] of the white noise of the attitude's samples about each axis.
+        Standard deviation [rad] of the white noise of the attitude's samples about each axis.
     floor : Floor
         The noise of the rate that was taken from it.
     words : tuple of str
@@ -268,7 +268,7 @@ def body_rate(
     corner : float
         That frequency [Hz].
     angle : float
-        Deviation [rad] of the attitude's noise, taken to be white.
+        Standard deviation [rad] of the attitude's noise, taken to be white.
     floor : Floor
         The noise of the rate.
     """

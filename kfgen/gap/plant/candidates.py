@@ -41,8 +41,8 @@ LIMITS = (0.98, 0.94, 0.87, 0.75, 0.6, 0.4, 0.2)
 """Start values of a saturation, in largest inputs."""
 DEAD = (0.003, 0.03, 0.1, 0.3)
 """Start values of a dead zone, in largest inputs."""
-PLAY = 0.3
-"""Widest start value of a backlash, in rms of the channel; the narrowest is a deviation of its noise."""
+MAX_BACKLASH_FRACTION = 0.3
+"""Widest start value of a backlash, in rms of the channel; the narrowest is a standard deviation of its noise."""
 FINER = 2.5
 """Times by which its start values differ at most: what turns at a width is seen from nearby only."""
 SPEEDS = ("m/s", "rad/s", "Hz")
@@ -68,7 +68,7 @@ def additions(
     speeds : mapping of str to float
         Rms of each state [SI].
     seen : mapping of str to (float, float)
-        Rms of each channel about its mean, and deviation of its noise [SI].
+        Rms of each channel about its mean, and standard deviation of its noise [SI].
     times : (float, float, float)
         Sampling period, length of the record, and how late the channels seem to be [s].
     """
@@ -81,7 +81,7 @@ def additions(
     for name, (size, noise) in seen.items():
         if sensor_and_axis(name)[0] not in SENSORS:  # where sensors move it is their bandwidth
             found.append([(name, SensorLag(t)) for t in late])
-        found.append([(name, Backlash(width)) for width in _plays(size, noise)])
+        found.append([(name, Backlash(width)) for width in _backlash_widths(size, noise)])
     found += [[(n, ParameterError(0.0))] for n, p in model.parameters.items() if p.sd == 0.0]
     known = {(p.where, p.effect.name) for p in placed} | _present(model)
     return [
@@ -126,13 +126,13 @@ def _late(times: tuple[float, float, float]) -> list[float]:
     return [*usual, seen] if seen > usual[-1] else usual
 
 
-def _plays(size: float, noise: float) -> list[float]:
+def _backlash_widths(size: float, noise: float) -> list[float]:
     """Widths from the noise of a channel up: at every reversal the narrowest matters as well as the widest."""
     if not size > 0.0:
         return []
-    narrowest = min(noise, PLAY * size)
-    count = 2 + int(np.log(PLAY * size / narrowest) / np.log(FINER))
-    return [float(w) for w in np.geomspace(narrowest, PLAY * size, count)]
+    narrowest = min(noise, MAX_BACKLASH_FRACTION * size)
+    count = 2 + int(np.log(MAX_BACKLASH_FRACTION * size / narrowest) / np.log(FINER))
+    return [float(w) for w in np.geomspace(narrowest, MAX_BACKLASH_FRACTION * size, count)]
 
 
 def _terms(model: UserModel, name: str, speed: float) -> list[PlantEffect]:

@@ -49,7 +49,8 @@ def of_sensors(
 
 
 def unsettled(batch: Batch, inputs: Mapping[str, Array]) -> dict[str, float]:
-    """The inputs that act late, and one deviation of what they were before: as they are later, from the first on.
+    """The inputs that act late, and one standard deviation of what they were before: as they are later, from the
+    first on.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array],
     return np.where(whole[:size] & whole[size:] & (power < MAX_COLUMN_SQUARE_SUM), out, 0.0)
 
 
-def apart(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:
+def distinct(points: Sequence[ScenePoint], first: int) -> tuple[list[ScenePoint], list[int]]:
     """Points without those that differ only in so many `first` unknowns, and which of these each one is."""
     keys = [(p.placed, p.unknowns[first:].tobytes()) for p in points]
     place = {k: i for i, k in enumerate(dict.fromkeys(keys))}

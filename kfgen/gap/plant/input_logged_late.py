@@ -1,6 +1,6 @@
-"""Whether an input was logged after its effect: a lead, which no effect of a plant can have, against all that can be.
+"""Whether an input was logged after its effect: a time advance, which no effect of a plant can have, against all that can be.
 
-An input that is moved forward by more than it leads acts late by the rest, which is fitted as a delay.
+An input that is moved forward by more than its advance acts late by the rest, which is fitted as a delay.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from kfgen.log.log import Channel
 
 Array = NDArray[np.float64]
 
-MAX_LEAD_FRACTION_OF_RECORD = 0.1
-"""Of the record: the longest lead."""
+MAX_ADVANCE_FRACTION_OF_RECORD = 0.1
+"""Of the record: the longest time advance."""
 MAX_CHANCE_SD = 4.0
-"""Deviations of a sum of squares that are chance."""
+"""Standard deviations of a sum of squares that are chance."""
 MIN_EXPLAINED_SHARE = 0.9
-"""Share of what is beyond the noise that a lead must explain, if it is not all."""
+"""Share of what is beyond the noise that a time advance must explain, if it is not all."""
 
 
-def leading(scene: PlantScene) -> list[Placed]:
+def logged_late(scene: PlantScene) -> list[Placed]:
     """The input that was logged too late, if moving it explains the record and better than any effect; else nothing."""
     shooting = scene.shooting
     if not shooting.states:
@@ -48,7 +48,7 @@ def leading(scene: PlantScene) -> list[Placed]:
 
 
 @dataclass(frozen=True)
-class _Lead:
+class _Advance:
     fault: Placed
     gain: float
 
@@ -60,7 +60,7 @@ def _guess(shooting: Shooting) -> Array:
 def _samples(shooting: Shooting, x0: Array, name: str) -> int:
     """Samples by which the record fits best when an input is moved forward; zero where one sample does not help."""
     n = shooting.t.size
-    longest = int(MAX_LEAD_FRACTION_OF_RECORD * n)
+    longest = int(MAX_ADVANCE_FRACTION_OF_RECORD * n)
 
     def cost(k: int) -> float:
         moved = replace(shooting, inputs=_forward(shooting.inputs, name, k))
@@ -88,8 +88,8 @@ def _forward(inputs: Mapping[str, Array], name: str, k: int) -> dict[str, Array]
     return {**inputs, name: np.concatenate([u[k:], np.full(k, u[-1])])}
 
 
-def _tried(scene: PlantScene, name: str, k: int) -> _Lead | None:
-    """A lead of about so many samples against every effect over the same samples."""
+def _tried(scene: PlantScene, name: str, k: int) -> _Advance | None:
+    """An advance of about so many samples against every effect over the same samples."""
     ahead = k + 1
     here, moved = (_in_one(scene, name, ahead, by) for by in (0, ahead))
     base = fitted(here, _start(here))
@@ -97,12 +97,15 @@ def _tried(scene: PlantScene, name: str, k: int) -> _Lead | None:
     fit = fitted(moved, replace(_start(moved), placed=(rest,)))
     gain, count = fit.value - base.value, fit.residual.size
     beyond, left = (float(np.sum(f.residual**2)) - count for f in (base, fit))
-    lead = ahead * scene.dt - float(fit.point.placed[0].effect.late)  # type: ignore[attr-defined]
-    if left > max(MAX_CHANCE_SD * np.sqrt(2.0 * count), (1.0 - MIN_EXPLAINED_SHARE) * beyond) or lead <= 0.0:
+    advance = ahead * scene.dt - float(fit.point.placed[0].effect.late)  # type: ignore[attr-defined]
+    if (
+        left > max(MAX_CHANCE_SD * np.sqrt(2.0 * count), (1.0 - MIN_EXPLAINED_SHARE) * beyond)
+        or advance <= 0.0
+    ):
         return None
     others = ranked(here, base, screen(here, base))
     best = max((t.fit.value - base.value for t in others), default=0.0)
-    return _Lead(Placed(TooEarly(lead), name), gain) if gain > best + DETECTION_LIMIT_NATS else None
+    return _Advance(Placed(TooEarly(advance), name), gain) if gain > best + DETECTION_LIMIT_NATS else None
 
 
 def _in_one(scene: PlantScene, name: str, lost: int, by: int) -> PlantScene:

@@ -22,12 +22,12 @@ Array = NDArray[np.float64]
 MIN_GAP_STEPS = 3.0
 """Usual steps of time beyond which samples are missing."""
 MAX_DISTANCE_SD = 1e3
-"""Deviations of the data at which a simulation that diverges is held."""
+"""Standard deviations of the data at which a simulation that diverges is held."""
 
 
 @dataclass(frozen=True)
 class RecordedChannel:
-    """One compared channel: the samples that it has, their values less what is believed of the sensor [SI]."""
+    """One compared channel: the samples that it has, their values less what is assumed about the sensor [SI]."""
 
     at: NDArray[np.intp]
     values: Array
@@ -35,7 +35,7 @@ class RecordedChannel:
 
     @property
     def noise(self) -> float:
-        """Deviation of the white noise of a sample [SI]."""
+        """Standard deviation of the white noise of a sample [SI]."""
         return 1.0 / float(self.whitener.weight[-1])
 
     def left(self, simulated: Array) -> Array:
@@ -47,7 +47,7 @@ class RecordedChannel:
         return np.where(np.abs(np.where(np.isfinite(left), left, np.inf)) < far, left, side)
 
     def begun(self, effect: SensorChange, t: Array, shown: Array) -> Array:
-        """Whitened, one deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
+        """Whitened, one standard deviation of what a sensor may have begun with, shape (n, points); zero where nothing."""
         found = effect.begun(t[self.at], shown[self.at])
         if found is None or not np.isfinite(found).all():
             return np.zeros((self.at.size, shown.shape[1]))
@@ -72,7 +72,7 @@ def check_unit(log: Log, name: str, unit: str, model: UserModel) -> None:
         raise InputError(
             f"channel {name} is in {given or '1'} in the log, {model.name} needs {unit or '1'}",
             where=log.source,
-            remedy="Mend the unit in the header, or in the model file",
+            remedy="Correct the unit in the header, or in the model file",
         )
 
 
@@ -96,12 +96,12 @@ def check_near(
                 f"{model.name} does not follow the log: {words}, a simulation is nowhere near {name}, "
                 "however often it starts anew",
                 where=model.path,
-                remedy="Check the equations and what is believed of their numbers: a gap is sought in a model that is nearly right",
+                remedy="Check the equations and what is assumed about their numbers: a gap is looked for in a model that is nearly right",
             )
 
 
 def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
-    """The samples of a channel, less the deterministic effects that are believed of it.
+    """The samples of a channel, less the deterministic effects that are assumed about it.
 
     Parameters
     ----------
@@ -123,13 +123,13 @@ def recorded_of(model: UserModel, log: Log, name: str) -> RecordedChannel:
     at = np.flatnonzero(np.isfinite(values))
     if at.size < 8:
         raise InputError(f"channel {name} has {at.size} samples", where=log.source, remedy="Log more")
-    y = values[at] - _believed(effects, log, at)
+    y = values[at] - _assumed(effects, log, at)
     steps = np.diff(log.t[at])
     dt = float(np.mean(steps[steps <= MIN_GAP_STEPS * np.median(steps)]))
     return RecordedChannel(at, y, Whitener.of(effects, at.size, dt, constant=True))
 
 
-def _believed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
+def _assumed(effects: Sequence[Effect], log: Log, at: NDArray[np.intp]) -> Array:
     """What the deterministic effects of a channel give [SI], shape (n,)."""
     t = np.asarray(log.t)[at] - log.t[0]
     total = np.zeros(at.size)

@@ -24,7 +24,7 @@ from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.plant.candidates import additions
-from kfgen.gap.plant.initial_history import apart, changed, independent, integrated, of_sensors, unsettled
+from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness, segments, shortest
@@ -41,7 +41,7 @@ ASTRAY = 0.8
 LATE, LATEST = 3, 0.5
 """Samples by which channels are late without doubt; share of a record of which nothing would be left."""
 FAR_FROM_START = 4.0
-"""Deviations from where a state is believed to start beyond which it does not: it starts anew in every log."""
+"""Standard deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
 
 Kinds = tuple[tuple[str, type[PlantEffect]], ...]
 
@@ -60,7 +60,7 @@ class PlantScene:
     starts : tuple of int
         Samples at which segments start.
     initial : ndarray, shape (segments, states)
-        Where they start, by a fit of the model as it is believed [SI].
+        Where they start, by a fit of the assumed model [SI].
     hidden : tuple of bool, (states,)
         Those that no channel shows: their prior is wide, but finite.
     begun : mapping of str to float
@@ -151,7 +151,7 @@ class PlantScene:
 
     @cached_property
     def late(self) -> float:
-        """How much the channels seem to be late [s], against the model as it is believed in one piece."""
+        """How much the channels seem to be late [s], against the assumed model in one piece."""
         shooting = self.shooting
         if self.seen_late is not None or not self.inputs or not self.model.states:
             return self.seen_late or 0.0
@@ -224,7 +224,7 @@ class PlantScene:
         scene = scene.cut()
         if scene.follows_nowhere:
             run = scene.simulated(ScenePoint((), np.array([u.start for u in scene.unknowns])))
-            check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as believed")
+            check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as assumed")
         return scene
 
     def stated(self, where: str) -> float:
@@ -289,8 +289,8 @@ class PlantScene:
         run = self._run([inside])
         return replace(run, channels=self.sensors.added(run.channels, [point]))
 
-    def believed(self, placed: Sequence[Placed] = ()) -> ScenePoint:
-        """The point of these effects with the unknowns as they are believed."""
+    def assumed(self, placed: Sequence[Placed] = ()) -> ScenePoint:
+        """The point of these effects with the unknowns at their assumed values."""
         return ScenePoint(tuple(placed), np.array([u.value for u in self.unknowns]))
 
     def _run(self, points: Sequence[ScenePoint], before: Mapping[str, Array] | None = None) -> Run:
@@ -351,7 +351,7 @@ class PlantScene:
         batch = self._batch(self._own(), points)
         found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
         for name, size in unsettled(batch, self.inputs).items():
-            columns, source = apart(
+            columns, source = distinct(
                 points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
             )
             before = np.repeat([0.0, size], len(columns))
@@ -375,8 +375,8 @@ class PlantScene:
         return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
-        """Every effect at every place where it makes sense, with start values from the believed motion."""
-        run = self.simulated(self.believed())
+        """Every effect at every place where it makes sense, with start values from the assumed motion."""
+        run = self.simulated(self.assumed())
         speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
         seen = {n: (_rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
         times = self.dt, self.span[1] - self.span[0], self.late

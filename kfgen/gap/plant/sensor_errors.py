@@ -95,7 +95,7 @@ class SensorErrors:
         return np.where(unknown, self._measured(name), y) if unknown.any() else y
 
     def _measured(self, name: str) -> Array:
-        """What was measured less noise as it is believed, always the same, shape (n,)."""
+        """What was measured less assumed noise, always the same, shape (n,)."""
         noise = np.random.default_rng(0).standard_normal(self.log.n) * self.noise[name]
         return np.asarray(np.nan_to_num(self.log.channels[name].values) - noise)
 
@@ -133,7 +133,7 @@ class SensorErrors:
         Parameters
         ----------
         shown : mapping of str to ndarray, shape (n,)
-            What the believed model says of the channels.
+            What the assumed model says of the channels.
         placed : sequence of Placed
             What is there already.
         """

@@ -1,6 +1,6 @@
 """How long one simulation can follow a record, and where the plant was: initial states by least squares.
 
-A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is believed
+A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is assumed
 as that allows, no longer follows the data, or where the initial state would have to be known too well; there the next
 segment begins.
 """
@@ -26,19 +26,19 @@ MIN_FIRST_WINDOW_SAMPLES = 24
 MAX_SEGMENTS = 40
 """Segments at most."""
 MAX_FOLLOWED_SHARE = 0.5
-"""Share of a channel's deviation that may be left where the model follows."""
+"""Share of a channel's standard deviation that may be left where the model follows."""
 MAX_FOLLOWED_NOISE_SD = 2.0
-"""Or this many deviations of its noise."""
+"""Or this many standard deviations of its noise."""
 MAX_ERROR_GROWTH = 1e3
 """How much an error of the initial state may grow."""
 MAX_TOTAL_ERROR_GROWTH = 30.0
 """How much an error of every initial state may grow."""
 MAX_DISTANCE_SD = 1e6
-"""Deviations at which a simulation that diverges is held."""
+"""Standard deviations at which a simulation that diverges is held."""
 MAX_RANGES = 1e3
-"""Ranges of a channel beyond which, and so many deviations, a simulation runs away."""
+"""Ranges of a channel beyond which, and so many standard deviations, a simulation runs away."""
 MAX_HIDDEN_SD = 1e-6
-"""Deviations of the noise below which a change of a state by its size is not seen."""
+"""Standard deviations of the noise below which a change of a state by its size is not seen."""
 MIN_ALIKE_CORRELATION = 0.8
 """Correlation of channels with their simulation moved in time from which on they look like it."""
 MAX_ITERATIONS = 12
@@ -60,7 +60,7 @@ class Shooting:
     data : mapping of str to (samples, values)
         By channel [SI].
     weights : mapping of str to float
-        Inverse deviation of the noise of a sample [1/SI].
+        Inverse standard deviation of the noise of a sample [1/SI].
 
     A column of what is fitted has the initial states first, then the parameters that are not trusted.
     """
@@ -83,7 +83,7 @@ class Shooting:
 
     @cached_property
     def _swing(self) -> dict[str, float]:
-        """Deviation of each channel within short windows [SI]: one that runs away over the record swings no wider."""
+        """Standard deviation of each channel within short windows [SI]: one that runs away over the record swings no wider."""
         size, out = max(MIN_FIRST_WINDOW_SAMPLES, self.t.size // MAX_SEGMENTS), {}
         for name, full in self._full.items():
             windows = [full[i : i + size] for i in range(0, max(full.size - size, 0) + 1, size)]
@@ -93,7 +93,7 @@ class Shooting:
 
     @cached_property
     def free(self) -> dict[str, tuple[float, float]]:
-        """The parameters that are not trusted: value and deviation [SI]."""
+        """The parameters that are not trusted: value and standard deviation [SI]."""
         return {n: (p.value, p.sd) for n, p in self.plant.model.parameters.items() if p.sd > 0.0}
 
     @property
@@ -107,12 +107,12 @@ class Shooting:
         return np.array([v for v, _ in self.free.values()])
 
     def _pulls(self, X0: Array) -> Array:
-        """How far parameters are from what is believed, in deviations, shape (parameters, batch)."""
+        """How far parameters are from what is assumed, in standard deviations, shape (parameters, batch)."""
         deviations = np.array([sd for _, sd in self.free.values()])
         return np.asarray((X0[self.states :] - self.trusted[:, None]) / deviations[:, None])
 
     def cost(self, X0: Array, a: int, b: int) -> Array:
-        """Sums of squares over samples a to b, and of what is believed, shape (batch,)."""
+        """Sums of squares over samples a to b, and of what is assumed, shape (batch,)."""
         return np.asarray((self.left(X0, a, b) ** 2).sum(axis=(0, 1)) + (self._pulls(X0) ** 2).sum(axis=0))
 
     def _simulated(self, X0: Array, a: int, b: int) -> tuple[Array, Array]:
@@ -239,7 +239,7 @@ class Shooting:
         return not bool((most > MAX_TOTAL_ERROR_GROWTH * np.maximum(first, 1e-300)).all() and most.size)
 
     def hidden(self, x0: Array) -> tuple[bool, ...]:
-        """Which initial states, shape (states,), change no channel as the model is believed."""
+        """Which initial states, shape (states,), change no channel of the assumed model."""
         if not x0.size:
             return ()
         J = self.slope(np.concatenate([x0, self.trusted]), 0, self.t.size)[1][:, :, : self.states]

@@ -1,7 +1,7 @@
 """What is wrong with the columns of a plant's log, before anything is fitted to them.
 
 First the samples of each channel by themselves: stuck, held, clipped. Then the columns against one another: where
-the believed model follows them nowhere, but does so once one of them is turned round, taken in another unit or moved
+the assumed model follows them nowhere, but does so once one of them is given the opposite sign, taken in another unit or moved
 in time, that column is wrong, and no effect is missing.
 """
 
@@ -28,17 +28,17 @@ from kfgen.effects.faults.samples import (
 )
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.core.scene import Placed
-from kfgen.gap.plant.input_logged_late import leading
+from kfgen.gap.plant.input_logged_late import logged_late
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness
-from kfgen.gap.rest.faults import believed_deviation, by_chance, spotted_moving, stuck_spans
+from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
 
 MIN_ASTRAY_SHARE = 0.6
-"""Share of a channel's deviation that is left where a model does not follow it at all."""
+"""Share of a channel's standard deviation that is left where a model does not follow it at all."""
 MAX_FOLLOWED_SHARE = 0.3
 """Share that is left where it does."""
 MAX_TIE_RATIO = 1.5
@@ -79,7 +79,7 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
     if spoilt:
         return replace(bare, spoilt=tuple(spoilt), either=tuple(either))
     scene = replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said), seen_late=bare.late)
-    return replace(scene, spoilt=tuple(leading(scene)))
+    return replace(scene, spoilt=tuple(logged_late(scene)))
 
 
 def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]:
@@ -102,10 +102,10 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
     at = np.flatnonzero(np.isfinite(values))
     if at.size < MIN_STEPS_FOR_REPEATS:
         return [], False
-    y, believed = values[at], believed_deviation(effects, float(np.median(np.diff(t))))
+    y, assumed = values[at], assumed_sd(effects, float(np.median(np.diff(t))))
     faults: list[Effect] = []
     there = np.ones(at.size, dtype=bool)
-    for a, b in stuck_spans(y, believed):
+    for a, b in stuck_spans(y, assumed):
         faults.append(Stuck(float(t[at[a]] - t[0]), float(t[at[b - 1]] - t[at[a]])))
         there[a + 1 : b] = False
     bad = bool(np.mean(~there) > MAX_CLIPPED_SHARE)
@@ -117,10 +117,10 @@ def _of_samples(t: Array, values: Array, effects: list[Effect]) -> tuple[list[Ef
             faults.append(fault.effect)
             bad |= fault.spoils
             if isinstance(fault.effect, Clipping):
-                there &= ~_near(y, float(fault.effect.limit), believed)
+                there &= ~_near(y, float(fault.effect.limit), assumed)
     again = np.concatenate([[False], y[1:] == y[:-1]]) & there
     share = float(again.sum() / max(there.sum(), 1))
-    if share > max(MIN_REPEATED_SHARE, MIN_CHANCE_RATIO * by_chance(y, believed)):
+    if share > max(MIN_REPEATED_SHARE, MIN_CHANCE_RATIO * by_chance(y, assumed)):
         faults.append(RepeatedSamples(share))  # the first of each run is a sample
         there &= ~again
     values[at[~there]] = np.nan
@@ -135,7 +135,7 @@ def _near(y: Array, limit: float, noise: float) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class _Mended:
+class _Corrected:
     """A column as it may have been meant: what was wrong with it, what is fitted without that, and up to which sample."""
 
     fault: Placed
@@ -161,15 +161,15 @@ def _miswired(scene: PlantScene) -> list[Placed]:
 
 
 def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
-    """The largest share of a channel's deviation that a model leaves over samples a to b; and what was fitted.
+    """The largest share of a channel's standard deviation that a model leaves over samples a to b; and what was fitted.
 
-    Only where it starts is fitted: parameters stay as they are believed.
+    Only where it starts is fitted: parameters keep their assumed values.
     """
     plant = shooting.plant
-    believed = replace(
+    assumed = replace(
         plant.model, parameters={n: replace(p, sd=0.0) for n, p in plant.model.parameters.items()}
     )
-    shooting = replace(shooting, plant=type(plant)(believed, plant.kinds))
+    shooting = replace(shooting, plant=type(plant)(assumed, plant.kinds))
     x0 = shooting.fit(shooting.guess(a, MIN_FIRST_WINDOW_SAMPLES), a, b)
     shares = []
     for (name, (at, values)), part in zip(shooting.data.items(), shooting.left(x0[:, None], a, b)[:, :, 0]):
@@ -183,20 +183,20 @@ def _left(shooting: Shooting, a: int, b: int) -> tuple[float, Array]:
     return max(shares, default=0.0), x0
 
 
-def _turned(shooting: Shooting) -> Iterator[_Mended]:
-    """Every column turned round or in another unit."""
+def _turned(shooting: Shooting) -> Iterator[_Corrected]:
+    """Every column with the opposite sign or in another unit."""
     wrong: list[tuple[Effect, float]] = [(SignError(), -1.0)]
     wrong += [(UnitError(f), f) for _, k in UNIT_FACTORS for f in (k, 1.0 / k)]
     for effect, factor in wrong:
         for name, (at, values) in shooting.data.items():
             data = {**shooting.data, name: (at, values / factor)}
-            yield _Mended(Placed(effect, name), replace(shooting, data=data), shooting.t.size)
+            yield _Corrected(Placed(effect, name), replace(shooting, data=data), shooting.t.size)
         for name, u in shooting.inputs.items():
             inputs = {**shooting.inputs, name: u / factor}
-            yield _Mended(Placed(effect, name), replace(shooting, inputs=inputs), shooting.t.size)
+            yield _Corrected(Placed(effect, name), replace(shooting, inputs=inputs), shooting.t.size)
 
 
-def _moved(shooting: Shooting, x0: Array) -> Iterator[_Mended]:
+def _moved(shooting: Shooting, x0: Array) -> Iterator[_Corrected]:
     """Inputs whose log is late, by as much as the channels say."""
     late = lateness(shooting.data, shooting.simulated(np.concatenate([x0, shooting.trusted])))
     if late >= 0:
@@ -205,7 +205,7 @@ def _moved(shooting: Shooting, x0: Array) -> Iterator[_Mended]:
     for name, u in shooting.inputs.items():
         inputs = {**shooting.inputs, name: np.concatenate([u[-late:], np.full(-late, u[-1])])}
         fault = Placed(TooEarly(-late * dt), name)
-        yield _Mended(fault, replace(shooting, inputs=inputs), shooting.t.size + late)
+        yield _Corrected(fault, replace(shooting, inputs=inputs), shooting.t.size + late)
 
 
 def _stuck_inputs(shooting: Shooting) -> list[Placed]:

@@ -1,4 +1,4 @@
-"""Samples that are no measurements: a stretch that stands still, a value far beyond all others.
+"""Samples that are no measurements: a stuck stretch, a value far beyond all others.
 
 They are left out like missing ones, and named: a model of the noise would be bent by them, and another effect
 would be found in their place.
@@ -22,34 +22,34 @@ Mask = NDArray[np.bool_]
 MIN_REPEAT_PROBABILITY = 1e-4
 """Chance that a sample equals the one before it, at least."""
 MIN_RUNS_AT_A_LIMIT = 3
-"""Runs at one end of the range that are a limit and no stretch that stands still."""
+"""Runs at one end of the range that are a limit and no stuck stretch."""
 MAX_STUCK_STRETCHES = 8
 """Stretches beyond which samples rather repeat."""
 MAX_BAD_SHARE = 0.2
 """Share of the samples beyond which they are not left out: the channel is spoilt."""
 WILD, TAME = 30.0, 8.0
-"""Deviations beyond which a value is no noise, if none lies between both."""
+"""Standard deviations beyond which a value is no noise, if none lies between both."""
 MAX_WILD_SHARE = 1e-3
 """Share of wild samples beyond which they are a law of the noise."""
 
 
-def odd_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
+def invalid_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
     """Which samples are no measurements, shape (n,), and what they show."""
-    still, odd, found = _still(raw), _wild(raw), []
-    if odd.any():
-        off = float(np.sqrt(np.mean((raw.y[odd] - np.median(raw.y)) ** 2)))
-        found.append(DetectedFault(Outliers(float(np.mean(odd)), off), float(odd.sum())))
+    still, invalid, found = _still(raw), _wild(raw), []
+    if invalid.any():
+        off = float(np.sqrt(np.mean((raw.y[invalid] - np.median(raw.y)) ** 2)))
+        found.append(DetectedFault(Outliers(float(np.mean(invalid)), off), float(invalid.sum())))
     for a, b in still:
-        odd[a:b] = True
+        invalid[a:b] = True
         began, ended = float(raw.t[a] - raw.t[0]), float(raw.t[b - 1] - raw.t[0])
         found.append(DetectedFault(Stuck(began, ended - began), float(b - a)))
-    return odd, tuple(found)
+    return invalid, tuple(found)
 
 
 def _still(raw: RawSamples) -> list[tuple[int, int]]:
-    """Runs of equal values that the noise and the lattice do not explain."""
+    """Runs of equal values that the noise and the ADC grid do not explain."""
     twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
-    equal = raw.lattice / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
+    equal = raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
     spans = standing(raw.y, min(max(equal, twice, MIN_REPEAT_PROBABILITY), 0.95), 2, MIN_RUNS_AT_A_LIMIT)
     few = len(spans) <= MAX_STUCK_STRETCHES and sum(b - a for a, b in spans) < MAX_BAD_SHARE * raw.n
     return spans if few else []
@@ -59,14 +59,14 @@ def _wild(raw: RawSamples) -> Mask:
     from scipy.signal import medfilt
 
     away = np.abs(raw.y - medfilt(raw.y, 5))
-    scale = max(1.4826 * float(np.median(away)), raw.lattice)
+    scale = max(1.4826 * float(np.median(away)), raw.adc_step)
     wild = away > WILD * scale
     between = np.any((away > TAME * scale) & ~wild)
     few = np.mean(wild) <= max(MAX_WILD_SHARE, 1.0 / raw.n)
     return np.asarray(wild) if few and not between and scale > 0.0 else np.zeros(raw.n, dtype=np.bool_)
 
 
-def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> list[str]:
+def words_of(name: str, t: Array, invalid: Mask, found: Sequence[DetectedFault]) -> list[str]:
     """What is said of them: how many, and when.
 
     Parameters
@@ -75,13 +75,13 @@ def words_of(name: str, t: Array, odd: Mask, found: Sequence[DetectedFault]) -> 
         Of the channel.
     t : ndarray, shape (n,)
         Times [s].
-    odd : ndarray of bool, shape (n,)
+    invalid : ndarray of bool, shape (n,)
         Samples that are left out.
     found : sequence of DetectedFault
     """
     if not found:
         return []
-    first, last = t[odd][[0, -1]]
+    first, last = t[invalid][[0, -1]]
     when = f"at {first:.6g} s" if first == last else f"between {first:.6g} and {last:.6g} s"
     kinds = " and ".join(f.effect.title for f in found)
-    return [f"{int(odd.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]
+    return [f"{int(invalid.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]

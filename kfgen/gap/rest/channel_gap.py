@@ -21,7 +21,7 @@ from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
 from kfgen.gap.rest.explanation import LIMITS, ChannelExplanation
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
 from kfgen.gap.rest.second_recording import lasts
-from kfgen.gap.rest.trust import check, merged, moved, priors_of, taken_out
+from kfgen.gap.rest.trust import check, merged, moved, priors_of, without_assumed_terms
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Problem, maximise
@@ -61,7 +61,7 @@ class Prepared:
 def channel_gap(
     channel: str, record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
 ) -> ChannelGap:
-    """Compare one channel at rest with the noise that is assumed of it.
+    """Compare one channel at rest with the noise that is assumed about it.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def channel_gap(
 
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:
-    """A record and what is assumed of it, made ready for the search.
+    """A record and what is assumed about it, made ready for the search.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def prepared(record: Record, noise: ChannelNoise) -> Prepared:
         Assumed of it.
     """
     whole = replace(record, block=max(1, record.y.size // MAX_SAMPLES_IN_FULL), per_decade=BINS_PER_DECADE)
-    raw, trusted, random = taken_out(whole, noise)
+    raw, trusted, random = without_assumed_terms(whole, noise)
     altering = tuple(t for t in random.terms if t.effect.changes_samples)
     random = replace(random, terms=tuple(t for t in random.terms if not t.effect.changes_samples))
     raw = without_altering(raw, random, [t.effect for t in altering])
@@ -297,7 +297,7 @@ def limits_of(
     base : Candidate
         The updated model.
     trusted : sequence of Term
-        Deterministic terms that were taken out of its record: for these none is given.
+        Deterministic terms that were removed from its record: for these none is given.
     """
     present, record = {e.name for e in base.fit.effects}, base.problem.record
     sizeless = frozenset(name for name, cls in catalogue().items() if cls.changes_samples or cls.is_filter)

@@ -1,4 +1,4 @@
-"""`ChannelGap`: one channel at rest compared with the noise that is assumed of it."""
+"""`ChannelGap`: one channel at rest compared with the noise that is assumed about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far two explanations of a record are apart, and what would tell them apart.
+"""How far two explanations of a record are apart, and what would distinguish them.
 
 If the first is right, the log-likelihood is expected to stand above that of the second by their divergence, the sum over
 the record's ordinates of ``(S_a / S_b - 1 - ln S_a / S_b) / 2`` and of half the square of the difference of what each
@@ -20,7 +20,7 @@ from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
 
 
-def told_apart(named: Candidate, other: Candidate, nothing: Candidate) -> Distinguishability:
+def distinguishability(named: Candidate, other: Candidate, nothing: Candidate) -> Distinguishability:
     """How far what was named is from another candidate.
 
     Parameters

@@ -13,8 +13,8 @@ from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.rest.bad_samples import odd_samples, words_of
-from kfgen.gap.rest.faults import believed_deviation
+from kfgen.gap.rest.bad_samples import invalid_samples, words_of
+from kfgen.gap.rest.faults import assumed_sd
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
 from kfgen.log.log import Log
@@ -85,15 +85,15 @@ def _parabolas(values: Array, window: int) -> Array:
 
 
 def regular(
-    log: Log, name: str, believed: Sequence[Effect] = (), drive: Mapping[str, Array] | None = None
+    log: Log, name: str, assumed: Sequence[Effect] = (), drive: Mapping[str, Array] | None = None
 ) -> tuple[Record, Array, list[str]]:
     """A channel as an even record, its time stamps as they are, and what is to be said.
 
-    Missing samples are drawn from the noise that is believed, about the mean beside them.
+    Missing samples are drawn from the assumed noise, about the mean beside them.
 
     Parameters
     ----------
-    believed : sequence of Effect
+    assumed : sequence of Effect
         Of the channel.
     drive : mapping, optional
         As of `drivers_of`; the channel itself is none.
@@ -110,11 +110,11 @@ def regular(
     logged = log.t[good]
     faults: tuple[DetectedFault, ...] = ()
     if logged.size > MIN_STEPS_FOR_REPEATS:
-        odd, faults = odd_samples(
-            RawSamples(logged, y[good], believed_deviation(believed, float(np.median(np.diff(logged)))))
+        invalid, faults = invalid_samples(
+            RawSamples(logged, y[good], assumed_sd(assumed, float(np.median(np.diff(logged)))))
         )
-        said += words_of(name, logged, odd, faults)
-        good[good] = ~odd
+        said += words_of(name, logged, invalid, faults)
+        good[good] = ~invalid
     stamps = log.t[good]
     if y.size < 3:
         raise InputError(
@@ -143,19 +143,17 @@ def regular(
     dt = float(np.polyfit(place, stamps, 1)[0])
     even = np.arange(count)
     t = stamps[0] + dt * even
-    filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), believed, dt)
+    filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), assumed, dt)
     drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
-    said.append(
-        f"{count - stamps.size} samples of {name} are missing; noise as it is believed is drawn over them"
-    )
+    said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
     return Record(t, filled, drive, faults=faults), logged, said
 
 
-def _drawn_over(y: Array, known: NDArray[np.bool_], believed: Sequence[Effect], dt: float) -> Array:
+def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], dt: float) -> Array:
     """The series with the unknown samples as the noise makes them likely, shape (n,); always the same."""
     from scipy.ndimage import uniform_filter1d
 
-    random = [e for e in believed if not e.coefficients()]
+    random = [e for e in assumed if not e.coefficients()]
     if not random:
         return y
     hole = int(np.diff(np.flatnonzero(np.concatenate([[True], known, [True]]))).max())

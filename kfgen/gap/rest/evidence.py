@@ -1,11 +1,11 @@
 """What is missing: candidates compared by their marginal likelihood.
 
-A candidate is the believed model with one more effect, all parameters fitted. Its evidence is the
+A candidate is the assumed model with one more effect, all parameters fitted. Its evidence is the
 likelihood integrated over them by Laplace's method in logarithms [1]_, over times that the record
 hardly bounds numerically, over places (an onset, a frequency) by the scan that found them. Sizes and
-times have log-uniform priors, the believed model's numbers keep the priors that trust in them gives,
+times have log-uniform priors, the assumed model's numbers keep the priors that trust in them gives,
 and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
-competes openly: the same structure with the trust taken away. Each addition costs the
+competes openly: the same structure without the trust. Each addition costs the
 logarithm of the number of candidates (and what its class says that it is rarer than others, ``prior_penalty_nats``).
 
 References
@@ -134,8 +134,8 @@ def _linear_evidence(fit: Fit) -> float:
     return value
 
 
-def believed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
-    """The believed model, its numbers moved only as far as trust lets them.
+def assumed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
+    """The assumed model, its numbers moved only as far as trust lets them.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def series_of(base: Candidate) -> WhiteSeries:
 
 
 def _level(base: Candidate, effects: Sequence[Effect]) -> tuple[float, float]:
-    """Mean and deviation of what is believed of the size of the first of some effects, over that of the fit."""
+    """Mean and standard deviation of what is assumed about the size of the first of some effects, over that of the fit."""
     for (i, name), x in zip(base.fit.free, base.fit.point.tolist()):
         prior = base.problem.priors.get((i, name))
         if base.fit.effects[i] in effects and name in base.fit.effects[i].sizes() and prior is not None:
@@ -246,12 +246,12 @@ def _retuned(base: Candidate, reference: float) -> Candidate:
 
 
 def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
-    """Trust taken away."""
+    """Without trust."""
     return {key: replace(p, deviation=max(RETUNED_SD_OF_LOG, p.deviation)) for key, p in priors.items()}
 
 
 def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost: float) -> Candidate:
-    """The believed model with one more effect, from the most promising of its starts."""
+    """The assumed model with one more effect, from the most promising of its starts."""
     name, known = starts[0].effect.name, base.fit.effects
     if starts[0].evidence is not None:
         return Candidate(name, base.fit, base.problem, starts[0].evidence - cost, starts[0])
@@ -313,7 +313,7 @@ def _over_places(
 
 
 def _between(x: Array, values: Array) -> tuple[float, float] | None:
-    """Where a parabola through the best of some places and its neighbours is highest, and its deviation."""
+    """Where a parabola through the best of some places and its neighbours is highest, and its standard deviation."""
     k = int(np.argmax(values))
     if not 0 < k < x.size - 1:
         return None

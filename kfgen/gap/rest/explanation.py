@@ -10,7 +10,7 @@ from kfgen.effects import Effect
 from kfgen.gap.core.search import Chosen, Contest, Label, probabilities, worth
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, SearchLimits
 from kfgen.gap.rest.comb import comb_of
-from kfgen.gap.rest.distinguishability import told_apart
+from kfgen.gap.rest.distinguishability import distinguishability
 from kfgen.gap.rest.evidence import (
     RETUNE,
     TIME_LIMITS,
@@ -41,7 +41,7 @@ SHAPE_MIN_PROBABILITY = 1e-12
 
 @dataclass(frozen=True)
 class ChannelExplanation:
-    """A record against what is assumed of it, and what was added so far.
+    """A record against what is assumed about it, and what was added so far.
 
     Parameters
     ----------
@@ -118,9 +118,9 @@ class ChannelExplanation:
 
     def ranked(self) -> list[Candidate]:
         """What could be added, by evidence, the best first."""
-        taken = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
+        used = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
         kept_back = ABSORBERS if self.absorbers_wait else frozenset()
-        return candidates(self.base, frozenset(taken) | self.without | kept_back)
+        return candidates(self.base, frozenset(used) | self.without | kept_back)
 
     def plus(self, addition: Candidate, ranked: Sequence[Candidate]) -> ChannelExplanation:
         """With one more, out of what competed with it; how far those are from it that are not ruled out.
@@ -138,7 +138,9 @@ class ChannelExplanation:
             for c in ranked
             if shares[c.label] > CONFUSION_SET_MIN_PROBABILITY and c is not addition and not c.changes_samples
         ]
-        others = () if addition.changes_samples else tuple(told_apart(addition, c, below) for c in near)
+        others = (
+            () if addition.changes_samples else tuple(distinguishability(addition, c, below) for c in near)
+        )
         return replace(self, chosen=(*self.chosen, Chosen(addition, shares, others)), known=known)
 
     def less(self, index: int) -> ChannelExplanation:

@@ -45,24 +45,24 @@ def spotted_in(
         How long the log's header says that it lasted [s].
     """
     known = {e.name for e in noise.effects}
-    believed = believed_deviation(noise.effects, record.dt)
+    assumed = assumed_sd(noise.effects, record.dt)
     if stamps is None or stamps.size == record.n:
-        raw = RawSamples(record.t if stamps is None else stamps, record.y, believed, stated)
+        raw = RawSamples(record.t if stamps is None else stamps, record.y, assumed, stated)
     else:
-        raw = RawSamples(stamps, np.interp(stamps, record.t, record.y), believed, stated)
+        raw = RawSamples(stamps, np.interp(stamps, record.t, record.y), assumed, stated)
     return _of(raw, [cls for name, cls in catalogue().items() if name not in known])
 
 
 def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]:
     """The faults among effects that samples show, those that spoil them first."""
     faults = [f for cls in effects if (f := cls.detect_fault(raw)) is not None]
-    if len(faults) > 1:  # values on a faulty lattice repeat by themselves
+    if len(faults) > 1:  # values on a faulty ADC grid repeat by themselves
         faults = [f for f in faults if f.effect.name != "repeated_samples" or f.samples > 0.2 * raw.n]
     return sorted(faults, key=lambda f: not f.spoils)
 
 
-def believed_deviation(effects: Sequence[Effect], dt: float) -> float:
-    """Deviation of the white part of a sample [SI].
+def assumed_sd(effects: Sequence[Effect], dt: float) -> float:
+    """Standard deviation of the white part of a sample [SI].
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
     """
     known = {e.name for e in effects}
     looked = [c for n, c in catalogue().items() if n not in known and issubclass(c, Fault) and c.moving]
-    raw = RawSamples(t, y, believed_deviation(effects, dt), moves=True)
+    raw = RawSamples(t, y, assumed_sd(effects, dt), moves=True)
     clipped: list[DetectedFault] = []
     while (one := Clipping.detect_fault(raw)) is not None and len(clipped) < 2 and "clipping" not in known:
         clipped.append(one)
@@ -109,37 +109,37 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
     ]
 
 
-def by_chance(y: Array, believed: float) -> float:
-    """Chance of two equal neighbours, samples of shape (n,) being on a lattice: of normal deviates ``q / (2 sqrt(pi) s)``.
+def by_chance(y: Array, assumed: float) -> float:
+    """Chance of two equal neighbours, samples of shape (n,) being on an ADC grid: of normal deviates ``q / (2 sqrt(pi) s)``.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         [SI].
-    believed : float
+    assumed : float
         Standard deviation of a sample [SI].
     """
-    raw = RawSamples(np.arange(y.size, dtype=np.float64), y, believed, moves=True)
+    raw = RawSamples(np.arange(y.size, dtype=np.float64), y, assumed, moves=True)
     steps = np.abs(np.diff(y))
     steps = steps[steps > SAME * float(np.ptp(y))]
     # An encoder that runs through many of its steps has hardly any value twice: its smallest step says what they are.
-    lattice = max(raw.lattice, float(steps.min(initial=np.inf)) if steps.size else 0.0)
-    return float(lattice / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, believed), 1e-300)))
+    step = max(raw.adc_step, float(steps.min(initial=np.inf)) if steps.size else 0.0)
+    return float(step / (2.0 * np.sqrt(np.pi) * max(min(raw.noise, assumed), 1e-300)))
 
 
-def stuck_spans(y: Array, believed: float) -> list[tuple[int, int]]:
+def stuck_spans(y: Array, assumed: float) -> list[tuple[int, int]]:
     """Spans of samples, shape (n,), that repeat the one before them longer than chance lets noisy ones, first and end.
 
-    Values on a lattice about as wide as the noise repeat while nothing moves: of these nothing is said.
+    Values on an ADC grid about as wide as the noise repeat while nothing moves: of these nothing is said.
 
     Parameters
     ----------
     y : ndarray, shape (n,)
         [SI].
-    believed : float
+    assumed : float
         Standard deviation of a sample [SI].
     """
-    chance = by_chance(y, believed)
+    chance = by_chance(y, assumed)
     return standing(y, chance, MIN_RUN_SAMPLES, 2) if chance <= MAX_EQUAL_NEIGHBOUR_PROBABILITY else []
 
 

@@ -2,7 +2,7 @@
 
 What lasts is fitted to all of them together: noise, and shapes, which must come again with the same size in each (a ramp,
 a warm-up, a temperature term), where a random walk goes another way each time. What happens once, lines (whose phase is
-another one each time) and what changes single samples are found in each recording by itself, and taken out where
+another one each time) and what changes single samples are found in each recording by itself, and removed where
 they are sure. The gap is that of each recording, in turn, under what the others say.
 """
 
@@ -42,7 +42,7 @@ from kfgen.identify.evidence.record import Record
 Array = NDArray[np.float64]
 
 ONCE_MIN_PROBABILITY = 0.95
-"""Probability above which what happened once is taken out of its recording; below, it may be slow noise."""
+"""Probability above which what happened once is removed from its recording; below, it may be slow noise."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class JointGap:
 
 
 def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise) -> JointGap:
-    """Compare several recordings of one channel with the noise that is assumed of it.
+    """Compare several recordings of one channel with the noise that is assumed about it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is believed of a channel, made ready to be compared: trust in its numbers, its known terms taken out."""
+"""What is assumed about a channel, made ready to be compared: trust in its numbers, its known terms removed."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.identify import MIN_SAMPLES
 
 DEFAULT_RELATIVE_SD = 0.1
-"""Relative deviation of a believed number that states no interval."""
+"""Relative standard deviation of an assumed number that states no interval."""
 MIN_RELATIVE_SD = 0.02
 MAX_SHIFT_SD = 1.0
-"""Deviations from a believed number beyond which it does not hold."""
+"""Standard deviations from an assumed number beyond which it does not hold."""
 MIN_RETUNING_NATS = 7.0
-"""Nats that believed numbers must lose against those of a fit: by chance once in a thousand records with three."""
+"""Nats that assumed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 
 
 def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
-    """Trust in the believed numbers: from their intervals, else `DEFAULT_RELATIVE_SD`."""
+    """Trust in the assumed numbers: from their intervals, else `DEFAULT_RELATIVE_SD`."""
     priors: dict[Key, Prior] = {}
     for i, term in enumerate(noise.terms):
         if term.effect.coefficients():
@@ -39,8 +39,10 @@ def priors_of(noise: ChannelNoise) -> dict[Key, Prior]:
     return priors
 
 
-def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
-    """The record less what the believed deterministic terms say, those terms, and the random ones.
+def without_assumed_terms(
+    record: Record, noise: ChannelNoise
+) -> tuple[Record, tuple[Term, ...], ChannelNoise]:
+    """The record less what the assumed deterministic terms say, those terms, and the random ones.
 
     So a wrong coefficient shows as a missing rest of the same effect, and a constant as nothing.
 
@@ -53,7 +55,7 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
     Raises
     ------
     InputError
-        A believed effect has a driver that the log lacks.
+        An assumed effect has a driver that the log lacks.
     """
     trusted = tuple(t for t in noise.terms if t.effect.coefficients())
     for term in noise.terms:
@@ -69,7 +71,7 @@ def taken_out(record: Record, noise: ChannelNoise) -> tuple[Record, tuple[Term, 
 
 
 def merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Believed deterministic terms with what was found to be missing of them added.
+    """Assumed deterministic terms with what was found to be missing of them added.
 
     Parameters
     ----------
@@ -91,14 +93,14 @@ def merged(trusted: tuple[Term, ...], terms: tuple[Term, ...]) -> tuple[Term, ..
     return tuple(out)
 
 
-def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
-    """Whether a believed number does not hold: far from what a fit makes of it, and surely so.
+def moved(problem: Problem, fit: Fit, assumed: Sequence[Effect]) -> bool:
+    """Whether an assumed number does not hold: far from what a fit makes of it, and surely so.
 
     Parameters
     ----------
     problem, fit
-        Of the believed effects and those that were added.
-    believed : sequence of Effect
+        Of the assumed effects and those that were added.
+    assumed : sequence of Effect
         The first of them, as they are written.
     """
     far = [
@@ -108,8 +110,8 @@ def moved(problem: Problem, fit: Fit, believed: Sequence[Effect]) -> bool:
     ]
     if not any(far):
         return False
-    held = frozenset((i, p.name) for i, e in enumerate(believed) for p in e.searched())
-    effects = (*believed, *fit.effects[len(believed) :])
+    held = frozenset((i, p.name) for i, e in enumerate(assumed) for p in e.searched())
+    effects = (*assumed, *fit.effects[len(assumed) :])
     as_written = maximise(replace(problem, effects=effects, fixed=problem.fixed | held))
     return fit.likelihood.value - as_written.likelihood.value > MIN_RETUNING_NATS
 

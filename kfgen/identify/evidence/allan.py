@@ -53,7 +53,7 @@ class AllanCurve:
     tau : ndarray, shape (m,)
         Averaging times [s].
     deviation, lo, hi : ndarray, shape (m,)
-        Deviation [U] and its 95 % band.
+        Allan deviation [U] and its 95 % band.
     edf : ndarray, shape (m,)
         Equivalent degrees of freedom of each point.
     """
@@ -185,7 +185,7 @@ def curve_of_chunks(
 
 
 def curve_from_variance(avar: Array, n: int, m: Factors, dt: float) -> AllanCurve:
-    """Deviation and bands from the overlapping Allan variance.
+    """Allan deviation and bands from the overlapping Allan variance.
 
     Parameters
     ----------

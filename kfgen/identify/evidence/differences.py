@@ -34,7 +34,7 @@ class Kernel(Protocol):
         y : ndarray, shape (n,)
             Samples [U]; overwritten.
         rate : float
-            What is taken off each of them [U].
+            What is subtracted from each of them [U].
         """
 
     def squares(self, x: Array, done: int, steps: Steps) -> Array:

@@ -35,7 +35,7 @@ class JointRecord(Evidence):
         if max(periods) > 1.01 * min(periods):
             raise InputError(
                 f"the logs are sampled at {1 / max(periods):.6g} to {1 / min(periods):.6g} Hz",
-                remedy="Fit logs of one rate together, the others apart",
+                remedy="Fit logs of one rate together, the others separately",
             )
 
     @property

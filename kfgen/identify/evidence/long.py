@@ -19,7 +19,7 @@ from kfgen.identify.evidence.allan import AllanCurve, curve_from_variance, log_f
 from kfgen.identify.evidence.block_differences import BlockDifferences, IndependentLikelihoods
 from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.record import MAX_REGRESSOR_CELLS, Evidence, Likelihood, Peaks, Record, means_of
-from kfgen.identify.evidence.record_faults import Spread, mended
+from kfgen.identify.evidence.record_faults import Spread, interpolated
 from kfgen.identify.evidence.running_allan import Phase
 from kfgen.identify.evidence.whittle import Ordinates, coarse_transform, ordinates, transform
 
@@ -202,7 +202,7 @@ def condense(stream: Stream) -> Long:
         if bad.mean() > 0.5:
             raise InputError("most of a stretch is missing", remedy="Cut the log there")
         lost += int(bad.sum())
-        y = mended(y, bad)
+        y = interpolated(y, bad)
         phase.add(y)
         means.add(y)
         if kept < HEAD_SAMPLES:

@@ -53,7 +53,7 @@ class Published(Evidence):
 
     @property
     def scale(self) -> float:
-        """The largest deviation [SI]."""
+        """The largest Allan deviation [SI]."""
         return float(self.given.deviation.max())
 
     @property
@@ -86,7 +86,7 @@ class Published(Evidence):
 
     @staticmethod
     def of(tau: Array, deviation: Array, lo: Array | None = None, hi: Array | None = None) -> Published:
-        """A curve from averaging times [s] and deviations [SI], with its 95 % band where one is given.
+        """A curve from averaging times [s] and Allan deviations [SI], with its 95 % band where one is given.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Published(Evidence):
         Raises
         ------
         InputError
-            Fewer than `MIN_CURVE_POINTS` points, or a deviation that is not positive.
+            Fewer than `MIN_CURVE_POINTS` points, or an Allan deviation that is not positive.
         """
         if tau.size < MIN_CURVE_POINTS:
             raise InputError(
@@ -110,15 +110,15 @@ class Published(Evidence):
             raise InputError("an averaging time is not positive", remedy="Leave it out")
         if not ((deviation > 0.0) & np.isfinite(deviation)).all():
             raise InputError(
-                "a deviation is not positive", remedy="Give Allan deviations, not their logarithms"
+                "an Allan deviation is not positive", remedy="Give Allan deviations, not their logarithms"
             )
         if lo is not None and hi is not None and not ((lo > 0.0) & (lo < deviation) & (deviation < hi)).all():
             raise InputError(
-                "the band does not enclose the deviation",
+                "the band does not enclose the Allan deviation",
                 remedy="Name its lower end _lo and its upper end _hi",
             )
         if lo is not None and hi is not None:
-            # The band of ln AVAR is 2 ln (hi / lo) wide, 3.92 deviations of sqrt(2 / edf).
+            # The band of ln AVAR is 2 ln (hi / lo) wide, 3.92 standard deviations of sqrt(2 / edf).
             edf = 2.0 / np.maximum(2.0 * np.log(hi / lo) / 3.92, 1e-3) ** 2
             return Published(AllanCurve(tau, deviation, lo, hi, edf))
         m = tau / tau[0]

@@ -1,6 +1,6 @@
 """What is wrong with the samples of a record, found before any fit.
 
-Outliers, values at the ends of the range or on a coarse lattice, noise that changes its size, and an internal low-pass.
+Outliers, values at the ends of the range or on a coarse ADC grid, noise that changes its size, and an internal low-pass.
 
 Outliers and the low-pass are found with medians, which what they look for cannot move.
 """
@@ -19,20 +19,20 @@ from kfgen.identify.evidence.whittle import frequencies
 Array = NDArray[np.float64]
 
 OUTLIER_DEVIATIONS = 9.0
-"""Robust deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
+"""Robust standard deviations beyond which a sample is an outlier: white noise that doubles its size has none."""
 JUMP_DEVIATIONS = 6.0
-"""The same deviations between neighbours, beyond which a sample is looked at."""
+"""The same standard deviations between neighbours, beyond which a sample is looked at."""
 MEDIAN_WINDOW_SAMPLES = 7
 """Samples of which the median is taken."""
 STRETCHES_OF_RECORD = 20
 SAMPLES_OF_EACH_STRETCH = 10_000
-"""Samples of each stretch of a record from which the deviation is taken."""
+"""Samples of each stretch of a record from which the standard deviation is taken."""
 COARSE_STEP_IN_DEVIATIONS = 1.5
-"""Steps of the lattice in deviations beyond which a quantised sample is no sample of the noise."""
+"""Steps of the ADC grid in standard deviations beyond which a quantised sample is no sample of the noise."""
 CLIPPED_SHARE = 0.02
 """Share of samples at the ends of the range that is no chance."""
 NOISE_CHANGE_DEVIATIONS = 6.0
-"""Deviations of a stretch's noise from that of the others that are no chance."""
+"""Standard deviations of a stretch's noise from that of the others that are no chance."""
 MAX_OUTLIER_SHARE = 0.05
 """Share of outliers beyond which they are the noise."""
 ROLLED_OFF_SHARE_OF_POWER = 0.7
@@ -89,7 +89,7 @@ def is_outlier(y: Array) -> NDArray[np.bool_]:
     return Spread.of(y).is_outlier(y)
 
 
-def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
+def interpolated(y: Array, bad: NDArray[np.bool_]) -> Array:
     """The samples with the bad ones interpolated.
 
     Parameters
@@ -106,13 +106,13 @@ def mended(y: Array, bad: NDArray[np.bool_]) -> Array:
 
 
 def amplitude_faults(y: Array) -> list[str]:
-    """Sentences on samples that stand at the ends of the range, or on a lattice wider than the noise."""
+    """Sentences on samples that stand at the ends of the range, or on an ADC grid wider than the noise."""
     white = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
     ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
     step, said = _smallest_step(y), []
     if step > COARSE_STEP_IN_DEVIATIONS * white:
         said.append(
-            f"neighbouring values are {step / white:.2g} deviations apart: too coarse for sizes to be trusted"
+            f"neighbouring values are {step / white:.2g} standard deviations apart: too coarse for sizes to be trusted"
         )
     elif ends > CLIPPED_SHARE and step < 0.1 * white:
         said.append(
@@ -122,10 +122,10 @@ def amplitude_faults(y: Array) -> list[str]:
 
 
 def noise_change(y: Array) -> tuple[float, float] | None:
-    """The smallest and the largest deviation of a sample [SI] over stretches, where they differ beyond chance.
+    """The smallest and the largest standard deviation of a sample [SI] over stretches, where they differ beyond chance.
 
     The mean square of the differences of a stretch has about a third of the degrees of freedom of its
-    samples; `NOISE_CHANGE_DEVIATIONS` deviations of its logarithm are asked for, and a tenth of its size.
+    samples; `NOISE_CHANGE_DEVIATIONS` standard deviations of its logarithm are asked for, and a tenth of its size.
     """
     parts = np.array_split(np.diff(y), STRETCHES_OF_RECORD)
     level = np.array([float(np.mean(part**2)) for part in parts])
@@ -139,7 +139,7 @@ def noise_change(y: Array) -> tuple[float, float] | None:
 
 
 def _smallest_step(y: Array) -> float:
-    """The step of the lattice of values, zero where there is none to see."""
+    """The step of the ADC grid of values, zero where there is none to see."""
     values = np.unique(y[:20_000])
     return float(np.diff(values).min()) if 1 < values.size < y[:20_000].size // 2 else 0.0
 

@@ -108,7 +108,9 @@ class Level:
         bad = np.flatnonzero(~np.isfinite(y))
         if not bad.size:
             raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
-        raise InputError(f"sample {self.points + bad[0]} is not a number", remedy="Cut or mend these samples")
+        raise InputError(
+            f"sample {self.points + bad[0]} is not a number", remedy="Cut or correct these samples"
+        )
 
 
 class Phase:

@@ -1,6 +1,6 @@
 """From times and samples as they were logged to evidence: even, with gaps, or of uneven time.
 
-Nothing is mended in silence. Missing samples, gaps and jitter are said; a sampling rate that changes is
+Nothing is corrected in silence. Missing samples, gaps and jitter are said; a sampling rate that changes is
 refused, for the noise of a sample changes with it.
 """
 

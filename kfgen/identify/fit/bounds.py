@@ -101,7 +101,7 @@ def _grid(n: int, dt: float, skip: Bands, peaks: Sequence[SpectralPeak]) -> tupl
 
 
 def relative_bound(effects: Sequence[Effect], dt: float, *lengths: int, skip: Bands = ()) -> dict[Key, float]:
-    """The smallest relative deviation that an unbiased estimate of each parameter can have.
+    """The smallest relative standard deviation that an unbiased estimate of each parameter can have.
 
     Parameters
     ----------

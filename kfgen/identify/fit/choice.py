@@ -7,7 +7,7 @@ than the 95 % quantile of what it gains by chance: 2.7 for one more size (half a
 one degree, for sizes are not negative [1]_), `GAIN_OF_A_SEARCHED_TIME` for one whose time is searched or whose band is
 chosen (tabled from records of white noise and random walk: 6.3 at 1000 s, 7.3 at 2.8 h, 95 % of
 them), `GAIN_OF_QUANTISATION` for quantisation (once in two thousand: where it is real, all high frequencies tell of
-it), and `GAIN_OF_A_DRIFT` for a deterministic drift, which over one record is hard to tell from chance wandering.
+it), and `GAIN_OF_A_DRIFT` for a deterministic drift, which over one record is hard to tell from a random walk by chance.
 The set with the largest gain over its thresholds is chosen.
 
 References

@@ -96,7 +96,7 @@ def white_series(record: Record, effects: Sequence[Effect]) -> WhiteSeries:
     ----------
     record : Record
     effects : sequence of Effect
-        Fitted; what deterministic ones explain is taken out.
+        Fitted; what deterministic ones explain is removed.
     """
     from scipy.fft import dct
 

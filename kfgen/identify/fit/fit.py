@@ -2,7 +2,7 @@
 
 Sizes and times are fitted in their logarithm, inside a box that the record can speak about;
 coefficients of deterministic effects are linear and solved for inside the likelihood. Priors
-(mean and deviation of a logarithm) may hold trusted numbers.
+(mean and standard deviation of a logarithm) may hold trusted numbers.
 
 The maximum is found by Fisher's scoring: Newton's step with the expected information in place of the
 second derivatives, damped as Levenberg and Marquardt do.
@@ -38,7 +38,7 @@ MAX_LOG_STEP = 1.5
 MAX_TIME_OVER_RECORD = 0.5
 """Of the record: the longest time that is fitted."""
 PRIOR_REACH_DEVIATIONS = 3.0
-"""Deviations about a believed number that a fit may go to, whatever the record can show."""
+"""Standard deviations about an assumed number that a fit may go to, whatever the record can show."""
 LOG_STEP_OF_DERIVATIVE = 1e-4
 """Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
@@ -110,7 +110,7 @@ class Problem:
 
     @cached_property
     def bounds(self) -> list[tuple[float, float]]:
-        """The box of the free parameters: what the record can show, and what is believed of them."""
+        """The box of the free parameters: what the record can show, and what is assumed about them."""
         return [self._box(key) for key in self.free]
 
     def _box(self, key: Key) -> tuple[float, float]:

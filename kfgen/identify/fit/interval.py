@@ -6,7 +6,7 @@ takes the same quantile and not 2.71: over a few correlation times the likelihoo
 that the smaller one covers less than 95 % (benchmarks/identify_monte_carlo.py).
 
 The chi-square law is that of long records. Where the least known of the parameters that are mixed up with
-one another is known to a relative deviation b only, the loss at the truth is larger by a factor, as in
+one another is known to a relative standard deviation b only, the loss at the truth is larger by a factor, as in
 Bartlett's correction [2]_: 1.4 on average at b = 0.5 and 1.0 at b = 0.16 in 150 logs each, so that the quantile is
 raised by ``1 + 2 min(b, 0.5)^2``.
 
@@ -35,7 +35,7 @@ NORMAL_975 = CHI_SQUARE_95**0.5
 EDGE_TOLERANCE = 0.01
 """Of that quantile: an edge is found to half a percent of the interval's half width."""
 MIXED_SHARE_OF_LARGEST_DEVIATION = 0.1
-"""Of the largest relative deviation: a parameter known better than that is not mixed up with the rest."""
+"""Of the largest relative standard deviation: a parameter known better than that is not mixed up with the rest."""
 _MAX_SECANT_STEPS = 60
 
 
@@ -94,7 +94,7 @@ def _secant(near: tuple[float, float], far: tuple[float, float], wanted: float) 
 
 
 def _spreads(problem: Problem, best: Fit) -> Array:
-    """Deviations of the logarithms from the expected information, at most one, shape (k,)."""
+    """Standard deviations of the logarithms from the expected information, at most one, shape (k,)."""
     variance = np.diag(inverse(problem.information(best.point)))
     return np.asarray(np.minimum(np.sqrt(np.maximum(variance, 0.0)), 1.0))
 

@@ -95,7 +95,7 @@ def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
 
 
 def is_of(line: PeriodicLine, effects: Sequence[Effect]) -> bool:
-    """Whether a line belongs to one of the effects that are fitted: then it is not taken out.
+    """Whether a line belongs to one of the effects that are fitted: then it is not removed.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def without_line(t: Array, y: Array, line: PeriodicLine) -> Array:
     t, y : ndarray, shape (n,)
         Times [s] and samples [SI].
     line : PeriodicLine
-        Whose frequency is taken out.
+        Whose frequency is removed.
     """
     phase = 2.0 * np.pi * line.frequency * t
     X = np.column_stack([np.cos(phase), np.sin(phase), np.ones(t.size)])

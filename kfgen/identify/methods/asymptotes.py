@@ -44,14 +44,14 @@ SEEN = 2.0
 KNOWN = 8.0
 """Degrees of freedom below which a point is too uncertain to be the lowest: of many, one is low by chance."""
 BY_CHANCE = 2.0
-"""Deviations by which a floor must lie above that of N and K to be one of its own."""
+"""Standard deviations by which a floor must lie above that of N and K to be one of its own."""
 SHORT = 6000
 """Samples of which a variance is white noise, remark 3.4 of [1]_."""
 
 
 @dataclass(frozen=True)
 class Asymptote:
-    """A size read off a curve [SI], its relative deviation, and the averaging times [s] that it was read from."""
+    """A size read off a curve [SI], its relative standard deviation, and the averaging times [s] that it was read from."""
 
     size: float
     deviation: float

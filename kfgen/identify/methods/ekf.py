@@ -33,7 +33,7 @@ from kfgen.identify.methods.series import samples, stated
 Array = NDArray[np.float64]
 
 PRIOR = 1.0
-"""Relative deviation of B, K and beta before the first sample."""
+"""Relative standard deviation of B, K and beta before the first sample."""
 SLOWEST, FASTEST = 1.0, 0.1
 """beta stays between this over the record's length and that over the sampling period."""
 
@@ -88,7 +88,7 @@ def run_ekf(y: Array, dt: float, start: Parameters) -> EkfRun:
     Parameters
     ----------
     y : ndarray, shape (n,)
-        Samples [U], their mean taken out.
+        Samples [U], their mean removed.
     dt : float
         Sampling period [s].
 

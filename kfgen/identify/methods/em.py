@@ -126,7 +126,7 @@ def run_em(y: Array, dt: float, start: Parameters, rounds: int = MAX_ITERATIONS)
     Parameters
     ----------
     y : ndarray, shape (n,)
-        Samples [U], their mean taken out.
+        Samples [U], their mean removed.
     dt : float
         Sampling period [s].
     """

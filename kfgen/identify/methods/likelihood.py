@@ -1,7 +1,7 @@
 """The methods of identification behind one interface: evidence in, an `Estimate` out.
 
 A slow term that dominates only a few of the lowest ordinates is a drift, but its kind cannot be
-told: over so few half-periods a random walk, a Gauss-Markov process and a ramp look alike. Such
+distinguished: over so few half-periods a random walk, a Gauss-Markov process and a ramp look alike. Such
 a term stays in the fit, so that the others are not biased, and is reported as unresolved. What is
 not found or not resolved is reported with its upper limit and with the record that would show it.
 """
@@ -46,7 +46,7 @@ from kfgen.identify.methods.em import by_em
 Array = NDArray[np.float64]
 
 MIN_ORDINATES_DOMINATED = 12
-"""Ordinates that a slow term must dominate for its kind to be told."""
+"""Ordinates that a slow term must dominate for its kind to be identified."""
 
 
 def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
@@ -194,7 +194,7 @@ def _open_intervals(problem: Problem, best: Fit) -> dict[Key, tuple[float, float
 
 
 def _unresolved(record: Evidence, best: Fit) -> frozenset[int]:
-    """The slow terms that dominate too few ordinates to be told from one another."""
+    """The slow terms that dominate too few ordinates to be distinguished from one another."""
     omega, count = nominal(record.lengths, record.dt, record.skip, spectral_peaks(best.effects))
     parts = [e.sampled_density(omega, record.dt, 1) for e in best.effects]
     total = np.sum(parts, axis=0)

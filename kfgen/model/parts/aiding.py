@@ -47,10 +47,10 @@ class Barometer(Sensor):
 
 
 class ZeroVelocity(Sensor):
-    """A body that stands still: zeros where it does, nothing elsewhere."""
+    """A body at rest: zeros where it is, nothing elsewhere."""
 
     name = "zero_velocity"
-    title = "zero velocity while standing still"
+    title = "zero velocity at rest"
     unit = "m/s"
     channels = triad("zero_v")
     sd = 0.02

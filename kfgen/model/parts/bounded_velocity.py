@@ -7,8 +7,8 @@ is a critically damped Markov process of second order [1]_, so that it has a der
 
 ``v' = a``, ``a' = -2 beta a - beta^2 v + w``, ``beta = 1 / tau``, density of w ``q = 4 beta^3 sigma^2``,
 
-stationary with deviations ``sigma`` of v and ``beta sigma`` of a. It lives in navigation axes: a body's axes turn, and in them
-no velocity is bounded.
+stationary with standard deviations ``sigma`` of v and ``beta sigma`` of a. It lives in navigation axes: a body's
+axes turn, and in them no velocity is bounded.
 
 References
 ----------
@@ -33,7 +33,7 @@ ACCELERATION = Option(
     WHITE,
 )
 # A hand or a limb moves by some tenths of a metre a second and changes its mind in a tenth of one: 3 m/s^2.
-SPEED = Option("speed", "deviation of a bounded velocity", Quantity("m/s"), "0.3 m/s")
+SPEED = Option("speed", "standard deviation of a bounded velocity", Quantity("m/s"), "0.3 m/s")
 SPEED_TIME = Option("speed_time", "time constant of a bounded velocity", Quantity("s"), "0.1 s")
 
 
@@ -44,7 +44,7 @@ class BoundedVelocity:
     Parameters
     ----------
     sigma : float
-        Its deviation [m/s].
+        Its standard deviation [m/s].
     tau : float
         Its time constant [s].
     """
@@ -54,7 +54,7 @@ class BoundedVelocity:
 
     @property
     def blocks(self) -> tuple[Vector, Vector]:
-        """Velocity and acceleration in navigation axes, from their stationary deviations on."""
+        """Velocity and acceleration in navigation axes, from their stationary standard deviations on."""
         beta, axes = 1.0 / self.tau, ("N", "E", "D")
         return (
             Vector("vl", axes, "m/s", "bounded velocity", self.sigma),

@@ -26,9 +26,9 @@ from kfgen.model.symbols.blocks import Vector
 TITLES = ("integrated noise", "noise", "bias instability", "random walk", "inverse correlation time")
 UNITS = ("s^1.5", "s^0.5", "rad/s^0.5", "rad/s^1.5", "1/s")
 USUAL = (1000.0, 7.0, float(np.deg2rad(1.55e-2)), float(np.deg2rad(9e-4)), 0.01)
-"""Where the filter starts: B, K and beta of sec. 2.2 of [1]_, x1 and x2 at no special point, about a deviation off zero."""
+"""Where the filter starts: B, K and beta of sec. 2.2 of [1]_, x1 and x2 about a standard deviation off zero."""
 PRIORS = (1e3, 10.0, *USUAL[2:])
-"""Deviations before the first sample: of the parameters as large as they are."""
+"""Standard deviations before the first sample: of the parameters as large as they are."""
 N = float(np.deg2rad(5.75e-2))
 """White noise of sec. 2.2 [rad/s/sqrt(Hz)]."""
 DRIVER = Input(

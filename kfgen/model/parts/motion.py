@@ -50,7 +50,7 @@ class Input:
     bias : str
         Letter of its bias states.
     bias_prior : float
-        Deviation of the turn-on bias [SI].
+        Standard deviation of the turn-on bias [SI].
     N : float
         White noise density where no noise file says otherwise [SI].
     left_out : float

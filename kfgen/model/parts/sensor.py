@@ -49,14 +49,14 @@ class Sensor(Configured):
     blocks : tuple of Vector
         Constants that it does not know: states of the filter.
     biases : bool
-        Each channel has a constant bias, a state, of deviation `bias_prior` [SI].
+        Each channel has a constant bias, a state, of standard deviation `bias_prior` [SI].
     period : float
         Of a residual that is an angle [rad]; zero for none.
     shows : str
         The block whose first value is its first sample, where there is one.
     at_rest : str
         The level axis along which the triad points when nothing moves: ``up``, ``north``, or none.
-    play : BacklashOperator, optional
+    backlash : BacklashOperator, optional
         Between what `predict` says and its one channel.
     errors : tuple of AttachedError
         Effects that its options attach to its channels.
@@ -81,7 +81,7 @@ class Sensor(Configured):
     period: float = 0.0
     shows: str = ""
     at_rest: str = ""
-    play: BacklashOperator | None = None
+    backlash: BacklashOperator | None = None
     errors: tuple[AttachedError, ...] = ()
     rate_needs: tuple[str, ...] = ()
     arm_order: int = -1

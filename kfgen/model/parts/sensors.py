@@ -114,7 +114,7 @@ class MagneticField(Sensor):
             "0.5 uT/sqrt(Hz)",
         ),
         Option("hard_iron", "a constant field of the body as states", YesNo(), "false"),
-        Option("hard_iron_sd", "deviation of that field before the log", Quantity("T"), "2e-5 T"),
+        Option("hard_iron_sd", "standard deviation of that field before the log", Quantity("T"), "2e-5 T"),
         Option(
             "mag_delay",
             "age of the magnetometer's samples against those of the gyros: known, or a state",

@@ -1,7 +1,7 @@
 """A model file as a filter: its equations as a motion, its measurements as sensors.
 
 Every state is a block of one component, every parameter and every coefficient of an effect a constant that firmware
-may set. Lags become states; a delay of an input is a line of its samples, a play is where it stands, both kept beside
+may set. Lags become states; a delay of an input is a line of its samples, a backlash is where it stands, both kept beside
 the state (`kfgen.model.register`).
 """
 
@@ -31,13 +31,13 @@ from kfgen.model.register import BacklashOperator, DelayLine
 from kfgen.model.symbols.blocks import Vector
 
 UNKNOWN = {"rad": 3.0, "rad/s": 10.0, "m": 100.0, "m/s": 30.0, "K": 100.0, "A": 10.0}
-"""Deviation of a state that starts unknown [SI], by its unit; 10 in others."""
+"""Standard deviation of a state that starts unknown [SI], by its unit; 10 in others."""
 C_WORDS = (
     "auto break case char const continue default do double else enum extern float for goto if inline int long "
     "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
 )
 OWN_WORDS = "x P k z kf dt innovation variance status gate fused dx np"
-TAKEN = frozenset({*re.findall(r"\w+", f"{C_WORDS} {OWN_WORDS}"), *keyword.kwlist})
+RESERVED = frozenset({*re.findall(r"\w+", f"{C_WORDS} {OWN_WORDS}"), *keyword.kwlist})
 """Names of the emitted filter and of its languages."""
 
 
@@ -84,7 +84,7 @@ class Equations(MotionModel):
         return {}
 
     def starts_unknown(self, value: sp.Expr) -> bool:
-        """Whether an expression is a state alone, and one of which nothing is believed."""
+        """Whether an expression is a state alone, and one of which nothing is assumed."""
         state = self.user.states.get(value.name) if value.is_Symbol else None
         return state is not None and bool(np.isinf(state.sd))
 
@@ -100,7 +100,7 @@ class Shown(Sensor):
         In the symbols of the states and constants.
     states : tuple of str
         The blocks that it looks at.
-    play : Play, optional
+    backlash : BacklashOperator, optional
         As of `Sensor`.
     """
 
@@ -110,7 +110,7 @@ class Shown(Sensor):
         unit: str,
         value: sp.Expr,
         states: tuple[str, ...],
-        play: BacklashOperator | None = None,
+        backlash: BacklashOperator | None = None,
         slope: sp.Expr | None = None,
     ) -> None:
         self.name = channel  # type: ignore[misc]
@@ -119,7 +119,7 @@ class Shown(Sensor):
         self.channels = (channel,)
         self.value = value
         self.needs = states
-        self.play = play
+        self.backlash = backlash
         self.slope = slope
         self.rate_needs = states if slope is not None else ()
 
@@ -196,8 +196,8 @@ class _Builder:
         return [self._shown(name, m) for name, m in self.user.measurements.items()]
 
     def _shown(self, name: str, m: Measurement) -> Shown:
-        """One of them, with its lags and its play."""
-        value, play, unit = _smooth(m.expression.value), None, parse_unit(m.unit).si
+        """One of them, with its lags and its backlash."""
+        value, backlash, unit = _smooth(m.expression.value), None, parse_unit(m.unit).si
         used = sorted(m.expression.names & set(self.user.inputs))
         if used:
             raise InputError(
@@ -206,20 +206,20 @@ class _Builder:
                 remedy="Make the input a state, or leave the measurement out",
             )
         for effect in m.noise.effects:
-            if isinstance(effect, SensorChange) and play is not None:
+            if isinstance(effect, SensorChange) and backlash is not None:
                 raise InputError(
-                    f"{effect.name} stands behind the {play[0].name} of {name}, which no filter carries",
+                    f"{effect.name} stands behind the {backlash[0].name} of {name}, which no filter carries",
                     where=self.user.path,
-                    remedy=f"Write it before the {play[0].name}, or leave one of them out",
+                    remedy=f"Write it before the {backlash[0].name}, or leave one of them out",
                 )
-            if isinstance(effect, SensorChange) and effect.play:
-                play = effect, BacklashOperator(name, unit, self.numbers(effect, name).play)
+            if isinstance(effect, SensorChange) and effect.backlash:
+                backlash = effect, BacklashOperator(name, unit, self.numbers(effect, name).backlash)
             elif isinstance(effect, SensorChange) and effect.lag:
                 value = self.lag(effect, name, m.unit, value)
         names = {b.name for b in self.blocks}
         needs = tuple(sorted(s.name for s in value.free_symbols if s.name in names))
         slope = sum((value.diff(symbol(n)) * self.derivatives[n] for n in needs), sp.Integer(0))
-        return Shown(name, unit, value, needs, play[1] if play else None, slope)
+        return Shown(name, unit, value, needs, backlash[1] if backlash else None, slope)
 
 
 def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
@@ -229,7 +229,7 @@ def _block(name: str, unit: str, initial: float, sd: float) -> Vector:
 
 
 def unknown_deviation(unit: str, initial: float) -> float:
-    """Deviation of a state that starts unknown and that no measurement shows [SI], by its SI unit."""
+    """Standard deviation of a state that starts unknown and that no measurement shows [SI], by its SI unit."""
     return max(UNKNOWN.get(unit, 10.0), abs(initial))
 
 
@@ -263,7 +263,7 @@ def filter_model(user: UserModel, noise: NoiseModel | None = None) -> FilterMode
     """
     user = parse_model(model_text(user), user.path)  # with the digits of its file, so that hashes agree
     for name in (*user.names, *user.measurements):
-        if name in TAKEN:
+        if name in RESERVED:
             raise InputError(
                 f"the emitted filter needs the name '{name}'", where=user.path, remedy="Rename it"
             )

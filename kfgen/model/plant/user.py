@@ -25,7 +25,7 @@ FORMAT = "kfgen-model-1"
 
 @dataclass(frozen=True)
 class ModelParameter:
-    """A parameter: the user's unit, its value [SI], the deviation of what is believed of it (0: trusted)."""
+    """A parameter: the user's unit, its value [SI], the standard deviation of what is assumed about it (0: trusted)."""
 
     unit: str
     value: float
@@ -34,7 +34,7 @@ class ModelParameter:
 
 @dataclass(frozen=True)
 class StateStart:
-    """A state: the user's unit, where it starts [SI], the deviation of that (infinite: unknown)."""
+    """A state: the user's unit, where it starts [SI], the standard deviation of that (infinite: unknown)."""
 
     unit: str
     initial: float = 0.0

@@ -25,7 +25,7 @@ class Vector:
     title : str
         In words.
     prior : float
-        Deviation of the error before the first measurement [SI].
+        Standard deviation of the error before the first measurement [SI].
     initial : tuple of float
         The stored components before it [SI]; zeros where left out.
     driven : float

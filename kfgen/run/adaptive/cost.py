@@ -20,7 +20,7 @@ from kfgen.run.adaptive.rules import Rule
 Array = NDArray[np.float64]
 
 STEP = 20.0
-"""Deviations of the channel: the step of the rate that is put on it."""
+"""Standard deviations of the channel: the step of the rate that is put on it."""
 HIDDEN = 0.5
 """The same for a rate that noise hides: an adaptive filter may keep the one and lose the other."""
 FULL = 0.9
@@ -42,7 +42,7 @@ class Noise:
     B : float
         Lowest point by 0.664 [U].
     drift : float
-        Deviation of the means of ten seconds (or of a tenth of the record) [U].
+        Standard deviation of the means of ten seconds (or of a tenth of the record) [U].
     curve : AllanCurve
     """
 
@@ -59,9 +59,9 @@ class FilterCost:
     Parameters
     ----------
     dc : float
-        What a constant rate of `STEP` deviations of the channel becomes, as a share of it.
+        What a constant rate of `STEP` standard deviations of the channel becomes, as a share of it.
     hidden : float
-        The same of one of `HIDDEN` deviations.
+        The same of one of `HIDDEN` standard deviations.
     delay : float
         Time [s] from a step to half of its final response.
     bandwidth : float

@@ -142,7 +142,7 @@ class Denoised:
 def at_rest(y: Array, settings: Settings) -> RestStatistics:
     """Test a channel at rest and estimate its process.
 
-    A trend or changing power is said, and the process is estimated after a straight line is taken out.
+    A trend or changing power is said, and the process is estimated after a straight line is removed.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
         k = np.arange(series.size)
         series = series - np.polyval(np.polyfit(k, series, 1), k)
         said.append(
-            "the channel is not stationary (its power has a trend or comes and goes): a straight line is taken out "
+            "the channel is not stationary (its power has a trend or comes and goes): a straight line is removed "
             "before the ARMA process is estimated; give a log at rest with --at-rest if it moves"
         )
     if not tests.named("Ljung-Box").rejected:

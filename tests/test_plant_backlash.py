@@ -1,6 +1,6 @@
-"""Proves that a play as wide as the noise is found in a servo that turns many times, and its width.
+"""Proves that a backlash as wide as the noise is found in a servo that turns many times, and its width.
 
-The servo is linear with a held input, integrated by its matrix exponential; the play is its definition. The width is
+The servo is linear with a held input, integrated by its matrix exponential; the backlash is its definition. The width is
 held to 2.5 half-widths of its 95 % interval (1e-6); the seed is fixed. A sound log is falsely alarmed at 0.2 % by the
 battery.
 """
@@ -40,7 +40,7 @@ NOISE = 0.005
 
 
 @pytest.mark.parametrize("width", [0.01, 0.005, 0.0])
-def test_a_play_that_is_small_against_the_travel(width: float, kfgen: Cli, tmp_path: Path) -> None:
+def test_a_backlash_that_is_small_against_the_travel(width: float, kfgen: Cli, tmp_path: Path) -> None:
     Phi = expm(0.01 * np.array([[0.0, 1.0, 0.0], [0.0, -5.0, 30.0], [0.0, 0.0, 0.0]]))
     rng, x, rows, stands = np.random.default_rng(22), np.zeros(2), [], 0.0
     for k, u in enumerate(np.repeat(rng.uniform(-6.0, 6.0, 75), 40)):

@@ -13,7 +13,7 @@ from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.result import Comparison, Finding
 from kfgen.gap.core.search import Distinguishability
 from kfgen.gap.rest.channel_gap import channel_gap
-from kfgen.gap.rest.distinguishability import divergence, told_apart
+from kfgen.gap.rest.distinguishability import distinguishability, divergence
 from kfgen.gap.rest.evidence import Candidate
 from kfgen.gap.words import finding_sentence
 from kfgen.identify.evidence.record import Record
@@ -56,7 +56,7 @@ def test_a_shape_counts_by_its_energy() -> None:
     ramp, none = as_written(white, make("rate_ramp", R=0.02), y=0.02 * t), as_written(white)
     shape = 0.02 * (t - t.mean())
     assert divergence(ramp, none) == pytest.approx(0.5 * float(shape @ shape), rel=0.02)
-    itself = told_apart(ramp, ramp, none)
+    itself = distinguishability(ramp, ramp, none)
     assert (itself.cos2, itself.nats) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-9))
 
 

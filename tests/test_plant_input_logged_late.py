@@ -1,7 +1,7 @@
 """Proves that an input which was logged after its effect is a fault of the log, and that nothing else is taken for it.
 
-The motor is the exact solution of ``v' = 20 u - 2 v`` between tenths of a sample. A lead is held to five deviations of its
-Cramér-Rao bound, 6e-7: the noise over the norm of the speed's slope. Seeds are fixed.
+The motor is the exact solution of ``v' = 20 u - 2 v`` between tenths of a sample. A time advance is held to five standard
+deviations of its Cramér-Rao bound, 6e-7: the noise over the norm of the speed's slope. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def recorded(early: int, a: float = 2.0, drag: float = 0.0) -> tuple[Log, float]
 
 
 @pytest.mark.parametrize("early", [15, 30, 100, 300])
-def test_a_lead_is_named(early: int) -> None:
+def test_a_time_advance_is_named(early: int) -> None:
     log, sd = recorded(early)
     (fault,) = plant_scene(parse_model(MOTOR, "motor.toml"), log).spoilt
     assert isinstance(fault.effect, TooEarly)
@@ -71,7 +71,7 @@ def test_a_lead_is_named(early: int) -> None:
 @pytest.mark.parametrize(
     ("a", "drag"), [(2.0, 0.0), (2.02, 0.0), (3.0, 0.0), (6.0, 0.0), (1.0, 0.0), (1.5, 0.05)]
 )
-def test_what_makes_a_plant_quicker_or_slower_is_no_lead(a: float, drag: float) -> None:
+def test_what_makes_a_plant_quicker_or_slower_is_no_time_advance(a: float, drag: float) -> None:
     assert not plant_scene(parse_model(MOTOR, "motor.toml"), recorded(0, a, drag)[0]).spoilt
 
 

@@ -51,12 +51,12 @@ def thermal_lag(r: Recording, X: float) -> Hidden:
     return _near(r, np.asarray(lfilter(b, a, away)), X, "thermal_lag", also)
 
 
-def wandering_line(r: Recording, X: float) -> Hidden:
+def drifting_line(r: Recording, X: float) -> Hidden:
     """A line whose phase walks by a few radians over the record."""
     walk = np.cumsum(r.rng.standard_normal(r.n)) * 3.0 / np.sqrt(r.n)
     f = r.rng.uniform(0.02, 0.2) / r.dt
     shape = np.sin(2.0 * np.pi * f * r.elapsed + walk)
-    return _near(r, shape, X, "wandering_line", ("sinusoid", "resonance", "unknown"))
+    return _near(r, shape, X, "drifting_line", ("sinusoid", "resonance", "unknown"))
 
 
 def soft_step(r: Recording, X: float) -> Hidden:
@@ -68,7 +68,7 @@ def soft_step(r: Recording, X: float) -> Hidden:
 
 NEAR: Mapping[str, Callable[[Recording, float], Hidden]] = {
     "thermal_lag": thermal_lag,
-    "wandering_line": wandering_line,
+    "drifting_line": drifting_line,
     "soft_step": soft_step,
 }
 
@@ -92,7 +92,7 @@ def dropped(r: Recording, t: Array, y: Array) -> Logged:
 
 
 def clipped(r: Recording, t: Array, y: Array) -> Logged:
-    """The channel saturates at two and a half deviations above its mean."""
+    """The channel saturates at two and a half standard deviations above its mean."""
     limit = y.mean() + r.rng.uniform(1.8, 2.5) * r.sensor.white
     return t, np.minimum(y, limit), {"limit": limit * r.si}, np.arange(r.n)
 
@@ -105,7 +105,7 @@ def stuck(r: Recording, t: Array, y: Array) -> Logged:
 
 
 def wrong_unit(r: Recording, t: Array, y: Array) -> Logged:
-    """Degrees where radians are believed, or the other way round; g for m/s^2."""
+    """Degrees where radians are assumed, or the other way round; g for m/s^2."""
     factor = (
         1.0 / 9.80665 if r.sensor.unit == "m/s^2" else 57.29577951308232 ** float(r.rng.choice([-1.0, 1.0]))
     )
@@ -119,7 +119,7 @@ def coarse(r: Recording, t: Array, y: Array) -> Logged:
 
 
 def jitter(r: Recording, t: Array, y: Array) -> Logged:
-    """Time stamps off by 8 % of the sample time, deviation."""
+    """Time stamps off by 8 % of the sample time, standard deviation."""
     off = np.clip(0.08 * r.rng.standard_normal(r.n), -0.24, 0.24)
     return t + off * r.dt, y, {}, np.arange(r.n)
 

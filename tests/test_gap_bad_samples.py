@@ -29,7 +29,7 @@ def noise(seed: int) -> np.ndarray:
 @pytest.mark.parametrize("count", [10, 50, 600])
 @pytest.mark.parametrize("value", [None, 0.0])
 def test_a_stretch_that_stands_still_is_named(count: int, value: float | None) -> None:
-    """At its last value, or at zero, eight deviations off: ten equal samples have a chance of 1e-30."""
+    """At its last value, or at zero, eight standard deviations off: ten equal samples have a chance of 1e-30."""
     y = noise(count)
     y[5000 : 5000 + count] = y[5000] if value is None else value
     gap, said = gap_of(y)
@@ -53,7 +53,7 @@ def test_one_wild_sample_is_an_outlier(size: float) -> None:
     assert pytest.approx(WHITE.N, rel=0.03) == white.N  # type: ignore[attr-defined]
 
 
-def test_values_on_a_lattice_are_no_stretch() -> None:
+def test_values_on_an_adc_grid_are_no_stretch() -> None:
     """Eight bits: a third of the samples equals the one before."""
     gap, said = gap_of(np.round(noise(1) / 0.08) * 0.08)
     assert not said

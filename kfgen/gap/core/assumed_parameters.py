@@ -1,8 +1,8 @@
-"""A model as it is written: numbers that the data move far from what is assumed of them are in question.
+"""A model as it is written: numbers that the data move far from what is assumed about them are in question.
 
-A number with a deviation is fitted beside the effects, and would take up a gap in silence. One that is moved too far
-is held at what is assumed of it, and its error competes with every other explanation; where that is not needed,
-the number is given its freedom back.
+A number with a standard deviation is fitted beside the effects, and would take up a gap in silence. One that is
+moved too far is held at what is assumed about it, and its error competes with every other explanation; where that is
+not needed, the number is given its freedom back.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def start_of(scene: Scene) -> ScenePoint:
 
 
 def moved(scene: Scene, point: ScenePoint) -> set[str]:
-    """The numbers that a fit moved far from what is assumed of them.
+    """The numbers that a fit moved far from what is assumed about them.
 
     Parameters
     ----------
