@@ -171,6 +171,7 @@ def test_two_hidden_effects_are_both_named() -> None:
 
 
 @pytest.mark.parametrize("seed", [0])
+@pytest.mark.long
 def test_without_its_channel_temperature_is_not_named(seed: int) -> None:
     rng = np.random.default_rng([seed, 7])
     K = thermometer(rng)

@@ -74,6 +74,7 @@ def test_a_bias_that_bends_with_the_temperature() -> None:
     assert [f.effect.name for f in gap.findings] == ["temperature_squared"]
 
 
+@pytest.mark.long
 def test_two_drivers_are_not_confused_with_a_random_walk() -> None:
     """60 and 60 nats; a random walk explains nearly as much, and each of them alone much less."""
     part = worth(CYCLE, 60.0) + worth(LOAD, 60.0)

@@ -71,6 +71,7 @@ def test_turns_give_the_scale(said: Callable[..., str]) -> None:
         assert got == pytest.approx(100.0 * (turned / 360.0 - 1.0), abs=0.1)
 
 
+@pytest.mark.long
 def test_gps_is_late(said: Callable[..., str]) -> None:
     """230 ms by the author of the recording, 250 to 300 ms by cross-correlation of the same accelerations."""
     text = said("flight", "flight", "dynamic/inertialnav_swisslog1.npz")

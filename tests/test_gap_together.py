@@ -37,6 +37,7 @@ def together(kind: str, seed: int) -> JointGap:
     return joint_gap("gyro_x", parts, ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(DT))),)))
 
 
+@pytest.mark.long
 def test_a_walk_that_goes_another_way_each_time_is_a_walk() -> None:
     """Of one realisation a ramp or a step may be named; K is 0.5 / sqrt(400 s), held to 2.5 half-widths."""
     found = together("walk", 1)
@@ -47,6 +48,7 @@ def test_a_walk_that_goes_another_way_each_time_is_a_walk() -> None:
     assert found.gap.gap.closed > 0.8
 
 
+@pytest.mark.long
 def test_a_ramp_comes_again_with_one_slope() -> None:
     """Its standard deviation is that of a straight line through all three: sqrt(12 / (3 N)) over the length of one."""
     found = together("ramp", 2)

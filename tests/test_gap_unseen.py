@@ -103,6 +103,7 @@ def test_what_is_over_before_the_tail_is_judged_on_every_other_block() -> None:
     assert g.gap.before * 3 * unseen.sum() == pytest.approx(nats, abs=LIMIT * np.sqrt(2.0 * nats))
 
 
+@pytest.mark.long
 def test_chance_is_seldom_more_than_chance() -> None:
     """Of 2000 records of noise about two are above the rate of 1e-3; eight or more have a chance of 1e-3."""
     rng, edges = np.random.default_rng(1), band_edges(600)

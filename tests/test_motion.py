@@ -324,6 +324,7 @@ def attitude_log(R: Array, **triads: tuple[Array, str]) -> Log:
     return Log(T, channels)
 
 
+@pytest.mark.long
 def test_iron_on_a_magnetometer(turning: tuple[Array, Array, Array]) -> None:
     """A hard iron always, a magnet for a while, a soft iron: by name, vector and time, holes left out."""
     t, R, _ = turning
@@ -350,6 +351,7 @@ def test_iron_on_a_magnetometer(turning: tuple[Array, Array, Array]) -> None:
             assert abs(left / (3 * (N - 20)) - 1.0) < 0.05
 
 
+@pytest.mark.long
 def test_a_field_fixed_in_space_is_no_iron(turning: tuple[Array, Array, Array]) -> None:
     t, R, _ = turning
     d = np.array([2e-6, -3e-6, 1e-6])

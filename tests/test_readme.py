@@ -137,7 +137,17 @@ def test_what_tests_cite_is_there() -> None:
             assert not number or f"### {number} " in text, f"{test.name} cites {name}, {number}"
 
 
-LONG_EXAMPLES = ("gallery.py",)
+LONG_EXAMPLES = tuple(
+    f"{n}.py"
+    for n in (
+        "gallery",
+        "emitted_on_recordings",
+        "hemerly_2017",
+        "ahrs_on_recording",
+        "tactical_alignment",
+        "narasimhappa_2019",
+    )
+)
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ def test_tof_has_its_white_noise(recording: Find, kfgen: Call, tmp_path: Path) -
     assert N**2 * rate == pytest.approx(half, rel=0.01)
 
 
+@pytest.mark.long
 def test_the_warm_up_of_a_gyro(recording: Find, kfgen: Call, tmp_path: Path) -> None:
     """875 mdps gyro at one sample a second: warm-up, 0.445 deg/s a sample, a line at 0.050 of the rate.
 

@@ -223,6 +223,7 @@ def test_sensor_with_gaps_updates_where_it_has_samples() -> None:
     assert np.isfinite(result.estimate).all()
 
 
+@pytest.mark.long
 def test_real_recording_of_a_slow_rotation(
     kfgen: Callable[..., Any], recording: Callable[[str], Path], tmp_path: Path
 ) -> None:

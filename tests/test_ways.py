@@ -118,6 +118,7 @@ def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
     assert verdict.cost.instructions["predict"] > 2 * cheap
 
 
+@pytest.mark.long
 def test_noise_that_waits_for_longer_than_the_first_500_steps_is_met() -> None:
     program = waits(6.0)
     predictions = sum(c.routine == "predict" for c in scenario(program))

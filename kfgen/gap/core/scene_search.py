@@ -161,7 +161,7 @@ def explained(scene: Scene) -> Explained:
 
 
 def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
-    """A world that is linear about a point, about its fit, until the fit moves by less than a tenth of its deviation.
+    """A world that is linear about a point, about its fit, until the fit moves by less than a tenth of its standard deviation.
 
     Parameters
     ----------

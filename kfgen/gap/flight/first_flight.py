@@ -32,7 +32,7 @@ def first_flight(log: FlightLog, eq: FlightEquations) -> Array:
         The filter diverges, or the extra ``kfgen[fast]`` is not installed.
     """
     try:
-        from kfgen.gap.flight.compiled import fly
+        from kfgen.gap.flight.closed_loop import fly
     except ImportError:
         raise InputError(
             "the gap of a filter over a flight needs numba", remedy='Install it: pip install "kfgen[fast]"'
@@ -46,7 +46,7 @@ def first_flight(log: FlightLog, eq: FlightEquations) -> Array:
     P = np.diag([s.prior**2 for s in model.states])
     X = np.empty((log.t.size, len(eq.names)))
     fly(
-        *_parts(step), len(eq.names),
+        *_parts(step),
         F.rows, F.columns, Q.rows, Q.columns,
         *_parts(read.tape), read.rows, read.columns,
         *_parts(inject),

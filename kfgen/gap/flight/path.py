@@ -17,7 +17,7 @@ from kfgen.gap.flight.rows import Rows, rows_of
 Array = NDArray[np.float64]
 
 GAUSS_NEWTON_ROUNDS = 2
-"""Smoothed paths after the first flight; the third differs from the second by less than a tenth of a deviation."""
+"""Smoothed paths after the first flight; the third differs from the second by less than a tenth of a standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class FlownPath:
     x : ndarray, shape (n, stored)
         Stored states.
     du : ndarray, shape (n, inputs)
-        Errors of the inputs that are taken off [SI].
+        Errors of the inputs that are subtracted [SI].
     dz : ndarray, shape (rows,)
-        Errors of the other readings that are taken off [SI].
+        Errors of the other readings that are subtracted [SI].
     """
 
     log: FlightLog
@@ -117,7 +117,7 @@ class FlownPath:
         return path
 
     def without(self, du: Array, dz: Array) -> FlownPath:
-        """Smoothed with errors of the readings taken off: of the inputs, shape (n, inputs), of the others, shape (rows,)."""
+        """Smoothed with errors of the readings subtracted: of the inputs, shape (n, inputs), of the others, shape (rows,)."""
         return replace(self, du=du, dz=dz).smoothed()
 
 

@@ -40,14 +40,14 @@ class FlightScene:
     Parameters
     ----------
     path : FlownPath
-        Smoothed with the effects `taken` taken off its readings.
-    taken : tuple of Placed
+        Smoothed with the effects `subtracted` subtracted from its readings.
+    subtracted : tuple of Placed
     memory : dict
         Responses of the innovations that were computed before.
     """
 
     path: FlownPath
-    taken: tuple[Placed, ...] = ()
+    subtracted: tuple[Placed, ...] = ()
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
 
     unknowns: tuple[Unknown, ...] = ()
@@ -93,10 +93,10 @@ class FlightScene:
 
     @cached_property
     def _base(self) -> Array:
-        """What is left with no effect but those that are taken off, and these put back in linearly."""
+        """What is left with no effect but those that are subtracted, and these put back in linearly."""
         base = self._ordinates(self.path.linear.normalised[:, None])[:, 0]
-        self._remember(self.taken)
-        for p in self.taken:
+        self._remember(self.subtracted)
+        for p in self.subtracted:
             base = base + self._response(p)
         return np.asarray(base)
 
@@ -146,7 +146,7 @@ class FlightScene:
         return with_errors(delayed(felt, here), axis, here, self.path.log.drive) - felt.y[:, axis]
 
     def about(self, point: ScenePoint) -> FlightScene:
-        """The same flight about the path that is smoothed with the effects of a point taken off."""
+        """The same flight about the path that is smoothed with the effects of a point subtracted."""
         du, dz = self.errors(point.placed)
         return FlightScene(self.path.without(du, dz), point.placed)
 
