@@ -46,15 +46,8 @@ name = "drive"
 duration = "20 s"
 inputs = { u = "sin(0.9*t) + 0.6*sin(2.7*t + 1)*cos(0.13*t) + 0.3" }
 """
-NAMED_QUICKLY = {
-    "backlash",
-    "constant_input",
-    "coulomb_friction",
-    "parameter_error",
-    "quadratic_drag",
-    "sensor_lag",
-    "viscous_friction",
-}
+QUICK = {"constant_input", "parameter_error", "quadratic_drag", "sensor_lag", "viscous_friction"}
+QUICK_AND_LONG = [pytest.param(s, marks=[] if s.name in QUICK else pytest.mark.long) for s in PLANT]
 
 
 def label(value: object) -> str:
@@ -75,14 +68,10 @@ def compared(strong: Strong, folder: Path, *, known: bool) -> GapResult:
 
 def test_every_effect_of_plants_is_tried() -> None:
     assert {s.name for s in PLANT} == {n for n, c in catalogue().items() if issubclass(c, PlantEffect)}
-    assert {s.name for s in PLANT} >= NAMED_QUICKLY
+    assert {s.name for s in PLANT} >= QUICK
 
 
-@pytest.mark.parametrize(
-    "strong",
-    [pytest.param(s, marks=[] if s.name in NAMED_QUICKLY else pytest.mark.long) for s in PLANT],
-    ids=label,
-)
+@pytest.mark.parametrize("strong", QUICK_AND_LONG, ids=label)
 def test_an_effect_that_the_model_file_lacks_is_named(strong: Strong, tmp_path: Path) -> None:
     """Alone, and its first number to four of its own deviations (6e-5 of the seeds for each)."""
     found = compared(strong, tmp_path, known=False)
@@ -94,7 +83,7 @@ def test_an_effect_that_the_model_file_lacks_is_named(strong: Strong, tmp_path: 
     assert abs(getattr(strong.effect, first) - 0.5 * (lo + hi)) < 4.0 * (hi - lo) / 3.92
 
 
-@pytest.mark.parametrize("strong", PLANT, ids=label)
+@pytest.mark.parametrize("strong", QUICK_AND_LONG, ids=label)
 def test_an_effect_that_the_model_file_has_is_no_gap(strong: Strong, tmp_path: Path) -> None:
     found = compared(strong, tmp_path, known=True)
     assert (found.verdict, found.findings) == ("no_gap", ())
