@@ -171,30 +171,46 @@ def test_what_a_record_at_rest_cannot_show_is_no_gap(name: str) -> None:
     assert kf.find_gap(log_of(effects[name]), file_of()).verdict == "no_gap"
 
 
-@pytest.mark.parametrize("strong", (*INERTIAL, *REFERENCE, *PLANT), ids=label)
-def test_what_needs_motion_a_reference_or_a_plant_does_nothing_at_rest_or_is_refused(strong: Strong) -> None:
+@pytest.mark.parametrize("strong", [*INERTIAL, *PLANT], ids=label)
+def test_what_needs_motion_or_a_plant_does_nothing_at_rest(strong: Strong) -> None:
     assert isinstance(strong.effect, tuple(f for f, _ in FAMILIES))
     assert isinstance(strong.effect, AddsNothingAtRest)
-    try:
-        log = log_of(strong.effect)
-    except InputError as refused:
-        assert strong.name in str(refused)
-        assert refused.remedy
-    else:
-        away = log.values(CHANNEL) - log_of().values(CHANNEL)
-        assert np.ptp(away) < 1e-9 * SD  # a constant, as of hard iron, no record at rest shows
+    log = log_of(strong.effect)
+    away = log.values(CHANNEL) - log_of().values(CHANNEL)
+    assert np.ptp(away) < 1e-9 * SD  # a constant, as of hard iron, no record at rest shows
 
 
-def test_noise_that_two_channels_share_is_named() -> None:
-    """And is no gap where the file has it."""
-    (shared,) = (s.effect for s in EVERY if s.name == "cross_axis_noise")
+@pytest.mark.parametrize("strong", REFERENCE, ids=label)
+def test_a_fault_of_a_reference_is_refused_at_rest(strong: Strong) -> None:
+    assert isinstance(strong.effect, ReferenceFault)
+    with pytest.raises(InputError, match=strong.name) as refused:
+        log_of(strong.effect)
+    assert refused.value.remedy
+
+
+@pytest.mark.parametrize(
+    "rho",
+    [
+        0.3,
+        pytest.param(
+            0.9,
+            marks=pytest.mark.xfail(
+                strict=True,
+                reason="a channel is regressed on the other, whose noise it shares: unknown_effect",
+            ),
+        ),
+    ],
+)
+def test_noise_that_two_channels_share_is_named(rho: float) -> None:
+    """And is no gap where the file has it. Two channels of a triad, out of a log of a filter that stands still."""
+    shared = make("cross_axis_noise", rho=rho)
 
     def noise(*effects: Effect) -> NoiseModel:
         of_one = ChannelNoise("rad/s", tuple(map(Term, (WHITE, *effects))))
         return NoiseModel({"gyro_x": of_one, "gyro_y": of_one})
 
-    flown = kf.simulate("ahrs6", "static", REST_DURATION_S, REST_RATE_HZ, SEED, noise=noise(shared))
-    log = Log(flown.t, {c: flown.channels[c] for c in ("gyro_x", "gyro_y")})
+    still = kf.simulate("ahrs6", "static", REST_DURATION_S, REST_RATE_HZ, SEED, noise=noise(shared))
+    log = Log(still.t, {c: still.channels[c] for c in ("gyro_x", "gyro_y")})
     found = kf.find_gap(log, noise())
-    assert {f.name for f in found.findings} == {"cross_axis_noise"}
+    assert (found.verdict, {f.name for f in found.findings}) == ("effects_found", {"cross_axis_noise"})
     assert kf.find_gap(log, noise(shared)).verdict == "no_gap"
