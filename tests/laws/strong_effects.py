@@ -143,7 +143,7 @@ REST_DURATION_S = 300.0
 """Its length."""
 SD = 0.1
 """Standard deviation of a sample of its white noise [rad/s]."""
-MEAN_TEMPERATURE_K = 296.8
+MEAN_TEMPERATURE_K = 303.4
 """About the mean of the temperature of such a log: about it the square of the temperature is no line."""
 AT_REST = (
     strong("white_noise", N=2.0 * SD / REST_RATE_HZ**0.5),

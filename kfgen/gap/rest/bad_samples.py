@@ -60,7 +60,7 @@ def _is_spoilt(raw: RawSamples, still: Sequence[tuple[int, int]]) -> bool:
     """Whether so many samples stand still, out of many others, that the rest is no record."""
     moving = np.count_nonzero(np.diff(raw.y))
     share = sum(b - a for a, b in still) / raw.n
-    return share >= MAX_BAD_SHARE and moving >= MIN_MOVING_SHARE * raw.n
+    return bool(share >= MAX_BAD_SHARE and moving >= MIN_MOVING_SHARE * raw.n)
 
 
 def _still(raw: RawSamples) -> list[tuple[int, int]]:
