@@ -149,9 +149,11 @@ def test_outliers_have_a_chance_each() -> None:
     effect, s = make("outliers", share=0.01, sigma=8.0), series(y)
     z, wide = s.z[[100, 200]], np.hypot(1.0, 8.0 / s.sd)
     inside, outside = (w * np.exp(-0.5 * (z / d) ** 2) / d for w, d in ((0.99, 1.0), (0.01, wide)))
-    np.testing.assert_allclose(effect.chance(s)[[100, 200]], outside / (inside + outside), rtol=1e-6)  # type: ignore[attr-defined]
-    assert effect.chance(s)[100] > 0.999  # type: ignore[attr-defined]
-    assert effect.chance(s)[200] < 0.01  # type: ignore[attr-defined]
+    np.testing.assert_allclose(
+        effect.chance(s.sd * s.z, s.sd)[[100, 200]], outside / (inside + outside), rtol=1e-6
+    )  # type: ignore[attr-defined]
+    assert effect.chance(s.sd * s.z, s.sd)[100] > 0.999  # type: ignore[attr-defined]
+    assert effect.chance(s.sd * s.z, s.sd)[200] < 0.01  # type: ignore[attr-defined]
 
 
 def test_white_noise_has_no_events() -> None:

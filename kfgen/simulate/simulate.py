@@ -27,7 +27,7 @@ from kfgen.model.parts.reading import axes_of
 from kfgen.model.plant.equations import Equations
 from kfgen.model.symbols.blocks import Attitude
 from kfgen.simulate.channels import moved_alone, shown, with_noise
-from kfgen.simulate.faults import faulty, stamped
+from kfgen.simulate.faults import RATE, faulty, stamped
 from kfgen.simulate.rates import sensor_rates
 from kfgen.simulate.scene import ACCELS, Part, TrueScene
 from kfgen.simulate.vibration import Vibration
@@ -190,14 +190,18 @@ def _drive(
 
 
 def _stamped(log: Log, model: FilterModel, inputs: Sequence[str], rng: np.random.Generator) -> Log:
-    """With the time stamps that the log says, without the rows that an input has lost."""
+    """With the time stamps that the log says, without the rows that an input has lost.
+
+    Where its times are wrong in rate, its header says how long it lasted.
+    """
     effects = [e for es in model.noise.values() for e in es]
     there = np.ones(log.n, dtype=bool)
     for c in inputs:
         there &= np.isfinite(log.channels[c].values)
     t = stamped(log.t, effects, rng)[there]
     channels = {n: Channel(c.values[there], c.unit) for n, c in log.channels.items()}
-    return Log(t, channels, source=log.source, samples=log.samples)
+    stated = log.n * log.dt if any(e.name == RATE for e in effects) else 0.0
+    return Log(t, channels, source=log.source, stated=stated, samples=log.samples)
 
 
 def _plant_log(

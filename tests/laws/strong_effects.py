@@ -1,4 +1,7 @@
-"""Every effect of the catalogue at a strong size, where it may act: what the laws are tried on."""
+"""Every effect of the catalogue at a strong size, where it may act: what the laws are tried on.
+
+The laws of records at rest and of plants have strengths of their own, against the noise of their logs.
+"""
 
 from __future__ import annotations
 
@@ -115,21 +118,69 @@ REFERENCE = (
     strong("stuck_reference", "gyro_x", share=0.2),
 )
 PLANT = (
-    strong("backlash", "x", width=0.2),
-    strong("sensor_lag", "x", tau=0.3),
-    strong("constant_input", "v", value=1.0),
-    strong("coulomb_friction", "v", level=0.5, v0=0.05),
-    strong("cubic_spring", "v", coefficient=2.0),
-    strong("input_dead_zone", "u", width=0.3),
-    strong("input_delay", "u", delay=0.3),
-    strong("input_lag", "u", tau=0.5),
+    strong("backlash", "y", width=0.1),
+    strong("sensor_lag", "y", tau=0.15),
+    strong("constant_input", "v", value=0.2),
+    strong("coulomb_friction", "v", level=0.2, v0=0.02),
+    strong("cubic_spring", "v", coefficient=4.0),
+    strong("input_dead_zone", "u", width=0.2),
+    strong("input_delay", "u", delay=0.15),
+    strong("input_lag", "u", tau=0.2),
     strong("input_nonlinearity", "u", k2=0.2, k3=0.1),
-    strong("parameter_error", "k", value=0.5),
+    strong("parameter_error", "stiffness", value=0.5),
     strong("quadratic_drag", "v", coefficient=0.5),
     strong("saturation", "u", limit=0.5),
     strong("spring", "v", coefficient=1.0),
-    strong("viscous_friction", "v", coefficient=0.5),
+    strong("viscous_friction", "v", coefficient=0.3),
 )
 EVERY = (*REST, *SHARED, *INERTIAL, *FAULTS, *REFERENCE, *PLANT)
 ABSTRACT = {"lagged", "noise_level", "coupling"}
 """Families in the catalogue whose members are tried instead."""
+
+REST_RATE_HZ = 10.0
+"""Samples per second of a log at rest."""
+REST_DURATION_S = 300.0
+"""Its length."""
+SD = 0.1
+"""Standard deviation of a sample of its white noise [rad/s]."""
+MEAN_TEMPERATURE_K = 303.4
+"""About the mean of the temperature of such a log: about it the square of the temperature is no line."""
+AT_REST = (
+    strong("white_noise", N=2.0 * SD / REST_RATE_HZ**0.5),
+    strong("sample_noise", sd=2.0 * SD),
+    strong("bias_instability", B=SD, shortest=10.0 / REST_RATE_HZ, longest=REST_DURATION_S),
+    strong("rate_random_walk", K=SD / 3.0),
+    strong("gauss_markov", sigma=2.0 * SD, tau=2.0),
+    strong("quantisation", Q=SD / REST_RATE_HZ),
+    strong("rate_ramp", R=3.0 * SD / REST_DURATION_S),
+    strong("warm_up", size=5.0 * SD, tau=40.0),
+    strong("sinusoid", amplitude=SD, frequency=1.7, phase=0.3),
+    strong("resonance", frequency=2.3, damping=0.02, rms=SD),
+    strong("low_pass", corner=2.0),
+    strong("random_telegraph", size=2.0 * SD, dwell=20.0),
+    strong("bias_step", size=2.0 * SD, time=100.0),
+    strong("noise_change", ratio=3.0, time=100.0),
+    strong("outliers", share=0.02, sigma=10.0 * SD),
+    strong("intermittent_noise", ratio=4.0, share=0.3, lasting=5.0),
+    strong("temperature", coefficient=0.5 * SD),
+    strong("temperature_squared", coefficient=0.1 * SD, reference=MEAN_TEMPERATURE_K),
+    strong("temperature_rate", coefficient=50.0 * SD),
+    strong("thermal_lag", lag=20.0, coefficient=SD),
+    strong("thermal_hysteresis", width=3.0, coefficient=SD),
+    strong("noise_temperature", slope=0.1),
+    strong("air_pressure", coefficient=0.01 * SD),
+    strong("humidity", coefficient=20.0 * SD),
+    strong("supply_voltage", coefficient=10.0 * SD),
+    strong("supply_current", coefficient=10.0 * SD),
+    strong("clipping", limit=2.0 * SD),
+    strong("coarse_quantisation", step=2.0 * SD),
+    strong("dead_zone", width=0.5 * SD),
+    strong("dropped_samples", share=0.05),
+    strong("repeated_samples", share=0.2),
+    strong("sample_rate_error", factor=1.05),
+    strong("stuck", time=100.0, lasting=30.0),
+    strong("stuck_bit", bit=2),
+    strong("timestamp_jitter", sigma=0.1 / REST_RATE_HZ),
+    strong("unit_error", factor=57.3),
+)
+"""Strengths against white noise of `SD` in a record at rest."""

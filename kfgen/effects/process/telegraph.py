@@ -166,7 +166,7 @@ class Cells:
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
         dt = series.dt * block
-        band = np.maximum(series.weight[1:m], 1e-300) / np.sqrt(1.0 - series.slow[1:m])
+        band = np.maximum(series.weight[1:m], 1e-300) / np.sqrt(np.maximum(1.0 - series.slow[1:m], 1e-300))
         sd = 1.0 / float(np.mean(band)) / float(np.sqrt(block))
         even = float(band.max()) < MAX_WHITE_AMPLITUDE_RATIO * float(band.min())
         power = float(series.X[m:] @ series.X[m:]) if block > 1 else 0.0

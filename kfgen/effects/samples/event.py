@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 
 EDGE_MARGIN_SAMPLES = 8
 """Samples at either end at which no event is looked for."""
+MAX_DEVIATION_ITERATIONS = 100
+"""Of the noise that is estimated beside outliers."""
+DEVIATION_TOLERANCE = 1e-6
+"""Relative change of its standard deviation at which that ends."""
 
 
 @dataclass(frozen=True)
@@ -171,20 +175,48 @@ class Outliers(AddsNothingAtRest):
         }
         return [Detection(effect, 0.0, found.evidence, ci95)]
 
-    def chance(self, series: WhiteSeries) -> Array:
-        """Probability of each sample to be one, shape (n,)."""
-        s = series.sd
-        wide = float(np.hypot(1.0, self.sigma / s))
-        z2 = series.z**2
+    def chance(self, noise: Array, sd: float) -> Array:
+        """Probability of each sample to be one, shape (n,).
+
+        Parameters
+        ----------
+        noise : ndarray, shape (n,)
+            White noise with outliers [U].
+        sd : float
+            Standard deviation of the noise without them [U].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        wide = float(np.hypot(1.0, self.sigma / sd))
+        z2 = (noise / sd) ** 2
         odds = float(self.share) / (1.0 - float(self.share)) / wide
         log_odds = np.clip(0.5 * z2 * (1.0 - 1.0 / wide**2) + np.log(odds), -700.0, 700.0)
         return np.asarray(1.0 / (1.0 + np.exp(-log_odds)))
 
+    def deviation_between(self, noise: Array) -> float:
+        """Standard deviation of the samples that are none [U], by expectation and maximisation.
+
+        Parameters
+        ----------
+        noise : ndarray, shape (n,)
+            White noise with outliers [U].
+        """
+        sd = float(np.sqrt(np.mean(noise**2)))
+        for _ in range(MAX_DEVIATION_ITERATIONS):
+            none = 1.0 - self.chance(noise, sd)
+            before, sd = sd, float(np.sqrt((none @ noise**2) / none.sum()))
+            if abs(sd - before) < DEVIATION_TOLERANCE * before:
+                break
+        return sd
+
     def removed_from(self, series: WhiteSeries) -> Array:
         """The samples with those that are outliers drawn anew from the noise: a draw from their posterior."""
-        rng = np.random.default_rng(series.n)
-        hit = rng.random(series.n) < self.chance(series)
-        return np.where(hit, series.y - series.sd * (series.z - rng.standard_normal(series.n)), series.y)
+        rng, noise = np.random.default_rng(series.n), series.sd * series.z
+        sd = self.deviation_between(noise)  # the series is scaled by the size that outliers give it
+        hit = rng.random(series.n) < self.chance(noise, sd)
+        return np.where(hit, series.y - noise + sd * rng.standard_normal(series.n), series.y)
 
     def apply_to(
         self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None

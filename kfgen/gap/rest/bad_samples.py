@@ -27,6 +27,8 @@ MAX_STUCK_STRETCHES = 8
 """Stretches beyond which samples rather repeat."""
 MAX_BAD_SHARE = 0.2
 """Share of the samples beyond which they are not left out: the channel is spoilt."""
+MIN_MOVING_SHARE = 0.1
+"""Share of the samples that differ from the one before, below which a channel rather never changes."""
 WILD, TAME = 30.0, 8.0
 """Standard deviations beyond which a value is no noise, if none lies between both."""
 MAX_WILD_SHARE = 1e-3
@@ -34,16 +36,31 @@ MAX_WILD_SHARE = 1e-3
 
 
 def invalid_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
-    """Which samples are no measurements, shape (n,), and what they show."""
+    """Which samples are no measurements, shape (n,), and what they show; none is left out where they spoil the channel."""
     still, invalid, found = _still(raw), _wild(raw), []
+    if _is_spoilt(raw, still):
+        spoils = [DetectedFault(_stuck(raw, a, b), float(b - a), spoils=True) for a, b in still]
+        return np.zeros(raw.n, dtype=np.bool_), tuple(spoils)
     if invalid.any():
         off = float(np.sqrt(np.mean((raw.y[invalid] - np.median(raw.y)) ** 2)))
         found.append(DetectedFault(Outliers(float(np.mean(invalid)), off), float(invalid.sum())))
     for a, b in still:
         invalid[a:b] = True
-        began, ended = float(raw.t[a] - raw.t[0]), float(raw.t[b - 1] - raw.t[0])
-        found.append(DetectedFault(Stuck(began, ended - began), float(b - a)))
+        found.append(DetectedFault(_stuck(raw, a, b), float(b - a)))
     return invalid, tuple(found)
+
+
+def _stuck(raw: RawSamples, first: int, end: int) -> Stuck:
+    """The fault of a stretch of samples that repeats one value, from its first sample to before its end."""
+    began, ended = float(raw.t[first] - raw.t[0]), float(raw.t[end - 1] - raw.t[0])
+    return Stuck(began, ended - began)
+
+
+def _is_spoilt(raw: RawSamples, still: Sequence[tuple[int, int]]) -> bool:
+    """Whether so many samples repeat one value, out of many others, that the rest is no record."""
+    moving = np.count_nonzero(np.diff(raw.y))
+    share = sum(b - a for a, b in still) / raw.n
+    return bool(share >= MAX_BAD_SHARE and moving >= MIN_MOVING_SHARE * raw.n)
 
 
 def _still(raw: RawSamples) -> list[tuple[int, int]]:
@@ -51,8 +68,7 @@ def _still(raw: RawSamples) -> list[tuple[int, int]]:
     twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
     equal = raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
     spans = standing(raw.y, min(max(equal, twice, MIN_REPEAT_PROBABILITY), 0.95), 2, MIN_RUNS_AT_A_LIMIT)
-    few = len(spans) <= MAX_STUCK_STRETCHES and sum(b - a for a, b in spans) < MAX_BAD_SHARE * raw.n
-    return spans if few else []
+    return spans if len(spans) <= MAX_STUCK_STRETCHES else []
 
 
 def _wild(raw: RawSamples) -> Mask:
@@ -79,7 +95,7 @@ def words_of(name: str, t: Array, invalid: Mask, found: Sequence[DetectedFault])
         Samples that are left out.
     found : sequence of DetectedFault
     """
-    if not found:
+    if not invalid.any():
         return []
     first, last = t[invalid][[0, -1]]
     when = f"at {first:.6g} s" if first == last else f"between {first:.6g} and {last:.6g} s"

@@ -85,7 +85,9 @@ def channel_gap(
     """
     check(channel, record, noise)
     noise = noise.extended_band(record.dt, record.duration)
-    faults = [*record.faults, *spotted_in(record, noise, stamps, stated)]
+    assumed = {e.name for e in noise.effects}
+    recorded_faults = [f for f in record.faults if f.spoils or f.effect.name not in assumed]
+    faults = [*recorded_faults, *spotted_in(record, noise, stamps, stated)]
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)

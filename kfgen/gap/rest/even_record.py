@@ -139,7 +139,7 @@ def regular(
         )
     place = np.concatenate([[0.0], np.cumsum(steps)])
     if count == y.size and good.all():
-        return Record(log.t, y, drive), logged, said
+        return Record(log.t, y, drive, faults=faults), logged, said
     dt = float(np.polyfit(place, stamps, 1)[0])
     even = np.arange(count)
     t = stamps[0] + dt * even

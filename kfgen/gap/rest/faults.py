@@ -38,7 +38,7 @@ def spotted_in(
     ----------
     record : Record
     noise : ChannelNoise
-        Assumed; its effects are no faults.
+        Assumed; of its effects only those that spoil the samples are said again: no model can have them.
     stamps : ndarray, optional
         Time stamps as they were logged [s].
     stated : float
@@ -50,7 +50,7 @@ def spotted_in(
         raw = RawSamples(record.t if stamps is None else stamps, record.y, assumed, stated)
     else:
         raw = RawSamples(stamps, np.interp(stamps, record.t, record.y), assumed, stated)
-    return _of(raw, [cls for name, cls in catalogue().items() if name not in known])
+    return [f for f in _of(raw, list(catalogue().values())) if f.spoils or f.effect.name not in known]
 
 
 def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]:
