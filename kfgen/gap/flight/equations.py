@@ -55,12 +55,9 @@ class FlightEquations:
     Parameters
     ----------
     discrete : DiscreteModel
-    constants : mapping of str to float
-        Values of the model's constants [SI].
     """
 
     discrete: DiscreteModel
-    constants: Mapping[str, float]
 
     @property
     def n(self) -> int:
@@ -81,14 +78,16 @@ class FlightEquations:
     def variables(self) -> tuple[sp.Symbol, ...]:
         """What every tape is given: stored state, inputs, drivers, constants, step, errors."""
         drivers, errors = self.discrete.model.drivers, self._errors
-        given = (*self.names, *self.channels, *drivers, *self.constants)
+        given = (*self.names, *self.channels, *drivers, *(c.name for c in self.discrete.model.constants))
         return (*(sp.Symbol(n, real=True) for n in given), DT, *errors)
 
     @cached_property
     def _errors(self) -> tuple[sp.Symbol, ...]:
         return tuple(s.error for s in self.discrete.model.states)
 
-    def given(self, x: Array, u: Array, drive: Mapping[str, Array], dt: Array | float) -> list[Array]:
+    def given(
+        self, x: Array, u: Array, drive: Mapping[str, Array], constants: Mapping[str, float], dt: float
+    ) -> list[Array]:
         """Values of `variables`, the errors zero.
 
         Parameters
@@ -96,13 +95,14 @@ class FlightEquations:
         x : ndarray, shape (m, stored)
         u : ndarray, shape (m, inputs)
         drive : mapping of str to ndarray, shape (m,)
-        dt : float or ndarray, shape (m,)
+        constants : mapping of str to float
+            Of the model, in its order.
+        dt : float
+            Step [s].
         """
-        m = x.shape[0]
         columns = [*x.T, *u.T, *(drive[d] for d in self.discrete.model.drivers)]
-        fixed = [np.full(1, v) for v in (*self.constants.values(),)]
-        step = np.broadcast_to(np.asarray(dt, dtype=np.float64), (m,))
-        return [*columns, *fixed, step, *(np.zeros(1) for _ in self._errors)]
+        fixed = [np.full(1, v) for v in (*constants.values(), dt)]
+        return [*columns, *fixed, *(np.zeros(1) for _ in self._errors)]
 
     @cached_property
     def _rotation(self) -> dict[sp.Expr, sp.Expr]:
@@ -225,25 +225,46 @@ class FlightEquations:
         rest = len(self.variables) - len(self.names) - self.n
         return [*x.T, *(np.zeros(1) for _ in range(rest))]
 
+    @cached_property
+    def _places(self) -> list[tuple[int, int, bool]]:
+        """First entry of each block in the stored state and in the error, and whether it is an attitude."""
+        out, stored, error = [], 0, 0
+        for b in self.discrete.model.blocks:
+            out.append((stored, error, isinstance(b, Attitude)))
+            stored, error = stored + len(b.nominal_names), error + len(b.error_names)
+        return [*out, (stored, error, False)]
+
     def difference(self, x: Array, y: Array) -> Array:
-        """The errors, shape (m, n), that lead from stored states `x` to `y`, each of shape (m, stored)."""
+        """The errors, shape (m, n), that lead from stored states `x` to `y`, each of shape (m, stored).
+
+        Newton's method with the derivative at no error: of vectors it is one; of a unit quaternion in its angle its
+        columns are orthogonal and half as long, so that four times its transpose is its inverse.
+        """
         y = y.copy()
-        for k in self.quaternions:
-            flip = np.einsum("mi,mi->m", x[:, k : k + 4], y[:, k : k + 4]) < 0.0
-            y[flip, k : k + 4] *= -1.0
-        small = 1e-6
-        J = np.empty((x.shape[0], x.shape[1], self.n))
-        for i in range(self.n):
-            error = np.zeros((1, self.n))
-            error[0, i] = small
-            up, down = (_stacked(self.inject.values([*self._around(x), *(s * error).T])) for s in (1.0, -1.0))
-            J[:, :, i] = (up - down) / (2.0 * small)
-        normal = np.einsum("mki,mkj->mij", J, J)
+        slopes = {}
+        for stored, error, attitude in self._places:
+            if attitude:
+                q = slice(stored, stored + 4)
+                y[np.einsum("mi,mi->m", x[:, q], y[:, q]) < 0.0, q] *= -1.0
+                slopes[stored] = [self._slope(x, error + k)[:, q] for k in range(3)]
         out = np.zeros((x.shape[0], self.n))
         for _ in range(DIFFERENCE_ROUNDS):
             away = y - self.injected(x, out)
-            out += np.linalg.solve(normal, np.einsum("mki,mk->mi", J, away)[:, :, None])[:, :, 0]
+            for (stored, error, attitude), end in zip(self._places, [*self._places[1:], (0, self.n, False)]):
+                if attitude:
+                    q = slice(stored, stored + 4)
+                    for k, slope in enumerate(slopes[stored]):
+                        out[:, error + k] += 4.0 * np.einsum("mi,mi->m", slope, away[:, q])
+                else:
+                    out[:, error : end[1]] += away[:, stored : stored + end[1] - error]
         return out
+
+    def _slope(self, x: Array, k: int) -> Array:
+        """Derivative of the stored states, shape (m, stored), in error number `k`."""
+        error = np.zeros((1, self.n))
+        error[0, k] = 1e-6
+        up, down = (_stacked(self.inject.values([*self._around(x), *(s * error).T])) for s in (1.0, -1.0))
+        return np.asarray((up - down) / 2e-6)
 
 
 def _stacked(values: Sequence[Array]) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -50,18 +51,26 @@ class FlownPath:
     @cached_property
     def given(self) -> list[Array]:
         """Values of every symbol along the path."""
-        return self.equations.given(self.x, self.log.u - self.du, self.log.drive, self.log.dt)
+        log = self.log
+        return self.equations.given(self.x, log.u - self.du, log.drive, log.constants, log.dt)
 
     def at_rows(self, values: Array, channel: str) -> Array:
         """A course along the path, shape (n,), at the times of a channel's readings."""
         at = self.rows.of(channel)
         return interpolated(self.log.t, values, self.rows.t[at], self.rows.at[at])
 
-    def expected(self) -> Array:
-        """What every reading should be, shape (rows,)."""
+    def expected(self, given: list[Array] | None = None) -> Array:
+        """What every reading should be, shape (rows,).
+
+        Parameters
+        ----------
+        given : list of ndarray, optional
+            Values of every symbol, where they are not the path's own.
+        """
         out = np.empty(self.rows.t.size)
+        given = self.given if given is None else given
         for a in self.log.aiding:
-            for c, values in zip(a.sensor.channels, self.equations.reading(a.sensor).values(self.given)):
+            for c, values in zip(a.sensor.channels, self.equations.reading(a.sensor).values(given)):
                 course = np.broadcast_to(np.asarray(values, dtype=np.float64), self.log.t.shape)
                 out[self.rows.of(c)] = self.at_rows(course, c)
         return out
@@ -116,9 +125,31 @@ class FlownPath:
             path = replace(path, x=x)
         return path
 
-    def without(self, du: Array, dz: Array) -> FlownPath:
-        """Smoothed with errors of the readings subtracted: of the inputs, shape (n, inputs), of the others, shape (rows,)."""
-        return replace(self, du=du, dz=dz).smoothed()
+    def changed(self, constants: Mapping[str, float]) -> Array:
+        """By how much readings differ where constants have other values, shape (rows,).
+
+        Parameters
+        ----------
+        constants : mapping of str to float
+            Some of the model's [SI].
+        """
+        log = self.log
+        there = {**log.constants, **constants}
+        given = self.equations.given(self.x, log.u - self.du, log.drive, there, log.dt)
+        return self.expected(given) - self.expected()
+
+    def without(self, du: Array, dz: Array, constants: Mapping[str, float]) -> FlownPath:
+        """Smoothed with errors of the readings subtracted.
+
+        Parameters
+        ----------
+        du : ndarray, shape (n, inputs)
+        dz : ndarray, shape (rows,)
+        constants : mapping of str to float
+            Values of some of the model's constants [SI].
+        """
+        log = replace(self.log, constants={**self.log.constants, **constants})
+        return replace(self, log=log, du=du, dz=dz).smoothed()
 
 
 def interpolated(t: Array, values: Array, times: Array, at: NDArray[np.int64]) -> Array:
@@ -137,6 +168,6 @@ def flown(log: FlightLog) -> FlownPath:
     InputError
         The filter diverges, or the extra ``kfgen[fast]`` is not installed.
     """
-    equations = FlightEquations(log.discrete, log.constants)
+    equations = FlightEquations(log.discrete)
     x = first_flight(log, equations)
     return FlownPath(log, equations, x, np.zeros_like(log.u), np.zeros(rows_of(log).t.size)).smoothed()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.effects.inertial.lag import Lag
+from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.path import FlownPath
@@ -29,6 +29,10 @@ Array = NDArray[np.float64]
 
 COLUMNS_AT_ONCE = 32
 """Columns of one pass: memory for the errors of all inputs at all times."""
+CONSTANT_STEP_SHARE = 1e-4
+"""Change of a constant, as a share of it, by which readings are differentiated."""
+SHORT_DELAY_S = 2e-3
+"""Delay by which the readings' rates are had along the path [s]; longer ones are in proportion, until the path is theirs."""
 MOVED_SHARE = 1e-9
 """Relative variation of what a channel should have read from which on it moves."""
 
@@ -50,7 +54,12 @@ class FlightScene:
     subtracted: tuple[Placed, ...] = ()
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
 
-    unknowns: tuple[Unknown, ...] = ()
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The constants that the alignment took from the first readings: as uncertain as these are."""
+        model, found = self.path.log.discrete.model, self.path.log.constants
+        moved = [c for c in model.constants if found[c.name] != float(c.value)]
+        return tuple(Unknown(c.name, c.unit, found[c.name], np.inf, once=True) for c in moved)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -89,7 +98,23 @@ class FlightScene:
         for k, point in enumerate(points):
             for p in point.placed:
                 out[:, k] -= self._response(p)
+            out[:, k] -= self.of_constants @ (point.unknowns - self._constants)
         return out
+
+    @property
+    def _constants(self) -> Array:
+        """Values of the unknowns about which the path is smoothed."""
+        return np.array([u.value for u in self.unknowns])
+
+    @cached_property
+    def of_constants(self) -> Array:
+        """What the normalised innovations lose by each unknown [1/SI], shape (rows, unknowns)."""
+        steps = {u.name: CONSTANT_STEP_SHARE * max(abs(u.value), 1e-12) for u in self.unknowns}
+        dz = np.zeros((self.path.rows.t.size, len(steps)))
+        for k, u in enumerate(self.unknowns):
+            dz[:, k] = self.path.changed({u.name: u.value + steps[u.name]}) / steps[u.name]
+        du = np.zeros((*self.path.log.u.shape, len(steps)))
+        return self._ordinates(self.path.linear.columns(du, dz))
 
     @cached_property
     def _base(self) -> Array:
@@ -128,19 +153,17 @@ class FlightScene:
     def errors(self, placed: Sequence[Placed]) -> tuple[Array, Array]:
         """What effects add to the readings along the path: of the inputs, shape (n, inputs), of the others, shape (rows,)."""
         du, dz = np.zeros_like(self.path.log.u), np.zeros(self.path.rows.t.size)
-        for k, name in enumerate(self.path.equations.channels):
-            du[:, k] = self._error(name, placed)
-        for name in self.channels:
+        for name in (c for c in self.compared if any(acts_on(p.where, c) for p in placed)):
             change = self._error(name, placed)
-            if change.any():
+            if name in self.path.equations.channels:
+                du[:, self.path.equations.channels.index(name)] = change
+            else:
                 dz[self.path.rows.of(name)] = self.path.at_rows(change, name)
         return du, dz
 
     def _error(self, channel: str, placed: Sequence[Placed]) -> Array:
         """What effects add to one channel along the path, shape (n,)."""
         here: list[Effect] = [p.effect for p in placed if acts_on(p.where, channel)]
-        if not here:
-            return np.zeros(self.path.log.t.size)
         sensor, axis = self.truth.place(channel)
         felt = self.truth.signals(sensor)
         return with_errors(delayed(felt, here), axis, here, self.path.log.drive) - felt.y[:, axis]
@@ -148,13 +171,22 @@ class FlightScene:
     def about(self, point: ScenePoint) -> FlightScene:
         """The same flight about the path that is smoothed with the effects of a point subtracted."""
         du, dz = self.errors(point.placed)
-        return FlightScene(self.path.without(du, dz), point.placed)
+        constants = dict(zip((u.name for u in self.unknowns), point.unknowns.tolist()))
+        return FlightScene(self.path.without(du, dz, constants), point.placed)
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""
-        found = offers(self.bench, placed)
+        found = [s for starts in offers(self.bench, placed) if (s := [p for p in starts if self._shows(p)])]
         self._remember(p for starts in found for p in starts)
         return found
+
+    def _shows(self, placed: Placed) -> bool:
+        """Whether samples are often enough for a corner to be another thing than a delay."""
+        if not isinstance(placed.effect, Bandwidth):
+            return True
+        rates = [self.lengths[k] for k, c in enumerate(self.channels) if acts_on(placed.where, c)]
+        fastest = max(rates, default=self.path.log.t.size) / (self.span[1] - self.span[0])
+        return float(placed.effect.corner) <= fastest
 
     @cached_property
     def bench(self) -> MotionCandidates:
@@ -183,7 +215,10 @@ class FlightScene:
 
 
 def _units(placed: Placed) -> list[tuple[Placed, float]]:
-    """An effect as a sum of effects of unit size and their sizes, where it is linear in all that is free in it."""
+    """An effect as a sum of effects of unit size and their sizes, where it is linear in all that is free in it, or short."""
+    if isinstance(placed.effect, TimeDelay):
+        short = replace(placed, effect=replace(placed.effect, delay=SHORT_DELAY_S))
+        return [(short, float(placed.effect.delay) / SHORT_DELAY_S)]
     names = [p.name for p in free(placed.effect)]
     signed = all(p.kind == "signed" for p in placed.effect.parameters() if p.name in names)
     if not names or not signed or isinstance(placed.effect, Lag):

@@ -1,0 +1,106 @@
+"""The gap of a filter in flight, measured blind: does kfgen name what a flight hides, and nothing where nothing is?
+
+Usage: python benchmarks/flight [--count K] [--nulls N] [--strength 100,30,10] [--seed S] [--jobs 2] [--duration 120] [--docs]
+
+Flights of four vehicles are simulated by plain numpy (`vehicle.py`, `flight.py`); kfgen gets the log and a filter of 16
+states with GNSS, magnetometer and barometer, without any reference. An effect's size is drawn so that it is worth X nats
+on its own flight: half its squared length in the innovations of that flight without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from flight import AXES
+from table import table
+from trial import Case, run
+from vehicle import VEHICLES
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from docs_table import write_table
+
+HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("time_delay", "gnss_p", ("delay",)),
+    ("time_delay", "gnss_v", ("delay",)),
+    ("time_delay", "gnss", ("delay",)),
+    ("time_delay", "mag", ("delay",)),
+    ("time_delay", "baro", ("delay",)),
+    ("lever_arm", "gnss", ("x", "y", "z")),
+    *(("scale_factor", f"gyro_{a}", ("coefficient",)) for a in AXES),
+    *(("scale_factor", f"accel_{a}", ("coefficient",)) for a in AXES),
+    ("scale_factor", "baro", ("coefficient",)),
+    ("misalignment", "gyro_x", ("xz",)),
+    ("misalignment", "gyro_y", ("yx",)),
+    ("misalignment", "accel_x", ("xy",)),
+    ("misalignment", "accel_z", ("zx",)),
+    ("g_sensitivity", "gyro_x", ("xx",)),
+    ("g_sensitivity", "gyro_z", ("zy",)),
+    ("temperature", "gyro_y", ("coefficient",)),
+    ("rate_ramp", "gyro_z", ("R",)),
+    ("hard_iron", "mag", ("x", "y", "z")),
+    ("soft_iron", "mag", ("xx", "yy", "zz", "xy", "xz", "yz")),
+)
+ODDITIES = ("magnet", "sine_baro", "smoothed_gnss")
+
+
+def cases(count: int, strengths: Sequence[float], nulls: int, seed: int, duration_s: float) -> list[Case]:
+    """All cases, the vehicles in turn; a barometer and a walker show little of most effects and are flown as well."""
+    rng = np.random.default_rng(seed)
+    vehicles = [v for v in VEHICLES if v != "walker"]
+    out = []
+    for X in strengths:
+        for k in range(count):
+            for i, (name, where, parameters) in enumerate(HIDDEN):
+                vehicle = vehicles[(i + k) % len(vehicles)]
+                out.append(Case(vehicle, int(rng.integers(2**31)), duration_s, X, name, where, parameters))
+    every = list(VEHICLES)
+    out += [Case(every[k % len(every)], int(rng.integers(2**31)), duration_s) for k in range(nulls)]
+    for k in range(3 * count):
+        oddity = ODDITIES[k % len(ODDITIES)]
+        out.append(Case("quadrotor", int(rng.integers(2**31)), duration_s, oddity=oddity))
+    return out
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--count", type=int, default=1, help="flights of each effect and strength")
+    parser.add_argument("--nulls", type=int, default=12)
+    parser.add_argument("--strength", default="100,30,10", help="nats")
+    parser.add_argument("--seed", type=int, default=20260101)
+    parser.add_argument("--duration", type=float, default=120.0, help="of a flight [s]")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--json", type=Path, help="every score")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/benchmarks.md")
+    wanted = parser.parse_args()
+    strengths = [float(x) for x in wanted.strength.split(",") if x]
+    drawn = cases(wanted.count, strengths, wanted.nulls, wanted.seed, wanted.duration)
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    scores = []
+    with ProcessPoolExecutor(wanted.jobs, mp_context=get_context("spawn")) as pool:
+        for k, s in enumerate(pool.map(run, drawn), start=1):
+            scores.append(s)
+            c = s.case
+            what = f"{c.effect} {c.where} {c.strength:g}" if c.effect else c.oddity or "nothing"
+            print(f"{k}/{len(drawn)} {c.vehicle} {what}: {s.verdict} {list(s.findings)} {s.probability:.3f} "
+                  f"{s.covered} {s.seconds:.0f} s", file=sys.stderr, flush=True)  # fmt: skip
+    text = table(scores)
+    print(text)
+    if wanted.json:
+        wanted.json.write_text(json.dumps([asdict(s) for s in scores], indent=1), encoding="utf-8")
+    if wanted.docs:
+        write_table("benchmarks.md", "flight", text)
+
+
+if __name__ == "__main__":
+    main()

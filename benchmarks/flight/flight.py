@@ -1,0 +1,180 @@
+"""A flight as its logger would see it: continuous truth, inertial samples that are means over their intervals.
+
+Every sensor has its own rate; effects are written down here once more, in plain numpy, from their textbook definitions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from vehicle import Motion, motion
+
+Array = NDArray[np.float64]
+
+IMU_HZ, FINE_HZ = 100.0, 800.0
+RATES_HZ = {"gnss": 5.0, "mag": 25.0, "baro": 20.0}
+GYRO_N, ACCEL_N = 1.5e-4, 2e-3
+"""Densities of white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
+SD = {"gnss_p": 1.5, "gnss_v": 0.1, "mag": 2e-7, "baro": 0.3}
+FIELD_NED_T = np.array([2.0e-5, 0.0, 4.4e-5])
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect at a place with its numbers [SI]."""
+
+    name: str
+    where: str
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+def _matrix(values: Mapping[str, float]) -> Array:
+    M = np.zeros((3, 3))
+    for entry, value in values.items():
+        M[AXES.index(entry[0]), AXES.index(entry[1])] = value
+    return M
+
+
+def _means(x: Array) -> Array:
+    k = int(FINE_HZ / IMU_HZ)
+    n = x.shape[0] // k
+    return np.asarray(x[: n * k].reshape(n, k, -1).mean(axis=1))
+
+
+def _inertial(
+    truth: Motion, effects: list[Effect], drive: Mapping[str, Array], rng: np.random.Generator
+) -> Array:
+    """Samples of accelerometers and gyros, shape (n, 6)."""
+    omega, f = truth.omega_b, truth.f_b
+    w, a = omega.copy(), f.copy()
+    for e in effects:
+        if e.where.startswith("gyro"):
+            k = AXES.index(e.where[-1])
+            if e.name == "scale_factor":
+                w[:, k] += e.values["coefficient"] * omega[:, k]
+            elif e.name == "misalignment":
+                w[:, k] += omega @ _matrix(e.values)[k]
+            elif e.name == "g_sensitivity":
+                w[:, k] += f @ _matrix(e.values)[k]
+            elif e.name == "temperature":
+                w[:, k] += e.values["coefficient"] * drive["temperature"]
+            elif e.name == "rate_ramp":
+                w[:, k] += e.values["R"] * truth.t
+        elif e.where.startswith("accel"):
+            k = AXES.index(e.where[-1])
+            if e.name == "scale_factor":
+                a[:, k] += e.values["coefficient"] * f[:, k]
+            elif e.name == "misalignment":
+                a[:, k] += f @ _matrix(e.values)[k]
+    both = np.hstack([_means(a), _means(w)])
+    noise = rng.standard_normal(both.shape) * np.sqrt(IMU_HZ) * np.repeat([ACCEL_N, GYRO_N], 3)
+    return np.asarray(both + noise)
+
+
+def _late(truth: Motion, times: Array, late_s: float) -> NDArray[np.intp]:
+    fine = FINE_HZ
+    return np.clip(np.rint((times - late_s) * fine), 0, truth.t.size - 1).astype(np.intp)
+
+
+def _sum(effects: list[Effect], name: str, places: tuple[str, ...], key: str) -> float:
+    return sum(e.values[key] for e in effects if e.name == name and e.where in places)
+
+
+def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Array]:
+    arm = np.array([_sum(effects, "lever_arm", ("gnss",), a) for a in AXES])
+    out = []
+    for order, sensor in enumerate(("gnss_p", "gnss_v")):
+        at = _late(truth, times, _sum(effects, "time_delay", ("gnss", sensor), "delay"))
+        R = truth.R_nb[at]
+        if order == 0:
+            out.append(truth.p[at] + R.apply(arm))
+        else:
+            out.append(truth.v[at] + R.apply(np.cross(truth.omega_b[at], arm)))
+    return out[0], out[1]
+
+
+def _mag(truth: Motion, times: Array, effects: list[Effect]) -> Array:
+    at = _late(truth, times, _sum(effects, "time_delay", ("mag",), "delay"))
+    m = truth.R_nb[at].inv().apply(FIELD_NED_T)
+    out = m.copy()
+    for e in effects:
+        if e.where == "mag" and e.name == "hard_iron":
+            out += [e.values.get(a, 0.0) for a in AXES]
+        elif e.where == "mag" and e.name == "soft_iron":
+            out += m @ _matrix(e.values).T
+    return np.asarray(out)
+
+
+def fly(
+    vehicle: str,
+    duration_s: float,
+    effects: list[Effect],
+    seed: int,
+    *,
+    oddity: str = "",
+    bias: float = 1.0,
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """A log: times, channels [SI] with NaN where a sensor has no sample, and the truth.
+
+    Parameters
+    ----------
+    vehicle : str
+    duration_s : float
+    effects : list of Effect
+    seed : int
+    oddity : str
+        Something that no catalogue has: ``"magnet"``, ``"sine_baro"``, ``"smoothed_gnss"``.
+    bias : float
+        Size of the constant biases of the inertial sensors.
+    """
+    rng = np.random.default_rng(seed)
+    truth = motion(vehicle, duration_s, FINE_HZ, np.random.default_rng([seed, 1]))
+    n = int(duration_s * IMU_HZ)
+    warm = 15.0 * (1.0 - np.exp(-truth.t / 60.0)) + 2.0 * np.sin(truth.t / 17.0)
+    drive = {"temperature": warm}
+    imu = _inertial(truth, effects, drive, rng)[:n]
+    imu += bias * np.concatenate([0.05 * rng.standard_normal(3), 0.003 * rng.standard_normal(3)])
+    t = np.arange(n) / IMU_HZ
+    channels = {f"accel_{a}": imu[:, k] for k, a in enumerate(AXES)}
+    channels |= {f"gyro_{a}": imu[:, 3 + k] for k, a in enumerate(AXES)}
+    rows = {s: np.arange(0, n, int(IMU_HZ / r)) for s, r in RATES_HZ.items()}
+    p, v = _gnss(truth, t[rows["gnss"]], effects)
+    if oddity == "smoothed_gnss":
+        lag = 0.3
+        v = v.copy()
+        for k in range(1, len(v)):
+            v[k] = v[k - 1] + (v[k] - v[k - 1]) * (1.0 - np.exp(-1.0 / (RATES_HZ["gnss"] * lag)))
+    m = _mag(truth, t[rows["mag"]], effects)
+    if oddity == "magnet":
+        there = np.abs(t[rows["mag"]] - 0.5 * duration_s) < 4.0
+        m = m + 6e-6 * there[:, None] * np.array([1.0, -0.6, 0.3]) * np.sin(t[rows["mag"]])[:, None]
+    late = _sum(effects, "time_delay", ("baro",), "delay")
+    height = -truth.p[_late(truth, t[rows["baro"]], late), 2]
+    height = height * (1.0 + _sum(effects, "scale_factor", ("baro",), "coefficient"))
+    if oddity == "sine_baro":
+        height = height + 1.5 * np.sin(2.0 * np.pi * t[rows["baro"]] / 7.0)
+    height = height + 3.0 * rng.standard_normal()
+    parts = {
+        "gnss_p": (rows["gnss"], p, "NED"),
+        "gnss_v": (rows["gnss"], v, "NED"),
+        "mag": (rows["mag"], m, AXES),
+    }
+    for sensor, (at, values, axes) in parts.items():
+        noisy = values + SD[sensor] * rng.standard_normal(values.shape)
+        for k, a in enumerate(axes):
+            channels[f"{sensor}_{a}"] = np.full(n, np.nan)
+            channels[f"{sensor}_{a}"][at] = noisy[:, k]
+    channels["baro"] = np.full(n, np.nan)
+    channels["baro"][rows["baro"]] = height + SD["baro"] * rng.standard_normal(height.size)
+    channels["temperature"] = 293.15 + warm[:: int(FINE_HZ / IMU_HZ)][:n] + 0.02 * rng.standard_normal(n)
+    fine = slice(None, None, int(FINE_HZ / IMU_HZ))
+    known = {
+        "p": truth.p[fine][:n],
+        "v": truth.v[fine][:n],
+        "q": truth.R_nb[fine].as_quat(scalar_first=True)[:n],
+    }
+    return t, channels, known

@@ -1,0 +1,41 @@
+"""What came out, as a table of the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from trial import Score
+
+
+def table(scores: Sequence[Score]) -> str:
+    """Right names, sets, probabilities, intervals, false alarms, in markdown."""
+    lines = [
+        "| flights | right first | in the printed set | mean set | nothing said |",
+        "|---|---|---|---|---|",
+    ]
+    for X in sorted({s.case.strength for s in scores if s.case.effect}, reverse=True):
+        of = [s for s in scores if s.case.strength == X and s.case.effect]
+        said = [s for s in of if s.findings]
+        right = sum((s.first) == f"{s.case.effect} {s.case.where}" for s in of)
+        sets = float(np.mean([s.set_size for s in said])) if said else 0.0
+        inside = sum(s.in_set for s in said)
+        lines.append(
+            f"| X = {X:g} | {right} of {len(of)} | {inside} of {len(said)} | {sets:.2f} | {len(of) - len(said)} |"
+        )
+    nulls = [s for s in scores if not s.case.effect and not s.case.oddity]
+    alarms = [s for s in nulls if s.verdict != "no_gap"]
+    lines.append(f"| nothing hidden | {len(nulls) - len(alarms)} of {len(nulls)} silent | | | |")
+    odd = [s for s in scores if s.case.oddity]
+    unknown = sum(s.verdict == "unknown_effect" for s in odd)
+    lines.append(f"| outside of the catalogue | {unknown} of {len(odd)} said unknown | | | |")
+    covered = [c for s in scores for c in s.covered]
+    sure = [s for s in scores if s.probability > 0.9 and not s.case.oddity]
+    good = sum(s.first == f"{s.case.effect} {s.case.where}" for s in sure)
+    held = f"95 % intervals hold the truth in {sum(covered)} of {len(covered)}"
+    lines += [
+        "",
+        f"{held}; of {len(sure)} names above 90 % {good} are right. "
+        f"A flight of {scores[0].case.duration_s:g} s takes {np.median([s.seconds for s in scores]):.1f} s (median).",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,125 @@
+"""One flight: make it, let kfgen look at it, score what it says."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flight import Effect, fly
+
+UNITS = {
+    "accel": "m/s^2",
+    "gyro": "rad/s",
+    "gnss_p": "m",
+    "gnss_v": "m/s",
+    "mag": "T",
+    "baro": "m",
+    "temperature": "K",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is flown."""
+
+    vehicle: str
+    seed: int
+    duration_s: float
+    strength: float = 0.0
+    effect: str = ""
+    where: str = ""
+    parameters: tuple[str, ...] = ()
+    oddity: str = ""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What was said of a case."""
+
+    case: Case
+    verdict: str
+    first: str = ""
+    probability: float = 0.0
+    in_set: bool = False
+    set_size: int = 0
+    covered: tuple[bool, ...] = ()
+    findings: tuple[str, ...] = ()
+    seconds: float = 0.0
+    values: dict[str, float] = field(default_factory=dict)
+
+
+def log_of(case: Case, effects: list[Effect]) -> Any:
+    from kfgen.log.log import Channel, Log
+
+    t, channels, _ = fly(case.vehicle, case.duration_s, effects, case.seed, oddity=case.oddity)
+    unit = {n: next(u for k, u in UNITS.items() if n.startswith(k)) for n in channels}
+    return Log(t, {n: Channel.of(v, unit[n]) for n, v in channels.items()}, source="flight")
+
+
+def _model() -> Any:
+    from kfgen.model.build import build
+
+    sensors = ["gnss_position", "gnss_velocity", "mag", "barometer"]
+    return build("ins15", options={"left_out": "false"}, sensors=sensors)
+
+
+def _sized(case: Case) -> Effect:
+    """The effect in a random direction of its parameters, as large as its strength asks for."""
+    from kfgen.effects import make
+    from kfgen.gap.core.scene import Placed, ScenePoint
+    from kfgen.gap.core.screen import basis, orthogonal_part
+    from kfgen.gap.flight.flight_scene import flight_scene
+
+    scene = flight_scene(log_of(case, []), _model())
+    start = np.array([u.value for u in scene.unknowns])
+    small = {"delay": 1e-2}
+    columns = []
+    for name in case.parameters:
+        step = small.get(name, 1e-3)
+        placed = Placed(make(case.effect, **{name: step}), case.where)
+        found = scene.residuals([ScenePoint((), start), ScenePoint((placed,), start)])
+        columns.append((found[:, 0] - found[:, 1]) / step)
+    J = orthogonal_part(np.column_stack(columns), basis(scene.of_constants))
+    direction = np.random.default_rng([case.seed, 7]).standard_normal(len(columns))
+    direction /= np.linalg.norm(J, axis=0)
+    size = np.sqrt(2.0 * case.strength) / np.linalg.norm(J @ direction)
+    return Effect(case.effect, case.where, dict(zip(case.parameters, (size * direction).tolist())))
+
+
+def run(case: Case) -> Score:
+    """Fly, ask, score."""
+    from kfgen.core.errors import KfgenError
+    from kfgen.gap.find_gap import find_gap
+
+    warnings.simplefilter("ignore")
+    effects = [_sized(case)] if case.effect else []
+    log = log_of(case, effects)
+    begun = time.perf_counter()
+    try:
+        found = find_gap(log, _model())
+    except KfgenError as error:
+        return Score(case, f"error: {error}", seconds=time.perf_counter() - begun)
+    seconds = time.perf_counter() - begun
+    findings = tuple(f"{f.name} {f.where}" for f in found.findings)
+    values = dict(effects[0].values) if effects else {}
+    if not found.findings:
+        return Score(case, found.verdict, seconds=seconds, values=values)
+    top = found.findings[0]
+    printed = {(top.name, top.where), *((e, w) for e, w, p in top.alternatives if p > 0.05)}
+    meant = _meant(case)
+    covered = ()
+    if (top.name, top.where) in meant:
+        pairs = [(values[n], top.ci95[n]) for n in case.parameters if n in top.ci95]
+        covered = tuple(bool(lo <= v <= hi) for v, (lo, hi) in pairs)
+    return Score(
+        case, found.verdict, findings[0], top.probability, bool(meant & printed), len(printed), covered, findings,
+        seconds, values,
+    )  # fmt: skip
+
+
+def _meant(case: Case) -> set[tuple[str, str]]:
+    """The names that are right: of one channel of a triad that has but one, either."""
+    return {(case.effect, case.where)}
