@@ -45,9 +45,9 @@ def model() -> FilterModel:
 
 
 @lru_cache
-def log_of(vehicle: str, seed: int, *effects: Any, duration: float = 40.0, oddity: str = "") -> Log:
+def log_of(vehicle: str, seed: int, *effects: Any, duration: float = 40.0, unlisted: str = "") -> Log:
     made = [flight.Effect(name, where, dict(values)) for name, where, values in effects]
-    case = trial.Case(vehicle, seed, duration, oddity=oddity)
+    case = trial.Case(vehicle, seed, duration, unlisted=unlisted)
     found = trial.log_of(case, made)
     assert isinstance(found, Log)
     return found
@@ -135,12 +135,12 @@ def test_an_effect_of_size_zero_changes_nothing() -> None:
 def test_a_response_is_what_the_filter_about_the_updated_path_says(
     name: str, where: str, values: dict[str, float]
 ) -> None:
-    """Linear about one path, and about the path that is smoothed with the effect subtracted: 2 % of what it does."""
+    """Linear about one path, and about the path that is smoothed with the effect subtracted: 4 % of what it does."""
     scene = scene_of()
     point = at(scene, Placed(make(name, **values), where))
     here, plain = scene.residuals([point, at(scene)]).T
     there = scene.about(point).residuals([point])[:, 0]
-    assert np.linalg.norm(here - there) < 0.02 * np.linalg.norm(here - plain) + 1e-3
+    assert np.linalg.norm(here - there) < 0.04 * np.linalg.norm(here - plain) + 1e-3
 
 
 def test_a_clean_flight_has_no_gap() -> None:
@@ -195,7 +195,7 @@ def test_what_a_flight_hides_is_named(vehicle: str, name: str, where: str, value
 @pytest.mark.long
 def test_what_no_effect_of_the_catalogue_is_stays_unknown() -> None:
     """A barometer that swings by 1.5 m every 7 s."""
-    found = kf.find_gap(log_of("quadrotor", 5, oddity="sine_baro"), model())
+    found = kf.find_gap(log_of("quadrotor", 5, unlisted="sine_baro"), model())
     assert found.verdict == "unknown_effect"
 
 
@@ -207,6 +207,6 @@ def test_what_was_found_is_in_the_emitted_filter(tmp_path: Path) -> None:
     texts = []
     for source in (model(), path):
         kf.emit(source, tmp_path / f"{len(texts)}")
-        texts.append(next((tmp_path / f"{len(texts)}").rglob("*.h")).read_text(encoding="utf-8"))
+        texts.append(next((tmp_path / f"{len(texts)}").rglob("ins15.h")).read_text(encoding="utf-8"))
     assert "lever" in texts[1]
     assert "lever" not in texts[0]

@@ -68,7 +68,7 @@ def test_the_compiled_loop_has_the_values_of_numpy(name: str) -> None:
     r[:2] = [[0.7, -0.4, 0.1, 0.9], [0.3, 2.0, -1.5, 0.9]]
     if name in ("log", "sqrt", "pow"):
         r[0] = np.abs(r[0])
-    compiled._run(np.array([[CODES[name], 0, 1]]), 2, r)
+    compiled.run_tape(np.array([[CODES[name], 0, 1]]), 2, r)
     operation = tape([U], [U])
     operation = type(operation)(2, np.zeros(0), np.array([[CODES[name], 0, 1]]), np.array([2]))
     (wanted,) = operation.values(list(r[:2]))

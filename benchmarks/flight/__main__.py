@@ -49,7 +49,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("hard_iron", "mag", ("x", "y", "z")),
     ("soft_iron", "mag", ("xx", "yy", "zz", "xy", "xz", "yz")),
 )
-ODDITIES = ("magnet", "sine_baro", "smoothed_gnss")
+OUTSIDE_OF_THE_CATALOGUE = ("magnet", "sine_baro", "smoothed_gnss")
 
 
 def cases(count: int, strengths: Sequence[float], nulls: int, seed: int, duration_s: float) -> list[Case]:
@@ -65,8 +65,8 @@ def cases(count: int, strengths: Sequence[float], nulls: int, seed: int, duratio
     every = list(VEHICLES)
     out += [Case(every[k % len(every)], int(rng.integers(2**31)), duration_s) for k in range(nulls)]
     for k in range(3 * count):
-        oddity = ODDITIES[k % len(ODDITIES)]
-        out.append(Case("quadrotor", int(rng.integers(2**31)), duration_s, oddity=oddity))
+        unlisted = OUTSIDE_OF_THE_CATALOGUE[k % len(OUTSIDE_OF_THE_CATALOGUE)]
+        out.append(Case("quadrotor", int(rng.integers(2**31)), duration_s, unlisted=unlisted))
     return out
 
 
@@ -91,7 +91,7 @@ def main() -> None:
         for k, s in enumerate(pool.map(run, drawn), start=1):
             scores.append(s)
             c = s.case
-            what = f"{c.effect} {c.where} {c.strength:g}" if c.effect else c.oddity or "nothing"
+            what = f"{c.effect} {c.where} {c.strength:g}" if c.effect else c.unlisted or "nothing"
             print(f"{k}/{len(drawn)} {c.vehicle} {what}: {s.verdict} {list(s.findings)} {s.probability:.3f} "
                   f"{s.covered} {s.seconds:.0f} s", file=sys.stderr, flush=True)  # fmt: skip
     text = table(scores)

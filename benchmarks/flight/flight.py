@@ -115,7 +115,7 @@ def fly(
     effects: list[Effect],
     seed: int,
     *,
-    oddity: str = "",
+    unlisted: str = "",
     bias: float = 1.0,
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """A log: times, channels [SI] with NaN where a sensor has no sample, and the truth.
@@ -126,7 +126,7 @@ def fly(
     duration_s : float
     effects : list of Effect
     seed : int
-    oddity : str
+    unlisted : str
         Something that no catalogue has: ``"magnet"``, ``"sine_baro"``, ``"smoothed_gnss"``.
     bias : float
         Size of the constant biases of the inertial sensors.
@@ -143,19 +143,19 @@ def fly(
     channels |= {f"gyro_{a}": imu[:, 3 + k] for k, a in enumerate(AXES)}
     rows = {s: np.arange(0, n, int(IMU_HZ / r)) for s, r in RATES_HZ.items()}
     p, v = _gnss(truth, t[rows["gnss"]], effects)
-    if oddity == "smoothed_gnss":
+    if unlisted == "smoothed_gnss":
         lag = 0.3
         v = v.copy()
         for k in range(1, len(v)):
             v[k] = v[k - 1] + (v[k] - v[k - 1]) * (1.0 - np.exp(-1.0 / (RATES_HZ["gnss"] * lag)))
     m = _mag(truth, t[rows["mag"]], effects)
-    if oddity == "magnet":
+    if unlisted == "magnet":
         there = np.abs(t[rows["mag"]] - 0.5 * duration_s) < 4.0
         m = m + 6e-6 * there[:, None] * np.array([1.0, -0.6, 0.3]) * np.sin(t[rows["mag"]])[:, None]
     late = _sum(effects, "time_delay", ("baro",), "delay")
     height = -truth.p[_late(truth, t[rows["baro"]], late), 2]
     height = height * (1.0 + _sum(effects, "scale_factor", ("baro",), "coefficient"))
-    if oddity == "sine_baro":
+    if unlisted == "sine_baro":
         height = height + 1.5 * np.sin(2.0 * np.pi * t[rows["baro"]] / 7.0)
     height = height + 3.0 * rng.standard_normal()
     parts = {

@@ -23,14 +23,14 @@ def table(scores: Sequence[Score]) -> str:
         lines.append(
             f"| X = {X:g} | {right} of {len(of)} | {inside} of {len(said)} | {sets:.2f} | {len(of) - len(said)} |"
         )
-    nulls = [s for s in scores if not s.case.effect and not s.case.oddity]
+    nulls = [s for s in scores if not s.case.effect and not s.case.unlisted]
     alarms = [s for s in nulls if s.verdict != "no_gap"]
     lines.append(f"| nothing hidden | {len(nulls) - len(alarms)} of {len(nulls)} silent | | | |")
-    odd = [s for s in scores if s.case.oddity]
-    unknown = sum(s.verdict == "unknown_effect" for s in odd)
-    lines.append(f"| outside of the catalogue | {unknown} of {len(odd)} said unknown | | | |")
+    others = [s for s in scores if s.case.unlisted]
+    unknown = sum(s.verdict == "unknown_effect" for s in others)
+    lines.append(f"| outside of the catalogue | {unknown} of {len(others)} said unknown | | | |")
     covered = [c for s in scores for c in s.covered]
-    sure = [s for s in scores if s.probability > 0.9 and not s.case.oddity]
+    sure = [s for s in scores if s.probability > 0.9 and not s.case.unlisted]
     good = sum(s.first == f"{s.case.effect} {s.case.where}" for s in sure)
     held = f"95 % intervals hold the truth in {sum(covered)} of {len(covered)}"
     lines += [

@@ -32,7 +32,7 @@ class Case:
     effect: str = ""
     where: str = ""
     parameters: tuple[str, ...] = ()
-    oddity: str = ""
+    unlisted: str = ""
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,10 @@ class Score:
 
 
 def log_of(case: Case, effects: list[Effect]) -> Any:
+    """A case's flight as kfgen's log."""
     from kfgen.log.log import Channel, Log
 
-    t, channels, _ = fly(case.vehicle, case.duration_s, effects, case.seed, oddity=case.oddity)
+    t, channels, _ = fly(case.vehicle, case.duration_s, effects, case.seed, unlisted=case.unlisted)
     unit = {n: next(u for k, u in UNITS.items() if n.startswith(k)) for n in channels}
     return Log(t, {n: Channel.of(v, unit[n]) for n, v in channels.items()}, source="flight")
 

@@ -233,7 +233,7 @@ def _squares(z: Array, whole: tuple[float, float]) -> Test:
     from scipy.stats import chi2
 
     q = z**2 - np.mean(z**2)
-    power = float(q @ q)
+    power = max(float(q @ q), 1e-300)
     r = np.array([float(q[k:] @ q[:-k]) / power for k in range(1, min(SQUARE_LAGS, z.size // 4) + 1)])
     n = z.size
     total = float(n * (n + 2) * np.sum(r**2 / (n - np.arange(1, r.size + 1))))

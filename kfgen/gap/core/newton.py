@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.gap.core.scene import Placed, Scene, ScenePoint
+from kfgen.gap.core.scene import HasOwnNoiseLevels, Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 
@@ -123,6 +123,11 @@ def moved(point: ScenePoint, x: Array) -> ScenePoint:
     return ScenePoint(tuple(placed), np.asarray(x[len(keys) :]))
 
 
+def level_sd_of_log(scene: Scene) -> float:
+    """Standard deviation of the logarithm of a channel's noise level, before the log."""
+    return scene.noise_level_sd_of_log if isinstance(scene, HasOwnNoiseLevels) else NOISE_LEVEL_SD_OF_LOG
+
+
 def levels_of(scene: Scene, residual: Array) -> Array:
     """The most likely level of each channel's noise, shape (channels,).
 
@@ -132,17 +137,13 @@ def levels_of(scene: Scene, residual: Array) -> Array:
     residual : ndarray, shape (N,)
         In standard deviations of the assumed noise.
     """
-    out = []
+    out, sd = [], level_sd_of_log(scene)
     for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
         power, s = float(part @ part), 1.0
-        for _ in range(
-            30
-        ):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 NOISE_LEVEL_SD_OF_LOG^2
+        for _ in range(30):  # Newton's steps in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 sd^2
             x = float(np.log(s))
-            slope = n - power / s**2 + x / NOISE_LEVEL_SD_OF_LOG**2
-            s *= float(
-                np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / NOISE_LEVEL_SD_OF_LOG**2), -1.0, 1.0))
-            )
+            slope = n - power / s**2 + x / sd**2
+            s *= float(np.exp(np.clip(-slope / (2.0 * power / s**2 + 1.0 / sd**2), -1.0, 1.0)))
         out.append(s)
     return np.array(out)
 
@@ -158,15 +159,11 @@ def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:
     unknowns : ndarray, shape (q,)
         [SI].
     """
-    levels = levels_of(scene, residual)
+    levels, sd = levels_of(scene, residual), level_sd_of_log(scene)
     value = 0.0
     parts = np.split(residual, np.cumsum(scene.lengths)[:-1])
     for part, n, s in zip(parts, scene.lengths, levels.tolist()):
-        value -= (
-            n * float(np.log(s))
-            + 0.5 * float(part @ part) / s**2
-            + 0.5 * (np.log(s) / NOISE_LEVEL_SD_OF_LOG) ** 2
-        )
+        value -= n * float(np.log(s)) + 0.5 * float(part @ part) / s**2 + 0.5 * (np.log(s) / sd) ** 2
     return value - 0.5 * float(np.sum(_pulls(scene, unknowns) ** 2))
 
 

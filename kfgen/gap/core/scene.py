@@ -178,6 +178,15 @@ class Telling(Protocol):
 
 
 @runtime_checkable
+class HasOwnNoiseLevels(Protocol):
+    """A world in which nobody knows beforehand how loud the readings are."""
+
+    @property
+    def noise_level_sd_of_log(self) -> float:
+        """Standard deviation of the logarithm of each channel's noise level before the log."""
+
+
+@runtime_checkable
 class Linearised(Protocol):
     """A world whose residuals are linear about a point: it can be had about another one."""
 

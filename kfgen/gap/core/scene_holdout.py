@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from kfgen.gap.core.assumed_parameters import Answered
 from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
-from kfgen.gap.core.newton import SceneFit, fitted
+from kfgen.gap.core.newton import SceneFit, fitted, level_sd_of_log
 from kfgen.gap.core.scene import Placed, ReadingByReading, Scene, ScenePoint, Unknown
 from kfgen.gap.core.screen import basis, orthogonal_part
 from kfgen.gap.core.whitener import Whitener
@@ -118,6 +118,11 @@ class ScenePart:
     channels = property(lambda self: self.scene.channels)
     dt = property(lambda self: self.scene.dt)
     span = property(lambda self: self.scene.span)
+
+    @property
+    def noise_level_sd_of_log(self) -> float:
+        """As of the scene."""
+        return level_sd_of_log(self.scene)
 
     @property
     def lengths(self) -> tuple[int, ...]:

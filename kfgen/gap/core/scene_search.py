@@ -37,6 +37,8 @@ RESEMBLING_MIN_COS2 = 0.2
 """Share cos^2 of a direction from which on another addition might be what an effect is."""
 MAX_LINEARISATIONS = 5
 """Of a world that is linear about a point."""
+MAX_LOSS_NATS = 20.0
+"""Of log-likelihood, beyond which another linearisation is worse than the one before."""
 CONVERGED_SIGMAS = 0.1
 """Change of a fit, in its standard deviations, at which it is where its linearisation is."""
 DIVERGED_MAX_INFORMATION_SHARE = 1e-6
@@ -172,10 +174,15 @@ def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
     for _ in range(MAX_LINEARISATIONS):
         if not isinstance(scene, Linearised):
             break
-        scene = scene.about(fit.point)
-        before, fit = coordinates(fit.point), fitted(scene, fit.point)
-        deviations = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))
-        if (np.abs(coordinates(fit.point) - before) < CONVERGED_SIGMAS * deviations).all():
+        there = scene.about(fit.point)
+        if not np.isfinite(there.residuals([fit.point])).all():
+            break  # it has no path there: the linear one is all there is
+        moved = fitted(there, fit.point)
+        if moved.value < fit.value - MAX_LOSS_NATS:
+            break
+        change = np.abs(coordinates(moved.point) - coordinates(fit.point))
+        scene, fit = there, moved
+        if (change < CONVERGED_SIGMAS * np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))).all():
             break
     return scene, fit
 

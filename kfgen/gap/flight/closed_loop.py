@@ -5,6 +5,7 @@ Equations come as tapes, see `kfgen.core.tape`, so that the loop is compiled onc
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -41,11 +42,14 @@ def _given(r: Any, x: Any, known: Any, fixed: Any) -> None:
         r[x.size + known.size + i, 0] = fixed[i]
 
 
-@compiled("void(float64[:,::1], float64[::1], float64, float64, float64[::1], float64[::1], float64)")
+@compiled("float64(float64[:,::1], float64[::1], float64, float64, float64[::1], float64[::1], float64)")
 def _corrected(  # noqa: PLR0913, PLR0917
     P: Any, h: Any, e: float, R: float, K: Any, dx: Any, limit: float
-) -> None:
-    """The error `dx` and its covariance after one scalar reading with residual `e`; beyond the limit it counts less."""
+) -> float:
+    """The error `dx` and its covariance after one scalar reading with residual `e`; beyond the limit it counts less.
+
+    Returns the reading's log-likelihood, of an outlier in proportion to its size (Huber).
+    """
     n, S = dx.size, R
     for i in range(n):
         total = 0.0
@@ -62,6 +66,8 @@ def _corrected(  # noqa: PLR0913, PLR0917
         dx[i] += K[i] * e * weight / S
         for j in range(n):
             P[i, j] -= weight * K[i] * K[j] / S
+    size = abs(e) / math.sqrt(S)
+    return -0.5 * math.log(S) - (0.5 * size * size if size < limit else limit * (size - 0.5 * limit))
 
 
 @compiled(
@@ -94,14 +100,14 @@ def _propagated(  # noqa: PLR0913, PLR0917
     " int64[:,::1], int64, float64[::1], int64[::1], int64[::1], int64[::1],"
     " int64[:,::1], int64, float64[::1], int64[::1], int64[::1],"
     " float64[:,::1], float64[::1], float64[:,::1], float64[::1],"
-    " int64[::1], int64[::1], float64[::1], float64[::1], float64, float64[:,::1])"
+    " int64[::1], int64[::1], float64[::1], float64[::1], float64, float64[:,::1], float64[::1])"
 )
 def fly(  # noqa: PLR0913, PLR0917
     o1: Any, first1: int, c1: Any, out1: Any, Pi: Any, Pj: Any, Qi: Any, Qj: Any,
     o2: Any, first2: int, c2: Any, out2: Any, Hi: Any, Hj: Any,
     o3: Any, first3: int, c3: Any, out3: Any, quaternions: Any,
     known: Any, x0: Any, P: Any, fixed: Any,
-    row_at: Any, row_index: Any, row_z: Any, row_R: Any, limit: float, X: Any,
+    row_at: Any, row_index: Any, row_z: Any, row_R: Any, limit: float, X: Any, score: Any,
 ) -> None:  # fmt: skip
     """The extended Kalman filter over a log; outliers count as if they lay at a limit.
 
@@ -126,6 +132,8 @@ def fly(  # noqa: PLR0913, PLR0917
         Standard deviations of an innovation beyond which it is an outlier.
     X : ndarray, shape (n, stored)
         The stored state after the updates of each sample; written.
+    score : ndarray, shape (1,)
+        Log-likelihood [nats]; added to.
     """
     n, N, stored = P.shape[0], known.shape[0], x0.size
     readings = out2.size - Hi.size
@@ -145,7 +153,7 @@ def fly(  # noqa: PLR0913, PLR0917
             dx[:] = 0.0
             while at < row_at.size and row_at[at] == k:
                 m = row_index[at]
-                _corrected(P, H[m], row_z[at] - r2[out2[m], 0], row_R[at], K, dx, limit)
+                score[0] += _corrected(P, H[m], row_z[at] - r2[out2[m], 0], row_R[at], K, dx, limit)
                 at += 1
             _given(r3, x, known[k], fixed)
             for i in range(n):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.tape import Tape
 from kfgen.gap.flight.equations import FlightEquations
 from kfgen.gap.flight.flight_log import FlightLog
+from kfgen.gap.flight.heading import headings, start_covariance
 from kfgen.gap.flight.rows import rows_of
 
 Array = NDArray[np.float64]
@@ -17,8 +20,8 @@ OUTLIER_LIMIT_SIGMAS = 5.0
 """Standard deviations of an innovation beyond which the first flight counts it as if it lay there."""
 
 
-def first_flight(log: FlightLog, eq: FlightEquations) -> Array:
-    """The stored state of the extended Kalman filter after each sample, shape (n, stored).
+def first_flight(log: FlightLog, eq: FlightEquations) -> tuple[FlightLog, Array]:
+    """The log with the start that fits best, and the filter's stored state after each sample, shape (n, stored).
 
     Parameters
     ----------
@@ -37,13 +40,26 @@ def first_flight(log: FlightLog, eq: FlightEquations) -> Array:
         raise InputError(
             "the gap of a filter over a flight needs numba", remedy='Install it: pip install "kfgen[fast]"'
         ) from None
+    tried = [(start, *_flown(fly, start, eq)) for start in headings(log, eq)]
+    best, X, score = max(tried, key=lambda t: t[2])
+    if not np.isfinite(score):
+        raise InputError(
+            f"the filter {log.discrete.model.name} diverges over the log",
+            remedy="Check the units and axes of its inputs, or start it at rest",
+        )
+    return best, X
+
+
+def _flown(fly: Callable[..., None], log: FlightLog, eq: FlightEquations) -> tuple[Array, float]:
+    """The stored states and their log-likelihood [nats]; minus infinity where it diverges."""
     model = log.discrete.model
     F, Q = eq.transition, eq.process_noise
     step, read, inject = eq.prediction, eq.readings([a.sensor for a in log.aiding]), eq.inject
     known = np.column_stack([log.u, *(log.drive[d] for d in model.drivers)])
     fixed = np.array([*log.constants.values(), log.dt])
     rows = rows_of(log)
-    P = np.diag([s.prior**2 for s in model.states])
+    P = start_covariance(log, eq)
+    score = np.zeros(1)
     X = np.empty((log.t.size, len(eq.names)))
     fly(
         *_parts(step),
@@ -53,13 +69,10 @@ def first_flight(log: FlightLog, eq: FlightEquations) -> Array:
         np.array(eq.quaternions, dtype=np.int64),
         np.ascontiguousarray(known), np.ascontiguousarray(log.start, dtype=np.float64), P, fixed,
         rows.at, rows.index, np.ascontiguousarray(rows.z), np.ascontiguousarray(rows.R), OUTLIER_LIMIT_SIGMAS, X,
+        score,
     )  # fmt: skip
-    if not np.isfinite(X).all():
-        raise InputError(
-            f"the filter {model.name} diverges over the log",
-            remedy="Check the units and axes of its inputs, or start it at rest",
-        )
-    return X
+    good = np.isfinite(X).all() and np.isfinite(score[0])
+    return X, float(score[0]) if good else -np.inf
 
 
 def _parts(tape: Tape) -> tuple[NDArray[np.int64], int, Array, NDArray[np.int64]]:

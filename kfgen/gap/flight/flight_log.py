@@ -103,11 +103,11 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     """
     calls = FilterCalls(program, log)
     model = program.discrete.model
-    steps = np.diff(log.t)
-    even = bool(np.allclose(steps, log.dt, rtol=EVEN_RELATIVE_TOLERANCE))
+    dt = float(log.t[-1] - log.t[0]) / (log.n - 1)
+    even = bool(np.allclose(np.diff(log.t), dt, rtol=EVEN_RELATIVE_TOLERANCE))
     raw = np.column_stack([log.values(c) for i in model.motion.inputs for c in i.channels])
     held = over_steps(raw, calls.samples)
-    t = np.asarray(log.t) if even else np.asarray(log.t[0] + log.dt * np.arange(log.n))
+    t = np.asarray(log.t) if even else np.asarray(log.t[0] + dt * np.arange(log.n))
     u = held if even else _over_grid(log.t, held, t)
     drive = {d: np.interp(t, log.t, calls.inputs[d]) for d in model.drivers}
     aiding = []
@@ -118,7 +118,7 @@ def flight_log(log: Log, program: Program) -> FlightLog:
         if times.size:
             aiding.append(AidingSamples(model.sensor(name), times, z[there], at))
     discrete = DiscreteModel.at_rate(
-        model, 1.0 / log.dt, max_step=program.discrete.max_step, rates=rates_in(log, model)
+        model, 1.0 / dt, max_step=program.discrete.max_step, rates=rates_in(log, model)
     )
     names = [c.name for c in model.constants]
     constants = dict(zip(names, calls.constants))

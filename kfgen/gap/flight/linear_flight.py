@@ -52,6 +52,12 @@ class LinearFlight:
         """Innovations over their standard deviations, shape (rows,)."""
         return np.asarray(self.e / np.sqrt(self.S))
 
+    @property
+    def log_likelihood(self) -> float:
+        """Of the innovations, up to a constant [nats]; minus infinity where they are no numbers."""
+        value = -0.5 * float(np.sum(self.e**2 / self.S + np.log(self.S)))
+        return value if np.isfinite(value) else -np.inf
+
     def columns(self, du: Array, dz: Array) -> Array:
         """What the normalised innovations lose by errors of the readings, shape (rows, m).
 

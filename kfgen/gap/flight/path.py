@@ -12,13 +12,20 @@ from numpy.typing import NDArray
 from kfgen.gap.flight.equations import FlightEquations
 from kfgen.gap.flight.first_flight import first_flight
 from kfgen.gap.flight.flight_log import FlightLog
+from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.rows import Rows, rows_of
 
 Array = NDArray[np.float64]
 
-GAUSS_NEWTON_ROUNDS = 2
-"""Smoothed paths after the first flight; the third differs from the second by less than a tenth of a standard deviation."""
+GAUSS_NEWTON_ROUNDS = 6
+"""Smoothed paths after the first flight, at most."""
+STEP_SHARES = (1.0, 0.5, 0.25, 0.1)
+"""Of a step that are tried until the innovations are not far less likely."""
+MAX_LOSS_NATS = 20.0
+"""Loss of log-likelihood up to which a step is taken: a filter about its own first path fits its noise."""
+ARRIVED_NATS = 0.01
+"""Change of log-likelihood below which a path has arrived."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +100,7 @@ class FlownPath:
                 at = rows.of(name)
                 H[at] = J[rows.at[at], k]
         y = rows.z - self.dz - self.expected()
-        P0 = np.diag([s.prior**2 for s in self.log.discrete.model.states])
+        P0 = start_covariance(self.log, eq)
         x0 = eq.difference(x[:1], self.log.start[None, :])[0]
         e, S, K = np.empty(y.size), np.empty(y.size), np.empty((y.size, eq.n))
         F, Q = eq.transition, eq.process_noise
@@ -118,11 +125,26 @@ class FlownPath:
         return LinearFlight(eq, rows, Phi, Qd, B, c, P0, x0, H, y, e, S, K)
 
     def smoothed(self, rounds: int = GAUSS_NEWTON_ROUNDS) -> FlownPath:
-        """The path moved to where all readings want it (Gauss and Newton)."""
+        """The path moved to where all readings want it (Gauss and Newton), by shorter steps where whole ones fail.
+
+        Parameters
+        ----------
+        rounds : int
+            Steps at most.
+        """
         path = self
         for _ in range(rounds):
-            x = path.equations.injected(path.x, path.linear.smoothed())
-            path = replace(path, x=x)
+            error, before = path.linear.smoothed(), path.linear.log_likelihood
+            for share in STEP_SHARES:
+                x = path.equations.injected(path.x, share * error)
+                moved = replace(path, x=x)
+                if np.isfinite(x).all() and moved.linear.log_likelihood > before - MAX_LOSS_NATS:
+                    break
+            else:
+                break
+            path = moved
+            if abs(path.linear.log_likelihood - before) < ARRIVED_NATS:
+                break
         return path
 
     def changed(self, constants: Mapping[str, float]) -> Array:
@@ -169,5 +191,5 @@ def flown(log: FlightLog) -> FlownPath:
         The filter diverges, or the extra ``kfgen[fast]`` is not installed.
     """
     equations = FlightEquations(log.discrete)
-    x = first_flight(log, equations)
+    log, x = first_flight(log, equations)
     return FlownPath(log, equations, x, np.zeros_like(log.u), np.zeros(rows_of(log).t.size)).smoothed()

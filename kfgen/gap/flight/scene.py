@@ -27,6 +27,8 @@ from kfgen.gap.motion.truth import Truth
 
 Array = NDArray[np.float64]
 
+NOISE_LEVEL_SD_OF_LOG = 0.7
+"""Standard deviation of the logarithm of a sensor's noise level before the flight."""
 COLUMNS_AT_ONCE = 32
 """Columns of one pass: memory for the errors of all inputs at all times."""
 CONSTANT_STEP_SHARE = 1e-4
@@ -60,6 +62,11 @@ class FlightScene:
         model, found = self.path.log.discrete.model, self.path.log.constants
         moved = [c for c in model.constants if found[c.name] != float(c.value)]
         return tuple(Unknown(c.name, c.unit, found[c.name], np.inf, once=True) for c in moved)
+
+    @property
+    def noise_level_sd_of_log(self) -> float:
+        """What a receiver says of its own noise is a guess: a factor of two is usual."""
+        return NOISE_LEVEL_SD_OF_LOG
 
     @property
     def channels(self) -> tuple[str, ...]:

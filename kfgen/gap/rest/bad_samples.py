@@ -37,6 +37,8 @@ MAX_WILD_SHARE = 1e-3
 
 def invalid_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
     """Which samples are no measurements, shape (n,), and what they show; none is left out where they spoil the channel."""
+    if not np.ptp(raw.y) > 0.0:
+        return np.zeros(raw.n, dtype=np.bool_), ()  # a channel that never changes is refused as a whole
     still, invalid, found = _still(raw), _wild(raw), []
     if _is_spoilt(raw, still):
         spoils = [DetectedFault(_stuck(raw, a, b), float(b - a), spoils=True) for a, b in still]
