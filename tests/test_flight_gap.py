@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import kfgen as kf
+from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.gap.core.newton import fitted
 from kfgen.gap.core.scene import Placed, ScenePoint
@@ -159,6 +160,16 @@ def test_a_parked_log_names_nothing() -> None:
     )
     found = kf.find_gap(bare, kf.build("ins15"))
     assert (found.verdict, list(found.findings)) == ("no_gap", [])
+
+
+def test_a_log_that_cannot_tell_is_refused_in_words() -> None:
+    """Point samples of a logger at 10 Hz, and a log of 8 s."""
+    log = log_of("quadrotor", 1)
+    slow = Log(log.t[::10], {n: replace(c, values=c.values[::10]) for n, c in log.channels.items()})
+    short = Log(log.t[:800], {n: replace(c, values=c.values[:800]) for n, c in log.channels.items()})
+    for cut, says in ((slow, "inertial sensors have 10 Hz"), (short, "the log lasts 7.99 s")):
+        with pytest.raises(InputError, match=says):
+            kf.find_gap(cut, model())
 
 
 HIDDEN = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from kfgen.core.errors import InputError
 from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
@@ -11,6 +12,10 @@ from kfgen.run.run import program_over
 
 ATTITUDE_SENSORS = ("accel", "gyro", "mag")
 """Sensors that alone aid no flight: a log of them is one of sensors at rest or in poses."""
+MIN_INERTIAL_RATE_HZ = 40.0
+"""Rate of inertial sensors below which the motion between samples is lost."""
+MIN_FLIGHT_S = 15.0
+"""Shortest log of a flight [s]."""
 
 
 def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
@@ -25,7 +30,8 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
     Raises
     ------
     InputError
-        The filter diverges, or the extra ``kfgen[fast]`` is not installed.
+        The log is too short or its inertial sensors are too slow for a filter to follow, the filter diverges, or
+        the extra ``kfgen[fast]`` is not installed.
     """
     inputs = [c for i in model.motion.inputs for c in i.channels]
     aiding = [
@@ -35,7 +41,25 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
     ]
     if model.attitude is None or not aiding or not all(c in log.channels for c in inputs):
         return None
+    _check(log)
     program = program_over(model, log)
     if program.discrete.memories:
         return None
     return FlightScene(flown(flight_log(log, program)))
+
+
+def _check(log: Log) -> None:
+    """Raise `InputError` where a log cannot say anything of a filter in flight."""
+    rate, duration = (log.n - 1) / float(log.t[-1] - log.t[0]), float(log.t[-1] - log.t[0])
+    if rate < MIN_INERTIAL_RATE_HZ:
+        raise InputError(
+            f"the inertial sensors have {rate:.3g} Hz: what the vehicle does between their samples is not in the log",
+            where=log.source,
+            remedy=f"Log them at {MIN_INERTIAL_RATE_HZ:g} Hz or faster (PX4: SDLOG_PROFILE high rate; ArduPilot: LOG_BITMASK with IMU_RAW)",
+        )
+    if duration < MIN_FLIGHT_S:
+        raise InputError(
+            f"the log lasts {duration:.3g} s: a filter has not settled by then",
+            where=log.source,
+            remedy=f"Give {MIN_FLIGHT_S:g} s or more, from rest on",
+        )

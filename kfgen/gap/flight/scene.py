@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
+from kfgen.effects.inertial.errors import EarthRate
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
@@ -188,7 +189,9 @@ class FlightScene:
         return found
 
     def _shows(self, placed: Placed) -> bool:
-        """Whether samples are often enough for a corner to be another thing than a delay."""
+        """Whether a log can show it: the Earth's rate is an option of the filter, a corner needs samples as fast."""
+        if isinstance(placed.effect, EarthRate):
+            return False
         if not isinstance(placed.effect, Bandwidth):
             return True
         rates = [self.lengths[k] for k, c in enumerate(self.channels) if acts_on(placed.where, c)]
