@@ -23,6 +23,7 @@ from kfgen.gap.core.result import (
     DetectionLimit,
     Finding,
 )
+from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2
 
 VERDICTS = {
@@ -213,6 +214,15 @@ def check_sentences(checks: Checks) -> list[str]:
         f"Check failed: re-detection in simulated data finds {found}, not {', '.join(checks.named)}: "
         "take the names with care",
     ]
+
+
+def refused_sentence(r: Refused) -> str:
+    """What was not added in spite of its evidence, and why."""
+    of = f" of {r.where}" if r.where else ""
+    return (
+        f"{catalogue()[r.effect].title if r.effect in catalogue() else r.effect}{of} has evidence of "
+        f"{r.evidence_nats:.3g} nats but is not added: {r.why}. Log again to see whether it is there"
+    )
 
 
 def limit_words(m: DetectionLimit) -> tuple[str, str]:
