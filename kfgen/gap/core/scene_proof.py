@@ -106,7 +106,9 @@ def unproven(scene: Scene, base: SceneFit, fit: SceneFit) -> str:
 def _linear(scene: Scene, fit: SceneFit, levels: Array) -> LinearFit:
     """A fit in time, over the levels of noise that are given."""
     own = fit.jacobian * np.repeat(fit.levels / levels, scene.lengths)[:, None]
-    information = fit.information + own.T @ own - fit.jacobian.T @ fit.jacobian
-    return LinearFit(
-        series(scene, over_levels(scene, fit.residual, levels)), series(scene, own), np.asarray(information)
-    )
+    priors = fit.information - fit.jacobian.T @ fit.jacobian
+    away = fit.point.unknowns - np.array([u.value for u in scene.unknowns])
+    residual = over_levels(scene, fit.residual, levels)
+    gradient = own.T @ residual
+    gradient[len(fit.keys) :] += np.diag(priors)[len(fit.keys) :] * away
+    return LinearFit(series(scene, residual), series(scene, own), np.asarray(priors + own.T @ own), gradient)

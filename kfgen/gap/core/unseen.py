@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ MAX_UNSEEN_LOSS_NATS = 3.0
 """Loss that chance alone exceeds in fewer than one of a hundred effects that are there, at their detection limit."""
 TAIL_SHARE = 0.3
 """Share of the record, at its end."""
+MIN_KNOWN_SHARE = 1e-3
+"""Share of that information below which a number is looked for again in the part: where a segment starts, when a step was."""
 UNKNOWN_SHARE = 1e-4
 """Share of the information on a number that is left of it where the rest knows nothing: its prior."""
 
@@ -47,11 +50,24 @@ class LinearFit:
     jacobian : ndarray, shape (N, p)
     information : ndarray, shape (p, p)
         With what priors give.
+    gradient : ndarray, shape (p,), optional
+        Of minus the log-likelihood and the log prior, where the fit ended; zero if left out.
     """
 
     residual: Array
     jacobian: Array
     information: Array
+    gradient: Array | None = None
+
+    @cached_property
+    def settled(self) -> Array:
+        """The residuals where the slope is none, shape (N,): a fit may have ended a little before."""
+        if self.gradient is None:
+            return self.residual
+        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        K = self.information / np.outer(scale, scale)
+        step = np.linalg.lstsq(K, self.gradient / scale, rcond=1e-10)[0] / scale
+        return np.asarray(self.residual - self.jacobian @ step)
 
     def predicted(self, unseen: Mask) -> float:
         """Log-likelihood of samples, predicted from all others [nats].
@@ -65,13 +81,14 @@ class LinearFit:
         if not J.shape[1]:
             return value
         scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        J = J / scale
+        J, settled = J / scale, self.settled[unseen]
         whole = H / np.outer(scale, scale) + UNKNOWN_SHARE * np.eye(scale.size)
-        rest, g = whole - J.T @ J, J.T @ r
+        rest, g = whole - J.T @ J, J.T @ settled
         values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
+        pull = (vectors.T @ g) ** 2 * (values > MIN_KNOWN_SHARE)
         values = np.maximum(values, UNKNOWN_SHARE)
-        loss = float(np.sum((vectors.T @ g) ** 2 / values) - np.log(values).sum())
-        return value - 0.5 * (loss + float(np.linalg.slogdet(whole)[1]))
+        loss = float(np.sum(pull / values) - np.log(values).sum() + np.linalg.slogdet(whole)[1])
+        return value - 0.5 * loss
 
 
 def unseen_gain(before: LinearFit, after: LinearFit, parts: Iterable[Mask]) -> float:
