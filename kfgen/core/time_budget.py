@@ -66,7 +66,7 @@ def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
         Searches, this one the first of them, that share what is left of the budget outside.
     """
     outer = _CURRENT.get()
-    budget = TimeBudget()
+    budget = TimeBudget(SEARCH_SECONDS, FIT_SECONDS)
     if outer is not None:
         left = max(outer.search_s - outer.spent_s, MIN_SECONDS) / parts
         budget = TimeBudget(left, left * outer.fit_s / outer.search_s)

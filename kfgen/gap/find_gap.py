@@ -83,7 +83,7 @@ def find_gap(
     wanted = [c.strip() for c in channels.split(",") if c.strip()] if isinstance(channels, str) else channels
     with time_budget() as budget:
         found = _found(data, model, wanted, others)
-    refused = [refused_sentence(r) for c in found.comparisons for r in c.refused]
+    refused = [refused_sentence(c.refused) for c in found.comparisons if c.refused]
     return replace(found, warnings=(*found.warnings, *refused, *budget.warnings))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit, from_si
@@ -40,6 +41,8 @@ NESTED_TOLERANCE_NATS = 1e-6
 """Change of a log-likelihood that is none."""
 MAX_NEARLY_ALIKE = 3
 """Effects that are said to look alike."""
+MAX_REFUSED_SAID = 3
+"""Effects that were not added, of which the names are said."""
 
 
 def percent(p: float) -> str:
@@ -216,12 +219,19 @@ def check_sentences(checks: Checks) -> list[str]:
     ]
 
 
-def refused_sentence(r: Refused) -> str:
-    """What was not added in spite of its evidence, and why."""
-    of = f" of {r.where}" if r.where else ""
+def refused_sentence(refused: Sequence[Refused]) -> str:
+    """What was not added in spite of its evidence, and why: the best few by name."""
+    best = sorted(refused, key=lambda r: -r.evidence_nats)
+    known = catalogue()
+    said = [
+        f"{known[r.effect].title if r.effect in known else r.effect}{f' of {r.where}' if r.where else ''} "
+        f"(evidence of {r.evidence_nats:.3g} nats; {r.why})"
+        for r in best[:MAX_REFUSED_SAID]
+    ]
+    more = f", and {len(best) - len(said)} more" if len(best) > len(said) else ""
     return (
-        f"{catalogue()[r.effect].title if r.effect in catalogue() else r.effect}{of} has evidence of "
-        f"{r.evidence_nats:.3g} nats but is not added: {r.why}. Log again to see whether it is there"
+        f"{', '.join(said)}{more}: not added, for a model with it is no nearer to data that its fit did not see. "
+        "Log again to see whether it is there"
     )
 
 
