@@ -18,10 +18,12 @@ from kfgen.gap.core.search import (
     Chosen,
     Contest,
     Label,
+    Refused,
     grown,
     labels,
     probabilities,
     reconsidered,
+    refused_of,
     searched,
     settled,
 )
@@ -58,6 +60,8 @@ class Table:
     sure: frozenset[str] = frozenset()
     pairs: Mapping[tuple[str, str], str] = field(default_factory=dict)
     is_closed: bool = False
+    losing: frozenset[str] = frozenset()
+    refused: tuple[Refused, ...] = ()
 
     def left(self) -> set[str]:
         there = {p for c in self.chosen for p in self.parts[c.name]}
@@ -72,6 +76,12 @@ class Table:
             for n in names
         }
         return sorted((Name(n, g) for n, g in gains.items()), key=lambda a: (-a.gain, a.name))
+
+    def objection(self, addition: Name) -> str:
+        return "it loses" if addition.name in self.losing else ""
+
+    def refusing(self, refused: Sequence[Refused]) -> Table:
+        return replace(self, refused=(*self.refused, *refused))
 
     def plus(self, addition: Name, ranked: Sequence[Name]) -> Table:
         return replace(self, chosen=(*self.chosen, Chosen(addition, probabilities(ranked))))
@@ -227,3 +237,26 @@ def test_probabilities_are_those_of_the_evidence() -> None:
     chosen = Chosen(Name("a", 2.0), found)
     name, _, share = chosen.alternatives[0]
     assert (name, share) == ("b", pytest.approx(exp(1.0) / total))
+
+
+def test_what_loses_on_unseen_data_is_not_added_and_is_remembered() -> None:
+    """The next best that is proven takes its place; the probability of what was refused is shared by the others."""
+    table = Table({"wrong": "ab", "right": "a"}, {"a": 30.0, "b": 20.0}, losing=frozenset({"wrong"}))
+    found = searched(table, LIMITS)
+    assert names(found) == ["right"]
+    assert [(r.effect, r.evidence_nats, r.why) for r in refused_of(found)] == [
+        ("wrong", 50.0, "it loses"),
+        ("wrong", 20.0, "it loses"),
+    ][-1:]
+    assert found.chosen[0].probabilities.keys() == {NO_EFFECT, ("right", "")}
+
+
+def test_what_is_added_after_all_is_not_said_to_be_refused() -> None:
+    table = Table({"a": "a"}, {"a": 30.0}, refused=(Refused("a", "", 30.0, "it loses"),))
+    assert refused_of(searched(table, LIMITS)) == ()
+
+
+def test_an_effect_that_loses_beside_a_later_one_is_removed() -> None:
+    table = Table({"a": "a", "b": "b"}, {"a": 30.0, "b": 20.0}).having("a", "b")
+    found = reconsidered(replace(table, losing=frozenset({"a"})), LIMITS)
+    assert names(found) == ["b"]

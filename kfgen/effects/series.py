@@ -133,8 +133,9 @@ class WhiteSeries:
 
     @property
     def sd(self) -> float:
-        """Standard deviation of the white part of a sample [SI]."""
-        return 1.0 / float(np.mean(self.weight[self.n // 2 :]))
+        """Standard deviation of the white part of a sample [SI], by the upper half of the band that a filter leaves."""
+        passed = self.weight[self.weight > 0.0]
+        return 1.0 / float(np.mean(passed[passed.size // 2 :])) if passed.size else 0.0
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
+from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise
@@ -34,6 +35,7 @@ from kfgen.gap.rest.even_record import drivers_of, regular
 from kfgen.gap.rest.second_recording import gap_on, happens_once
 from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
 from kfgen.gap.result import GapResult, LogSource, ModelFile, Proof, RecordingGap
+from kfgen.gap.words import refused_sentence
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
 from kfgen.model.build import build, filter_file
@@ -78,8 +80,18 @@ def find_gap(
     others = [_log(x) for x in proof]
     if not data:
         raise InputError("there is no log to compare", remedy="Give one")
-    name, assumed = _name(model), assumed_model(model)
     wanted = [c.strip() for c in channels.split(",") if c.strip()] if isinstance(channels, str) else channels
+    with time_budget() as budget:
+        found = _found(data, model, wanted, others)
+    refused = [refused_sentence(c.refused) for c in found.comparisons if c.refused]
+    return replace(found, warnings=(*found.warnings, *refused, *budget.warnings))
+
+
+def _found(
+    data: Sequence[Log], model: Model | str | Path, wanted: Sequence[str] | None, others: Sequence[Log]
+) -> GapResult:
+    """The answer in the world that the log and the model decide."""
+    name, assumed = _name(model), assumed_model(model)
     if len(data) > 1:
         return _several(name, assumed, data, wanted, others)
     if isinstance(assumed, UserModel):
@@ -298,11 +310,12 @@ def _at_rest(
     drive, words = drivers_of(log)
     warnings = [*said, *words]
     gaps = {}
-    for name in names:
+    for k, name in enumerate(names):
         noise = assumed.channel(name)
         record, stamps, words = regular(log, name, noise.effects, drive)
         warnings += [w for w in words if w not in warnings]
-        gaps[name] = channel_gap(name, record, noise, stamps, log.stated)
+        with time_budget(parts=len(names) - k):
+            gaps[name] = channel_gap(name, record, noise, stamps, log.stated)
     gaps = with_pairs(gaps)
     proofs = tuple(p for other in others for p in _proofs(gaps, other))
     updated = _updated(assumed, gaps)

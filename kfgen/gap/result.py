@@ -201,6 +201,11 @@ class GapResult(Result):
             "rms_in_deviations": {n: {"before": a, "after": b} for c in every for n, a, b in c.rms},
             "unknowns": {n: {"value": v, "unit": u} for c in every for n, (u, v) in c.unknowns.items()},
             "limits": [_limit(c, m) for c in every for m in c.limits],
+            "refused": [
+                {"effect": r.effect, "channel": r.where, "evidence_nats": r.evidence_nats, "why": r.why}
+                for c in every
+                for r in c.refused
+            ],
             "warnings": list(self.warnings),
         }
         if self.recordings:

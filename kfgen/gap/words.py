@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit, from_si
@@ -23,6 +24,7 @@ from kfgen.gap.core.result import (
     DetectionLimit,
     Finding,
 )
+from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2
 
 VERDICTS = {
@@ -39,6 +41,8 @@ NESTED_TOLERANCE_NATS = 1e-6
 """Change of a log-likelihood that is none."""
 MAX_NEARLY_ALIKE = 3
 """Effects that are said to look alike."""
+MAX_REFUSED_SAID = 3
+"""Effects that were not added, of which the names are said."""
 
 
 def percent(p: float) -> str:
@@ -213,6 +217,22 @@ def check_sentences(checks: Checks) -> list[str]:
         f"Check failed: re-detection in simulated data finds {found}, not {', '.join(checks.named)}: "
         "take the names with care",
     ]
+
+
+def refused_sentence(refused: Sequence[Refused]) -> str:
+    """What was not added in spite of its evidence, and why: the best few by name."""
+    best = sorted(refused, key=lambda r: -r.evidence_nats)
+    known = catalogue()
+    said = [
+        f"{known[r.effect].title if r.effect in known else r.effect}{f' of {r.where}' if r.where else ''} "
+        f"(evidence of {r.evidence_nats:.3g} nats; {r.why})"
+        for r in best[:MAX_REFUSED_SAID]
+    ]
+    more = f", and {len(best) - len(said)} more" if len(best) > len(said) else ""
+    return (
+        f"{', '.join(said)}{more}: not added, for a model with it is no nearer to data that its fit did not see. "
+        "Log again to see whether it is there"
+    )
 
 
 def limit_words(m: DetectionLimit) -> tuple[str, str]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kfgen.core.errors import InputError
+from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects import effect_named
 from kfgen.effects.driven.proportional import DRIVERS
@@ -72,11 +73,16 @@ def identify(
     names, said = checked(channels), list[str]()
     if names is None:
         names, said = default_channels(first)
-    found = {name: _identify_channel(data, name, wanted, method) for name in names}
+    found = {}
+    with time_budget() as budget:
+        for k, name in enumerate(names):
+            with time_budget(parts=len(names) - k):
+                found[name] = _identify_channel(data, name, wanted, method)
     warnings = [
         *(w for d in data for w in d.warnings),
         *said,
         *(f"{name}: {w}" for name, c in found.items() for w in c.warnings),
+        *budget.warnings,
     ]
     return Identification(found, tuple((d.source, d.sha256) for d in data), method, tuple(warnings))
 

@@ -110,7 +110,8 @@ def _law(points: Array, w: Array) -> tuple[Array, Array]:
     mean = p @ points
     d = points - mean
     covariance = (p[:, None] * d).T @ d * MIN_EFFECTIVE_DRAWS / (MIN_EFFECTIVE_DRAWS - 1.0)
-    return np.asarray(mean), np.asarray(covariance + 1e-8 * np.eye(k))
+    # Points may have coordinates of any sizes, and lie in a plane.
+    return np.asarray(mean), np.asarray(covariance + 1e-8 * (np.eye(k) + np.diag(np.diag(covariance))))
 
 
 def _draw(rng: np.random.Generator, mean: Array, covariance: Array) -> Array:
@@ -128,4 +129,6 @@ def _draw(rng: np.random.Generator, mean: Array, covariance: Array) -> Array:
 def _log_density(points: Array, mean: Array, covariance: Array) -> Array:
     from scipy.stats import multivariate_t
 
-    return np.asarray(multivariate_t(mean, covariance, STUDENT_DEGREES_OF_FREEDOM).logpdf(points))
+    scale = np.sqrt(np.diag(covariance))
+    law = multivariate_t(shape=covariance / np.outer(scale, scale), df=STUDENT_DEGREES_OF_FREEDOM)
+    return np.asarray(law.logpdf((points - mean) / scale) - np.log(scale).sum())

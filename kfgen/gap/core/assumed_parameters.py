@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.core.newton import fitted
 from kfgen.gap.core.scene import Scene, ScenePoint, Trusting
@@ -50,7 +51,7 @@ def answered(scene: Scene) -> Answered:
         here = scene.held(wrong) if wrong else scene
         found = explained(here)
         more = moved(here, found.fit.point)
-        if not more:
+        if not more or search_is_over():
             break
         wrong |= more
     far = {u.own: u.far * u.sd for u in scene.unknowns if u.own}
@@ -66,7 +67,7 @@ def answered(scene: Scene) -> Answered:
     free = scene.held(wrong & named)
     kept = [a for a in found.added if not (_is_error(a) and a.addition.placed.where in wrong - named)]
     fit = fitted(free, ScenePoint(tuple(a.addition.placed for a in kept), start_of(free).unknowns))
-    return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit, free))
+    return Answered(free, here, Explained(found.assumed, with_values(kept, fit), fit, free, found.refused))
 
 
 def _is_error(added: Chosen[FittedAddition]) -> bool:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.core.scene import HasOwnNoiseLevels, Placed, Scene, ScenePoint
@@ -263,7 +264,7 @@ def fitted(scene: Scene, start: ScenePoint, steps: Array | None = None) -> Scene
         g[k:] += _pulls(scene, point.unknowns) * _weights(scene)
         H = _information(scene, J, k)
         gain, point, residual, value, damping = _stepped(scene, (point, residual, value), g, H, damping)
-        if gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (value - begun)):
+        if gain < max(GAIN_TOLERANCE_NATS, GAIN_TOLERANCE_SHARE * (value - begun)) or fit_is_over():
             break
     levels = levels_of(scene, residual)
     if gain > GAIN_TOLERANCE_NATS:  # else the derivatives are those of the point, or of one as good

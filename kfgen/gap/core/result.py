@@ -10,7 +10,7 @@ from kfgen.effects import Effect
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.noise_scale import NoiseScale
-from kfgen.gap.core.search import NO_EFFECT, Distinguishability
+from kfgen.gap.core.search import NO_EFFECT, Distinguishability, Refused
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY
 
 NO_GAP = "no_gap"
@@ -154,6 +154,8 @@ class Comparison:
         What was fitted beside the effects [SI].
     constant_inputs : tuple of str
         Inputs of a plant that never change.
+    refused : tuple of Refused
+        Effects that were not added in spite of their evidence.
     """
 
     is_at_rest: ClassVar[bool] = False
@@ -172,6 +174,7 @@ class Comparison:
     rms: tuple[tuple[str, float, float], ...] = ()
     unknowns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     constant_inputs: tuple[str, ...] = ()
+    refused: tuple[Refused, ...] = ()
 
     @property
     def is_updated(self) -> bool:

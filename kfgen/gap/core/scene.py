@@ -156,6 +156,14 @@ class Integrating(Protocol):
 
 
 @runtime_checkable
+class Reaching(Protocol):
+    """A world that knows what its signals reach, and what physics allows."""
+
+    def unreached(self, placed: Placed) -> str:
+        """Why an effect with its values is nothing that can be there or be seen; empty where it is."""
+
+
+@runtime_checkable
 class HasInputs(Protocol):
     """A world with inputs."""
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from kfgen.effects import Effect
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.core.newton import SceneFit, coordinates, is_signed, keys_of, log_posterior
 from kfgen.gap.core.scene import Integrating, Placed, Scene
@@ -40,11 +41,7 @@ def evidence(scene: Scene, fit: SceneFit) -> float:
         if is_signed(effect, name):
             widths[i] = OF_A_COEFFICIENT * max(abs(float(x[i])), float(deviations[i]), 1e-300)
         else:
-            kind = {p.name: p.kind for p in effect.parameters()}[name]
-            span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
-            widths[i] = float(np.log(span)) if kind in ("time", "frequency") else DECADES
-            if kind == "time" and effect.name in TIME_LIMITS:
-                widths[i] = _width_of(scene, effect.name)
+            widths[i] = parameter_width(scene, effect, name)
     value -= float(np.log(widths[:k]).sum()) + _searched(scene, fit.point.placed)
     # At the edge of its prior, into which the likelihood falls, a time has about one e-fold of it.
     value -= sum(float(np.log(_width_of(scene, p.effect.name))) for p in fit.point.placed if p.held)
@@ -54,6 +51,23 @@ def evidence(scene: Scene, fit: SceneFit) -> float:
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())
+
+
+def parameter_width(scene: Scene, effect: Effect, name: str) -> float:
+    """Width of the prior of the logarithm of a parameter.
+
+    Parameters
+    ----------
+    scene : Scene
+    effect : Effect
+    name : str
+        Of its parameter.
+    """
+    kind = {p.name: p.kind for p in effect.parameters()}[name]
+    if kind == "time" and effect.name in TIME_LIMITS:
+        return _width_of(scene, effect.name)
+    span = max((scene.span[1] - scene.span[0]) / scene.dt, 10.0)
+    return float(np.log(span)) if kind in ("time", "frequency") else DECADES
 
 
 def time_limits(scene: Scene, name: str) -> tuple[float, float]:

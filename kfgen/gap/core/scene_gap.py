@@ -162,6 +162,7 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         ),
         unknowns=_unknowns(scene, found.fit),
         constant_inputs=constant_inputs,
+        refused=found.refused,
         scene=scene,
         assumed=found.assumed,
         fit=found.fit,

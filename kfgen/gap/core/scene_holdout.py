@@ -26,9 +26,9 @@ from kfgen.gap.core.assumed_parameters import Answered
 from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
 from kfgen.gap.core.newton import SceneFit, fitted, level_sd_of_log
-from kfgen.gap.core.scene import Placed, ReadingByReading, Scene, ScenePoint, Unknown
+from kfgen.gap.core.scene import Placed, Scene, ScenePoint, Unknown
+from kfgen.gap.core.scene_proof import series
 from kfgen.gap.core.screen import basis, orthogonal_part
-from kfgen.gap.core.whitener import Whitener
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -76,20 +76,6 @@ def every_other(lengths: Sequence[int]) -> Cut:
         unseen.append(mask)
         stretches.append(blocks)
     return Cut(tuple(unseen), tuple(stretches), "every other block of the log")
-
-
-def series(scene: Scene, X: Array) -> Array:
-    """Residuals of all channels, shape (N, ...), in time.
-
-    Parameters
-    ----------
-    scene : Scene
-    X : ndarray, shape (N, ...)
-        Residuals of all channels, one after the other.
-    """
-    if isinstance(scene, ReadingByReading):
-        return X  # one for each pose
-    return np.concatenate([Whitener.back(x) for x in np.split(X, np.cumsum(scene.lengths)[:-1])])
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,23 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.time_budget import search_is_over
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.effects.plant.sensor import SensorChange
-from kfgen.effects.plant.terms import InputChange
 from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed, keys_of
 from kfgen.gap.core.scene import Linearised, Placed, Scene, ScenePoint
 from kfgen.gap.core.scene_evidence import evidence, time_limits
+from kfgen.gap.core.scene_proof import unproven, unreached
 from kfgen.gap.core.screen import MIN_OWN_SHARE, Screened, basis, new_columns, orthogonal_part, screen
-from kfgen.gap.core.search import Chosen, Contest, Distinguishability, Label, probabilities, searched
+from kfgen.gap.core.search import (
+    Chosen,
+    Contest,
+    Distinguishability,
+    Label,
+    Refused,
+    probabilities,
+    refused_of,
+    searched,
+)
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS, SearchLimits
 from kfgen.gap.rest.evidence import TIME_LIMITS
 
@@ -86,6 +95,7 @@ class SceneExplanation:
     scene: Scene
     fit: SceneFit
     chosen: tuple[Chosen[FittedAddition], ...] = ()
+    refused: tuple[Refused, ...] = ()
 
     is_closed = False
 
@@ -98,6 +108,14 @@ class SceneExplanation:
         """What could be added, by evidence, the best first."""
         return ranked(self.scene, self.fit, self.others)
 
+    def objection(self, addition: FittedAddition) -> str:
+        """Why an addition is not to be added, see `kfgen.gap.core.scene_proof`."""
+        return unproven(self.scene, self.fit, addition.fit)
+
+    def refusing(self, refused: Sequence[Refused]) -> SceneExplanation:
+        """With these remembered as not added."""
+        return replace(self, refused=(*self.refused, *refused))
+
     def plus(self, addition: FittedAddition, ranked: Sequence[FittedAddition]) -> SceneExplanation:
         """With one more, at the end, out of what competed with it.
 
@@ -109,7 +127,7 @@ class SceneExplanation:
         """
         chosen = (*self.chosen, _chosen(addition, ranked))
         scene, fit = relinearised(self.scene, addition.fit)
-        return SceneExplanation(scene, fit, with_values(chosen, fit))
+        return SceneExplanation(scene, fit, with_values(chosen, fit), self.refused)
 
     def merged(self, addition: FittedAddition) -> SceneExplanation | None:
         """Nothing: no two effects of a scene are a third."""
@@ -119,7 +137,7 @@ class SceneExplanation:
         """With the last effect put at `index`."""
         *rest, last = self.chosen
         chosen = (*rest[:index], last, *rest[index:])
-        return SceneExplanation(self.scene, _last(self.fit, index, back=True), chosen)
+        return SceneExplanation(self.scene, _last(self.fit, index, back=True), chosen, self.refused)
 
     def doubts(self) -> list[bool]:
         """Of each effect, whether it may be something else, or nothing beside those that were added since."""
@@ -130,7 +148,7 @@ class SceneExplanation:
         placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
         without = fitted(self.scene, ScenePoint(placed, self.fit.point.unknowns))
         left = self.chosen[:index] + self.chosen[index + 1 :]
-        rest = SceneExplanation(self.scene, without, with_values(left, without))
+        rest = SceneExplanation(self.scene, without, with_values(left, without), self.refused)
         same = _last(self.fit, index)
         known = replace(self.chosen[index].addition, placed=same.point.placed[-1], fit=same)
         trials = ranked(self.scene, without, rest.others, known)
@@ -147,19 +165,20 @@ class SceneExplanation:
 
 @dataclass(frozen=True)
 class Explained:
-    """A scene explained: the fit of what is assumed, the additions, the fit with them, and the scene about it."""
+    """A scene explained: the fit of what is assumed, the additions, the fit with them, the scene about it, what was refused."""
 
     assumed: SceneFit
     added: tuple[Chosen[FittedAddition], ...]
     fit: SceneFit
     scene: Scene
+    refused: tuple[Refused, ...] = ()
 
 
 def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
     assumed = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
     found = searched(SceneExplanation(scene, assumed), LIMITS)
-    return Explained(assumed, found.chosen, found.fit, found.scene)
+    return Explained(assumed, found.chosen, found.fit, found.scene, refused_of(found))
 
 
 def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
@@ -275,8 +294,10 @@ def ranked(
     for o in others[: FITTED_ADDITIONS if known is None else FITTED_ADDITIONS // 2]:
         if o.gain < MIN_SCREEN_GAIN_NATS:
             continue
+        if search_is_over():
+            break
         fit = _itself(scene, fitted(scene, ScenePoint((*base.point.placed, o.start), base.point.unknowns)))
-        if _blind(base, fit) or _too_slow(scene, fit.point.placed[-1]):
+        if _blind(base, fit) or unreached(scene, fit):
             continue
         value = evidence(scene, fit) - reference - _cost(o.start, every)
         trials.append(FittedAddition(fit.point.placed[-1], fit, value, o.direction))
@@ -303,21 +324,6 @@ def _alike(a: Placed, b: Placed) -> bool:
     names = [{p.name for p in free(x.effect)} for x in (a, b)]
     same = type(a.effect) is type(b.effect) and a.where == b.where
     return same and spans[0] == spans[1] and names[0] == names[1]
-
-
-def _too_slow(scene: Scene, placed: Placed) -> bool:
-    """Whether a corner lies below the lowest frequency of the log, or what is late is later than the log is long.
-
-    Then nothing passes, and that is another effect.
-    """
-    longest = scene.span[1] - scene.span[0]
-    found = {p.name: p.kind for p in free(placed.effect)}
-    if any(
-        kind == "frequency" and float(getattr(placed.effect, n)) < 1.0 / longest for n, kind in found.items()
-    ):
-        return True
-    plant = isinstance(placed.effect, InputChange | SensorChange)
-    return plant and max(float(getattr(placed.effect, n, 0.0)) for n in ("lag", "late")) > longest
 
 
 def _blind(base: SceneFit, fit: SceneFit) -> bool:

@@ -12,6 +12,7 @@ from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
+from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, SearchLimits
 
 Label = tuple[str, str]
@@ -106,6 +107,23 @@ class Chosen(Generic[A]):
 
 
 @dataclass(frozen=True)
+class Refused:
+    """An effect that is not added in spite of its evidence.
+
+    Parameters
+    ----------
+    effect, where : str
+    evidence_nats : float
+    why : str
+    """
+
+    effect: str
+    where: str
+    evidence_nats: float
+    why: str
+
+
+@dataclass(frozen=True)
 class Contest(Generic[E, A]):
     """What could stand in the place of an effect.
 
@@ -135,8 +153,20 @@ class Explanation(Protocol[A]):
     def is_closed(self) -> bool:
         """Whether nothing more is to be added, for it would have no end."""
 
+    @property
+    def refused(self) -> Sequence[Refused]:
+        """What was not added in spite of its evidence."""
+
     def ranked(self) -> Sequence[A]:
         """What could be added, by evidence, the best first."""
+
+    def objection(self, addition: A) -> str:
+        """Why an addition is not to be added in spite of its evidence, for it does not shrink the gap on data that its
+        fit did not see; empty where it does, or where no data could show it.
+        """
+
+    def refusing(self, refused: Sequence[Refused]) -> Self:
+        """With these remembered as not added."""
 
     def plus(self, addition: A, ranked: Sequence[A]) -> Self:
         """With one more, at the end, out of what competed with it.
@@ -181,7 +211,7 @@ def searched(start: E, limits: SearchLimits) -> E:
     Explanation
     """
     free = grown(start, limits)
-    again = free.absorbers_last()
+    again = None if search_is_over() else free.absorbers_last()
     if again is not None:
         shaped = grown(again, limits)
         if shaped.chosen:
@@ -204,13 +234,32 @@ def grown(explanation: E, limits: SearchLimits) -> E:
     explanation : Explanation
     limits : SearchLimits
     """
-    while len(explanation.chosen) < limits.max_effects and not explanation.is_closed:
-        ranked = explanation.ranked()
+    while len(explanation.chosen) < limits.max_effects and not explanation.is_closed and not search_is_over():
         asked = limits.min_evidence_nats if explanation.chosen else limits.min_first_evidence_nats
+        explanation, ranked = proven(explanation, explanation.ranked(), asked)
         if not ranked or ranked[0].gain < asked:
             break
         explanation = explanation.merged(ranked[0]) or explanation.plus(ranked[0], ranked)
     return explanation
+
+
+def proven(explanation: E, ranked: Sequence[A], min_evidence_nats: float) -> tuple[E, Sequence[A]]:
+    """Additions without those at the front that are to be refused, and the explanation that remembers these.
+
+    Parameters
+    ----------
+    explanation : Explanation
+        Without them.
+    ranked : sequence of Addition
+        By evidence, the best first.
+    min_evidence_nats : float
+        Evidence below which nothing is added anyway [nats].
+    """
+    refused: list[Refused] = []
+    while ranked and ranked[0].gain >= min_evidence_nats and (why := explanation.objection(ranked[0])):
+        refused.append(Refused(*ranked[0].label, ranked[0].gain, why))
+        ranked = ranked[1:]
+    return (explanation.refusing(refused) if refused else explanation), ranked
 
 
 def settled(explanation: E, limits: SearchLimits) -> E:
@@ -222,7 +271,7 @@ def settled(explanation: E, limits: SearchLimits) -> E:
     limits : SearchLimits
     """
     for _ in range(limits.max_iterations):
-        if len(explanation.chosen) < 2:
+        if len(explanation.chosen) < 2 or search_is_over():
             break
         better = reconsidered(explanation, limits)
         if labels(better) == labels(explanation):
@@ -241,19 +290,26 @@ def reconsidered(explanation: E, limits: SearchLimits) -> E:
     """
     index = 0
     for doubtful in explanation.doubts():
-        contest = explanation.contest(index) if doubtful else None
+        contest = explanation.contest(index) if doubtful and not search_is_over() else None
         if contest is None:
             index += 1
             continue
-        best = contest.ranked[0] if contest.ranked else None
+        rest, ranked = proven(contest.rest, contest.ranked, limits.min_evidence_nats)
+        best = ranked[0] if ranked else None
         if best is None or best.gain < limits.min_evidence_nats:
-            explanation = contest.rest
+            explanation = rest
             continue
-        own = contest.own
+        own = next((a for a in ranked if a is contest.own), None)
         keep = own if own is not None and best.gain - own.gain < limits.tie_nats else best
-        explanation = contest.rest.plus(keep, contest.ranked).moved(index)
+        explanation = rest.plus(keep, ranked).moved(index)
         index += 1
     return explanation
+
+
+def refused_of(explanation: E) -> tuple[Refused, ...]:
+    """What was not added in spite of its evidence, and was not added later either, each once with its last evidence."""
+    last = {(r.effect, r.where): r for r in explanation.refused}
+    return tuple(r for label, r in last.items() if label not in labels(explanation))
 
 
 def labels(explanation: E) -> list[Label]:

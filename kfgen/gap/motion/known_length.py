@@ -43,6 +43,10 @@ MIN_POSES = 4
 """Poses, or spread of samples, below which nothing is compared."""
 UPPER = ("xy", "xz", "yz")
 START_RELATIVE_ERROR = 1e-3
+MIN_SENSITIVITY_SHARE = 1e-6
+"""Of the largest sensitivity: the least that a triad has in any direction, for it reads the others else."""
+MAX_RESIDUAL = 1e6
+"""Standard deviations by which a triad is off that is blind in a direction."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,9 @@ class NormScene:
 
     def _residual(self, point: ScenePoint) -> Array:
         A, b = self.reading(point.placed)
+        values = np.linalg.svd(A, compute_uv=False)
+        if not values[-1] > MIN_SENSITIVITY_SHARE * values[0]:
+            return np.full(self.t.size, MAX_RESIDUAL)
         inverse = np.linalg.inv(A)
         u = (self.y - b) @ inverse.T
         size = np.linalg.norm(u, axis=1)
@@ -215,7 +222,8 @@ def norm_scene(log: Log, noise: NoiseModel, sensor: str = "accel") -> NormScene 
         variance = np.array([[_variance(e, (j - i) * dt) for e in effects] for i, j in rests])
         means = np.array([y[i:j].mean(axis=0) for i, j in rests])
         middle = np.array([log.t[(i + j) // 2] for i, j in rests])
-        scene = NormScene(sensor, unit, middle, means, variance, STANDARD_GRAVITY)
+        length = STANDARD_GRAVITY if parse_unit(unit).same_dimension(parse_unit("m/s^2")) else 0.0
+        scene = NormScene(sensor, unit, middle, means, variance, length)
     return scene if _turned(scene) else None
 
 

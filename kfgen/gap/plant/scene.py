@@ -25,6 +25,7 @@ from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.plant.candidates import additions
 from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
+from kfgen.gap.plant.reach import rms, unreached
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness, segments, shortest
@@ -374,11 +375,15 @@ class PlantScene:
         data = {n: (r.at, r.values) for n, r in self.recorded.items()}
         return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
 
+    def unreached(self, placed: Placed) -> str:
+        """See `kfgen.gap.core.scene.Reaching`."""
+        return unreached(placed, self.inputs, {n: r.values for n, r in self.recorded.items()})
+
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every effect at every place where it makes sense, with start values from the assumed motion."""
         run = self.simulated(self.assumed())
-        speeds = {n: _rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
-        seen = {n: (_rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
+        speeds = {n: rms(run.states[:, i, 0]) for i, n in enumerate(self.model.states)}
+        seen = {n: (rms(r.values - r.values.mean()), r.noise) for n, r in self.recorded.items()}
         times = self.dt, self.span[1] - self.span[0], self.late
         found = additions(self.model, self.inputs, speeds, seen, times, placed)
         known = {p.where for p in placed if isinstance(p.effect, ParameterError)}
@@ -389,8 +394,3 @@ class PlantScene:
 def _kinds(placed: Sequence[Placed]) -> Kinds:
     """Where effects act and what they are; the order is theirs."""
     return tuple((p.where, type(p.effect)) for p in placed if isinstance(p.effect, PlantEffect))
-
-
-def _rms(x: Array) -> float:
-    good = x[np.isfinite(x)]
-    return float(np.sqrt(np.mean(good**2))) if good.size else 0.0

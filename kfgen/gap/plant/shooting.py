@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.expression import symbol
+from kfgen.core.time_budget import fit_is_over
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.model.plant.plant import Batch, Plant, Run, stacked
 from kfgen.model.plant.runaway import refuse
@@ -213,7 +214,7 @@ class Shooting:
             if costs[best] >= cost:
                 break
             x0 = tried[:, best]
-            if cost - costs[best] < RELATIVE_GAIN_TOLERANCE * cost:
+            if cost - costs[best] < RELATIVE_GAIN_TOLERANCE * cost or fit_is_over():
                 break
         return x0
 

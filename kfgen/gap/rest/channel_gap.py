@@ -13,7 +13,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core.battery import Test, battery
 from kfgen.gap.core.holdout import held_out_gap
 from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, UNKNOWN_EFFECT, Checks, DetectionLimit, Finding
-from kfgen.gap.core.search import NO_EFFECT, Chosen, searched
+from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.rest.checks import checks_of
 from kfgen.gap.rest.comparison import ChannelGap, span_of
@@ -118,6 +118,7 @@ def channel_gap(
         record=at.whole,
         retuned=retuned,
         comb_hz=search.comb_hz,
+        refused=tuple(replace(r, where=channel) for r in refused_of(search)),
         white=series_of(base).fast,
         checks=checks,
         clean=replace(at.whole, y=at.whole.y - raw.y + clean.y),

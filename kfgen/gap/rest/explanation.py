@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from kfgen.effects import Effect
-from kfgen.gap.core.search import Chosen, Contest, Label, probabilities, worth
+from kfgen.gap.core.search import Chosen, Contest, Label, Refused, probabilities, worth
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, SearchLimits
 from kfgen.gap.rest.comb import comb_of
 from kfgen.gap.rest.distinguishability import distinguishability
@@ -20,6 +20,7 @@ from kfgen.gap.rest.evidence import (
     loosened,
     series_of,
 )
+from kfgen.gap.rest.proof import unproven
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Key, Prior, Problem, maximise
@@ -57,6 +58,8 @@ class ChannelExplanation:
         The assumed and the chosen ones as they were fitted together last.
     absorbers_wait : bool
         Whether slow noise is kept back.
+    refused : tuple of Refused
+        What was not added in spite of its evidence.
     """
 
     record: Evidence
@@ -66,6 +69,7 @@ class ChannelExplanation:
     without: frozenset[str] = field(default_factory=frozenset)
     known: tuple[Effect, ...] = ()
     absorbers_wait: bool = False
+    refused: tuple[Refused, ...] = ()
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -121,6 +125,14 @@ class ChannelExplanation:
         used = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
         kept_back = ABSORBERS if self.absorbers_wait else frozenset()
         return candidates(self.base, frozenset(used) | self.without | kept_back)
+
+    def objection(self, addition: Candidate) -> str:
+        """Why an addition is not to be added, see `kfgen.gap.rest.proof`."""
+        return unproven(self.base, addition)
+
+    def refusing(self, refused: Sequence[Refused]) -> ChannelExplanation:
+        """With these remembered as not added."""
+        return replace(self, refused=(*self.refused, *refused))
 
     def plus(self, addition: Candidate, ranked: Sequence[Candidate]) -> ChannelExplanation:
         """With one more, out of what competed with it; how far those are from it that are not ruled out.

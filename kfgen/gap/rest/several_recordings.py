@@ -19,7 +19,7 @@ from kfgen.effects import Effect, catalogue
 from kfgen.effects.noise_model import ChannelNoise
 from kfgen.gap.core.holdout import Gap, divergence, judged
 from kfgen.gap.core.result import BAD_DATA
-from kfgen.gap.core.search import searched
+from kfgen.gap.core.search import refused_of, searched
 from kfgen.gap.rest.channel_gap import (
     Prepared,
     as_written,
@@ -144,6 +144,7 @@ def _of_all(channel: str, ready: Sequence[Prepared], first: ChannelGap, noise: C
         limits=limits_of(channel, noise.unit, base, at.trusted),
         comb_hz=0.0,
         retuned=retuned,
+        refused=tuple(replace(r, where=channel) for r in refused_of(search)),
         white=np.zeros(0),
         checks=checked(search, findings) if findings else None,
     )

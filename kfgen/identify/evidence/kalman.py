@@ -84,7 +84,12 @@ class Chain:
 
         See `kfgen.identify.evidence.record.Likelihood`.
         """
-        logdet, G = self._products([e.form() for e in effects if not e.coefficients()])
+        try:
+            logdet, G = self._products([e.form() for e in effects if not e.coefficients()])
+        except np.linalg.LinAlgError:  # one noise so far below another that rounding swallows it
+            return self._impossible
+        if not (np.isfinite(G).all() and np.isfinite(logdet) and G[1, 1] > 0.0):
+            return self._impossible
         # The constant, of flat prior, is integrated out: it takes its share of every product.
         flat = 0.5 * float(np.log(G[1, 1]))
         G = G - np.outer(G[:, 1], G[1]) / G[1, 1]
@@ -93,6 +98,11 @@ class Chain:
         return SpectralFit(
             -0.5 * (logdet + quadratic) - flat + self.inside.log_likelihood(effects).value, theta, covariance
         )
+
+    @property
+    def _impossible(self) -> SpectralFit:
+        """What is said of parameters at which no number comes out."""
+        return SpectralFit(-np.inf, np.zeros(k := self.y.shape[1] - 2), np.zeros((k, k)))
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of ``ln L`` in the logarithms of parameters, by central differences.

@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect
 from kfgen.identify.evidence.record import MIN_TIME_IN_STEPS, Evidence, Likelihood
 from kfgen.identify.evidence.whittle import Key, SpectralFit
@@ -159,7 +160,7 @@ class Problem:
             if key in self.priors:
                 prior = self.priors[key]
                 g[k] += (float(point[k]) - prior.mean) / prior.deviation**2
-        return np.asarray(g)
+        return np.where(np.isfinite(g), g, 0.0)  # beside parameters at which no number comes out
 
     def information(self, point: Array) -> Array:
         """Expected second derivative of `objective`, shape (k, k)."""
@@ -215,6 +216,8 @@ def _scored(problem: Problem, point: Array) -> Array:
     value, damping = problem.objective(point), 1e-3
     g, J = problem.gradient(point), problem.information(point)
     for _ in range(MAX_ITERATIONS):
+        if fit_is_over():
+            break
         held = ((point <= lo) & (g > 0.0)) | ((point >= hi) & (g < 0.0))
         step = _step(g, J, ~held, damping)
         trial = np.clip(point + step, lo, hi)

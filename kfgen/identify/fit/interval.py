@@ -25,6 +25,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.time_budget import fit_is_over
 from kfgen.identify.fit.fit import Fit, Key, Problem, inverse, profile
 
 Array = NDArray[np.float64]
@@ -64,6 +65,8 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
     wanted = NORMAL_975 * _widened(spreads, index)
     r_out, step = np.inf, max(wanted * float(spreads[index]), 1e-3)
     for _ in range(_MAX_SECANT_STEPS):
+        if fit_is_over():  # by the expected information, as far as the likelihood was not followed
+            return float(np.exp(origin + direction * wanted * float(spreads[index])))
         x = (
             inside + direction * step
             if outside is None

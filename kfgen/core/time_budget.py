@@ -1,0 +1,98 @@
+"""How long an answer may take: a search whose time is spent ends with the best so far, and that is said.
+
+Time is that of the process or of the clock, whichever passed less: a busy machine takes none of it away, nor do
+several threads.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+
+SEARCH_SECONDS = 60.0
+"""After which nothing more is added [s]."""
+FIT_SECONDS = 80.0
+"""After which a fit ends with its next step [s]; what is left is for the proof, and for what would not have been seen."""
+MIN_SECONDS = 2.0
+"""Of a search whose turn comes when all is spent [s]."""
+ENDED_EARLY = (
+    "the search ended after {seconds:.0f} s of computing with the best so far, and what it did not come to may be "
+    "missing. Give fewer channels or a shorter part of the log for a complete one"
+)
+
+
+@dataclass
+class TimeBudget:
+    """The time of one search, from its first line on.
+
+    Parameters
+    ----------
+    search_s, fit_s : float
+        Seconds after which nothing more is added, and after which fits end.
+    ended_early : bool
+        Whether something was left out for want of time.
+    """
+
+    search_s: float = SEARCH_SECONDS
+    fit_s: float = FIT_SECONDS
+    ended_early: bool = False
+    _clock: float = field(default_factory=time.monotonic)
+    _process: float = field(default_factory=time.process_time)
+
+    @property
+    def spent_s(self) -> float:
+        """Seconds since it began."""
+        return min(time.monotonic() - self._clock, time.process_time() - self._process)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is to be said of it."""
+        return (ENDED_EARLY.format(seconds=self.search_s),) if self.ended_early else ()
+
+
+_CURRENT: ContextVar[TimeBudget | None] = ContextVar("time_budget", default=None)
+
+
+@contextmanager
+def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
+    """A budget for all that is computed inside.
+
+    Parameters
+    ----------
+    parts : int
+        Searches, this one the first of them, that share what is left of the budget outside.
+    """
+    outer = _CURRENT.get()
+    budget = TimeBudget(SEARCH_SECONDS, FIT_SECONDS)
+    if outer is not None:
+        left = max(outer.search_s - outer.spent_s, MIN_SECONDS) / parts
+        budget = TimeBudget(left, left * outer.fit_s / outer.search_s)
+    token = _CURRENT.set(budget)
+    try:
+        yield budget
+    finally:
+        _CURRENT.reset(token)
+        if outer is not None:
+            outer.ended_early |= budget.ended_early
+
+
+def search_is_over() -> bool:
+    """Whether the time for adding effects is spent; asked only where more would be looked for."""
+    budget = _CURRENT.get()
+    return budget is not None and _is_over(budget, budget.search_s)
+
+
+def fit_is_over() -> bool:
+    """Whether the time for fits is spent."""
+    budget = _CURRENT.get()
+    return budget is not None and _is_over(budget, budget.fit_s)
+
+
+def _is_over(budget: TimeBudget, limit_s: float) -> bool:
+    if budget.spent_s < limit_s:
+        return False
+    budget.ended_early = True
+    return True

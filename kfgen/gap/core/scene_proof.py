@@ -1,0 +1,114 @@
+"""What speaks against an addition to a scene in spite of its evidence: what it says of itself, and data that its fit did not see."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.inertial.inertial_error import free
+from kfgen.effects.plant.sensor import SensorChange
+from kfgen.effects.plant.terms import InputChange
+from kfgen.gap.core.newton import SceneFit, coordinates, is_signed, over_levels
+from kfgen.gap.core.scene import Placed, Reaching, ReadingByReading, Scene
+from kfgen.gap.core.scene_evidence import parameter_width
+from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS, LinearFit, parts_of, tail_of, unseen_gain
+from kfgen.gap.core.whitener import Whitener
+
+Array = NDArray[np.float64]
+
+MIN_PART_SAMPLES = 16
+"""Samples of a channel from which on its parts are predicted from one another."""
+MIN_OWN_INFORMATION_SHARE = 1e-10
+"""Share of the information on a number that must be its own, for the record to say anything of it."""
+
+
+def series(scene: Scene, X: Array) -> Array:
+    """Residuals of all channels, shape (N, ...), in time.
+
+    Parameters
+    ----------
+    scene : Scene
+    X : ndarray, shape (N, ...)
+        Residuals of all channels, one after the other.
+    """
+    if isinstance(scene, ReadingByReading):
+        return X  # one for each pose
+    return np.concatenate([Whitener.back(x) for x in np.split(X, np.cumsum(scene.lengths)[:-1])])
+
+
+def unreached(scene: Scene, fit: SceneFit) -> str:
+    """Why an effect of a fit says nothing that the record can show; empty where all do.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    """
+    for index, placed in enumerate(fit.point.placed):
+        why = scene.unreached(placed) if isinstance(scene, Reaching) else ""
+        why = why or _too_slow(scene, placed) or _undetermined(scene, fit, index)
+        if why:
+            return why
+    return ""
+
+
+def _too_slow(scene: Scene, placed: Placed) -> str:
+    """Whether a corner lies below the lowest frequency of the log, or what is late is later than the log is long.
+
+    Then nothing passes, and that is another effect.
+    """
+    longest = scene.span[1] - scene.span[0]
+    corners = [p.name for p in free(placed.effect) if p.kind == "frequency"]
+    if any(float(getattr(placed.effect, n)) < 1.0 / longest for n in corners):
+        return "its corner lies below the lowest frequency of the log"
+    plant = isinstance(placed.effect, InputChange | SensorChange)
+    if plant and max(float(getattr(placed.effect, n, 0.0)) for n in ("lag", "late")) > longest:
+        return "it is later than the log is long"
+    return ""
+
+
+def _undetermined(scene: Scene, fit: SceneFit, index: int) -> str:
+    """The number of an effect of which the record says nothing beside its prior and the other numbers."""
+    H = np.diag(fit.information)
+    variances = np.diag(fit.covariance)
+    for column, (at, name) in enumerate(fit.keys):
+        if at != index:
+            continue
+        effect, sd = fit.point.placed[at].effect, float(np.sqrt(max(variances[column], 0.0)))
+        own = 1.0 / max(float(H[column]) * sd**2, 1e-300)
+        blind = not np.isfinite(sd) or not H[column] > 0.0 or own < MIN_OWN_INFORMATION_SHARE
+        wide = not is_signed(effect, name) and 2.0 * 1.96 * sd > parameter_width(scene, effect, name)
+        if blind or wide:
+            return f"the record says nothing of its {name}"
+    return ""
+
+
+def unproven(scene: Scene, base: SceneFit, fit: SceneFit) -> str:
+    """What the last effect of a fit loses on data that its fit did not see, part by part or on the last ones; empty if nothing.
+
+    Parameters
+    ----------
+    scene : Scene
+    base, fit : SceneFit
+        Without and with it.
+    """
+    if min(scene.lengths) < MIN_PART_SAMPLES or not np.isfinite(coordinates(fit.point)).all():
+        return ""
+    before, after = (_linear(scene, f, fit.levels) for f in (base, fit))
+    for parts in (parts_of(scene.lengths), [tail_of(scene.lengths)]):
+        gain = unseen_gain(before, after, parts)
+        if gain < -MAX_UNSEEN_LOSS_NATS:
+            return f"it loses {-gain:.3g} nats on data that its fit did not see"
+    return ""
+
+
+def _linear(scene: Scene, fit: SceneFit, levels: Array) -> LinearFit:
+    """A fit in time, over the levels of noise that are given."""
+    own = fit.jacobian * np.repeat(fit.levels / levels, scene.lengths)[:, None]
+    priors = fit.information - fit.jacobian.T @ fit.jacobian
+    away = fit.point.unknowns - np.array([u.value for u in scene.unknowns])
+    residual = over_levels(scene, fit.residual, levels)
+    gradient = own.T @ residual
+    gradient[len(fit.keys) :] += np.diag(priors)[len(fit.keys) :] * away
+    return LinearFit(series(scene, residual), series(scene, own), np.asarray(priors + own.T @ own), gradient)
