@@ -67,17 +67,9 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
     return built
 
 
-def not_over(output: Path | None, source: Path) -> None:
-    """An output must not overwrite what the command reads."""
-    from kfgen.core.errors import InputError
-
-    if output is not None and output.resolve() == source.resolve():
-        raise InputError("the output would overwrite the input", where=str(output), remedy="Give another -o")
-
-
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     """Print an answer, write what was asked for, and exit with 1 when a check failed."""
-    from kfgen.core.whole_file import write_text
+    from kfgen.core.whole_file import publish, write_text
     from kfgen.report.page import write_page
 
     for warning in answer.warnings:
@@ -87,6 +79,7 @@ def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     data = json.dumps(answer.data, indent=1, allow_nan=False) if json_to else ""
     if json_to and json_to != "-":
         write_text(json_to, data + "\n")
+    publish()
     print(data if json_to == "-" else answer.text)
     if not answer.ok:
         raise typer.Exit(1)

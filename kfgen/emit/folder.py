@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import kfgen
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
+from kfgen.core.whole_file import write_whole_folder
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
@@ -139,21 +138,10 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "files": sorted(files),
     }
     files[MANIFEST] = json.dumps(manifest, indent=1) + "\n"
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
-    try:
+    with write_whole_folder(folder) as fresh:
         for name, text in files.items():
             (fresh / name).parent.mkdir(exist_ok=True)
             (fresh / name).write_text(text, encoding="utf-8")
-        fresh.chmod(0o755)
-        old = fresh.with_name(f"{fresh.name}.old")
-        if folder.exists():
-            folder.rename(old)
-        fresh.rename(folder)
-        shutil.rmtree(old, ignore_errors=True)
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
     return sorted(files)
 
 
