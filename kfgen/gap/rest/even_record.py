@@ -145,7 +145,8 @@ def regular(
     t = stamps[0] + dt * even
     filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), assumed, dt)
     drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
-    said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
+    if count > stamps.size:
+        said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
     return Record(t, filled, drive, faults=faults), logged, said
 
 

@@ -261,7 +261,7 @@ def _chosen(table: LogTable, columns: ColumnMap | None) -> dict[str, TableColumn
     chosen: dict[str, TableColumn] = {}
     for channel, wanted, unit in columns.entries:
         name = wanted
-        if re.fullmatch(r"#\d+", wanted) and 1 <= int(wanted[1:]) <= len(names):
+        if re.fullmatch(r"#\d{1,9}", wanted) and 1 <= int(wanted[1:]) <= len(names):
             name = names[int(wanted[1:]) - 1]
         if name not in table.columns:
             raise InputError(
