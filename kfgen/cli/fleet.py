@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from typing import Annotated
 
 import typer
@@ -35,15 +36,18 @@ def fleet(
     """Many logs: what the sensors have in common (-o writes it), how they differ, which is not like the others."""
     from kfgen.core.errors import InputError
     from kfgen.fleet.fleet import fleet as over_fleet
+    from kfgen.fleet.journal import Journal
     from kfgen.report.fleet import fleet_answer
 
     if output and model:
         raise InputError("a typical sensor is identified, and no model is given for that", where="--output")
     read_as = {"channels": channels, "rate": rate, "columns": columns}
-    found = over_fleet(logs, model, jobs=jobs, scheduler=scheduler, progress=_count, **read_as)
-    if output:
-        found.save(output)
-    deliver(fleet_answer(found), json, report)
+    with Journal.beside(json, output, report) or nullcontext() as journal:
+        how = {"jobs": jobs, "scheduler": scheduler, "progress": _count, "journal": journal, **read_as}
+        found = over_fleet(logs, model, **how)  # type: ignore[arg-type]
+        if output:
+            found.save(output)
+        deliver(fleet_answer(found), json, report)
 
 
 def _count(done: int, of: int) -> None:

@@ -72,12 +72,15 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     Phi, Qd : ndarray, shape (..., n, n)
+        Not a number where A is none, or is beyond any.
     """
     dt = np.asarray(dt, dtype=np.float64)
     n = A.shape[0]
     if n == 0:
         return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
     norm = float(np.abs(A).sum(axis=1).max()) * dt
+    if not np.isfinite(norm).all():
+        return (np.full((*dt.shape, n, n), np.nan),) * 2
     doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
     Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)

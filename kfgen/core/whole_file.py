@@ -157,6 +157,11 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", errors="replace")
 
 
+def sha256_of(data: bytes) -> str:
+    """SHA-256 of bytes, in hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
 def hashes(files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files, by name."""
-    return {str(f): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
+    return {str(f): sha256_of(f.read_bytes()) for f in files}
