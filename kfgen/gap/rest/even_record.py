@@ -15,6 +15,7 @@ from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
+from kfgen.identify.evidence.noise_free import refuse_noise_free
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
 from kfgen.log.log import Log
@@ -121,11 +122,13 @@ def regular(
             f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
         )
     if stamps.size < 3 or stamps.size < MAX_MISSING_SHARE * y.size:
+        what = "are no numbers" if faults == () else "are no numbers, are stuck, or are beyond all others"
         raise InputError(
-            f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
+            f"{y.size - stamps.size} of {y.size} samples of {name} {what}",
             where=log.source,
             remedy="Check the sensor and the column",
         )
+    _refuse_noise_free(log, name)
     dt = float(np.median(np.diff(stamps)))
     steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
@@ -148,6 +151,13 @@ def regular(
     if count > stamps.size:
         said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
     return Record(t, filled, drive, faults=faults), logged, said
+
+
+def _refuse_noise_free(log: Log, name: str) -> None:
+    try:
+        refuse_noise_free(log.channel(name).values)
+    except InputError as error:
+        raise InputError(error.what, where=f"{log.source}: channel {name}", remedy=error.remedy) from None
 
 
 def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], dt: float) -> Array:

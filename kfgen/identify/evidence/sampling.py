@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
+from kfgen.identify.evidence.noise_free import refuse_noise_free
 from kfgen.identify.evidence.record import Evidence, Record
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ def evidence(
     Raises
     ------
     InputError
-        Too few samples, most of them missing, or a rate that changes.
+        Too few samples, most of them missing, no noise at all, or a rate that changes.
     """
     there = np.isfinite(y)
     limit = _gap_limit(t)
@@ -67,6 +68,7 @@ def evidence(
             f"{counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
             remedy="Log more",
         )
+    refuse_noise_free(y)
     steps = np.diff(t)
     dt, of_channel = _period(logged, steps)
     near = steps[steps < GAP_IN_PERIODS * dt]
