@@ -114,11 +114,14 @@ def stationary_covariance(A: Array, W: Array) -> Array:
         ``P`` with ``A P + P A' + W = 0`` when every eigenvalue of A is stable, else zero
         (a random walk starts at zero: where it stood before the record is a constant).
     """
-    if A.shape[0] == 0 or np.linalg.eigvals(A).real.max() >= 0.0:
+    decay = -np.linalg.eigvals(A).real if A.shape[0] else np.zeros(1)
+    if decay.min() <= np.finfo(float).eps * np.abs(decay).max():  # at that, rounding decides
         return np.zeros_like(A)
-    from scipy.linalg import solve_continuous_lyapunov
+    from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
-    P: Array = solve_continuous_lyapunov(A, -W)
+    # Balanced by powers of two: a slow resonance has a one beside the square of its frequency.
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    P: Array = solve_continuous_lyapunov(balanced, -W / np.outer(scale, scale)) * np.outer(scale, scale)
     return 0.5 * (P + P.T)
 
 

@@ -22,6 +22,8 @@ from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
+MAX_RATIO_OF_NOISE = 1e6
+"""Of steps between samples over the assumed noise, or its inverse, beyond which nothing is compared."""
 MAX_MISSING_SHARE = 0.5
 """Share of the samples that may be missing."""
 MIN_MEAN_WINDOW_SAMPLES = 512
@@ -130,6 +132,7 @@ def regular(
         )
     _refuse_noise_free(log, name)
     dt = float(np.median(np.diff(stamps)))
+    _refuse_far(log, name, y[good], assumed_sd(assumed, dt))
     steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
     count = int(steps.sum()) + 1
@@ -158,6 +161,19 @@ def _refuse_noise_free(log: Log, name: str) -> None:
         refuse_noise_free(log.channel(name).values)
     except InputError as error:
         raise InputError(error.what, where=f"{log.source}: channel {name}", remedy=error.remedy) from None
+
+
+def _refuse_far(log: Log, name: str, y: Array, assumed: float) -> None:
+    """Refuse samples whose noise is so far from what is assumed that no effect explains it."""
+    steps = np.abs(np.diff(y))
+    noise = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
+    ratio = noise / assumed if assumed > 0.0 else 1.0
+    if noise > 0.0 and not 1.0 / MAX_RATIO_OF_NOISE < ratio < MAX_RATIO_OF_NOISE:
+        raise InputError(
+            f"the noise of {name} is {ratio:.2g} times what the model says: they are not of one sensor",
+            where=log.source,
+            remedy="Check the unit of the column and the noise file, or identify the log first",
+        )
 
 
 def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], dt: float) -> Array:
