@@ -15,6 +15,7 @@ from kfgen.core.numbers import finite, is_sampling_rate
 from kfgen.core.result import Result, ShortTable
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import NoiseModel, read_noise
+from kfgen.identify.evidence.whittle import density_of_differences
 from kfgen.identify.fit.bounds import relative_bound, seconds_for
 
 RECORD_HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
@@ -22,6 +23,8 @@ RECORD_HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 MIN_RECORD_SAMPLES = 64
 
 
+PROBED_RAD = np.array([0.1, 1.0, 3.0])
+"""Phase angles between samples at which there must be noise."""
 MIN_WANTED = 1e-6
 """Relative standard deviation that may be asked for."""
 
@@ -130,6 +133,14 @@ def plan(noise: NoiseModel | str | Path, rate: float = 100.0, wanted: float = 0.
             remedy="Give positive numbers of a sensor, --wanted 0.2 --rate 100 for example",
         )
     model = noise if isinstance(noise, NoiseModel) else read_noise(noise)
+    for name, c in model.channels.items():
+        random = [e for e in c.effects if not e.coefficients()]
+        if random and not (density_of_differences(random, PROBED_RAD, 1.0 / rate, 1) > 0.0).all():
+            raise InputError(
+                f"the noise of {name} is zero: no record is long enough for it",
+                where="" if isinstance(noise, NoiseModel) else str(noise),
+                remedy="Give its effects a size, white_noise above all",
+            )
     return RecordPlan(
         rate, wanted, {name: _bounds(c.effects, rate, wanted) for name, c in model.channels.items()}
     )
