@@ -3,7 +3,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-quick test-long lint clean
+.PHONY: demo test test-quick test-long test-lowest lint clean
 demo: $(VENV)/installed
 	$(BIN)/kfgen demo --out out/demo
 
@@ -16,6 +16,12 @@ test-quick: $(VENV)/installed
 test-long: $(VENV)/installed
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
+# The lowest versions that are declared, in an environment of their own.
+test-lowest:
+	sh tools/venv.sh .venv-lowest
+	.venv-lowest/bin/python -m pip install -q --disable-pip-version-check pytest hypothesis -e . $$($(BIN)/python tools/lowest.py)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-lowest/bin/python -m pytest -m "quick and not long"
+
 lint: $(VENV)/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
 
@@ -25,4 +31,4 @@ $(VENV)/installed: pyproject.toml constraints.txt tools/venv.sh
 	touch $@
 
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) .venv-lowest out build dist

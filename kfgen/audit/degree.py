@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.linear import van_loan
+from kfgen.core.numbers import is_sampling_rate
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.discretise import DiscreteModel
@@ -33,6 +34,10 @@ MAX_STEPS_OF_FAST_MODELS = 6000
 """The same where a time constant is shorter than a step: its samples must not act as one of their mean."""
 PRACTICAL = 0.9
 """Share of its prior that a state keeps which does not show in practice."""
+
+
+MIN_DURATION_S, MAX_DURATION_S = 1e-6, 1e7
+"""Length of a covariance run."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +56,13 @@ class Horizon:
     rate: float = 100.0
 
     def __post_init__(self) -> None:
-        if self.duration is not None and not (np.isfinite(self.duration) and self.duration > 0.0):
+        if self.duration is not None and not MIN_DURATION_S <= self.duration <= MAX_DURATION_S:
             raise InputError(
-                f"a duration of {self.duration:g} s is none", remedy="Give --duration a positive number"
+                f"a duration of {self.duration:g} s is no length of a manoeuvre",
+                where="--duration",
+                remedy=f"Give a number between {MIN_DURATION_S:g} and {MAX_DURATION_S:g}",
             )
-        if not (np.isfinite(self.rate) and self.rate > 0.0):
+        if not is_sampling_rate(self.rate):
             raise InputError(f"a rate of {self.rate:g} Hz is none", remedy="Give --rate a positive number")
 
 
@@ -130,11 +137,11 @@ def degree(
     t: Array = np.linspace(0.0, seconds, steps + 1)
     flight = Flight(model, manoeuvre, t, start=start or {})
     scale = np.array([s.prior if s.prior > 0.0 else 1.0 for s in model.states])
-    F = flight.matrix(model.F) * (scale / scale[:, None])
-    G = flight.matrix(model.G) / scale[:, None]
+    F = _finite(model, t, flight.matrix(model.F)) * (scale / scale[:, None])
+    G = _finite(model, t, flight.matrix(model.G)) / scale[:, None]
     W = np.array(model.W, dtype=np.float64).reshape(G.shape[2], G.shape[2])
     H, R = _measurement(discrete, flight, dt * horizon.rate)
-    H = H * scale
+    H = _finite(model, t, H) * scale
     P = np.diag([float(s.prior > 0.0) for s in model.states])
     one, M = np.eye(len(scale)), np.eye(len(scale))
     sigma, rows = [np.sqrt(np.diag(P)) * scale], []
@@ -146,8 +153,22 @@ def degree(
         rows.append(H[k + 1] @ M / np.sqrt(R)[:, None])
         P = _updated(P, H[k + 1], R)
         sigma.append(np.sqrt(np.maximum(np.diag(P), 0.0)) * scale)
+    _finite(model, t, np.array(sigma)[:, :, None])
     singular, weakest = _information(np.vstack(rows), len(scale) - hidden)
     return Degree(t, np.array(sigma), singular, weakest)
+
+
+def _finite(model: FilterModel, t: Array, matrices: Array) -> Array:
+    """Matrices at times [s], shape (k, rows, columns), once every number in them is one; else `InputError`."""
+    bad = np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2)))
+    if bad.size:
+        raise InputError(
+            f"how well the states of {model.name} are known cannot be measured: its linearised equations or its "
+            f"covariance are beyond any number at t = {t[bad[0]]:.6g} s",
+            remedy="Check signs, units and values of its equations and of the manoeuvre, start its states where the "
+            "equations have derivatives, or choose a shorter --duration",
+        )
+    return matrices
 
 
 def _fastest(model: FilterModel, manoeuvre: Manoeuvre, start: Mapping[str, float]) -> float:

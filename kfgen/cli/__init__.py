@@ -14,15 +14,18 @@ def main() -> None:
     for library in LIBRARIES:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from kfgen.cli.app import app
-    from kfgen.core.errors import KfgenError
+    from kfgen.core.terminal import catch_signals, ending_of
 
+    catch_signals()
     try:
-        app()
-    except KfgenError as error:
-        print(f"kfgen: {error}", file=sys.stderr)
-        sys.exit(error.exit_status)
-    except (BrokenPipeError, KeyboardInterrupt):
-        sys.exit(130)
-    except (OSError, MemoryError) as error:
-        print(f"kfgen: {error or 'out of memory'}", file=sys.stderr)
-        sys.exit(2)
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except (Exception, KeyboardInterrupt) as error:
+        status, message = ending_of(error)
+        if isinstance(error, BrokenPipeError):  # nobody reads: what is left must not complain at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if message:
+            print(message, file=sys.stderr)
+        sys.exit(status)

@@ -34,3 +34,7 @@ def top(
 
 
 from kfgen.cli import denoise, fleet, gap, logs, models, noise  # noqa: E402, F401 - commands register on import
+from kfgen.cli.guard import Guarded  # noqa: E402
+
+for command in app.registered_commands:
+    command.cls = Guarded

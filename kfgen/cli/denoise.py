@@ -9,7 +9,7 @@ import typer
 
 from kfgen.cli import options as opt
 from kfgen.cli.app import app
-from kfgen.cli.options import deliver, listed, not_over, read
+from kfgen.cli.options import deliver, listed, read
 
 FILTER = typer.Option(help="The rule of adaptation: kf, iae, iae-q, sage-husa, shafkf-p or shafkf-r.")
 AT_REST = typer.Option(metavar="LOG", help="Estimate the noise from this log at rest, not from LOG itself.")
@@ -42,9 +42,6 @@ def denoise(
     from kfgen.run.adaptive.rules import rule_named
 
     rule_named(filter)
-    for source in (log, at_rest):
-        if source is not None:
-            not_over(output, source)
     data = read(log, rate, columns)
     still = read(at_rest, rate, columns) if at_rest else None
     how = {"order": order, "estimator": estimator, "window": window, "ratio": ratio}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
+from contextlib import nullcontext
 from typing import Annotated
 
 import typer
 
 from kfgen.cli.app import app
-from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver, not_over
+from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver
 
 Logs = Annotated[list[str], typer.Argument(metavar="GLOB...", help="One log of each sensor: 'logs/*.csv'.")]
 Model = Annotated[
@@ -36,18 +36,18 @@ def fleet(
     """Many logs: what the sensors have in common (-o writes it), how they differ, which is not like the others."""
     from kfgen.core.errors import InputError
     from kfgen.fleet.fleet import fleet as over_fleet
-    from kfgen.fleet.fleet import matching
+    from kfgen.fleet.journal import Journal
     from kfgen.report.fleet import fleet_answer
 
     if output and model:
         raise InputError("a typical sensor is identified, and no model is given for that", where="--output")
-    for path in matching(logs):
-        not_over(output, Path(path))
     read_as = {"channels": channels, "rate": rate, "columns": columns}
-    found = over_fleet(logs, model, jobs=jobs, scheduler=scheduler, progress=_count, **read_as)
-    if output:
-        found.save(output)
-    deliver(fleet_answer(found), json, report)
+    with Journal.beside(json, output, report) or nullcontext() as journal:
+        how = {"jobs": jobs, "scheduler": scheduler, "progress": _count, "journal": journal, **read_as}
+        found = over_fleet(logs, model, **how)  # type: ignore[arg-type]
+        if output:
+            found.save(output)
+        deliver(fleet_answer(found), json, report)
 
 
 def _count(done: int, of: int) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from kfgen.cli.app import app
-from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver, not_over, read
+from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver, read
 
 
 @app.command()
@@ -35,8 +35,6 @@ def gap(
     from kfgen.gap.find_gap import find_gap
     from kfgen.report.gap import gap_answer
 
-    for log in logs:
-        not_over(output, log)
     found = find_gap(
         [read(log, rate, columns) for log in logs],
         model,

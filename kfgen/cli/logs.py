@@ -22,7 +22,6 @@ from kfgen.cli.options import (
     Set,
     deliver,
     model_of,
-    not_over,
     read,
 )
 
@@ -66,8 +65,6 @@ def identify(
     from kfgen.log.readers import ColumnMap, read_long
     from kfgen.report.identify import identify_answer
 
-    for log in logs:
-        not_over(output, log)
     mapped = ColumnMap.parse(columns) if columns else None
     data = [read_long(log, rate=rate, columns=mapped) for log in logs]
     found = identified(data, channels=channels, effects=effects, method=method)

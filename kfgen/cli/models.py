@@ -23,6 +23,7 @@ OUTPUT = typer.Option("-o", "--output", metavar="DIR", help="A new folder, or th
 FORM = typer.Option(help="Store the covariance (p) or its UD factors (ud), which are never indefinite.")
 REAL = typer.Option(help="The type of the numbers: float or double.")
 LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.")
+FORCE = typer.Option("--force", help="Replace also files of the folder that you changed.")
 Q_INTERVAL = typer.Option(help="Add process noise of bias states every SECONDS (UD form only).")
 COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4f); repeatable.")
 CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
@@ -102,6 +103,7 @@ def emit(
     loops: Annotated[bool, LOOPS] = False,
     q_interval: Annotated[float, Q_INTERVAL] = 0.0,
     core: Annotated[list[str] | None, COUNTED] = None,
+    force: Annotated[bool, FORCE] = False,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
     order: opt.Order = 1,
@@ -130,6 +132,7 @@ def emit(
         loops=loops,
         q_interval=q_interval,
         costs=partial(costs, names=core) if core else None,
+        force=force,
     )
     deliver(emit_answer(emitted), json, report)
 

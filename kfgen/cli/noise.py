@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from kfgen.cli.app import app
-from kfgen.cli.options import Json, NoisePath, Output, Report, SampleRate, deliver, not_over
+from kfgen.cli.options import Json, NoisePath, Output, Report, SampleRate, deliver
 
 Wanted = Annotated[float, typer.Option(help="The relative standard deviation that is asked for.")]
 Consumer = Annotated[str, typer.Option(help="The program that takes the parameters, see 'kfgen list'.")]
@@ -47,7 +47,6 @@ def convert(
     from kfgen.core.whole_file import write_text
     from kfgen.report.convert import convert_answer
 
-    not_over(output, noise)
     made = convert(noise, to, rate=rate, safety=safety)
     if output is not None:
         write_text(output, made.text + "\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from kfgen.effects.noise_model import NoiseModel
     from kfgen.log.log import Log
     from kfgen.model.filter import FilterModel
     from kfgen.report.page import Answer
@@ -49,13 +47,6 @@ def read(path: Path, rate: float | None, columns: str | None) -> Log:
     return log_of(read_log(path, rate=rate, columns=columns))
 
 
-def noise_of(path: Path | None) -> NoiseModel | None:
-    """The noise file, where one is given."""
-    from kfgen.model.build import noise_of as read_noise_of
-
-    return read_noise_of(path)
-
-
 def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:
     """A filter model with its noise and what was chosen of its options; what is not in it is said."""
     from kfgen.model.build import build
@@ -67,27 +58,21 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
     return built
 
 
-def not_over(output: Path | None, source: Path) -> None:
-    """An output must not overwrite what the command reads."""
-    from kfgen.core.errors import InputError
-
-    if output is not None and output.resolve() == source.resolve():
-        raise InputError("the output would overwrite the input", where=str(output), remedy="Give another -o")
-
-
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     """Print an answer, write what was asked for, and exit with 1 when a check failed."""
-    from kfgen.core.whole_file import write_text
+    from kfgen.core.terminal import json_text, printable
+    from kfgen.core.whole_file import publish, write_text
     from kfgen.report.page import write_page
 
     for warning in answer.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(f"warning: {printable(warning)}", file=sys.stderr)
+    data = json_text(answer.data)
     if report is not None:
         write_page(answer.page, report)
-    data = json.dumps(answer.data, indent=1, allow_nan=False) if json_to else ""
     if json_to and json_to != "-":
         write_text(json_to, data + "\n")
-    print(data if json_to == "-" else answer.text)
+    publish()
+    print(data if json_to == "-" else printable(answer.text))
     if not answer.ok:
         raise typer.Exit(1)
 

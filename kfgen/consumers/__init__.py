@@ -21,9 +21,13 @@ from types import ModuleType
 from kfgen.consumers.base import SENSORS, Converted, Imu, Value
 from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import is_sampling_rate
 from kfgen.effects.noise_model import NoiseModel, read_noise
 
 __all__ = ["Conversion", "Converted", "Imu", "Value", "consumers", "convert"]
+
+MAX_SAFETY = 1e6
+"""Factor on every size; its inverse is the least."""
 
 
 @cache
@@ -110,11 +114,15 @@ def _consumer(to: str, rate: float | None, safety: float) -> ModuleType:
             f"there is no consumer '{to}'", where="--to", remedy=f"Known are {', '.join(sorted(known))}"
         )
     module = known[to]
-    if rate is not None and not 0.0 < rate < float("inf"):
-        raise InputError(f"a rate of {rate:g} Hz is none", where="--rate", remedy="Give a positive number")
-    if not 0.0 < safety < float("inf"):
+    if rate is not None and not is_sampling_rate(rate):
         raise InputError(
-            f"a safety factor of {safety:g} is none", where="--safety", remedy="Give a positive number"
+            f"a rate of {rate:g} Hz is none of a sensor", where="--rate", remedy="Give a positive number"
+        )
+    if not 1.0 / MAX_SAFETY <= safety <= MAX_SAFETY:
+        raise InputError(
+            f"a safety factor of {safety:g} is none",
+            where="--safety",
+            remedy=f"Give a positive number up to {MAX_SAFETY:g}",
         )
     if module.RATE and rate is None:
         raise InputError(

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 AXES = "xyz"
+
+MAX_NAMES_SAID = 20
+"""Names that a message lists."""
+
+
+def some_of(names: Iterable[str]) -> str:
+    """Names for a message: the first of many, and how many others there are."""
+    every = list(names)
+    others = len(every) - MAX_NAMES_SAID
+    return ", ".join(every[:MAX_NAMES_SAID]) + (f" and {others} others" if others > 0 else "")
 
 
 def acts_on(where: str, channel: str) -> bool:

@@ -72,12 +72,15 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     Phi, Qd : ndarray, shape (..., n, n)
+        Not a number where A is none, or is beyond any.
     """
     dt = np.asarray(dt, dtype=np.float64)
     n = A.shape[0]
     if n == 0:
         return np.zeros((*dt.shape, 0, 0)), np.zeros((*dt.shape, 0, 0))
     norm = float(np.abs(A).sum(axis=1).max()) * dt
+    if not np.isfinite(norm).all():
+        return (np.full((*dt.shape, n, n), np.nan),) * 2
     doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
     Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
@@ -111,11 +114,14 @@ def stationary_covariance(A: Array, W: Array) -> Array:
         ``P`` with ``A P + P A' + W = 0`` when every eigenvalue of A is stable, else zero
         (a random walk starts at zero: where it stood before the record is a constant).
     """
-    if A.shape[0] == 0 or np.linalg.eigvals(A).real.max() >= 0.0:
+    decay = -np.linalg.eigvals(A).real if A.shape[0] else np.zeros(1)
+    if decay.min() <= np.finfo(float).eps * np.abs(decay).max():  # at that, rounding decides
         return np.zeros_like(A)
-    from scipy.linalg import solve_continuous_lyapunov
+    from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
-    P: Array = solve_continuous_lyapunov(A, -W)
+    # Balanced by powers of two: a slow resonance has a one beside the square of its frequency.
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    P: Array = solve_continuous_lyapunov(balanced, -W / np.outer(scale, scale)) * np.outer(scale, scale)
     return 0.5 * (P + P.T)
 
 

@@ -6,6 +6,14 @@ import math
 
 from kfgen.core.units import from_si
 
+MIN_RATE_HZ, MAX_RATE_HZ = 1e-9, 1e9
+"""Sampling rates that a sensor may have."""
+
+
+def is_sampling_rate(rate: float) -> bool:
+    """Whether a number is the sampling rate [Hz] of a sensor that could be."""
+    return MIN_RATE_HZ <= rate <= MAX_RATE_HZ
+
 
 def finite(value: float) -> float | None:
     """A number for JSON: infinities and not-a-number as null."""

@@ -16,19 +16,15 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
 from kfgen.core.errors import InputError
+from kfgen.core.unit_grammar import Unit, UnitParser, typed
 from kfgen.core.unit_names import (
     BASE_UNITS,
-    PREFIX_FACTORS,
-    SI_NAMES,
     STANDARD_GRAVITY,
-    TYPED_SIGNS,
-    UNIT_NAMES,
 )
 
 if TYPE_CHECKING:
@@ -49,172 +45,8 @@ __all__ = [
 Real = TypeVar("Real", float, "NDArray[np.float64]")
 """A number, or an array of them."""
 
-_TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z%]+)|([/*^()]))")
-
-_ROOT = re.compile("\N{SQUARE ROOT}([A-Za-z]+)")
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit: ``SI value = factor * value + offset``.
-
-    Parameters
-    ----------
-    text : str
-        As written by the user.
-    factor : float
-        Factor to SI.
-    exponents : tuple of Fraction, length 7
-        Exponents of `BASE_UNITS`.
-    offset : float
-        Added after scaling; only ``degC`` alone has one.
-    """
-
-    text: str
-    factor: float
-    exponents: tuple[Fraction, ...]
-    offset: float = 0.0
-
-    def same_dimension(self, other: Unit) -> bool:
-        """Whether the two units measure the same kind of quantity."""
-        return self.exponents == other.exponents
-
-    @property
-    def si(self) -> str:
-        """The coherent SI unit of the same dimension, as text."""
-        up: list[str] = []
-        down: list[str] = []
-        for base, exponent in zip(BASE_UNITS, self.exponents, strict=True):
-            if exponent:
-                power = abs(exponent)
-                term = base if power == 1 else f"{base}^{_number(power)}"
-                (up if exponent > 0 else down).append(term)
-        if not up and down == ["s"]:
-            return "Hz"
-        text = "/".join(["*".join(up) or "1", *down])
-        return SI_NAMES.get(text, text)
-
-
-def _number(value: Fraction) -> str:
-    return str(value.numerator) if value.denominator == 1 else f"{float(value):g}"
-
-
-def _typed(text: str) -> str:
-    """A unit's text in the letters of the grammar."""
-    for sign, plain in TYPED_SIGNS:
-        text = text.replace(sign, plain)
-    return _ROOT.sub(r"sqrt(\1)", text).strip()
-
-
-class _Parser:
-    """Recursive descent over one unit text."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.tokens: list[str] = []
-        position, stripped = 0, _typed(text)
-        while position < len(stripped):
-            match = _TOKEN.match(stripped, position)
-            if match is None:
-                raise self.error(f"cannot be read at '{stripped[position:]}'")
-            if match.group(1) and position == match.start(1) and self.peek_last().isalpha():
-                self.tokens.append("^")  # m/s2 is m/s^2, as many write it
-            self.tokens.append(match.group(0).strip())
-            position = match.end()
-
-    def error(self, what: str) -> InputError:
-        """The error for this text."""
-        return InputError(
-            f"the unit '{self.text}' {what}",
-            remedy="Write units like 'deg/s', 'm/s^2', 'mg/sqrt(Hz)', 'deg/sqrt(h)' or 'g/16384'",
-        )
-
-    def peek_last(self) -> str:
-        """The last token that was read, empty at the beginning."""
-        return self.tokens[-1] if self.tokens else ""
-
-    def peek(self) -> str:
-        """The next token, empty at the end."""
-        return self.tokens[0] if self.tokens else ""
-
-    def take(self, expected: str = "") -> str:
-        """Consume a token."""
-        if not self.tokens or (expected and self.tokens[0] != expected):
-            raise self.error(f"misses a '{expected}'" if expected else "ends too early")
-        return self.tokens.pop(0)
-
-    def product(self) -> Unit:
-        """Factors with signs between them."""
-        result = self.power()
-        while self.tokens and self.peek() != ")":
-            sign = 1
-            if self.peek() in ("/", "*"):
-                sign = -1 if self.take() == "/" else 1
-            result = _multiply(result, self.power(), sign)
-        return result
-
-    def power(self) -> Unit:
-        """An atom with its exponent."""
-        unit = self.atom()
-        if self.peek() == "^":
-            self.take()
-            unit = _raise(unit, self.exponent())
-        return unit
-
-    def exponent(self) -> Fraction:
-        """A number, or a fraction in brackets."""
-        bracket = self.peek() == "("
-        if bracket:
-            self.take("(")
-        token = self.take()
-        try:
-            value = Fraction(token)
-            if bracket and self.peek() == "/":
-                self.take("/")
-                value /= Fraction(self.take())
-        except (ValueError, ZeroDivisionError):
-            raise self.error(f"has the exponent '{token}', which is no number") from None
-        if bracket:
-            self.take(")")
-        return value
-
-    def atom(self) -> Unit:
-        """A bracket, a root, a number or a name."""
-        token = self.take()
-        if token == "(":
-            unit = self.product()
-            self.take(")")
-            return unit
-        if token == "sqrt":
-            self.take("(")
-            unit = self.product()
-            self.take(")")
-            return _raise(unit, Fraction(1, 2))
-        if token[0].isdigit() or token[0] == ".":
-            value = float(token)
-            if not (math.isfinite(value) and value > 0.0):
-                raise self.error(f"has the factor {token}, which is not positive")
-            return Unit(token, value, (Fraction(0),) * len(BASE_UNITS))
-        return self.name(token)
-
-    def name(self, token: str) -> Unit:
-        """A unit with or without a prefix."""
-        for split in (0, 1):
-            prefix, root = token[:split], token[split:]
-            if root in UNIT_NAMES and prefix in PREFIX_FACTORS and (not prefix or UNIT_NAMES[root][2]):
-                factor, powers, _ = UNIT_NAMES[root]
-                exponents = tuple(Fraction(powers.get(base, 0)) for base in BASE_UNITS)
-                return Unit(token, PREFIX_FACTORS[prefix] * factor, exponents)
-        raise self.error(f"has the unknown part '{token}'")
-
-
-def _multiply(a: Unit, b: Unit, sign: int) -> Unit:
-    exponents = tuple(x + sign * y for x, y in zip(a.exponents, b.exponents, strict=True))
-    return Unit("", a.factor * b.factor**sign, exponents)
-
-
-def _raise(unit: Unit, power: Fraction) -> Unit:
-    return Unit("", unit.factor ** float(power), tuple(x * power for x in unit.exponents))
+MAX_UNIT_LETTERS = 500
+"""Letters of a unit's text."""
 
 
 @lru_cache(maxsize=512)
@@ -233,7 +65,11 @@ def parse_unit(text: str) -> Unit:
     """
     if not text.strip():
         return Unit("1", 1.0, (Fraction(0),) * len(BASE_UNITS))
-    parser = _Parser(text)
+    if len(text) > MAX_UNIT_LETTERS:
+        raise InputError(
+            f"the unit '{text[:20]}...' has {len(text)} letters", remedy="Write units like 'deg/s'"
+        )
+    parser = UnitParser(text)
     try:
         unit = parser.product()
     except (OverflowError, ZeroDivisionError, RecursionError):
@@ -242,7 +78,7 @@ def parse_unit(text: str) -> Unit:
         raise parser.error("is beyond any number")
     if parser.tokens:
         raise parser.error(f"has '{parser.peek()}' left over")
-    offset = 273.15 if _typed(text) == "degC" else 0.0
+    offset = 273.15 if typed(text) == "degC" else 0.0
     return Unit(text.strip(), unit.factor, unit.exponents, offset)
 
 
@@ -371,7 +207,7 @@ def derived_unit(template: str, unit: str) -> str:
     >>> derived_unit("U/sqrt(Hz)", "deg/s")
     'deg/s/sqrt(Hz)'
     """
-    unit = _typed(unit)
+    unit = typed(unit)
     unit = "K" if unit == "degC" else unit  # a size of an effect is a difference
     if unit.strip() in ("", "1"):  # 1/U and U/s are no unit and 1/s
         text = re.sub(r"/\(U\)(\^[0-9.]+)?", "", re.sub(r"\bU\*", "", template))

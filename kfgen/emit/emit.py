@@ -30,6 +30,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     loops: bool = False,
     q_interval: float = 0.0,
     costs: CostCounter | None = None,
+    force: bool = False,
 ) -> EmittedFilter:
     """Write a filter as code, all files or none.
 
@@ -59,6 +60,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
         Seconds between two additions of process noise to states that keep their value (``ud`` only); 0: every step.
     costs : callable, optional
         Counts what the routines cost, for the header: `kfgen.verify.compare.costs` with its cores chosen.
+    force : bool
+        Replace also files of the folder that were changed since they were written.
 
     Returns
     -------
@@ -74,5 +77,5 @@ def emit(  # noqa: PLR0913 - the choices of one command
     if costs is not None:
         program = replace(program, costs=costs(program))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None
-    names = write_folder(program, target, noise_file, folder)
+    names = write_folder(program, target, noise_file, folder, force)
     return EmittedFilter(program, target, Path(folder), tuple(names))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import kfgen
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
+from kfgen.core.whole_file import sha256_of, write_whole_folder
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
@@ -26,6 +25,8 @@ NOISE = "noise.toml"
 MODEL = "model.toml"
 FILTER = "filter.toml"
 FORMAT = "kfgen-manifest-1"
+MAX_NUMBER = 1e15
+"""In a manifest."""
 PYTHON_CACHE = "__pycache__"
 
 
@@ -87,7 +88,9 @@ class EmittedFilter(Result):
         }
 
 
-def write_folder(program: Program, target: str, noise: NoiseModel | None, folder: str | Path) -> list[str]:
+def write_folder(
+    program: Program, target: str, noise: NoiseModel | None, folder: str | Path, force: bool = False
+) -> list[str]:
     """Write a filter's files, all or none; returns their names.
 
     Parameters
@@ -100,18 +103,20 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         What the filter was built with; goes into the folder, so that it can be built again.
     folder : path-like
         A new folder, an empty one, or one of an emitted filter, which is replaced.
+    force : bool
+        Replace also files that were changed since they were written.
 
     Raises
     ------
     InputError
-        An unknown target, or a folder that holds files of other origin.
+        An unknown target, or a folder that holds files of other origin or changed ones.
     """
     if target not in targets():
         raise InputError(
             f"there is no target '{target}'", where="--target", remedy=f"Known are {', '.join(targets())}"
         )
     folder = Path(folder).resolve()
-    _check_free(folder)
+    _check_free(folder, force)
     files = dict(targets()[target].files(program))
     if noise is not None:
         files[NOISE] = noise_text(noise)
@@ -137,27 +142,17 @@ def write_folder(program: Program, target: str, noise: NoiseModel | None, folder
         "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
+        "sha256": {name: sha256_of(text.encode()) for name, text in sorted(files.items())},
     }
     files[MANIFEST] = json.dumps(manifest, indent=1) + "\n"
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
-    try:
+    with write_whole_folder(folder) as fresh:
         for name, text in files.items():
             (fresh / name).parent.mkdir(exist_ok=True)
             (fresh / name).write_text(text, encoding="utf-8")
-        fresh.chmod(0o755)
-        old = fresh.with_name(f"{fresh.name}.old")
-        if folder.exists():
-            folder.rename(old)
-        fresh.rename(folder)
-        shutil.rmtree(old, ignore_errors=True)
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
     return sorted(files)
 
 
-def _check_free(folder: Path) -> None:
+def _check_free(folder: Path, force: bool) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
@@ -167,13 +162,27 @@ def _check_free(folder: Path) -> None:
     present |= {p.name for p in folder.iterdir() if p.is_dir() and not any(p.iterdir())}
     if not present:
         return
-    known = set(_manifest(folder)["files"]) | {MANIFEST} if MANIFEST in present else set()
+    manifest = _manifest(folder) if MANIFEST in present else {"files": []}
+    known = {*manifest["files"], MANIFEST} if MANIFEST in present else set()
     strangers = sorted(present - known)
     if strangers:
         raise InputError(
             f"the folder holds other files ({', '.join(strangers[:3])})",
             where=str(folder),
             remedy="Give a new folder with -o",
+        )
+    written = manifest.get("sha256")
+    if isinstance(written, dict) and not force:
+        for name in sorted(present & known - {MANIFEST}):
+            _check_unchanged(folder, name, written.get(name))
+
+
+def _check_unchanged(folder: Path, name: str, written: object) -> None:
+    if sha256_of((folder / name).read_bytes()) != written:
+        raise InputError(
+            f"the file {name} was changed since kfgen wrote it, and would be lost",
+            where=str(folder),
+            remedy="Give a new folder with -o, or --force to replace it",
         )
 
 
@@ -198,6 +207,16 @@ def _manifest(folder: Path) -> dict[str, Any]:
     ):
         raise InputError("it is no manifest of kfgen", where=str(path))
     return manifest
+
+
+def _number(folder: Path, manifest: dict[str, Any], key: str, default: float | None = None) -> float:
+    """A finite number of a manifest."""
+    value = manifest.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:
+        raise InputError(
+            f"its {key} is {value!r} and no number", where=str(folder / MANIFEST), remedy="Emit it again"
+        )
+    return float(value)
 
 
 def _model_of(folder: Path, manifest: dict[str, Any]) -> str:
@@ -231,11 +250,11 @@ def read_folder(folder: str | Path) -> EmittedFilter:
     try:
         discrete = DiscreteModel(
             build(_model_of(folder, manifest), noise, _options_of(folder, manifest)),
-            order=int(str(manifest["order"])),
-            max_step=float(str(manifest["max_step"])),
-            rate=float(str(manifest["rate"])),
+            order=int(_number(folder, manifest, "order")),
+            max_step=_number(folder, manifest, "max_step"),
+            rate=_number(folder, manifest, "rate"),
         )
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise InputError(f"it lacks or garbles {error}", where=str(folder / MANIFEST)) from None
     if discrete.hash != manifest.get("model_hash"):
         raise InputError(
@@ -243,7 +262,7 @@ def read_folder(folder: str | Path) -> EmittedFilter:
             where=str(folder / MANIFEST),
             remedy="Emit it again",
         )
-    q_interval = float(manifest.get("q_interval", 0.0))
+    q_interval = _number(folder, manifest, "q_interval", 0.0)
     options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
     return EmittedFilter(
         Program(discrete, str(options[0]), str(options[1]), options[2], q_interval),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from kfgen.core.errors import InputError
 from kfgen.effects.noise_model import read_noise
+from kfgen.fleet.journal import Journal
 from kfgen.fleet.pooling import pooled
 from kfgen.fleet.result import FleetResult
 from kfgen.fleet.spread import on_cluster, on_this_machine
@@ -27,6 +28,7 @@ def fleet(
     jobs: int = 0,
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
+    journal: Journal | None = None,
     **options: object,
 ) -> FleetResult:
     """What sensors of one kind have in common, how much they differ, and which is not like the others.
@@ -43,6 +45,8 @@ def fleet(
         Address of a Dask cluster that sees the same paths.
     progress : callable, optional
         Called with the number of logs done and of all, after each.
+    journal : Journal, optional
+        What is known already, and takes every log that is done; see `kfgen.fleet.journal.Journal`.
     **options
         ``channels``, ``rate`` and ``columns`` of `kfgen.fleet.worker.LogTask`.
 
@@ -62,9 +66,14 @@ def fleet(
     if name:
         _check(name)
     tasks = [LogTask.of(log, model=name, **options) for log in everything]
-    outcomes = []
-    for outcome in on_cluster(tasks, scheduler) if scheduler else on_this_machine(tasks, jobs):
+    known = [journal.found(t) if journal else None for t in tasks]
+    left = [t for t, found in zip(tasks, known) if found is None]
+    of_log = {t.log: t for t in left}
+    outcomes = [found for found in known if found is not None]
+    for outcome in on_cluster(left, scheduler) if scheduler else on_this_machine(left, jobs):
         outcomes.append(outcome)
+        if journal:
+            journal.add(of_log[outcome.log], outcome)
         if progress:
             progress(len(outcomes), len(tasks))
     sha256 = hashlib.sha256(Path(name).read_bytes()).hexdigest() if name and Path(name).is_file() else ""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from kfgen.core.errors import InputError
+from kfgen.fleet.crew import crew_of
 from kfgen.fleet.result import Outcome
 from kfgen.fleet.worker import LogTask, work
 from kfgen.verify.host import missing
@@ -25,17 +26,11 @@ def on_this_machine(tasks: Sequence[LogTask], jobs: int) -> Iterator[Outcome]:
     jobs : int
         Processes; 0 for one a processor, 1 for none but this one.
     """
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from multiprocessing import get_context
-
     jobs = min(jobs or os.cpu_count() or 1, len(tasks))
-    if jobs == 1:
+    if jobs <= 1:
         yield from map(work, tasks)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(work, task): task for task in tasks}
-        for future in as_completed(waiting):
-            yield _outcome(waiting[future], future.exception(), future.result)
+    yield from crew_of(tasks).outcomes(jobs)
 
 
 def on_cluster(tasks: Sequence[LogTask], address: str) -> Iterator[Outcome]:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects.driven.proportional import DRIVERS
@@ -56,20 +57,22 @@ def default_channels(log: Log | StoredLog) -> tuple[list[str], list[str]]:
     curve = log.axis == "tau"
     free = [c for c in log.channels if not c.startswith(OTHER_NAME) and not (curve and c.endswith(BAND_ENDS))]
     named = [c for c in free if SENSOR_NAME.fullmatch(c)]
-    counters = [] if curve else [c for c in free if c not in named and _is_time(log, c)]
-    free = [c for c in free if c not in counters]
+    counters = [] if curve else [c for c in free if not SENSOR_NAME.fullmatch(c) and _is_time(log, c)]
+    skipped = set(counters)
+    free = [c for c in free if c not in skipped]
     names = named or free
     if not names:
         raise InputError(
-            f"there is nothing to identify among {', '.join(log.channels)}",
+            f"there is nothing to identify among {some_of(log.channels)}",
             where=log.source,
             remedy="Name channels with --channels",
         )
-    said = [f"{', '.join(counters)}: a time or a counter, not identified"] if counters else []
-    rest = [c for c in free if c not in names]
+    said = [f"{some_of(counters)}: a time or a counter, not identified"] if counters else []
+    asked = set(names)
+    rest = [c for c in free if c not in asked]
     if rest:
         said.append(
-            f"{', '.join(rest)}: not identified beside the sensor channels; ask for "
+            f"{some_of(rest)}: not identified beside the sensor channels; ask for "
             f"{'it' if len(rest) == 1 else 'them'} with --channels {','.join(rest)}"
         )
     return names, said

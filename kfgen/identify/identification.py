@@ -47,6 +47,10 @@ def expected_deviation(record: Evidence, effects: tuple[Effect, ...]) -> Array:
     return np.sqrt(random + record.drift_variance(effects))
 
 
+OPEN = "the record does not close the interval: null is an end that is not known"
+"""Said beside an interval with an infinite end."""
+
+
 @dataclass(frozen=True)
 class IdentifiedEffect:
     """One effect with what is known of its parameters.
@@ -86,6 +90,7 @@ class IdentifiedEffect:
                     "unit": units[name],
                     "ci95": [finite(v) for v in self.ci95[name]],
                     **({"crlb_rel": finite(self.crlb_rel[name])} if name in self.crlb_rel else {}),
+                    **({} if np.isfinite(self.ci95[name]).all() else {"open": OPEN}),
                 }
                 for name, value in self.values.items()
             },

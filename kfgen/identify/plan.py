@@ -11,15 +11,22 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.core.numbers import finite
+from kfgen.core.numbers import finite, is_sampling_rate
 from kfgen.core.result import Result, ShortTable
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import NoiseModel, read_noise
+from kfgen.identify.evidence.whittle import density_of_differences
 from kfgen.identify.fit.bounds import relative_bound, seconds_for
 
 RECORD_HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Lengths of records [h] at which the bound is said."""
 MIN_RECORD_SAMPLES = 64
+
+
+PROBED_RAD = np.array([0.1, 1.0, 3.0])
+"""Phase angles between samples at which there must be noise."""
+MIN_WANTED = 1e-6
+"""Relative standard deviation that may be asked for."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +127,20 @@ def plan(noise: NoiseModel | str | Path, rate: float = 100.0, wanted: float = 0.
     InputError
         A rate or an accuracy that is not positive, or a noise file that cannot be read.
     """
-    if not 0.0 < wanted < 10.0 or not 0.0 < rate < float("inf"):
+    if not MIN_WANTED <= wanted < 10.0 or not is_sampling_rate(rate):
         raise InputError(
             f"a plan for an accuracy of {wanted:g} at {rate:g} Hz cannot be made",
-            remedy="Give positive numbers, --wanted 0.2 --rate 100 for example",
+            remedy="Give positive numbers of a sensor, --wanted 0.2 --rate 100 for example",
         )
     model = noise if isinstance(noise, NoiseModel) else read_noise(noise)
+    for name, c in model.channels.items():
+        random = [e for e in c.effects if not e.coefficients()]
+        if random and not (density_of_differences(random, PROBED_RAD, 1.0 / rate, 1) > 0.0).all():
+            raise InputError(
+                f"the noise of {name} is zero: no record is long enough for it",
+                where="" if isinstance(noise, NoiseModel) else str(noise),
+                remedy="Give its effects a size, white_noise above all",
+            )
     return RecordPlan(
         rate, wanted, {name: _bounds(c.effects, rate, wanted) for name, c in model.channels.items()}
     )

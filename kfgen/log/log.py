@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kfgen.core.channel_names import acts_on
+from kfgen.core.channel_names import acts_on, some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit, to_si
 
@@ -173,7 +173,7 @@ class Log:
             raise InputError(
                 f"channel '{name}' is missing",
                 where=self.source,
-                remedy=f"It has {', '.join(self.channels)}; map others with --columns",
+                remedy=f"It has {some_of(self.channels)}; map others with --columns",
             )
         return self.channels[name]
 
@@ -293,6 +293,6 @@ class StoredLog:
         """The channel of that name; raises `InputError` where there is none."""
         if name not in self.channels:
             raise InputError(
-                f"channel '{name}' is missing", where=self.source, remedy=f"It has {', '.join(self.channels)}"
+                f"channel '{name}' is missing", where=self.source, remedy=f"It has {some_of(self.channels)}"
             )
         return self.channels[name]

@@ -149,7 +149,10 @@ def _follows(table: Mapping[str, Any], segments: list[Segment], where: str) -> N
     """A start, where one is given, must be the end of the segments before."""
     if "start" not in table:
         return
-    start = float(of_time(value(table["start"], "s", f"{where} start"), DEFAULT_LENGTH_S))
+    given = value(table["start"], "s", f"{where} start")
+    if TIME in given.value.free_symbols:
+        raise InputError("a start cannot depend on t", where=f"{where} start", remedy="Write it in T")
+    start = float(of_time(given, DEFAULT_LENGTH_S))
     before = sum(s.lasts(DEFAULT_LENGTH_S) for s in segments[:-1])
     if abs(start - before) > 1e-9 * max(1.0, before):
         what = "overlaps the segment before" if start < before else "leaves a gap to the segment before"

@@ -37,6 +37,10 @@ Triple = tuple[Expression, Expression, Expression]
 ZERO_TRIPLE: Triple = (Expression("0", sp.Integer(0)),) * 3
 
 
+MAX_VALUE = 1e12
+"""Of a rate, an acceleration or an input [SI]: nothing that moves has more."""
+
+
 @dataclass(frozen=True)
 class Segment:
     """A piece of a manoeuvre.
@@ -213,12 +217,13 @@ class Manoeuvre:
                     columns = tape(list(formulas(segment)), [TIME]).values([since[on] - edges[k]])
                 for j, column in enumerate(columns):
                     out[on, j] = column
-        if not np.isfinite(out).all():
-            bad = float(since[~np.isfinite(out).all(axis=1)][0])
+        bad = ~(np.abs(out) <= MAX_VALUE).all(axis=1)
+        if bad.any():
+            what = "value below 1e12" if np.isfinite(out).all() else "finite value"
             raise InputError(
-                f"an expression has no finite value {bad:g} s after the start",
+                f"an expression has no {what} {float(since[bad][0]):g} s after the start",
                 where=self.path or self.name,
-                remedy="Look for a division by zero or a root of a negative number",
+                remedy="Look for a division by zero, a root of a negative number or a wrong unit",
             )
         return out
 

@@ -24,6 +24,7 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 from kfgen.core.linear import taylor
+from kfgen.core.numbers import is_sampling_rate
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT, Register
@@ -91,7 +92,7 @@ class DiscreteModel:
     rates: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not (self.rate > 0 and math.isfinite(self.rate)):
+        if not is_sampling_rate(self.rate):
             raise InputError(
                 f"a rate of {self.rate:g} Hz is no sampling rate",
                 remedy="Give --rate a positive number of hertz",

@@ -41,9 +41,11 @@ def audit_answer(audited: Audited) -> Answer:
 
 
 def _beside(a: Audit) -> str:
+    finite = np.isfinite(a.numeric.condition)
+    condition = f"{a.numeric.condition:.2g} in" if finite else "beyond"
     return (
-        f"python-control and numpy: rank {a.numeric.rank}, condition number {a.numeric.condition:.2g} "
-        "in floating point, units mixed"
+        f"python-control and numpy: rank {a.numeric.rank}, condition number {condition} floating point, "
+        "units mixed"
     )
 
 

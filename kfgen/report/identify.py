@@ -51,11 +51,23 @@ def _rows(channel: IdentifiedChannel, unit: str) -> list[list[str]]:
                     e.name,
                     p.name,
                     quantity(e.values[p.name], u),
-                    f"95 % {from_si(lo, u):.4g} to {from_si(hi, u):.4g}",
-                    f"bound {100 * bound:.2g} %" if bound is not None else "",
+                    f"95 % {from_si(lo, u):.4g} to {_end(hi, u)}",
+                    _bound(bound),
                 ]
             )
     return rows
+
+
+def _end(hi: float, unit: str) -> str:
+    """The upper end of an interval [SI], where the record has one."""
+    return f"{from_si(hi, unit):.4g}" if np.isfinite(hi) else "unbounded by this record"
+
+
+def _bound(bound: float | None) -> str:
+    """The Cramér-Rao bound in words."""
+    if bound is None:
+        return ""
+    return f"bound {100 * bound:.2g} %" if np.isfinite(bound) else "no bound: the record does not show it"
 
 
 def one_line(channel: IdentifiedChannel) -> str:

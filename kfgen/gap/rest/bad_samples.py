@@ -43,6 +43,8 @@ def invalid_samples(raw: RawSamples) -> tuple[Mask, tuple[DetectedFault, ...]]:
     if _is_spoilt(raw, still):
         spoils = [DetectedFault(_stuck(raw, a, b), float(b - a), spoils=True) for a, b in still]
         return np.zeros(raw.n, dtype=np.bool_), tuple(spoils)
+    if not np.any(np.diff(raw.y)):  # a channel that never changes is refused as what it is
+        return np.zeros(raw.n, dtype=np.bool_), ()
     if invalid.any():
         off = float(np.sqrt(np.mean((raw.y[invalid] - np.median(raw.y)) ** 2)))
         found.append(DetectedFault(Outliers(float(np.mean(invalid)), off), float(invalid.sum())))

@@ -15,12 +15,15 @@ from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
+from kfgen.identify.evidence.noise_free import refuse_noise_free
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 
+MAX_RATIO_OF_NOISE = 1e6
+"""Of steps between samples over the assumed noise, or its inverse, beyond which nothing is compared."""
 MAX_MISSING_SHARE = 0.5
 """Share of the samples that may be missing."""
 MIN_MEAN_WINDOW_SAMPLES = 512
@@ -121,12 +124,15 @@ def regular(
             f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
         )
     if stamps.size < 3 or stamps.size < MAX_MISSING_SHARE * y.size:
+        what = "are no numbers" if faults == () else "are no numbers, are stuck, or are beyond all others"
         raise InputError(
-            f"{y.size - stamps.size} of {y.size} samples of {name} are no numbers",
+            f"{y.size - stamps.size} of {y.size} samples of {name} {what}",
             where=log.source,
             remedy="Check the sensor and the column",
         )
+    _refuse_noise_free(log, name)
     dt = float(np.median(np.diff(stamps)))
+    _refuse_far(log, name, y[good], assumed_sd(assumed, dt))
     steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
     count = int(steps.sum()) + 1
@@ -145,8 +151,29 @@ def regular(
     t = stamps[0] + dt * even
     filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), assumed, dt)
     drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
-    said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
+    if count > stamps.size:
+        said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
     return Record(t, filled, drive, faults=faults), logged, said
+
+
+def _refuse_noise_free(log: Log, name: str) -> None:
+    try:
+        refuse_noise_free(log.channel(name).values)
+    except InputError as error:
+        raise InputError(error.what, where=f"{log.source}: channel {name}", remedy=error.remedy) from None
+
+
+def _refuse_far(log: Log, name: str, y: Array, assumed: float) -> None:
+    """Refuse samples whose noise is so far from what is assumed that no effect explains it."""
+    steps = np.abs(np.diff(y))
+    noise = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
+    ratio = noise / assumed if assumed > 0.0 else 1.0
+    if noise > 0.0 and not 1.0 / MAX_RATIO_OF_NOISE < ratio < MAX_RATIO_OF_NOISE:
+        raise InputError(
+            f"the noise of {name} is {ratio:.2g} times what the model says: they are not of one sensor",
+            where=log.source,
+            remedy="Check the unit of the column and the noise file, or identify the log first",
+        )
 
 
 def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], dt: float) -> Array:

@@ -164,7 +164,10 @@ class Chain:
         factor = cholesky_banded(band, lower=True, check_finite=False)
         solved = cho_solve_banded((factor, True), rhs, check_finite=False)
         logdet += 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(system.start)[1])
-        return logdet, c - rhs.T @ solved
+        G = c - rhs.T @ solved
+        # Where the states can be any constant, what is left of it is rounding, which may be negative.
+        G[1, 1] = max(float(G[1, 1]), float(np.finfo(float).eps * c[1, 1]))
+        return logdet, G
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
+from kfgen.identify.evidence.noise_free import refuse_noise_free
 from kfgen.identify.evidence.record import Evidence, Record
 
 Array = NDArray[np.float64]
@@ -34,6 +35,8 @@ MAX_MISSING_SHARE = 0.9
 """Share of samples that may be missing."""
 MAX_UNEVEN_SAMPLES = 10_000
 """Samples at uneven times that are fitted."""
+MIN_SHARE_OF_NEIGHBOURS = 0.1
+"""Share of steps of one period of the log, from which on a channel has the log's rate and lost samples."""
 MIN_PIECE_SAMPLES = 512
 """Samples of a piece that has a spectrum of its own."""
 
@@ -53,22 +56,23 @@ def evidence(
     Raises
     ------
     InputError
-        Too few samples, most of them missing, or a rate that changes.
+        Too few samples, most of them missing, no noise at all, or a rate that changes.
     """
     there = np.isfinite(y)
     limit = _gap_limit(t)
     said = _missing(t, there) + _gaps(t, limit)
-    t, y = t[there], y[there]
+    logged, t, y = t, t[there], y[there]
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
         raise InputError(
             f"{counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
             remedy="Log more",
         )
+    refuse_noise_free(y)
     steps = np.diff(t)
-    dt = float(np.median(steps))
+    dt, of_channel = _period(logged, steps)
     near = steps[steps < GAP_IN_PERIODS * dt]
-    _check_rate(t, steps, dt)
+    _check_rate(*((t, steps) if of_channel else (logged, np.diff(logged))))
     error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
     if error > JITTER_SAID_IN_PERIODS:
         said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
@@ -151,7 +155,17 @@ def _gaps(t: Array, limit: float) -> list[str]:
     ]
 
 
-def _check_rate(t: Array, steps: Array, dt: float) -> None:
+def _period(logged: Array, steps: Array) -> tuple[float, bool]:
+    """The sampling period [s], and whether it is the channel's own: a channel of half the log's rate has every second
+    sample, one that lost half of them at random has neighbours too, and the log's period.
+    """
+    own, of_log = float(np.median(steps)), float(np.median(np.diff(logged)))
+    neighbours = float(np.mean(np.abs(steps / of_log - 1.0) < 0.1))
+    lost = own > GAP_IN_PERIODS * of_log and neighbours >= MIN_SHARE_OF_NEIGHBOURS
+    return (of_log, False) if lost else (own, own > GAP_IN_PERIODS * of_log)
+
+
+def _check_rate(t: Array, steps: Array) -> None:
     """A rate that changes for good is refused."""
     if steps.size < 10 * STRETCHES_OF_RATE_CHECK:
         return

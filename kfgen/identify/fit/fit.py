@@ -239,7 +239,7 @@ def _scored(problem: Problem, point: Array) -> Array:
 
 def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
     step = np.zeros(g.size)
-    if free.any():
+    if free.any() and np.isfinite(g).all() and np.isfinite(J).all():
         K = J[np.ix_(free, free)]
         scale = np.sqrt(np.maximum(np.diag(K), 1e-8))
         K = K / np.outer(scale, scale) + damping * np.eye(scale.size)

@@ -136,7 +136,7 @@ def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[l
 
 
 def _names(path: Path, index: int, cells: list[str]) -> tuple[list[str], list[str | None]]:
-    names: list[str] = []
+    names: dict[str, None] = {}
     units: list[str | None] = []
     for k, cell in enumerate(cells):
         match = _HEADER.match(cell)
@@ -147,9 +147,9 @@ def _names(path: Path, index: int, cells: list[str]) -> tuple[list[str], list[st
                 where=f"{path}: line {index + 1}, column {k + 1}",
                 remedy="Rename one of the two columns",
             )
-        names.append(name)
+        names[name] = None
         units.append(unit)
-    return names, units
+    return list(names), units
 
 
 def _numbers(

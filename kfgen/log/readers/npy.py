@@ -7,10 +7,10 @@ Nothing that is pickled is ever loaded.
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
-import numpy as np
-
+from kfgen.core.array_file import mapped
 from kfgen.core.errors import InputError
 from kfgen.log.readers.table import LogTable, TableColumn
 
@@ -26,18 +26,15 @@ def read(path: Path) -> LogTable:
         It is no plain array of real numbers in one or two dimensions, or it is cut off.
     """
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:
+        array = mapped(path)
+    except (ValueError, OSError) as error:
+        if zipfile.is_zipfile(path):
+            raise InputError(
+                "it is an archive and no single array", where=str(path), remedy="Give it the suffix .npz"
+            ) from None
         raise InputError(
-            f"it is no plain array ({str(error).splitlines()[0] if str(error) else 'cut off'})",
-            where=str(path),
-            remedy="Write it with numpy.save",
+            f"it is no plain array ({error})", where=str(path), remedy="Write it with numpy.save"
         ) from None
-    if not isinstance(array, np.memmap):
-        array.close()
-        raise InputError(
-            "it is an archive and no single array", where=str(path), remedy="Give it the suffix .npz"
-        )
     if array.dtype.kind not in "fiu":
         raise InputError(
             f"it holds '{array.dtype}', not real numbers",

@@ -11,12 +11,12 @@ from __future__ import annotations
 import json
 import re
 import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.array_file import archived
 from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
@@ -47,30 +47,13 @@ def read(path: Path) -> LogTable:
     InputError
         It is no archive of plain arrays, or its arrays differ in length.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (
-        ValueError,
-        TypeError,
-        OSError,
-        EOFError,
-        NotImplementedError,
-        RuntimeError,
-        zlib.error,
-        zipfile.BadZipFile,
-    ) as error:
-        raise InputError(
-            f"it is no archive of plain arrays ({str(error).splitlines()[0] if str(error) else 'cut off'})",
-            where=str(path),
-            remedy="Write it with numpy.savez",
-        ) from None
+    arrays = archived(path)
     try:
         units = _own_units(arrays)
         if units is not None:
             columns = {k: TableColumn(np.asarray(arrays[k], float), u) for k, u in units.items()}
-            return LogTable(str(path), columns, samples=str(arrays.get("kfgen_samples", "")))
-    except (ValueError, TypeError, AttributeError):
+            return LogTable(str(path), columns, samples=_samples(arrays))
+    except (ValueError, TypeError, AttributeError, RecursionError):
         raise InputError(
             "its units or arrays are garbled", where=str(path), remedy="Write the log again"
         ) from None
@@ -97,6 +80,12 @@ def write(log: Log, path: str | Path) -> None:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+
+
+def _samples(arrays: dict[str, NDArray[np.generic]]) -> str:
+    """What the samples stand for, where the log says it in a word that is known."""
+    said = str(arrays.get("kfgen_samples", ""))
+    return said if said in ("after", "before", "at") else ""
 
 
 def _own_units(arrays: dict[str, NDArray[np.generic]]) -> dict[str, str] | None:
@@ -138,7 +127,7 @@ def _foreign(path: Path, arrays: dict[str, NDArray[np.generic]]) -> LogTable:
 def _meta(arrays: dict[str, NDArray[np.generic]]) -> dict[str, object]:
     try:
         meta = json.loads(str(arrays["meta"]))
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, RecursionError):
         return {}
     return meta if isinstance(meta, dict) else {}
 

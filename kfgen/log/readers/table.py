@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.log.log import RATE_RELATIVE_TOLERANCE, Channel, Log, StoredChannel, StoredLog
@@ -261,11 +262,11 @@ def _chosen(table: LogTable, columns: ColumnMap | None) -> dict[str, TableColumn
     chosen: dict[str, TableColumn] = {}
     for channel, wanted, unit in columns.entries:
         name = wanted
-        if re.fullmatch(r"#\d+", wanted) and 1 <= int(wanted[1:]) <= len(names):
+        if re.fullmatch(r"#\d{1,9}", wanted) and 1 <= int(wanted[1:]) <= len(names):
             name = names[int(wanted[1:]) - 1]
         if name not in table.columns:
             raise InputError(
-                f"column '{wanted}' is missing", where=table.source, remedy=f"It has {', '.join(names)}"
+                f"column '{wanted}' is missing", where=table.source, remedy=f"It has {some_of(names)}"
             )
         column = table.columns[name]
         chosen[channel] = TableColumn(column.values, column.unit if unit is None else unit)

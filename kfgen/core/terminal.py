@@ -1,0 +1,93 @@
+"""What reaches the terminal: texts that it can show, numbers that are some, and one message where a command cannot go on."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import signal
+import traceback
+from collections.abc import Iterator
+from types import FrameType
+from typing import Any, NoReturn
+
+from kfgen.core.destination import reason_of
+from kfgen.core.errors import InputError, KfgenError
+
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+_TEMPORARY = re.compile(r"\.([^/]+)\.[a-z0-9_]{8}\.kfgen(-old)?")
+
+
+def printable(text: str) -> str:
+    """A text in which control characters, of a crafted name of a channel for one, are written as their codes."""
+    return _CONTROL.sub(lambda m: ascii(m.group())[1:-1], text)
+
+
+def json_text(data: Any) -> str:
+    """An answer as JSON.
+
+    Raises
+    ------
+    InputError
+        A number in it is none, which an answer must not hide.
+    """
+    for place in _not_finite(data, ""):
+        raise InputError(
+            f"the answer has a number that is none, {place.lstrip('.')}",
+            remedy="Check the units and the sizes of what was given",
+        )
+    return json.dumps(data, indent=1, allow_nan=False)
+
+
+def _not_finite(data: Any, place: str) -> Iterator[str]:
+    if isinstance(data, float) and not math.isfinite(data):
+        yield place
+    elif isinstance(data, dict):
+        for key, value in data.items():
+            yield from _not_finite(value, f"{place}.{key}")
+    elif isinstance(data, list | tuple):
+        for k, value in enumerate(data):
+            yield from _not_finite(value, f"{place}[{k}]")
+
+
+def catch_signals() -> None:
+    """Let SIGTERM and SIGHUP end the command as Ctrl-C does: what is half written is removed."""
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _end)
+
+
+def _end(number: int, _: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+def ending_of(error: BaseException) -> tuple[int, str]:
+    """The exit status of a command that met an error, and its one message; empty where the user asked for the end.
+
+    A defect is said as such, with its place; ``KFGEN_TRACEBACK=1`` shows all of it.
+    """
+    if isinstance(error, KfgenError):
+        return error.exit_status, printable(f"kfgen: {error}")
+    if isinstance(error, BrokenPipeError | KeyboardInterrupt):
+        return 130, ""
+    if isinstance(error, MemoryError):
+        return 2, "kfgen: there is not enough memory. Cut the log, or give fewer channels"
+    if isinstance(error, OSError):
+        return 2, printable(f"kfgen: {_of_system(error)}")
+    if os.environ.get("KFGEN_TRACEBACK"):
+        return 2, "".join(traceback.format_exception(error)).rstrip()
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    place = f"{os.path.basename(frame.filename)}, line {frame.lineno}"
+    return 2, printable(
+        f"kfgen: this input meets a defect of kfgen ({words}; {place}). "
+        "Report it with the command and its files; KFGEN_TRACEBACK=1 shows more"
+    )
+
+
+def _of_system(error: OSError) -> str:
+    """What the system refused, about which file, without numbers and names of temporary files."""
+    name = _TEMPORARY.sub(r"\1", os.fsdecode(error.filename)) if error.filename else ""
+    where = f"{name}: " if name else ""
+    return f"{where}the system refuses it: {reason_of(error)}. Check the path, its permissions and the space on the disk"
