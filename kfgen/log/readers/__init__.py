@@ -1,7 +1,8 @@
 """Readers of log files: one module a format, found by its suffixes.
 
 A reader turns a file into a `LogTable`; `kfgen.log.readers.table` turns the table into a
-`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``.
+`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``; with ``MAGIC``, the bytes that its
+files begin with, they are known by any name; with ``recording(path, choice)`` where sensors have their own clocks.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from kfgen.core.errors import InputError
 from kfgen.log.log import Log, StoredLog
+from kfgen.log.readers.streams import ANY, Choice
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
 __all__ = ["ColumnMap", "LogOrPath", "log_of", "read_log", "read_long", "readers", "write_log"]
@@ -28,6 +30,8 @@ Columns = ColumnMap | str
 
 MAX_SAMPLES_IN_MEMORY = 20_000_000
 """Samples of a channel beyond which a mapped file is not read into memory."""
+MAGIC_BYTES = 16
+"""Bytes at the beginning of a file by which its format may be known."""
 READ_BLOCK_BYTES = 1 << 20
 """Bytes of a file that are looked at in one piece."""
 
@@ -43,7 +47,14 @@ def readers() -> dict[str, ModuleType]:
     return found
 
 
-def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | None = None) -> Log:
+def read_log(
+    path: str | Path,
+    *,
+    rate: float | None = None,
+    columns: Columns | None = None,
+    topic: str = "",
+    instance: int | None = None,
+) -> Log:
     """Read a log of any known format.
 
     Parameters
@@ -54,6 +65,10 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | 
         Sampling rate [Hz]; replaces the file's own time.
     columns : ColumnMap or str, optional
         Which column is which channel, and its unit: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``.
+    topic : str
+        Topic or message of a flight log from which channels are read wherever it has them: ``sensor_gyro``.
+    instance : int, optional
+        Which of several inertial sensors of a flight log, as it counts them.
 
     Returns
     -------
@@ -63,8 +78,10 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | 
     ------
     InputError
         The file is missing, empty, of an unknown format or broken; the message names the place.
+    MissingExtra
+        The library that reads the format is not installed.
     """
-    table, sha256 = _table(Path(path), rate)
+    table, sha256 = _table(Path(path), rate, Choice(topic, instance))
     return assemble(table, _map_of(columns), rate, sha256)
 
 
@@ -112,17 +129,32 @@ def log_of(log: LogOrPath) -> Log:
     return found
 
 
-def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
-    """What the reader of a file found in it, and its SHA-256."""
+def reader_of(path: Path) -> ModuleType:
+    """The reader of a file, by how it begins, else by its suffix.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or no reader of it.
+    """
     if not path.is_file():
         raise InputError("no such file", where=str(path), remedy="Check the path")
-    reader = readers().get(path.suffix.lower())
+    with path.open("rb") as file:
+        head = file.read(MAGIC_BYTES)
+    known = (m for m in readers().values() if getattr(m, "MAGIC", b"") and head.startswith(m.MAGIC))
+    reader = next(known, None) or readers().get(path.suffix.lower())
     if reader is None:
         raise InputError(
             f"'{path.suffix}' is no format that is read",
             where=str(path),
             remedy=f"Known are {', '.join(sorted(readers()))}",
         )
+    return reader
+
+
+def _table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTable, str]:
+    """What the reader of a file found in it, and its SHA-256."""
+    reader = reader_of(path)
     with path.open("rb") as file:
         if not any(block.strip() for block in iter(lambda: file.read(READ_BLOCK_BYTES), b"")):
             raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
@@ -131,6 +163,14 @@ def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
     if rate is not None and not 0.0 < rate < float("inf"):
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
+        )
+    if hasattr(reader, "recording"):
+        return reader.recording(path, choice).table(), sha256
+    if choice != ANY:
+        raise InputError(
+            "the log has one clock and neither topics nor instances",
+            where=str(path),
+            remedy="Leave --topic and --instance out, and choose columns with --columns",
         )
     return reader.read(path), sha256
 
