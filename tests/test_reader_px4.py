@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from placed import nearest, placed
 
 from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers import read_log
@@ -24,18 +25,6 @@ FLIGHTS = ("gps_interference", "battery_brownout", "motor_failure", "vtol_small"
 
 def topic(path: Path, name: str, instance: int = 0) -> dict[str, Any]:
     return dict(pyulog.ULog(str(path)).get_dataset(name, instance).data)
-
-
-def placed(log: Any, channel: str) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values of the samples that a channel has."""
-    values = log.channels[channel].values
-    good = np.isfinite(values)
-    return log.t[good], values[good]
-
-
-def nearest(t: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """By brute force: the index of the stamp nearest each time."""
-    return np.array([np.argmin(np.abs(stamps - s)) for s in t])
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
