@@ -141,7 +141,7 @@ def reader_of(path: Path) -> ModuleType:
         raise InputError("no such file", where=str(path), remedy="Check the path")
     with path.open("rb") as file:
         head = file.read(MAGIC_BYTES)
-    known = (m for m in readers().values() if getattr(m, "MAGIC", b"") and head.startswith(m.MAGIC))
+    known = (m for m in readers().values() if getattr(m, "MAGIC", ()) and head.startswith(m.MAGIC))
     reader = next(known, None) or readers().get(path.suffix.lower())
     if reader is None:
         raise InputError(
