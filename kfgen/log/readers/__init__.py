@@ -2,7 +2,8 @@
 
 A reader turns a file into a `LogTable`; `kfgen.log.readers.table` turns the table into a
 `Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``; with ``MAGIC``, the bytes that its
-files begin with, they are known by any name; with ``recording(path, choice)`` where sensors have their own clocks.
+files begin with, they are known by any name; with ``recording(path, choice)`` where sensors have their own clocks;
+with ``inside(path, use)`` where a file holds another.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 from kfgen.core.errors import InputError
 from kfgen.log.log import Log, StoredLog
-from kfgen.log.readers.streams import ANY, Choice
+from kfgen.log.readers.streams import ANY, Choice, Recording
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
 __all__ = ["ColumnMap", "LogOrPath", "log_of", "read_log", "read_long", "readers", "write_log"]
@@ -154,7 +155,7 @@ def reader_of(path: Path) -> ModuleType:
 
 def _table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTable, str]:
     """What the reader of a file found in it, and its SHA-256."""
-    reader = reader_of(path)
+    reader_of(path)
     with path.open("rb") as file:
         if not any(block.strip() for block in iter(lambda: file.read(READ_BLOCK_BYTES), b"")):
             raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
@@ -164,15 +165,26 @@ def _table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTab
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
+    return _found(path, choice), sha256
+
+
+def _found(path: Path, choice: Choice) -> LogTable:
+    """What the reader of a file found in it, on one time axis."""
+    reader = reader_of(path)
+    if hasattr(reader, "inside"):
+        inner: LogTable = reader.inside(path, lambda content: _found(content, choice))
+        return inner
     if hasattr(reader, "recording"):
-        return reader.recording(path, choice).table(), sha256
+        recording: Recording = reader.recording(path, choice)
+        return recording.table()
     if choice != ANY:
         raise InputError(
             "the log has one clock and neither topics nor instances",
             where=str(path),
             remedy="Leave --topic and --instance out, and choose columns with --columns",
         )
-    return reader.read(path), sha256
+    table: LogTable = reader.read(path)
+    return table
 
 
 def write_log(log: Log, path: str | Path) -> None:

@@ -39,7 +39,12 @@ def pressure_height(pressure: Array) -> Array:
 
 
 def gnss_stream(
-    name: str, t: Array, fixed: NDArray[np.bool_], position: Sequence[Array], velocity: Sequence[Array]
+    name: str,
+    t: Array,
+    fixed: NDArray[np.bool_],
+    position: Sequence[Array],
+    velocity: Sequence[Array],
+    lacks: str = "without a fix",
 ) -> tuple[Stream | None, str]:
     """Solutions of a GNSS receiver as metres and metres a second north, east, down.
 
@@ -55,6 +60,8 @@ def gnss_stream(
         Latitude [rad], longitude [rad], height [m].
     velocity : up to three ndarrays, shape (n,)
         North, east, down [m/s].
+    lacks : str
+        What the solutions are that are left out.
 
     Returns
     -------
@@ -75,7 +82,7 @@ def gnss_stream(
         f"{name}: metres about the first fix, {degrees[0]:.7f} deg, {degrees[1]:.7f} deg, {height[0]:.2f} m"
     )
     if not good.all():
-        said += f"; {good.size - good.sum()} of {good.size} solutions without a fix left out"
+        said += f"; {good.size - good.sum()} of {good.size} solutions {lacks} left out"
     return Stream(name, t[good], columns), said
 
 

@@ -70,6 +70,10 @@ class Stream:
         words = f"{self.name}: {good.size - good.sum()} of {good.size} samples left out, their stamps repeat or go back"
         return Stream(self.name, self.t[good], columns), words
 
+    def clock(self) -> Clock:
+        """The facts of its stamps."""
+        return Clock.of(self.t)
+
     def known(self) -> Stream:
         """The stream without the samples at which no channel has a value."""
         some = np.zeros(self.t.size, bool)
