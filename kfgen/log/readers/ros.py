@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream, pressure_height
+from kfgen.log.readers.axes import NED_OF_ENU, ned_attitude
 from kfgen.log.readers.clock import Clock
 from kfgen.log.readers.streams import ANY, Choice, Recording, Stream
 from kfgen.log.readers.table import LogTable, TableColumn
@@ -263,17 +264,13 @@ def _odometry(values: Array) -> dict[str, TableColumn]:
     from scipy.spatial.transform import Rotation  # heavy: only for logs with odometry
 
     good = np.isfinite(values).all(axis=0) & (np.abs(values[6:]).max(axis=0) > 0.0)
-    p, v, q = (
-        np.full((3, good.size), np.nan),
-        np.full((3, good.size), np.nan),
-        np.full((4, good.size), np.nan),
+    v, q = np.full((3, good.size), np.nan), np.full((4, good.size), np.nan)
+    attitude = Rotation.from_quat(ned_attitude(values[6:])[:, good].T, scalar_first=True)
+    v[:, good] = attitude.apply(values[3:6, good].T).T
+    q[:, good] = (
+        (attitude * Rotation.from_matrix(np.diag(list(_SIGNS.values())))).as_quat(scalar_first=True).T
     )
-    to_ned = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
-    to_flu = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
-    attitude = Rotation.from_quat(values[6:, good].T, scalar_first=True)
-    p[:, good] = to_ned.apply(values[:3, good].T).T
-    v[:, good] = (to_ned * attitude).apply(values[3:6, good].T).T
-    q[:, good] = (to_ned * attitude * to_flu).as_quat(scalar_first=True).T
+    p = NED_OF_ENU @ values[:3]
     columns = {f"ref_p_{a}": TableColumn(x, "m") for a, x in zip("NED", p, strict=True)}
     columns |= {f"ref_v_{a}": TableColumn(x, "m/s") for a, x in zip("NED", v, strict=True)}
     return columns | {f"ref_q_{a}": TableColumn(x, "") for a, x in zip("wxyz", q, strict=True)}

@@ -54,6 +54,10 @@ class LogTable:
     warnings : tuple of str
     stated : float
         Duration that the file states [s]; zero where it states none.
+    samples : str
+        As in `Log`.
+    others : mapping of str to TableColumn
+        Columns that are no channel by themselves, which ``--columns`` may map.
     """
 
     source: str
@@ -62,6 +66,7 @@ class LogTable:
     warnings: tuple[str, ...] = field(default=())
     stated: float = 0.0
     samples: str = ""
+    others: Mapping[str, TableColumn] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -257,17 +262,18 @@ def chunks(values: NDArray[Any], size: int = CHUNK_SAMPLES) -> Iterator[NDArray[
 def _chosen(table: LogTable, columns: ColumnMap | None) -> dict[str, TableColumn]:
     if columns is None:
         return dict(table.columns)
-    names = list(table.columns)
+    known = {**table.others, **table.columns}
+    names = list(known)
     chosen: dict[str, TableColumn] = {}
     for channel, wanted, unit in columns.entries:
         name = wanted
         if re.fullmatch(r"#\d+", wanted) and 1 <= int(wanted[1:]) <= len(names):
             name = names[int(wanted[1:]) - 1]
-        if name not in table.columns:
+        if name not in known:
             raise InputError(
                 f"column '{wanted}' is missing", where=table.source, remedy=f"It has {', '.join(names)}"
             )
-        column = table.columns[name]
+        column = known[name]
         chosen[channel] = TableColumn(column.values, column.unit if unit is None else unit)
     if "t" in table.columns:
         chosen.setdefault("t", table.columns["t"])
