@@ -41,9 +41,9 @@ GNSS: tuple[tuple[str, str], ...] = (
 )
 """Pattern of a name in a group of arrays that has coordinates, and what it is."""
 
-RATES = r"fs|f_s|sampling_?rate|sample_?rate|sampling_?frequency|rate(_hz)?|frequency"
+RATE_NAMES = r"fs|f_s|sampling_?rate|sample_?rate|sampling_?frequency|rate(_hz)?|frequency"
 """Pattern of the names of sampling rates [Hz]."""
-TIMES = r"(.*[_.])?(t|time|times|stamp|timestamp|timestamp_sample|seconds|sec|epoch)(_?(s|ms|us|ns|sec))?|t_[a-z]+|[a-z]+(time|timestamp)"
+TIME_NAMES = r"(.*[_.])?(t|time|times|stamp|timestamp|timestamp_sample|seconds|sec|epoch)(_?(s|ms|us|ns|sec))?|t_[a-z]+|[a-z]+(time|timestamp)"
 """Pattern of the names of times."""
 _AXES = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
 _AXIS = re.compile(r"(.+?)[_.]?(?:\[([0-2])\]|(?<![0-9])([xyz])|[_.]([0-2]))$")
@@ -89,9 +89,9 @@ def gnss(name: str) -> str:
 
 def is_time(name: str) -> bool:
     """Whether an array is called as times are."""
-    return re.fullmatch(TIMES, plain(name)) is not None
+    return re.fullmatch(TIME_NAMES, plain(name)) is not None
 
 
 def is_rate(name: str) -> bool:
     """Whether a number is called as sampling rates are."""
-    return re.fullmatch(RATES, plain(name)) is not None
+    return re.fullmatch(RATE_NAMES, plain(name)) is not None

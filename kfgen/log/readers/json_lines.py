@@ -17,7 +17,7 @@ from kfgen.log.readers.arrays import Named, table_of
 from kfgen.log.readers.table import LogTable
 
 SUFFIXES = (".jsonl", ".ndjson", ".jsonlines")
-DEEPEST = 4
+NESTED_MOST = 4
 """Objects within objects that are looked into."""
 MOST_KEYS = 1000
 
@@ -58,13 +58,13 @@ def read(path: Path) -> LogTable:
 
 def _flat(name: str, value: object, depth: int) -> Iterator[tuple[str, float]]:
     """Numbers of an object by key; those of a list of three by axis."""
-    if isinstance(value, dict) and depth < DEEPEST:
+    if isinstance(value, dict) and depth < NESTED_MOST:
         for key, inner in value.items():
             yield from _flat(f"{name}_{key}" if name else str(key), inner, depth + 1)
     elif isinstance(value, list) and len(value) <= 10:
         axes = {3: "xyz", 4: "wxyz"}.get(len(value), "0123456789")
         for axis, inner in zip(axes, value):
-            yield from _flat(f"{name}_{axis}", inner, DEEPEST)
+            yield from _flat(f"{name}_{axis}", inner, NESTED_MOST)
     elif isinstance(value, int | float) and abs(value) < 1e300:
         yield name, float(value)
 

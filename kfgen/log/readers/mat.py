@@ -17,7 +17,7 @@ SUFFIXES = (".mat",)
 MAGIC = b"MATLAB "
 HDF5_AT = 512
 """Where the HDF5 of a v7.3 file begins [byte]."""
-DEEPEST = 6
+NESTED_MOST = 6
 """Structs within structs that are looked into."""
 
 
@@ -52,7 +52,7 @@ def read(path: Path) -> LogTable:
 
 
 def _named(name: str, value: Any, depth: int) -> Iterator[tuple[str, Named]]:
-    if not isinstance(value, np.ndarray) or depth > DEEPEST:
+    if not isinstance(value, np.ndarray) or depth > NESTED_MOST:
         return
     if value.dtype.names and value.size == 1:
         for field in value.dtype.names:

@@ -58,6 +58,8 @@ class LogTable:
         As in `Log`.
     others : mapping of str to TableColumn
         Columns that are no channel by themselves, which ``--columns`` may map.
+    hint : str
+        What to type where columns have no names or no units; empty where that is not known.
     """
 
     source: str
@@ -67,6 +69,7 @@ class LogTable:
     stated: float = 0.0
     samples: str = ""
     others: Mapping[str, TableColumn] = field(default_factory=dict)
+    hint: str = ""
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,8 @@ def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha
         A mapped column is missing, a unit is unknown or missing, or there is no time.
     """
     chosen = _chosen(table, columns)
+    if columns is None and table.hint and all(name.startswith("#") for name in chosen):
+        raise InputError("its columns have no names", where=table.source, remedy=table.hint)
     tau = chosen.pop("tau", None) if "t" not in chosen else None
     time = tau or chosen.pop("t", None)
     channels = {name: Channel.of(c.values, _unit(table, name, c)) for name, c in chosen.items()}
@@ -287,8 +292,8 @@ def _unit(table: LogTable, name: str, column: TableColumn) -> str:
         raise InputError(
             f"column '{name}' has no unit",
             where=table.source,
-            remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'; "
-            "a number without a unit is in [1]",
+            remedy=table.hint
+            or f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'; a number without a unit is in [1]",
         )
     try:
         parse_unit(column.unit)
