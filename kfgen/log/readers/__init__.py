@@ -22,7 +22,19 @@ from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.streams import ANY, Choice, Recording
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
-__all__ = ["ColumnMap", "LogOrPath", "log_of", "read_log", "read_long", "readers", "write_log"]
+__all__ = [
+    "ColumnMap",
+    "LogOrPath",
+    "log_of",
+    "map_of",
+    "read_log",
+    "read_long",
+    "read_table",
+    "reader_of",
+    "readers",
+    "recording_of",
+    "write_log",
+]
 
 LogOrPath = Log | str | Path
 """A log, or the path of its file."""
@@ -82,12 +94,17 @@ def read_log(
     MissingExtra
         The library that reads the format is not installed.
     """
-    table, sha256 = _table(Path(path), rate, Choice(topic, instance))
-    return assemble(table, _map_of(columns), rate, sha256)
+    table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
+    return assemble(table, map_of(columns), rate, sha256)
 
 
 def read_long(
-    path: str | Path, *, rate: float | None = None, columns: Columns | None = None
+    path: str | Path,
+    *,
+    rate: float | None = None,
+    columns: Columns | None = None,
+    topic: str = "",
+    instance: int | None = None,
 ) -> Log | StoredLog:
     """Read a log of any known format; one that is mapped and too long for memory stays in its file.
 
@@ -97,8 +114,12 @@ def read_long(
         The file.
     rate : float, optional
         Sampling rate [Hz]; replaces the file's own time.
-    columns : ColumnMap, optional
+    columns : ColumnMap or str, optional
         Which column is which channel, and its unit.
+    topic : str
+        Topic or message of a flight log from which channels are read wherever it has them.
+    instance : int, optional
+        Which of several inertial sensors of a flight log.
 
     Returns
     -------
@@ -110,15 +131,42 @@ def read_long(
     InputError
         As `read_log`.
     """
-    table, sha256 = _table(Path(path), rate)
+    table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
     long = any(
         isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
         for c in table.columns.values()
     )
-    return (stored if long else assemble)(table, _map_of(columns), rate, sha256)
+    return (stored if long else assemble)(table, map_of(columns), rate, sha256)
 
 
-def _map_of(columns: Columns | None) -> ColumnMap | None:
+def recording_of(path: Path, choice: Choice = ANY) -> Recording | None:
+    """The streams of a file with clocks of their own; None of a format that has one clock.
+
+    Parameters
+    ----------
+    path : Path
+    choice : Choice
+        Topic and instance, where there are several.
+
+    Returns
+    -------
+    Recording or None
+
+    Raises
+    ------
+    InputError, MissingExtra
+        As `read_log`.
+    """
+    reader = reader_of(path)
+    if hasattr(reader, "inside"):
+        inner: Recording | None = reader.inside(path, lambda content: recording_of(content, choice))
+        return inner
+    found: Recording | None = reader.recording(path, choice) if hasattr(reader, "recording") else None
+    return found
+
+
+def map_of(columns: Columns | None) -> ColumnMap | None:
+    """The map of a text that says which column is which channel."""
     return ColumnMap.parse(columns) if isinstance(columns, str) else columns
 
 
@@ -153,8 +201,28 @@ def reader_of(path: Path) -> ModuleType:
     return reader
 
 
-def _table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTable, str]:
-    """What the reader of a file found in it, and its SHA-256."""
+def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTable, str]:
+    """What the reader of a file found in it, before columns are mapped.
+
+    Parameters
+    ----------
+    path : Path
+    rate : float, optional
+        Sampling rate [Hz], which is checked here only.
+    choice : Choice
+        Topic and instance, where there are several.
+
+    Returns
+    -------
+    table : LogTable
+    sha256 : str
+        Hash of the file.
+
+    Raises
+    ------
+    InputError, MissingExtra
+        As `read_log`.
+    """
     reader_of(path)
     with path.open("rb") as file:
         if not any(block.strip() for block in iter(lambda: file.read(READ_BLOCK_BYTES), b"")):

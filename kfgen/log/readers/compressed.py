@@ -19,7 +19,7 @@ from kfgen.log.readers.table import LogTable
 
 SUFFIXES = (".gz", ".xz", ".zst")
 MAGIC = (b"\x1f\x8b\x08", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
-Found = TypeVar("Found", LogTable, Recording)
+Found = TypeVar("Found", LogTable, Recording | None)
 
 MOST_BYTES = 1 << 34
 """Size of the content beyond which it is refused."""
@@ -61,7 +61,7 @@ def inside(path: Path, use: Callable[[Path], Found]) -> Found:
         except KfgenError as error:
             where = error.where.replace(str(inner), str(path))
             raise type(error)(error.what, where=where, remedy=error.remedy) from None
-        return replace(found, source=str(path))
+        return found if found is None else replace(found, source=str(path))
 
 
 def _unpack(path: Path, inner: Path) -> None:

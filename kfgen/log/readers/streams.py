@@ -139,7 +139,7 @@ class Recording:
         for one in placed:
             columns.update({k: v for k, v in one.columns.items() if k not in columns})
         words += _of_placed(placed)
-        return LogTable(self.source, columns, None, tuple(words), samples=self.samples)
+        return LogTable(self.source, columns, None, tuple(words), samples=self.samples, topics=self.topics)
 
 
 def _inertial(stream: Stream) -> bool:

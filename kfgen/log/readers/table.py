@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.log.log import RATE_RELATIVE_TOLERANCE, Channel, Log, StoredChannel, StoredLog
+from kfgen.log.readers.clock import Clock
 
 CHUNK_SAMPLES = 1 << 20
 """Samples in a slice of a mapped file."""
@@ -60,6 +61,8 @@ class LogTable:
         Columns that are no channel by themselves, which ``--columns`` may map.
     hint : str
         What to type where columns have no names or no units; empty where that is not known.
+    topics : mapping of str to Clock
+        The clock of everything in a flight log, by topic.
     """
 
     source: str
@@ -70,6 +73,7 @@ class LogTable:
     samples: str = ""
     others: Mapping[str, TableColumn] = field(default_factory=dict)
     hint: str = ""
+    topics: Mapping[str, Clock] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
