@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import os
 import pkgutil
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ import numpy as np
 
 from kfgen.core.errors import InputError
 from kfgen.log.log import Log, StoredLog
+from kfgen.log.readers.frames import frame_table
 from kfgen.log.readers.streams import ANY, Choice, Recording
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
@@ -61,19 +63,20 @@ def readers() -> dict[str, ModuleType]:
 
 
 def read_log(
-    path: str | Path,
+    path: str | Path | object,
     *,
     rate: float | None = None,
     columns: Columns | None = None,
     topic: str = "",
     instance: int | None = None,
 ) -> Log:
-    """Read a log of any known format.
+    """Read a log of any known format, or take a table in memory as one.
 
     Parameters
     ----------
-    path : path-like
-        The file.
+    path : path-like, or a table
+        The file; or a mapping of arrays by name, a data frame of pandas or polars, a table of pyarrow, or a data set
+        of xarray, with the same names and units as columns of files.
     rate : float, optional
         Sampling rate [Hz]; replaces the file's own time.
     columns : ColumnMap or str, optional
@@ -94,6 +97,8 @@ def read_log(
     MissingExtra
         The library that reads the format is not installed.
     """
+    if not isinstance(path, str | os.PathLike):
+        return assemble(frame_table(path), map_of(columns), rate, "")
     table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
     return assemble(table, map_of(columns), rate, sha256)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
 from kfgen.log.readers import array_names
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream
 from kfgen.log.readers.axes import ned_attitude
@@ -173,6 +174,8 @@ def _channels(group: Mapping[str, Named], text: str, words: list[str]) -> dict[s
             singles[single[0]] = TableColumn(array.values, array.unit or single[1])
         elif quaternion:
             attitude[quaternion.group(1)] = array.values
+        elif array.unit is not None and _is_unit(array.unit) and not array_names.is_time(name):
+            singles[name] = TableColumn(array.values, array.unit)
     if set(attitude) == set("wxyz"):
         q = np.stack([attitude[axis] for axis in "wxyz"])
         q = ned_attitude(q) if "ENU" in text else q
@@ -181,6 +184,14 @@ def _channels(group: Mapping[str, Named], text: str, words: list[str]) -> dict[s
     for sensor, axes in units.items():
         channels |= _triad(sensor, axes, units, words)
     return channels | singles
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        parse_unit(text)
+    except InputError:
+        return False
+    return True
 
 
 def _triad(
