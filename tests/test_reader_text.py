@@ -191,3 +191,31 @@ def test_a_recording_without_a_header_is_asked_for_once(recording: Find) -> None
     assert log.t == pytest.approx(own[:, 0], abs=1e-6)
     assert log.values("accel_z") == pytest.approx(own[:, 3] * 9.80665)
     assert log.values("gyro_z") == pytest.approx(np.deg2rad(own[:, 6]))
+
+
+# Replays of PX4-ECL.
+
+
+def test_a_replay_of_ecl_is_that_of_its_lines(recording: Find) -> None:
+    path = recording("flights/ecl_iris_gps_replay.csv")
+    log = read_log(path)
+    cells = [line.split(",") for line in path.read_text().splitlines()]
+    imu = np.array([[float(c) for c in (own[0], *own[2:])] for own in cells if own[1] == "imu"])
+    assert log.t == pytest.approx(imu[:, 0] * 1e-6)
+    assert log.values("accel_z") == pytest.approx(imu[:, 3])
+    assert log.values("gyro_x") == pytest.approx(imu[:, 4])
+    t, x = placed(log, "mag_x")
+    mag = np.array([[float(own[0]), float(own[2])] for own in cells if own[1] == "mag"])
+    assert x == pytest.approx(np.interp(t, mag[:, 0] * 1e-6, mag[:, 1]) * 1e-4, abs=4e-7)
+    (_, east), (tg, v) = placed(log, "gnss_p_E"), placed(log, "gnss_v_E")
+    along = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(tg))])
+    assert np.std(east - east[0] - along) < 0.5 * np.std(east)
+
+
+def test_a_wrong_line_of_a_replay_is_named(tmp_path: Path) -> None:
+    lines = [f"{k * 4000},imu,0,0,-9.8,0,0,0" for k in range(300)]
+    path = text(tmp_path, "\n".join([*lines[:250], "oops", *lines[250:]]) + "\n")
+    with pytest.raises(InputError, match="line 251: it is no sample"):
+        read_log(path)
+    cut = text(tmp_path, "\n".join(lines) + "\n1200000,im", "cut.csv")
+    assert read_log(cut).n == 300

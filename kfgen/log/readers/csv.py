@@ -16,6 +16,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
+from kfgen.log.readers.ecl_replay import is_replay, read_replay
 from kfgen.log.readers.foreign_text import foreign
 from kfgen.log.readers.loose_text import loose_text
 from kfgen.log.readers.table import LogTable, TableColumn, stated_rate, stated_samples
@@ -36,6 +37,8 @@ def read(path: Path) -> LogTable:
     """
     text = _decoded(path.read_bytes())
     lines = text.splitlines()
+    if is_replay(lines):
+        return read_replay(str(path), lines)
     words: tuple[str, ...] = ()
     left: dict[str, TableColumn] = {}
     try:
