@@ -8,6 +8,7 @@ from kfgen.fleet.fleet import fleet as fleet  # type: ignore[attr-defined,import
 from kfgen.gap.find_gap import find_gap as find_gap  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from kfgen.identify.identify_log import identify as identify  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from kfgen.identify.plan import plan as plan
+from kfgen.log.contents import contents as contents
 from kfgen.log.log import Channel as Channel
 from kfgen.log.log import Log as Log
 from kfgen.log.readers import read_log as read_log

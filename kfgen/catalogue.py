@@ -12,6 +12,7 @@ from kfgen.consumers import consumers
 from kfgen.core.result import Result, ShortTable
 from kfgen.effects import catalogue
 from kfgen.emit import targets
+from kfgen.log.readers import readers
 from kfgen.manoeuvre.library import LIBRARY as MANOEUVRES
 from kfgen.model.library import LIBRARY, option_rows
 from kfgen.model.parts.sensors import sensors
@@ -27,7 +28,7 @@ class Catalogue(Result):
     ----------
     groups : mapping of str to sequence of (str, str)
         ``models``, ``sensors``, ``options``, ``effects``, ``manoeuvres``, ``targets``, ``cores``, ``consumers``,
-        ``filters`` and ``estimators``: the name and the meaning of each entry. An option that means another thing
+        ``filters``, ``estimators`` and ``formats``: the name and the meaning of each entry. An option that means another thing
         in another model has several entries.
     """
 
@@ -49,7 +50,7 @@ class Catalogue(Result):
 
 
 def list_all() -> Catalogue:
-    """Library models, sensors, options, effects, manoeuvres, targets, cores, consumers, adaptive filters, estimators."""
+    """Library models, sensors, options, effects, manoeuvres, targets, cores, consumers, adaptive filters, estimators, formats."""
     return Catalogue(
         {
             "models": [(n, e.title) for n, e in LIBRARY.items()],
@@ -62,5 +63,6 @@ def list_all() -> Catalogue:
             "consumers": [(n, c.TITLE) for n, c in consumers().items()],
             "filters": [(n, c.title) for n, c in rules().items()],
             "estimators": [(n, c.title) for n, c in estimators().items()],
+            "formats": [(n, (m.__doc__ or "").split(".\n")[0].splitlines()[0]) for n, m in readers().items()],
         }
     )

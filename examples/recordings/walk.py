@@ -39,7 +39,9 @@ def recorded(file: Path) -> Log:
         "accel": MOUNTED.apply(raw[:, 1:4] * STANDARD_GRAVITY),
         "gyro": MOUNTED.apply(raw[:, 4:7]),
     }
-    channels = {f"{s}_{a}": Channel.of(v[:, k], UNITS[s]) for s, v in triads.items() for k, a in enumerate(AXES)}
+    channels = {
+        f"{s}_{a}": Channel.of(v[:, k], UNITS[s]) for s, v in triads.items() for k, a in enumerate(AXES)
+    }
     inside = (fixes > 0.0) & (fixes < t[-1])
     rows = np.array([int(np.argmin(np.abs(t - x))) for x in fixes[inside]])
     for sensor in ("gnss_p", "gnss_v"):
@@ -55,7 +57,9 @@ def walk(file: Path) -> Case:
     found = kf.find_gap(recorded(file), kf.build("ins15", noise=NOISE))
     (gap,) = found.comparisons
     said = [f"{finding_sentence(gap, f).split('. ')[0]} ({100 * f.probability:.0f} %)" for f in gap.findings]
-    return [f"verdict {gap.verdict}", *said, f"{100 * gap.gap.closed:.0f} % of the gap closed"], gap_answer(found)
+    return [f"verdict {gap.verdict}", *said, f"{100 * gap.gap.closed:.0f} % of the gap closed"], gap_answer(
+        found
+    )
 
 
 if __name__ == "__main__":

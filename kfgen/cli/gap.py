@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from kfgen.cli.app import app
-from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver, read
+from kfgen.cli.options import Columns, Instance, Json, Output, Rate, Report, Topic, deliver, read
 
 
 @app.command()
@@ -26,6 +26,8 @@ def gap(
     ] = None,
     rate: Rate = None,
     columns: Columns = None,
+    topic: Topic = "",
+    instance: Instance = None,
     output: Output = None,
     json: Json = None,
     report: Report = None,
@@ -36,10 +38,10 @@ def gap(
     from kfgen.report.gap import gap_answer
 
     found = find_gap(
-        [read(log, rate, columns) for log in logs],
+        [read(log, rate, columns, topic, instance) for log in logs],
         model,
         channels=channels,
-        proof=[read(path, rate, columns) for path in proof or ()],
+        proof=[read(path, rate, columns, topic, instance) for path in proof or ()],
     )
     if output:
         write_text(output, found.updated_text)

@@ -11,6 +11,7 @@ import typer
 from kfgen.cli.app import app
 from kfgen.cli.options import (
     Columns,
+    Instance,
     Json,
     LogPath,
     ModelName,
@@ -20,6 +21,7 @@ from kfgen.cli.options import (
     Report,
     Sensors,
     Set,
+    Topic,
     deliver,
     model_of,
     read,
@@ -56,17 +58,18 @@ def identify(
         ),
     ] = None,
     columns: Columns = None,
+    topic: Topic = "",
+    instance: Instance = None,
     output: Output = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
     from kfgen.identify.identify_log import identify as identified
-    from kfgen.log.readers import ColumnMap, read_long
+    from kfgen.log.readers import read_long
     from kfgen.report.identify import identify_answer
 
-    mapped = ColumnMap.parse(columns) if columns else None
-    data = [read_long(log, rate=rate, columns=mapped) for log in logs]
+    data = [read_long(log, rate=rate, columns=columns, topic=topic, instance=instance) for log in logs]
     found = identified(data, channels=channels, effects=effects, method=method)
     answer = identify_answer(found)
     if output:
@@ -141,6 +144,8 @@ def run(
     sensor: Sensors = None,
     rate: Rate = None,
     columns: Columns = None,
+    topic: Topic = "",
+    instance: Instance = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
@@ -148,8 +153,8 @@ def run(
     from kfgen.report.filter import run_answer
     from kfgen.run.run import run
 
-    result = run(model_of(model, noise, set_, sensor), read(log, rate, columns), adaptive=adaptive)
-    deliver(run_answer(result), json, report)
+    data = read(log, rate, columns, topic, instance)
+    deliver(run_answer(run(model_of(model, noise, set_, sensor), data, adaptive=adaptive)), json, report)
 
 
 @app.command()

@@ -28,16 +28,24 @@ Q_INTERVAL = typer.Option(help="Add process noise of bias states every SECONDS (
 COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4f); repeatable.")
 CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
+LISTED = typer.Argument(metavar="[LOG]", help="A log: say what is inside, with rates, gaps and clocks.")
 REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 
 
 @app.command("list")
-def list_(json: opt.Json = None, report: opt.Report = None) -> None:
-    """Library models, sensors, effects, manoeuvres, targets, cores, consumers, adaptive filters, estimators."""
-    from kfgen.catalogue import list_all
-    from kfgen.report.model import list_answer
+def list_(
+    log: Annotated[Path | None, LISTED] = None,
+    rate: opt.Rate = None,
+    columns: opt.Columns = None,
+    topic: opt.Topic = "",
+    instance: opt.Instance = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
+) -> None:
+    """What has a name: models, sensors, effects, targets, ...; or what is inside a log."""
+    from kfgen.report.catalogue import listed_answer
 
-    deliver(list_answer(list_all()), json, report)
+    deliver(listed_answer(log, rate=rate, columns=columns, topic=topic, instance=instance), json, report)
 
 
 @app.command()
@@ -56,8 +64,8 @@ def derive(
     from kfgen.model.derive import derive
     from kfgen.report.model import derive_answer
 
-    found = derive(model_of(model, noise, set_, sensor), rate=rate, order=order)
-    deliver(derive_answer(found, format), json, report)
+    model_ = model_of(model, noise, set_, sensor)
+    deliver(derive_answer(derive(model_, rate=rate, order=order), format), json, report)
 
 
 @app.command()
@@ -76,19 +84,14 @@ def audit(
     report: opt.Report = None,
 ) -> None:
     """Unobservable states in words, what would make them observable, and how well the rest shows."""
-    from dataclasses import replace
-
-    from kfgen.core.whole_file import hashes
     from kfgen.report.audit import audit_answer
     from kfgen.run.audit import audit
 
     names = manoeuvre or []
     data = read(log, None, columns) if log is not None and not names else log
     built = model_of(model, noise, set_, sensor)
-    found = audit(built, names, duration=duration, rate=rate, log=data, want=want or ())
-    if log is None:
-        files = [Path(f) for f in (model, str(noise or ""), *names) if f.endswith(".toml")]
-        found = replace(found, inputs=hashes(files))
+    files = [model, str(noise or "")]
+    found = audit(built, names, duration=duration, rate=rate, log=data, want=want or (), files=files)
     deliver(audit_answer(found), json, report)
 
 
@@ -113,13 +116,10 @@ def emit(
     report: opt.Report = None,
 ) -> None:
     """The filter as code, with its self-test."""
-    from kfgen.core.errors import InputError
     from kfgen.emit.emit import emit
     from kfgen.report.filter import emit_answer
     from kfgen.verify.compare import costs
 
-    if core and target != "c":
-        raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
     emitted = emit(
         model_of(model, noise, set_, sensor),
         output,
@@ -152,6 +152,5 @@ def verify(
     from kfgen.report.proof import verify_answer
     from kfgen.verify.compare import verify
 
-    emitted = read_folder(folder)
     data = None if log is None else read(log, None, columns)
-    deliver(verify_answer(verify(emitted, core or ["host"], data, contract)), json, report)
+    deliver(verify_answer(verify(read_folder(folder), core or ["host"], data, contract)), json, report)

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from kfgen.model.filter import FilterModel
     from kfgen.report.page import Answer
 
-LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log, a CSV or NPZ file.")]
+LogPath = Annotated[
+    Path, typer.Argument(metavar="LOG", help="The log, of any format that 'kfgen list' names.")
+]
 ModelName = Annotated[
     str, typer.Argument(metavar="MODEL", help="A model of 'kfgen list', or a file (.toml).")
 ]
@@ -22,6 +24,8 @@ Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz] in place of
 SampleRate = Annotated[float, typer.Option("--rate", help="The sampling rate of the sensors [Hz].")]
 COLUMNS_HELP = "Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."
 Columns = Annotated[str | None, typer.Option(help=COLUMNS_HELP)]
+Topic = Annotated[str, typer.Option(help="Topic or message of a flight log to prefer, see 'kfgen list LOG'.")]
+Instance = Annotated[int | None, typer.Option(help="Which of several inertial sensors of a flight log.")]
 Channels = Annotated[str | None, typer.Option(help="Only these channels, separated by commas.")]
 Noise = Annotated[Path | None, typer.Option(help="The noise file, as 'identify -o' writes it.")]
 Output = Annotated[
@@ -40,11 +44,11 @@ AIDING = typer.Option(metavar="NAME", help="A sensor, in place of the model's ow
 Sensors = Annotated[list[str] | None, AIDING]
 
 
-def read(path: Path, rate: float | None, columns: str | None) -> Log:
-    """A log over time, with its columns mapped."""
+def read(path: Path, rate: float | None, columns: str | None, topic: str = "", k: int | None = None) -> Log:
+    """A log over time, with its columns mapped and sensor `k` of several."""
     from kfgen.log.readers import log_of, read_log
 
-    return log_of(read_log(path, rate=rate, columns=columns))
+    return log_of(read_log(path, rate=rate, columns=columns, topic=topic, instance=k))
 
 
 def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from kfgen.core.errors import InputError
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
@@ -72,6 +73,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
     InputError
         As in `kfgen.build`, an unknown target, form or type, or a folder that holds files of other origin.
     """
+    if costs is not None and target != "c":
+        raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
     built = filter_of(model, noise)
     program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
     if costs is not None:

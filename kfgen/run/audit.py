@@ -32,6 +32,7 @@ def audit(  # noqa: PLR0913 - the choices of one command
     *,
     log: LogOrPath | None = None,
     want: Sequence[str] = (),
+    files: Sequence[str | Path] = (),
 ) -> Audited:
     """What measurements cannot tell, what would make it visible, and how well each state shows.
 
@@ -51,6 +52,8 @@ def audit(  # noqa: PLR0913 - the choices of one command
         In place of manoeuvres: how well each state shows in this log.
     want : sequence of str
         Standard deviations to be reached, ``"phi_D=0.1 deg"``; when, the result says.
+    files : sequence of str or Path
+        Of which the model was made, for the hashes of the inputs.
 
     Returns
     -------
@@ -69,14 +72,14 @@ def audit(  # noqa: PLR0913 - the choices of one command
             )
         recorded = log_of(log)
         found = _over_log(filter_of(model, noise), recorded)
-        files = {recorded.source: recorded.sha256}
+        inputs = {recorded.source: recorded.sha256}
     else:
         flown = [m if isinstance(m, Manoeuvre) else manoeuvre(str(m)) for m in names]
         found = along(filter_of(model, noise), flown, Horizon(duration, rate))
-        given = (model, noise, *names)
-        files = hashes(Path(g) for g in given if isinstance(g, str | Path) and str(g).endswith(".toml"))
+        given = (model, noise, *files, *names)
+        inputs = hashes(Path(g) for g in given if isinstance(g, str | Path) and str(g).endswith(".toml"))
     wanted = tuple(WantedAccuracy.parse(w, found.first) for w in want)
-    return replace(found, wanted=wanted, inputs=files)
+    return replace(found, wanted=wanted, inputs=inputs)
 
 
 def _over_log(model: FilterModel, log: LogOrPath) -> Audited:

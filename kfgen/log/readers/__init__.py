@@ -1,13 +1,16 @@
 """Readers of log files: one module a format, found by its suffixes.
 
 A reader turns a file into a `LogTable`; `kfgen.log.readers.table` turns the table into a
-`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``.
+`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``; with ``MAGIC``, the bytes that its
+files begin with, they are known by any name; with ``recording(path, choice)`` where sensors have their own clocks;
+with ``inside(path, use)`` where a file holds another.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
+import os
 import pkgutil
 from functools import cache
 from pathlib import Path
@@ -17,9 +20,23 @@ import numpy as np
 
 from kfgen.core.errors import InputError
 from kfgen.log.log import Log, StoredLog
+from kfgen.log.readers.frames import frame_table
+from kfgen.log.readers.streams import ANY, Choice, Recording
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
-__all__ = ["ColumnMap", "LogOrPath", "log_of", "read_log", "read_long", "readers", "write_log"]
+__all__ = [
+    "ColumnMap",
+    "LogOrPath",
+    "log_of",
+    "map_of",
+    "read_log",
+    "read_long",
+    "read_table",
+    "reader_of",
+    "readers",
+    "recording_of",
+    "write_log",
+]
 
 LogOrPath = Log | str | Path
 """A log, or the path of its file."""
@@ -28,6 +45,8 @@ Columns = ColumnMap | str
 
 MAX_SAMPLES_IN_MEMORY = 20_000_000
 """Samples of a channel beyond which a mapped file is not read into memory."""
+MAGIC_BYTES = 16
+"""Bytes at the beginning of a file by which its format may be known."""
 READ_BLOCK_BYTES = 1 << 20
 """Bytes of a file that are looked at in one piece."""
 
@@ -43,17 +62,29 @@ def readers() -> dict[str, ModuleType]:
     return found
 
 
-def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | None = None) -> Log:
-    """Read a log of any known format.
+def read_log(
+    path: str | Path | object,
+    *,
+    rate: float | None = None,
+    columns: Columns | None = None,
+    topic: str = "",
+    instance: int | None = None,
+) -> Log:
+    """Read a log of any known format, or take a table in memory as one.
 
     Parameters
     ----------
-    path : path-like
-        The file.
+    path : path-like, or a table
+        The file; or a mapping of arrays by name, a data frame of pandas or polars, a table of pyarrow, or a data set
+        of xarray, with the same names and units as columns of files.
     rate : float, optional
         Sampling rate [Hz]; replaces the file's own time.
     columns : ColumnMap or str, optional
         Which column is which channel, and its unit: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``.
+    topic : str
+        Topic or message of a flight log from which channels are read wherever it has them: ``sensor_gyro``.
+    instance : int, optional
+        Which of several inertial sensors of a flight log, as it counts them.
 
     Returns
     -------
@@ -63,13 +94,22 @@ def read_log(path: str | Path, *, rate: float | None = None, columns: Columns | 
     ------
     InputError
         The file is missing, empty, of an unknown format or broken; the message names the place.
+    MissingExtra
+        The library that reads the format is not installed.
     """
-    table, sha256 = _table(Path(path), rate)
-    return assemble(table, _map_of(columns), rate, sha256)
+    if not isinstance(path, str | os.PathLike):
+        return assemble(frame_table(path), map_of(columns), rate, "")
+    table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
+    return assemble(table, map_of(columns), rate, sha256)
 
 
 def read_long(
-    path: str | Path, *, rate: float | None = None, columns: Columns | None = None
+    path: str | Path,
+    *,
+    rate: float | None = None,
+    columns: Columns | None = None,
+    topic: str = "",
+    instance: int | None = None,
 ) -> Log | StoredLog:
     """Read a log of any known format; one that is mapped and too long for memory stays in its file.
 
@@ -79,8 +119,12 @@ def read_long(
         The file.
     rate : float, optional
         Sampling rate [Hz]; replaces the file's own time.
-    columns : ColumnMap, optional
+    columns : ColumnMap or str, optional
         Which column is which channel, and its unit.
+    topic : str
+        Topic or message of a flight log from which channels are read wherever it has them.
+    instance : int, optional
+        Which of several inertial sensors of a flight log.
 
     Returns
     -------
@@ -92,15 +136,42 @@ def read_long(
     InputError
         As `read_log`.
     """
-    table, sha256 = _table(Path(path), rate)
+    table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
     long = any(
         isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
         for c in table.columns.values()
     )
-    return (stored if long else assemble)(table, _map_of(columns), rate, sha256)
+    return (stored if long else assemble)(table, map_of(columns), rate, sha256)
 
 
-def _map_of(columns: Columns | None) -> ColumnMap | None:
+def recording_of(path: Path, choice: Choice = ANY) -> Recording | None:
+    """The streams of a file with clocks of their own; None of a format that has one clock.
+
+    Parameters
+    ----------
+    path : Path
+    choice : Choice
+        Topic and instance, where there are several.
+
+    Returns
+    -------
+    Recording or None
+
+    Raises
+    ------
+    InputError, MissingExtra
+        As `read_log`.
+    """
+    reader = reader_of(path)
+    if hasattr(reader, "inside"):
+        inner: Recording | None = reader.inside(path, lambda content: recording_of(content, choice))
+        return inner
+    found: Recording | None = reader.recording(path, choice) if hasattr(reader, "recording") else None
+    return found
+
+
+def map_of(columns: Columns | None) -> ColumnMap | None:
+    """The map of a text that says which column is which channel."""
     return ColumnMap.parse(columns) if isinstance(columns, str) else columns
 
 
@@ -112,17 +183,52 @@ def log_of(log: LogOrPath) -> Log:
     return found
 
 
-def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
-    """What the reader of a file found in it, and its SHA-256."""
+def reader_of(path: Path) -> ModuleType:
+    """The reader of a file, by how it begins, else by its suffix.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or no reader of it.
+    """
     if not path.is_file():
         raise InputError("no such file", where=str(path), remedy="Check the path")
-    reader = readers().get(path.suffix.lower())
+    with path.open("rb") as file:
+        head = file.read(MAGIC_BYTES)
+    known = (m for m in readers().values() if getattr(m, "MAGIC", ()) and head.startswith(m.MAGIC))
+    reader = next(known, None) or readers().get(path.suffix.lower())
     if reader is None:
         raise InputError(
             f"'{path.suffix}' is no format that is read",
             where=str(path),
             remedy=f"Known are {', '.join(sorted(readers()))}",
         )
+    return reader
+
+
+def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTable, str]:
+    """What the reader of a file found in it, before columns are mapped.
+
+    Parameters
+    ----------
+    path : Path
+    rate : float, optional
+        Sampling rate [Hz], which is checked here only.
+    choice : Choice
+        Topic and instance, where there are several.
+
+    Returns
+    -------
+    table : LogTable
+    sha256 : str
+        Hash of the file.
+
+    Raises
+    ------
+    InputError, MissingExtra
+        As `read_log`.
+    """
+    reader_of(path)
     with path.open("rb") as file:
         if not any(block.strip() for block in iter(lambda: file.read(READ_BLOCK_BYTES), b"")):
             raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
@@ -132,7 +238,26 @@ def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
-    return reader.read(path), sha256
+    return _found(path, choice), sha256
+
+
+def _found(path: Path, choice: Choice) -> LogTable:
+    """What the reader of a file found in it, on one time axis."""
+    reader = reader_of(path)
+    if hasattr(reader, "inside"):
+        inner: LogTable = reader.inside(path, lambda content: _found(content, choice))
+        return inner
+    if hasattr(reader, "recording"):
+        recording: Recording = reader.recording(path, choice)
+        return recording.table()
+    if choice != ANY:
+        raise InputError(
+            "the log has one clock and neither topics nor instances",
+            where=str(path),
+            remedy="Leave --topic and --instance out, and choose columns with --columns",
+        )
+    table: LogTable = reader.read(path)
+    return table
 
 
 def write_log(log: Log, path: str | Path) -> None:

@@ -7,6 +7,7 @@ line before the first row that is all numbers, when it has as many cells.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,9 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
+from kfgen.log.readers.ecl_replay import is_replay, read_replay
+from kfgen.log.readers.foreign_text import foreign
+from kfgen.log.readers.loose_text import loose_text
 from kfgen.log.readers.table import LogTable, TableColumn, stated_rate, stated_samples
 
 SUFFIXES = (".csv", ".txt", ".tsv")
@@ -32,16 +36,40 @@ def read(path: Path) -> LogTable:
     InputError
         No row of numbers, a duplicated header, a cell that is no number: with line and column.
     """
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    text = _decoded(path.read_bytes())
     lines = text.splitlines()
-    separator, first = _first_row(path, lines)
-    names, units = _header(path, lines, first, separator)
-    values = _numbers(path, lines, first, separator, names)
+    if is_replay(lines):
+        return read_replay(str(path), lines)
+    words: tuple[str, ...] = ()
+    left: dict[str, TableColumn] = {}
+    try:
+        separator, first = _first_row(path, lines)
+        names, units = _header(path, lines, first, separator)
+        values = _numbers(path, lines, first, separator, names)
+    except InputError:
+        found = loose_text(lines, text.endswith(("\n", "\r")))
+        if found is None:
+            raise
+        names, units = _names(path, found.header_line, list(found.header))
+        units = ["s" if k in found.dates else unit for k, unit in enumerate(units)]
+        values, words, first = found.values, found.said, max(found.header_line, 0)
+        left = {names[k]: TableColumn(values[:, k]) for k in sorted(found.words)}
     rate, stated, warnings = stated_rate(lines[:first], values.shape[0])
     columns = {
         name: TableColumn(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
     }
-    return LogTable(str(path), columns, rate, warnings, stated, stated_samples(lines[:first]))
+    table = LogTable(str(path), columns, rate, (*words, *warnings), stated, stated_samples(lines[:first]))
+    return foreign(table, left)
+
+
+def _decoded(data: bytes) -> str:
+    """The text of a file: UTF-8 or UTF-16 by its byte order mark, or the Windows code page of western Europe."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
 
 
 def write(log: Log, path: str | Path) -> None:
@@ -136,20 +164,24 @@ def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[l
 
 
 def _names(path: Path, index: int, cells: list[str]) -> tuple[list[str], list[str | None]]:
-    names: dict[str, None] = {}
-    units: list[str | None] = []
-    for k, cell in enumerate(cells):
-        match = _HEADER.match(cell)
-        name, unit = (match.group(1), match.group(2)) if match else (cell, None)
-        if name in names:
+    """Names and units of header cells; ``state[0], state[1]`` are names with an index and no units."""
+    matches = [_HEADER.match(cell) for cell in cells]
+    names = [m.group(1) if m else cell for m, cell in zip(matches, cells, strict=True)]
+    units = [m.group(2) if m else None for m in matches]
+    count = Counter(names)
+    for k, name in enumerate(names):
+        if count[name] > 1 and (units[k] or "").isdigit():
+            names[k], units[k] = cells[k], None
+    seen: set[str] = set()
+    for k, name in enumerate(names):
+        if name in seen:
             raise InputError(
                 f"the header has '{name}' twice",
                 where=f"{path}: line {index + 1}, column {k + 1}",
                 remedy="Rename one of the two columns",
             )
-        names[name] = None
-        units.append(unit)
-    return list(names), units
+        seen.add(name)
+    return names, units
 
 
 def _numbers(

@@ -16,6 +16,7 @@ from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.log.log import RATE_RELATIVE_TOLERANCE, Channel, Log, StoredChannel, StoredLog
+from kfgen.log.readers.clock import Clock
 
 CHUNK_SAMPLES = 1 << 20
 """Samples in a slice of a mapped file."""
@@ -55,6 +56,14 @@ class LogTable:
     warnings : tuple of str
     stated : float
         Duration that the file states [s]; zero where it states none.
+    samples : str
+        As in `Log`.
+    others : mapping of str to TableColumn
+        Columns that are no channel by themselves, which ``--columns`` may map.
+    hint : str
+        What to type where columns have no names or no units; empty where that is not known.
+    topics : mapping of str to Clock
+        The clock of everything in a flight log, by topic.
     """
 
     source: str
@@ -63,6 +72,9 @@ class LogTable:
     warnings: tuple[str, ...] = field(default=())
     stated: float = 0.0
     samples: str = ""
+    others: Mapping[str, TableColumn] = field(default_factory=dict)
+    hint: str = ""
+    topics: Mapping[str, Clock] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -161,6 +173,8 @@ def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha
         A mapped column is missing, a unit is unknown or missing, or there is no time.
     """
     chosen = _chosen(table, columns)
+    if columns is None and table.hint and all(name.startswith("#") for name in chosen):
+        raise InputError("its columns have no names", where=table.source, remedy=table.hint)
     tau = chosen.pop("tau", None) if "t" not in chosen else None
     time = tau or chosen.pop("t", None)
     channels = {name: Channel.of(c.values, _unit(table, name, c)) for name, c in chosen.items()}
@@ -258,17 +272,18 @@ def chunks(values: NDArray[Any], size: int = CHUNK_SAMPLES) -> Iterator[NDArray[
 def _chosen(table: LogTable, columns: ColumnMap | None) -> dict[str, TableColumn]:
     if columns is None:
         return dict(table.columns)
-    names = list(table.columns)
+    known = {**table.others, **table.columns}
+    names = list(known)
     chosen: dict[str, TableColumn] = {}
     for channel, wanted, unit in columns.entries:
         name = wanted
         if re.fullmatch(r"#\d{1,9}", wanted) and 1 <= int(wanted[1:]) <= len(names):
             name = names[int(wanted[1:]) - 1]
-        if name not in table.columns:
+        if name not in known:
             raise InputError(
                 f"column '{wanted}' is missing", where=table.source, remedy=f"It has {some_of(names)}"
             )
-        column = table.columns[name]
+        column = known[name]
         chosen[channel] = TableColumn(column.values, column.unit if unit is None else unit)
     if "t" in table.columns:
         chosen.setdefault("t", table.columns["t"])
@@ -282,8 +297,8 @@ def _unit(table: LogTable, name: str, column: TableColumn) -> str:
         raise InputError(
             f"column '{name}' has no unit",
             where=table.source,
-            remedy=f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'; "
-            "a number without a unit is in [1]",
+            remedy=table.hint
+            or f"Name it '{name} [unit]', or say --columns '{name}={name} [unit]'; a number without a unit is in [1]",
         )
     try:
         parse_unit(column.unit)

@@ -14,13 +14,10 @@ import math
 
 import sympy as sp
 
+from kfgen.core.ellipsoid import ECCENTRICITY2, FLATTENING, SEMI_MAJOR
+
 EARTH_RATE = 7.292115e-5
 """Rotation of the Earth [rad/s]."""
-SEMI_MAJOR = 6378137.0
-"""Equatorial radius [m]."""
-FLATTENING = 1.0 / 298.257223563
-ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
-"""Squared eccentricity of the meridian."""
 GM = 3.986004418e14
 """Gravitational constant of the Earth [m^3/s^2]."""
 J2 = 1.0826298e-3

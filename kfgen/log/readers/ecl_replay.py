@@ -1,0 +1,106 @@
+"""Reads replays of PX4-ECL: text with one sample a line, ``time [us],sensor,values`` (`test/sensor_simulator` there).
+
+The order of the coordinates of ``gps``, height [mm], longitude, latitude [1e-7 deg], is that by which they agree with
+its velocity.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.log.readers.aiding import above_first_fix, gnss_stream
+from kfgen.log.readers.streams import Recording, Stream
+from kfgen.log.readers.table import LogTable, TableColumn
+
+Array = NDArray[np.float64]
+
+LINE = re.compile(
+    r"\s*(\d+(?:\.\d+)?)\s*,\s*(imu|mag|baro|gps|airspeed|range|flow|landed|vio|unknown)\s*,(.*)$"
+)
+"""A sample."""
+WHOLE_SHARE = 0.9
+"""Share of lines that are samples, above which a text is a replay."""
+_FIELDS: Mapping[str, Sequence[tuple[str, str]]] = {
+    "imu": [*((f"accel_{a}", "m/s^2") for a in "xyz"), *((f"gyro_{a}", "rad/s") for a in "xyz")],
+    "mag": [(f"mag_{a}", "uT") for a in "xyz"],
+    "baro": [("baro_height", "m")],
+    "airspeed": [("airspeed", "m/s")],
+    "range": [("range", "m")],
+}
+"""Channels of the values of a sensor; the magnetometer is in gauss."""
+MICROTESLA_PER_GAUSS = 100.0
+
+
+def is_replay(lines: Sequence[str]) -> bool:
+    """Whether a text is such a replay."""
+    first = [line for line in lines[:200] if line.strip()]
+    return bool(first) and sum(LINE.match(line) is not None for line in first) > WHOLE_SHARE * len(first)
+
+
+def read_replay(source: str, lines: Sequence[str]) -> LogTable:
+    """A replay on the time axis of its inertial sensor.
+
+    Parameters
+    ----------
+    source : str
+        The file's name, for messages.
+    lines : sequence of str
+
+    Returns
+    -------
+    LogTable
+
+    Raises
+    ------
+    InputError
+        A line is no sample: with its number; only a last line that is cut off is left out.
+    """
+    rows: dict[str, list[list[float]]] = {}
+    for k, line in enumerate(lines, 1):
+        match = LINE.match(line)
+        try:
+            if match is None:
+                raise ValueError
+            values = [float(c) for c in match.group(3).split(",")]
+        except ValueError:
+            if not line.strip() or k == len(lines):
+                continue
+            raise InputError(
+                "it is no sample 'time,sensor,values'",
+                where=f"{source}: line {k}",
+                remedy="Correct or remove it",
+            ) from None
+        rows.setdefault(match.group(2), []).append([float(match.group(1)), *values])
+    tables = {name: _table(samples) for name, samples in rows.items()}
+    streams = [_stream(name, tables[name]) for name in _FIELDS if name in tables]
+    gnss, said = _gnss(tables.get("gps"))
+    streams, zero = above_first_fix(streams, gnss)
+    clocks = {name: Stream(name, a[:, 0] * 1e-6, {}).clock() for name, a in tables.items()}
+    return Recording(source, [*streams, *gnss], clocks, tuple(w for w in (said, zero) if w), "before").table()
+
+
+def _table(samples: Sequence[Sequence[float]]) -> Array:
+    """Samples of the usual number of values, shape (n, k)."""
+    width = max(map(len, samples))
+    return np.array([s for s in samples if len(s) == width], np.float64)
+
+
+def _stream(name: str, values: Array) -> Stream:
+    scale = MICROTESLA_PER_GAUSS if name == "mag" else 1.0
+    fields = zip(_FIELDS[name], values[:, 1:].T)
+    return Stream(name, values[:, 0] * 1e-6, {c: TableColumn(scale * v, unit) for (c, unit), v in fields})
+
+
+def _gnss(values: Array | None) -> tuple[list[Stream], str]:
+    if values is None or values.shape[1] < 7:
+        return [], ""
+    height, longitude, latitude = values[:, 1] * 1e-3, values[:, 2] * 1e-7, values[:, 3] * 1e-7
+    position = [np.deg2rad(latitude), np.deg2rad(longitude), height]
+    fixed = (latitude != 0.0) | (longitude != 0.0)
+    stream, said = gnss_stream("gps", values[:, 0] * 1e-6, fixed, position, list(values[:, 4:7].T))
+    return ([stream] if stream else []), said

@@ -1,0 +1,137 @@
+"""Columns of text files of other programs: their usual names and clocks, and what to type where they have none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.log.readers import array_names
+from kfgen.log.readers.arrays import Named, table_of
+from kfgen.log.readers.seconds import UNITS_S, stamp_unit
+from kfgen.log.readers.table import LogTable, TableColumn
+
+Array = NDArray[np.float64]
+
+PREVIEWED_ROWS = 3
+FULL_SCALES = {
+    16384: ("g/16384", "deg/s/131"),
+    8192: ("g/8192", "deg/s/65.5"),
+    4096: ("g/4096", "deg/s/32.8"),
+    2048: ("g/2048", "deg/s/16.4"),
+}
+"""Counts of one g, and the units of accelerometer and gyro of the ranges of the MPU-6050 (data sheet, 2013)."""
+SCALE_TOLERANCE = 0.15
+"""Relative difference from the counts of one g within which a range is suggested."""
+
+
+def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
+    """The columns of a text file with those of other programs understood.
+
+    Parameters
+    ----------
+    table : LogTable
+        As the file has it.
+    words : mapping of str to TableColumn
+        Its columns of words, which are no channels.
+
+    Returns
+    -------
+    LogTable
+        Without a unit anywhere, columns are known by their usual names; with units, only the time is looked for. Where
+        names or units are missing, `hint` says what to type.
+    """
+    columns = {k: c for k, c in table.columns.items() if k not in words}
+    if all(name.startswith("#") for name in columns):
+        return replace(table, columns=columns, others=table.columns, hint=_of_rows(table, columns))
+    if any(c.unit is not None and not array_names.is_time(k) for k, c in columns.items()):
+        return replace(table, columns=_timed(columns), others=words if words else {})
+    if all(c.values.size < 2 for c in columns.values()):
+        return replace(table, columns=columns)
+    found = table_of(
+        table.source, {k: Named(np.asarray(c.values), c.unit) for k, c in columns.items()}, table.rate
+    )
+    known = {k: c for k, c in found.columns.items() if k != "t"}
+    if not known or set(known) <= set(columns):
+        return replace(table, columns=_timed(columns), others=words, hint=_of_names(columns))
+    same = (
+        len(found.columns["t"].values) == len(next(iter(columns.values())).values)
+        if "t" in found.columns
+        else True
+    )
+    others = dict(table.columns) if same else {}
+    said = (*table.warnings, *found.warnings)
+    return replace(
+        table, columns=found.columns, rate=found.rate, warnings=said, others=others, hint=_of_names(columns)
+    )
+
+
+def _timed(columns: Mapping[str, TableColumn]) -> dict[str, TableColumn]:
+    """The columns with the one that is called as times are as ``t``."""
+    if "t" in columns or "tau" in columns:
+        return dict(columns)
+    name = next(
+        (k for k, c in columns.items() if array_names.is_time(k) and c.unit in (None, *UNITS_S)), None
+    )
+    if name is None:
+        return dict(columns)
+    time = columns[name]
+    unit = time.unit or stamp_unit(name, np.asarray(time.values, float))
+    return {
+        "t" if k == name else k: TableColumn(c.values, unit) if k == name else c for k, c in columns.items()
+    }
+
+
+def _of_rows(table: LogTable, columns: Mapping[str, TableColumn]) -> str:
+    """The first rows of a table without names, and the line to type."""
+    rows = np.column_stack([np.asarray(c.values, float) for c in columns.values()])
+    shown = "\n".join("  " + "  ".join(f"{v:.13g}" for v in row) for row in rows[:PREVIEWED_ROWS])
+    entries = _guessed(list(columns), rows)
+    line = ", ".join(entries) if entries else f"a={next(iter(columns))} [1]"
+    rate = "" if table.rate or any(e.startswith("t=") for e in entries) else " --rate HZ"
+    return f"Its first rows are\n{shown}\nSay what they are, for example: --columns '{line}'{rate}"
+
+
+def _guessed(names: Sequence[str], rows: Array) -> list[str]:
+    """Entries of ``--columns`` for columns that look like times and triads."""
+    entries: list[str] = []
+    left = [k for k in range(len(names)) if np.isfinite(rows[:, k]).all() and np.ptp(rows[:, k]) > 0.0]
+    time = next((k for k in left if rows.shape[0] > 2 and (np.diff(rows[:, k]) > 0.0).all()), None)
+    if time is not None:
+        entries.append(f"t={names[time]} [{stamp_unit('t', rows[:, time])}]")
+        left.remove(time)
+    triads = [left[k : k + 3] for k in range(0, len(left) - 2, 3)]
+    size = [float(np.median(np.linalg.norm(rows[:, own], axis=1))) for own in triads]
+    accel = next((k for k, s in enumerate(size) if _unit_of(s) is not None), None)
+    units = (_unit_of(size[accel]) if accel is not None else None) or ("m/s^2", "rad/s")
+    sensors = iter([("gyro", units[1]), ("mag", "uT")])
+    for k, own in enumerate(triads):
+        sensor, unit = ("accel", units[0]) if k == accel else next(sensors, ("", ""))
+        entries += [
+            f"{sensor}_{axis}={names[c]} [{unit}]" for axis, c in zip("xyz", own, strict=True) if sensor
+        ]
+    return entries
+
+
+def _unit_of(size: float) -> tuple[str, str] | None:
+    """Units of accelerometer and gyro by the accelerometer's size at rest; None where it is none."""
+    if 5.0 < size < 20.0:
+        return "m/s^2", "rad/s"
+    if 0.5 < size < 2.0:
+        return "g", "deg/s"
+    return next((u for counts, u in FULL_SCALES.items() if abs(size / counts - 1.0) < SCALE_TOLERANCE), None)
+
+
+def _of_names(columns: Mapping[str, TableColumn]) -> str:
+    """The line to type for columns of usual names without units; empty without such a column."""
+    axes = {name: axis for name in columns if (axis := array_names.axis_of(name)) is not None}
+    of_accel = [np.asarray(columns[n].values, float) for n, a in axes.items() if a[0] == "accel"]
+    size = float(np.nanmedian(np.sqrt(np.sum(np.square(of_accel), axis=0)))) if of_accel else 0.0
+    units = _unit_of(size) or ("m/s^2", "deg/s")
+    unit_of = {"accel": units[0], "gyro": units[1], "mag": "uT"}
+    entries = [f"{a[0]}_{a[1]}={n} [{unit_of[a[0]]}]" for n, a in axes.items() if a[0] in unit_of]
+    if not entries:
+        return ""
+    return f"Say the units, for example: --columns '{', '.join(entries)}'"

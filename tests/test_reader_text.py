@@ -1,0 +1,221 @@
+"""Proves that text is read as people have it, that what was done is said, and that what cannot be known is asked for.
+
+The commands that messages print are tried as printed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from placed import placed
+
+from kfgen.core.errors import InputError
+from kfgen.log.log import Log
+from kfgen.log.readers import read_log
+
+Find = Callable[[str], Path]
+T = np.arange(50) * 0.01
+ACC = np.random.default_rng(4).normal([0.0, 0.1, -9.8], 0.05, (50, 3))
+GYR = np.random.default_rng(5).normal(0.0, 0.1, (50, 3))
+
+
+def text(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def table(
+    separator: str = ",", header: str = "t [s],x [m],y [K]", number: Callable[[float], str] = str
+) -> str:
+    rows = [separator.join(map(number, (T[k], float(k), 0.5 * k))) for k in range(50)]
+    return "\n".join([header.replace(",", separator), *rows]) + "\n"
+
+
+def right(log: Log) -> None:
+    assert log.t == pytest.approx(T)
+    assert log.values("x") == pytest.approx(np.arange(50.0))
+    assert log.values("y") == pytest.approx(0.5 * np.arange(50.0))
+
+
+def comma(x: float) -> str:
+    return str(x).replace(".", ",")
+
+
+def typed(error: InputError) -> str:
+    """What a message says to write after --columns."""
+    found = re.search(r"--columns '([^']*)'", error.remedy)
+    assert found is not None
+    return found.group(1)
+
+
+@pytest.mark.parametrize("separator", [";", "\t", " "])
+def test_decimal_commas(tmp_path: Path, separator: str) -> None:
+    header = "t [s],x [m],y [K]" if separator != " " else "t[s],x[m],y[K]"
+    log = read_log(text(tmp_path, table(separator, header, comma)))
+    right(log)
+    assert any("decimal commas" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_encodings(tmp_path: Path, encoding: str) -> None:
+    content = table().replace("y [K]", "y [°C]")
+    log = read_log(text(tmp_path, content.encode(encoding)))
+    assert log.values("y") == pytest.approx(273.15 + 0.5 * np.arange(50.0))
+
+
+@pytest.mark.parametrize("ends", ["", "Z", "+02:00"])
+@pytest.mark.parametrize("between", ["T", " "])
+def test_dates_are_seconds(tmp_path: Path, ends: str, between: str) -> None:
+    rows = [f"2026-03-01{between}00:00:{t:09.6f}{ends},{k}" for k, t in enumerate(T)]
+    log = read_log(text(tmp_path, "\n".join(["time,x [m]", *rows]) + "\n"))
+    start = 1772323200.0 - (7200.0 if ends == "+02:00" else 0.0)
+    assert log.t == pytest.approx(start + T, abs=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ns", 1e9), ("us", 1e6), ("ms", 1e3)])
+@pytest.mark.parametrize("named", [True, False])
+def test_clocks_in_parts_of_a_second(tmp_path: Path, unit: str, factor: float, named: bool) -> None:
+    name = f"time [{unit}]" if named else "timestamp"
+    rows = [f"{round((1.7e9 + t) * factor)},{k}" for k, t in enumerate(T)]
+    log = read_log(text(tmp_path, "\n".join([f"{name},x [m]", *rows]) + "\n"))
+    assert log.t == pytest.approx(1.7e9 + T, abs=1e-6)
+
+
+def test_words_that_nobody_asked_for(tmp_path: Path) -> None:
+    lines = table().splitlines()
+    content = "\n".join([lines[0] + ",mode", *(f"{line},hover" for line in lines[1:])]) + "\n"
+    log = read_log(text(tmp_path, content))
+    right(log)
+    assert list(log.channels) == ["x", "y"]
+    assert any("columns of words were left out: 'mode'" in w for w in log.warnings)
+
+
+def test_columns_keep_their_numbers_beside_words(tmp_path: Path) -> None:
+    rows = [f"hover,{t},{k}" for k, t in enumerate(T)]
+    log = read_log(text(tmp_path, "\n".join(rows) + "\n"), columns="t=#2 [s], x=#3 [m]")
+    assert log.values("x") == pytest.approx(np.arange(50.0))
+
+
+@pytest.mark.parametrize("cell", ["N/A", "NA", "null", "-", "NaN", "none"])
+def test_cells_of_missing_samples(tmp_path: Path, cell: str) -> None:
+    log = read_log(
+        text(tmp_path, table().replace("7.0,3.5", f"7.0,{cell}").replace("9.0,4.5", f"{cell},4.5"))
+    )
+    assert placed(log, "y")[1].size == placed(log, "x")[1].size == 49
+    assert np.isnan(log.channels["y"].values[7])
+
+
+def test_cells_with_keys(tmp_path: Path) -> None:
+    rows = [f"t:{t:.2f} gx:{k} gy:{k + 1} gz:0 ax:0 ay:0 az:-9.8" for k, t in enumerate(T)]
+    log = read_log(text(tmp_path, "\n".join(rows) + "\n", "serial.txt"))
+    assert log.values("gyro_y") == pytest.approx(np.arange(1.0, 51.0))
+    assert log.t == pytest.approx(T)
+
+
+def test_a_boot_line_before_the_header(tmp_path: Path) -> None:
+    right(read_log(text(tmp_path, "MPU init OK, 3 sensors\nready\n" + table())))
+    right(read_log(text(tmp_path, "MPU init OK, 3 sensors\nready\n" + table(";", number=comma))))
+
+
+def test_a_last_line_that_is_cut_off(tmp_path: Path) -> None:
+    log = read_log(text(tmp_path, table() + "0.5,3"))
+    right(log)
+    assert any("last line is cut off" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "place"), [("7.x,3.5", "line 9, column 2 (x)"), ("7.0", "line 9"), ("7.0,3.5,1,2", "line 9")]
+)
+def test_a_wrong_cell_is_still_named(tmp_path: Path, wrong: str, place: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_log(text(tmp_path, table().replace("7.0,3.5", wrong)))
+    assert place in caught.value.where
+
+
+@pytest.mark.parametrize(("scale", "units"), [(1.0, "m/s^2"), (9.80665, "g"), (9.80665 / 16384, "g/16384")])
+def test_without_a_header_the_printed_line_is_right(tmp_path: Path, scale: float, units: str) -> None:
+    rows = np.column_stack([T, ACC / scale, GYR, np.zeros(50)])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, delimiter=",")
+    with pytest.raises(InputError, match="its columns have no names") as caught:
+        read_log(path)
+    assert f"[{units}]" in typed(caught.value)
+    assert f"{rows[0, 1]:.13g}" in caught.value.remedy
+    log = read_log(path, columns=typed(caught.value))
+    assert list(log.channels) == [f"{s}_{a}" for s in ("accel", "gyro") for a in "xyz"]
+    assert log.values("accel_z") == pytest.approx(ACC[:, 2])
+
+
+def test_without_a_time_a_rate_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    np.savetxt(path, ACC, delimiter=",")
+    with pytest.raises(InputError, match="--rate HZ") as caught:
+        read_log(path)
+    assert read_log(path, rate=100.0, columns=typed(caught.value)).values("accel_y") == pytest.approx(
+        ACC[:, 1]
+    )
+
+
+def test_usual_names_without_units(tmp_path: Path) -> None:
+    rows = np.column_stack([T * 1e6, ACC, GYR])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, delimiter=",", header="timestamp,ax,ay,az,gx,gy,gz", comments="")
+    log = read_log(path)
+    assert log.t == pytest.approx(T)
+    assert log.values("gyro_x") == pytest.approx(GYR[:, 0])
+    assert any("rad/s is assumed" in w for w in log.warnings)
+
+
+def test_a_recording_in_counts_is_asked_for_once(recording: Find) -> None:
+    """The line that is printed gives the noise of the manifest: the ranges are those of the sensor."""
+    path = recording("native/mpu6050_static.csv")
+    with pytest.raises(InputError, match="no unit") as caught:
+        read_log(path)
+    log = read_log(path, columns=typed(caught.value))
+    twin = np.load(recording("static/mpu6050_static_450s.npz"))
+    assert log.values("gyro_y") == pytest.approx(np.deg2rad(twin["gyr_counts"][:, 1] / 131.0))
+    size = np.sqrt(sum(log.values(f"accel_{a}") ** 2 for a in "xyz"))
+    assert np.median(size) == pytest.approx(9.8, abs=1.0)
+
+
+def test_a_recording_without_a_header_is_asked_for_once(recording: Find) -> None:
+    path = recording("flights/rtk_walk_imu.csv")
+    with pytest.raises(InputError, match="no names") as caught:
+        read_log(path)
+    log, own = read_log(path, columns=typed(caught.value)), np.loadtxt(path, delimiter=",")
+    assert log.t == pytest.approx(own[:, 0], abs=1e-6)
+    assert log.values("accel_z") == pytest.approx(own[:, 3] * 9.80665)
+    assert log.values("gyro_z") == pytest.approx(np.deg2rad(own[:, 6]))
+
+
+# Replays of PX4-ECL.
+
+
+def test_a_replay_of_ecl_is_that_of_its_lines(recording: Find) -> None:
+    path = recording("flights/ecl_iris_gps_replay.csv")
+    log = read_log(path)
+    cells = [line.split(",") for line in path.read_text().splitlines()]
+    imu = np.array([[float(c) for c in (own[0], *own[2:])] for own in cells if own[1] == "imu"])
+    assert log.t == pytest.approx(imu[:, 0] * 1e-6)
+    assert log.values("accel_z") == pytest.approx(imu[:, 3])
+    assert log.values("gyro_x") == pytest.approx(imu[:, 4])
+    t, x = placed(log, "mag_x")
+    mag = np.array([[float(own[0]), float(own[2])] for own in cells if own[1] == "mag"])
+    assert x == pytest.approx(np.interp(t, mag[:, 0] * 1e-6, mag[:, 1]) * 1e-4, abs=4e-7)
+    (_, east), (tg, v) = placed(log, "gnss_p_E"), placed(log, "gnss_v_E")
+    along = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(tg))])
+    assert np.std(east - east[0] - along) < 0.5 * np.std(east)
+
+
+def test_a_wrong_line_of_a_replay_is_named(tmp_path: Path) -> None:
+    lines = [f"{k * 4000},imu,0,0,-9.8,0,0,0" for k in range(300)]
+    path = text(tmp_path, "\n".join([*lines[:250], "oops", *lines[250:]]) + "\n")
+    with pytest.raises(InputError, match="line 251: it is no sample"):
+        read_log(path)
+    cut = text(tmp_path, "\n".join(lines) + "\n1200000,im", "cut.csv")
+    assert read_log(cut).n == 300
