@@ -24,6 +24,10 @@ def pieces(program: Program) -> tuple[Routine, ...]:
         arguments = program.sample_arguments([e for _, e in stores])
         text = f"Expected sample and Jacobian: {s.title}."
         parts.append(_piece(program, f"expect_{s.name}", text, stores, arguments))
+        length, share = s.gated_length()
+        if share > 0.0:
+            said = f"Expected squared length: {s.title}."
+            parts.append(_piece(program, f"length_{s.name}", said, [(Ref("length", 0), length)], ()))
     lower = program.lowering()
     body = program.atoms.make(lower, step)
     values, statements = lower.many(step)
