@@ -7,7 +7,6 @@ from functools import reduce
 
 from kfgen.emit.ir.ir import All, Argument, Compare, Condition, Expr, Num, Ref, add, mul
 
-
 MAX_SUM = 1e30
 """Finite numbers of a filter add up to less, in single precision as well."""
 

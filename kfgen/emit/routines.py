@@ -275,7 +275,7 @@ class Program:
         then = [*self.covariance.predict(Phi, Qd), *self.covariance_guard()]
         body += [Note("state"), *self.normalised(values[len(flat) :], lower, True, then)]
         arguments = self.motion_arguments([e for row in self._raw for e in row])
-        body = [*self.supervisor.resynchronise(), *body]
+        body = [*self.supervisor.resynchronise(), *self.supervisor.changed(), *body]
         looked = [c for a in arguments[:-1] for c in within(a, self.input_limit(a.name))]
         refused = (StatusFlag("BAD_INPUT"), *self.supervisor.missed())
         known = (When(every(looked), tuple(body), refused),) if looked else tuple(body)
@@ -316,20 +316,14 @@ class Program:
     @cached_property
     def supervisor(self) -> Supervisor:
         """What watches over the filter."""
-        return Supervisor(tuple(s.name for s in self.discrete.model.sensors), self.settings)
+        model = self.discrete.model
+        triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
+        return Supervisor({s.name: len(s.channels) for s in model.sensors}, tuple(triads), self.settings)
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
         from kfgen.emit.update import update
 
-        if not self.covariance.TAKES_EXACT and any(
-            not self.discrete.measurement_variance(sensor, c) > 0.0 for c in sensor.channels
-        ):
-            raise InputError(
-                "a measurement without noise cannot be fused by factors",
-                where="--form ud",
-                remedy="Give its channel white noise, or use --form p",
-            )
         return update(self, sensor)
 
     def inject(self, guarded: bool = False) -> list[Stmt]:

@@ -24,10 +24,15 @@ SUPERVISION = (
     Constant("RESET_AFTER", "s", 2.0, "a sensor whose samples are rejected for so long widens its states"),
     Constant("RESET_COUNT", "1", 20.0, "so many samples rejected in a row do so as well"),
     Constant("ESCALATE_WITHIN", "s", 10.0, "a second reset within this time widens all states"),
+    Constant("NIS_WEIGHT", "1", 0.1, "weight of a new sample in the mean squared innovation of a sensor"),
+    Constant(
+        "NIS_SHARE", "1", 0.04, "share of the gate, for each row, beyond which that mean widens all states"
+    ),
     Constant("RESYNC_AFTER", "s", 0.2, "predictions missed for so long widen all states"),
     Constant("RESET_ATTITUDE", "rad", 0.6, "least standard deviation of the attitude where all is widened"),
     Constant("DEGRADED_COUNT", "1", 2.0, "so many samples of a sensor rejected in a row: DEGRADED"),
     Constant("SETTLE_TIME", "s", 3.0, "the filter is DEGRADED for so long after a reset"),
+    Constant("STUCK_TIME", "s", 0.5, "a triad of inputs without any change for so long: DEGRADED"),
     Constant("LOST_AFTER", "s", 10.0, "no sample of any sensor accepted for so long: LOST"),
 )
 """When the supervisor acts; `docs/emit.md` says why these are the defaults."""

@@ -13,7 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import reduce
 
+from kfgen.emit.covariance.joint import NIS
 from kfgen.emit.ir.ir import (
+    All,
     Bin,
     Compare,
     Expr,
@@ -41,6 +43,7 @@ OF_SENSOR = {
     "AGE": "since its last accepted sample [s]",
     "REJECTED": "samples rejected in a row",
     "REJECTED_FROM": "age at which they began to be rejected [s]",
+    "MEAN_NIS": "mean squared innovation of its accepted samples",
     "RESET": "1 where it widened its states at the last reset",
 }
 OF_FILTER = {
@@ -56,14 +59,22 @@ class Supervisor:
 
     Parameters
     ----------
-    sensors : tuple of str
-        Their names.
+    rows : dict of str to int
+        Of each sensor, by its name.
+    triads : tuple of str
+        Inputs of three noisy channels, as arguments: one that does not change is stuck.
     settings : dict of str to Constant
         Of the filter.
     """
 
-    sensors: tuple[str, ...]
+    rows: dict[str, int]
+    triads: tuple[str, ...]
     settings: dict[str, Constant]
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self.rows)
 
     @property
     def places(self) -> tuple[tuple[str, str], ...]:
@@ -73,7 +84,15 @@ class Supervisor:
             for s in self.sensors
             for q, text in OF_SENSOR.items()
         ]
-        return (*own, *OF_FILTER.items())
+        stuck = [
+            (f"{name}_{identifier(t).upper()}{axis}", f"{t}: {text}")
+            for t in self.triads
+            for name, axis, text in (
+                ("STUCK", "", "since its last change [s]"),
+                *(("LAST", f"_{axis}", "last sample") for axis in "XYZ"),
+            )
+        ]
+        return (*own, *OF_FILTER.items(), *stuck)
 
     @property
     def start(self) -> tuple[float, ...]:
@@ -93,6 +112,18 @@ class Supervisor:
         """A step goes by."""
         clocks = [Ref(ARRAY, k) for k, (n, _) in enumerate(self.places) if n.startswith(("AGE", "SINCE"))]
         return [Store(c, add(c, Ref("dt"))) for c in clocks]
+
+    def changed(self) -> list[Stmt]:
+        """Whether each triad of inputs has changed since the last step."""
+        body: list[Stmt] = []
+        for k, triad in enumerate(self.triads):
+            first = len(self.places) - 4 * (len(self.triads) - k)
+            stuck, *last = (Ref(ARRAY, first + i) for i in range(4))
+            now = [Ref(triad, i) for i in range(3)]
+            same = All(tuple(Compare(op, a, b) for a, b in zip(now, last) for op in ("<=", ">=")))
+            kept = tuple(Store(b, a) for a, b in zip(now, last))
+            body.append(When(same, (Store(stuck, add(stuck, Ref("dt"))),), (Store(stuck, Num(0.0)), *kept)))
+        return body
 
     def missed(self) -> list[Stmt]:
         """A step goes by without a prediction."""
@@ -116,9 +147,25 @@ class Supervisor:
     def _count(self, quantity: str, sensor: str = "") -> Stmt:
         return Store(self.at(quantity, sensor), add(self.at(quantity, sensor), Num(1.0)))
 
-    def accepted(self, sensor: str) -> list[Stmt]:
-        """A sample of a sensor was fused."""
-        return [Store(self.at("AGE", sensor), Num(0.0)), Store(self.at("REJECTED", sensor), Num(0.0))]
+    def accepted(self, sensor: str, gate: Expr) -> list[Stmt]:
+        """A sample of a sensor was fused; where the innovations of many are too large in the mean, P is too small.
+
+        Parameters
+        ----------
+        sensor : str
+            Its name.
+        gate : Expr
+            Largest squared innovation of a sample.
+        """
+        mean, weight = self.at("MEAN_NIS", sensor), self._setting("NIS_WEIGHT")
+        most = mul(mul(gate, self._setting("NIS_SHARE")), Num(float(self.rows[sensor])))
+        begin_again = tuple(Store(self.at("MEAN_NIS", s), Num(0.0)) for s in self.rows)
+        return [
+            Store(self.at("AGE", sensor), Num(0.0)),
+            Store(self.at("REJECTED", sensor), Num(0.0)),
+            Store(mean, add(mean, mul(weight, sub(NIS, mean)))),
+            When(Compare(">", mean, most), (*self.widen(), *begin_again)),
+        ]
 
     def rejected(self, sensor: str) -> list[Stmt]:
         """A sample of a sensor was beyond the gate; `DUE` becomes 1 where that has gone on for too long."""
@@ -154,6 +201,9 @@ class Supervisor:
         ]
         for s in self.sensors:
             body.append(When(Compare(">=", self.at("REJECTED", s), count), degraded))
+        for k, (name, _) in enumerate(self.places):
+            if name.startswith("STUCK"):
+                body.append(When(Compare(">=", Ref(ARRAY, k), self._setting("STUCK_TIME")), degraded))
         lost: tuple[Stmt, ...] = (StatusFlag("LOST"),)
         for s in self.sensors:
             lost = (When(Compare(">", self.at("AGE", s), self._setting("LOST_AFTER")), lost),)

@@ -70,11 +70,10 @@ def update(program: Program, sensor: Sensor) -> Routine:
     R = variances(program, sensor)
     noise = [Ref(R.name, i) for i in range(H.rows)]
     joint, S = program.covariance.innovation_covariance(rows, noise)
-    accepted = _accepted(program, sensor, rows, y, noise)
-    body += [*joint, *gated(S, y, lower.places["gate"], accepted, _rejected(program, sensor, rows, y, S))]
-    z = Argument(
-        "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
-    )
+    gate = lower.places["gate"]
+    accepted = _accepted(program, sensor, rows, y, noise, gate)
+    body += [*joint, *gated(S, y, gate, accepted, _rejected(program, sensor, rows, y, S))]
+    z = Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels))
     others = program.sample_arguments(used)
     return Routine(
         f"update_{sensor.name}",
@@ -86,7 +85,20 @@ def update(program: Program, sensor: Sensor) -> Routine:
 
 
 def variances(program: Program, sensor: Sensor) -> Argument:
-    """The variances of a sample's rows, which a call may give."""
+    """The variances of a sample's rows, which a call may give.
+
+    Raises
+    ------
+    InputError
+        One is not positive, and the form of the covariance needs that.
+    """
+    least = min(program.discrete.measurement_variance(sensor, c) for c in sensor.channels)
+    if not program.covariance.TAKES_EXACT and not least > 0.0:
+        raise InputError(
+            "a measurement without noise cannot be fused by factors",
+            where="--form ud",
+            remedy="Give its channel white noise, or use --form p",
+        )
     names = [f"R_{identifier(c).upper()}" for c in sensor.channels]
     text = f"variances of its rows [({sensor.unit})^2]"
     return Argument("R", len(names), text, tuple(program.setting(n) for n in names))
@@ -107,14 +119,14 @@ def _innovation(sensor: Sensor, h: list[Expr], lower: Lowering, body: list[Stmt]
 
 
 def _accepted(
-    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref]
+    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref], gate: Expr
 ) -> list[Stmt]:
     """Row by row into covariance and correction, then the correction into the state."""
     body: list[Stmt] = []
     for i, channel in enumerate(sensor.channels):
         body += [Note(channel), *fused(program.covariance, i, rows[i], y[i], R[i])]
     body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(program.inject(guarded=True))))
-    return [*body, *program.supervisor.accepted(sensor.name), *program.covariance_guard()]
+    return [*body, *program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
 
 
 def _rejected(

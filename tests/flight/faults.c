@@ -200,7 +200,7 @@ int main(int argc, char **argv)
             for (int i = 0; i < 4; i++) { dot += (double)kf.x[INS15_X_Q_W + i] * now.q[i]; }
             fprintf(stderr, "%6.2f err %9.3f sd %8.3f  att %7.3f deg  sd_h %6.3f v_err %7.3f status %d rej %g %g resets %g\n", t, sqrt(error), sqrt(trace),
                 2.0 * acos(fmin(1.0, fabs(dot))) * 57.3, sqrt((double)ins15_get_variance(&kf, INS15_E_PHI_D)) , fabs((double)kf.x[3] - now.v[0]), (int)status, (double)kf.supervisor[1],
-                (double)kf.supervisor[5], (double)kf.supervisor[INS15_RESETS]);
+                (double)kf.supervisor[INS15_REJECTED_GNSS_VELOCITY], (double)kf.supervisor[INS15_RESETS]);
         }
 #endif
     }

@@ -210,6 +210,8 @@ def _counted(body: Sequence[Stmt], env: Mapping[str, int]) -> int:
         elif isinstance(s, When):
             total += sum(_count(c.a) + _count(c.b) for c in comparisons(s.condition))
             total += _counted(s.body, env) + _counted(s.orelse, env)
+        elif isinstance(s, FunctionCall):
+            total += sum(_count(a) for a in s.arguments)
         elif isinstance(s, For):
             total += sum(_counted(s.body, {**env, s.var: k}) for k in turns(s, env))
     return total

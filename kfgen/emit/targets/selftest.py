@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 import kfgen
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.scenario import RecordedCall, scenario, split
+from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.targets.templates import render
 
 Array = NDArray[np.float64]
