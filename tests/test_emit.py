@@ -967,7 +967,12 @@ def test_noise_of_constant_states_may_wait() -> None:
 
 
 def test_noise_waits_with_factors_only(kfgen: Any, tmp_path: Path) -> None:
-    assert kfgen("emit", "ins15", "--target", "c", "--q-interval", "0.2", "-o", tmp_path / "f").exit_code == 2
+    assert (
+        kfgen(
+            "emit", "ins15", "--target", "c", "--form", "p", "--q-interval", "0.2", "-o", tmp_path / "f"
+        ).exit_code
+        == 2
+    )
     assert list(tmp_path.iterdir()) == []
 
 

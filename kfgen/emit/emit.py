@@ -7,8 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from kfgen.effects.noise_model import NoiseModel
+from kfgen.emit.covariance.factored import Factored
+from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
+from kfgen.emit.targets import filterpy
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 
@@ -20,7 +23,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     model: ModelSource,
     folder: str | Path,
     target: str = "c",
-    form: str = "p",
+    form: str | None = None,
     real: str = "float",
     *,
     noise: NoiseSource | None = None,
@@ -41,8 +44,9 @@ def emit(  # noqa: PLR0913 - the choices of one command
         A new folder, an empty one, or one of an emitted filter, which is replaced.
     target : str
         ``c``, ``numpy`` or ``filterpy``; see `kfgen.list_all`.
-    form : str
-        Of the covariance: ``p``, the matrix itself, or ``ud``, its factors.
+    form : str, optional
+        Of the covariance: ``ud``, its factors, or ``p``, the matrix itself; where left out the factors, which rounding
+        cannot make indefinite, and for ``filterpy`` the matrix, as it has no other.
     real : str
         Type of the numbers: ``float`` or ``double``.
     noise : NoiseModel or path-like, optional
@@ -70,6 +74,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
         As in `kfgen.build`, an unknown target, form or type, or a folder that holds files of other origin.
     """
     built = filter_of(model, noise)
+    form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
     program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
     if costs is not None:
         program = replace(program, costs=costs(program))

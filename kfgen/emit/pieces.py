@@ -13,7 +13,7 @@ from kfgen.emit.routines import Program
 def pieces(program: Program) -> tuple[Routine, ...]:
     """``step``, ``transition``, ``noise``, ``expect_<sensor>`` and ``inject``."""
     discrete, n = program.discrete, program.n
-    Phi, Qd, step = discrete.Phi, discrete.Qd, discrete.step
+    Phi, Qd, step = discrete.Phi, discrete.named_noise[0], discrete.step
     parts = [
         _piece(program, "transition", "Transition of the error.", _entries("Phi", Phi)),
         _piece(program, "noise", "Process noise of a step.", _entries("Qd", Qd)),

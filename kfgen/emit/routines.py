@@ -126,7 +126,9 @@ class Program:
         rows, noise = self._transition
         mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
         still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
-        return {i: float(q) for i, q in still.items() if self.q_interval > 0.0 and q.is_number}
+        values = dict(self.discrete.named_noise[1].values())
+        plain = {i: q.xreplace(values) for i, q in still.items()}
+        return {i: float(q) for i, q in plain.items() if self.q_interval > 0.0 and q.is_number}
 
     @property
     def settling(self) -> int:

@@ -26,7 +26,7 @@ SUPERVISION = (
     Constant("ESCALATE_WITHIN", "s", 10.0, "a second reset within this time widens all states"),
     Constant("NIS_WEIGHT", "1", 0.1, "weight of a new sample in the mean squared innovation of a sensor"),
     Constant(
-        "NIS_SHARE", "1", 0.04, "share of the gate, for each row, beyond which that mean widens all states"
+        "NIS_SHARE", "1", 0.025, "share of the gate, for each row, beyond which that mean widens all states"
     ),
     Constant("RESYNC_AFTER", "s", 0.2, "predictions missed for so long widen all states"),
     Constant("RESET_ATTITUDE", "rad", 0.6, "least standard deviation of the attitude where all is widened"),
@@ -44,6 +44,11 @@ def settings(discrete: DiscreteModel) -> dict[str, Constant]:
     found = list(SUPERVISION)
     for i in model.motion.inputs:
         found.append(_limit(i.name, i.unit, i.title, model.limits.get(i.name)))
+    units = {n: i.unit for i in model.motion.inputs for n in (i.name, *i.channels)}
+    for name, (_, density) in discrete.named_noise[1].items():
+        text = f"density of the noise of {name} and of what the model leaves out"
+        unit = f"({units[name]})^2/Hz"
+        found.append(Constant(f"Q_{identifier(name).upper()}", unit, float(density), text))
     for s in model.sensors:
         found.append(_limit(f"{s.name}_sample", s.unit, s.title, model.limits.get(s.name)))
         if s.min_length:
