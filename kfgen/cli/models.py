@@ -20,7 +20,9 @@ WANT = typer.Option(help="Say when a standard deviation is reached: 'phi_D=0.1 d
 SEEN = typer.Option(metavar="LOG", help="Say how well each state shows in this log.")
 TARGET = typer.Option(help="The language of the code, see 'kfgen list'.")
 OUTPUT = typer.Option("-o", "--output", metavar="DIR", help="A new folder, or that of an emitted filter.")
-FORM = typer.Option(help="Store the covariance (p) or its UD factors (ud), which are never indefinite.")
+FORM = typer.Option(
+    help="Store UD factors (ud, the default but of filterpy), never indefinite, or the covariance (p)."
+)
 REAL = typer.Option(help="The type of the numbers: float or double.")
 LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.")
 FORCE = typer.Option("--force", help="Replace also files of the folder that you changed.")
@@ -101,7 +103,7 @@ def emit(
     target: Annotated[str, TARGET],
     output: Annotated[Path, OUTPUT],
     noise: opt.Noise = None,
-    form: Annotated[str, FORM] = "p",
+    form: Annotated[str | None, FORM] = None,
     real: Annotated[str, REAL] = "float",
     loops: Annotated[bool, LOOPS] = False,
     q_interval: Annotated[float, Q_INTERVAL] = 0.0,

@@ -8,8 +8,11 @@ from pathlib import Path
 
 from kfgen.core.errors import InputError
 from kfgen.effects.noise_model import NoiseModel
+from kfgen.emit.covariance.factored import Factored
+from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
+from kfgen.emit.targets import filterpy
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 
@@ -21,7 +24,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     model: ModelSource,
     folder: str | Path,
     target: str = "c",
-    form: str = "p",
+    form: str | None = None,
     real: str = "float",
     *,
     noise: NoiseSource | None = None,
@@ -43,8 +46,9 @@ def emit(  # noqa: PLR0913 - the choices of one command
         A new folder, an empty one, or one of an emitted filter, which is replaced.
     target : str
         ``c``, ``numpy`` or ``filterpy``; see `kfgen.list_all`.
-    form : str
-        Of the covariance: ``p``, the matrix itself, or ``ud``, its factors.
+    form : str, optional
+        Of the covariance: ``ud``, its factors, or ``p``, the matrix itself; where left out the factors, which rounding
+        cannot make indefinite, and for ``filterpy`` the matrix, as it has no other.
     real : str
         Type of the numbers: ``float`` or ``double``.
     noise : NoiseModel or path-like, optional
@@ -76,6 +80,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     if costs is not None and target != "c":
         raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
     built = filter_of(model, noise)
+    form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
     program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
     if costs is not None:
         program = replace(program, costs=costs(program))

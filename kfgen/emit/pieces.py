@@ -13,7 +13,7 @@ from kfgen.emit.routines import Program
 def pieces(program: Program) -> tuple[Routine, ...]:
     """``step``, ``transition``, ``noise``, ``expect_<sensor>`` and ``inject``."""
     discrete, n = program.discrete, program.n
-    Phi, Qd, step = discrete.Phi, discrete.Qd, discrete.step
+    Phi, Qd, step = discrete.Phi, discrete.named_noise[0], discrete.step
     parts = [
         _piece(program, "transition", "Transition of the error.", _entries("Phi", Phi)),
         _piece(program, "noise", "Process noise of a step.", _entries("Qd", Qd)),
@@ -24,6 +24,10 @@ def pieces(program: Program) -> tuple[Routine, ...]:
         arguments = program.sample_arguments([e for _, e in stores])
         text = f"Expected sample and Jacobian: {s.title}."
         parts.append(_piece(program, f"expect_{s.name}", text, stores, arguments))
+        length, share = s.gated_length()
+        if share > 0.0:
+            said = f"Expected squared length: {s.title}."
+            parts.append(_piece(program, f"length_{s.name}", said, [(Ref("length", 0), length)], ()))
     lower = program.lowering()
     body = program.atoms.make(lower, step)
     values, statements = lower.many(step)

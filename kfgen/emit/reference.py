@@ -16,7 +16,7 @@ from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import (
     STATUS,
     Bin,
-    Compare,
+    Condition,
     Expr,
     For,
     FunctionCall,
@@ -29,6 +29,7 @@ from kfgen.emit.ir.ir import (
     Store,
     Una,
     When,
+    comparisons,
     turns,
 )
 from kfgen.emit.routines import Program
@@ -65,9 +66,11 @@ class Machine:
         """
         routine = self.routines[name]
         env: dict[str, Any] = dict(self.arrays)
-        for argument, value in zip(routine.arguments, values, strict=True):
+        defaults = [[n.value for n in a.default] for a in routine.arguments[len(values) :] if a.default]
+        for argument, value in zip(routine.arguments, [*values, *defaults], strict=True):
             env[argument.name] = np.asarray(value, self.real) if argument.size else self.real(value)  # type: ignore[arg-type]
-        return self._enter(routine, env)
+        with np.errstate(all="ignore"):
+            return self._enter(routine, env)
 
     def _enter(self, routine: Routine, env: dict[str, Any]) -> str:
         env |= {s.name: np.zeros(s.size, self.real) for s in routine.scratch}
@@ -76,8 +79,8 @@ class Machine:
         return str(env["status"])
 
     def words(self) -> NDArray[np.floating[Any]]:
-        """State and covariance, one after the other."""
-        return np.concatenate([self.arrays["x"], self.arrays[self.program.covariance.ARRAY]])
+        """State, covariance and the supervisor's counts, one after the other."""
+        return np.concatenate([self.arrays[name] for name in self.program.compared])
 
     def covariance(self) -> NDArray[np.float64]:
         """The covariance, shape (n, n)."""
@@ -111,9 +114,12 @@ class Machine:
             return int(self._rows[i] + j)
         return int(env[ref.index] if isinstance(ref.index, str) else ref.index or 0)
 
-    def _holds(self, c: Compare, env: Mapping[str, Any]) -> bool:
-        a, b = self._value(c.a, env), self._value(c.b, env)
-        return bool({"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b}[c.op])
+    def _holds(self, condition: Condition, env: Mapping[str, Any]) -> bool:
+        for c in comparisons(condition):
+            a, b = self._value(c.a, env), self._value(c.b, env)
+            if not {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b}[c.op]:
+                return False
+        return True
 
     def _value(self, e: Expr, env: Mapping[str, Any]) -> Any:
         if isinstance(e, Ref):

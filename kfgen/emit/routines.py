@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from math import ceil
 from typing import Any
 
@@ -19,9 +19,11 @@ import sympy as sp
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
+from kfgen.emit.covariance.joint import NIS
 from kfgen.emit.covariance.packed import Row
-from kfgen.emit.covariance.scalars import NIS, fused
+from kfgen.emit.guards import every, finite, within
 from kfgen.emit.ir.ir import (
+    All,
     Argument,
     Compare,
     Expr,
@@ -30,19 +32,18 @@ from kfgen.emit.ir.ir import (
     Num,
     Ref,
     Routine,
-    Scratch,
     StatusFlag,
     Stmt,
     Store,
-    Una,
     When,
-    add,
     mul,
-    sub,
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.settings import MAX_OTHER, settings
+from kfgen.emit.supervisor import ARRAY as SUPERVISOR
+from kfgen.emit.supervisor import Supervisor
 from kfgen.emit.targets.names import argument, check_names, identifier
 from kfgen.emit.targets.words import driver_text
 from kfgen.model.discretise import DiscreteModel
@@ -51,8 +52,6 @@ from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT
 
 GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
-MAX_INPUT_SQUARE_SUM = 1e30
-"""Squares of inputs add up to less, unless one is no number."""
 MAX_WAITING_PREDICTIONS = 2000
 """Predictions for which noise may wait: the proof runs twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
@@ -127,7 +126,9 @@ class Program:
         rows, noise = self._transition
         mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
         still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
-        return {i: float(q) for i, q in still.items() if self.q_interval > 0.0 and q.is_number}
+        values = dict(self.discrete.named_noise[1].values())
+        plain = {i: q.xreplace(values) for i, q in still.items()}
+        return {i: float(q) for i, q in plain.items() if self.q_interval > 0.0 and q.is_number}
 
     @property
     def settling(self) -> int:
@@ -145,10 +146,11 @@ class Program:
         return {
             "x": (len(self.discrete.nominal_names), "state"),
             self.covariance.ARRAY: (self.covariance.size, self.covariance.TITLE),
+            SUPERVISOR: (len(self.supervisor.places), "ages, rejections and resets, see the places below"),
             "k": (len(self.constants), "constants"),
             "innovation": (self.rows, "of the last update, by row"),
             "variance": (self.rows, "of the last innovations"),
-            NIS.name: (1, "sum of squared innovations over their variances, of the rows that were fused"),
+            NIS.name: (1, "squared innovation of the last sample over its covariance, all rows together"),
             HELD: (self.n, "1 for a state that is considered and not corrected, else 0"),
             ANY_HELD.name: (1, "how many there are"),
             **self.covariance.memory,
@@ -213,7 +215,9 @@ class Program:
     def _transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
         return transition(self.discrete, self.atoms)
 
-    def normalised(self, values: list[Expr], lower: Lowering) -> list[Stmt]:
+    def normalised(
+        self, values: list[Expr], lower: Lowering, guarded: bool = False, then: Sequence[Stmt] = ()
+    ) -> list[Stmt]:
         """Store the new state, its quaternion scaled to unit length.
 
         Parameters
@@ -222,6 +226,10 @@ class Program:
             Of the stored state, in order.
         lower : Lowering
             Names the locals.
+        guarded : bool
+            Only where the new state is finite; else the old one stays, and the status says so.
+        then : sequence of Stmt
+            What follows, under the same guard.
         """
         quaternion = self.discrete.model.attitude.nominal_names if self.discrete.model.attitude else ()
         body: list[Stmt] = []
@@ -242,7 +250,10 @@ class Program:
             body.append(Let("q_scale", scale))
             for i, k in enumerate(where):
                 locals_[k] = mul(Ref(f"q{i}"), Ref("q_scale"))
-        return [*body, *(Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i))]
+        stores = [Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i)]
+        if not guarded or not locals_:
+            return [*body, *stores, *then]
+        return [*body, When(finite(locals_), (*stores, *then), (StatusFlag("NOT_FINITE"),))]
 
     @cached_property
     def predict(self) -> Routine:
@@ -263,13 +274,15 @@ class Program:
         stream = iter(entries)
         Phi: dict[int, Row] = {i: {j: next(stream) for j in row} for i, row in rows.items()}
         Qd = {key: next(stream) for key in noise}
-        body += [Note("state"), *self.normalised(values[len(flat) :], lower)]
-        body += self.covariance.predict(Phi, Qd)
+        then = [*self.covariance.predict(Phi, Qd), *self.covariance_guard()]
+        body += [Note("state"), *self.normalised(values[len(flat) :], lower, True, then)]
         arguments = self.motion_arguments([e for row in self._raw for e in row])
-        longest = Num(self.discrete.max_step)
-        known = self._known(arguments[:-1], tuple(body))
-        guarded = When(Compare("<=", Ref("dt"), longest), known, (StatusFlag("BAD_STEP"),))
-        outer = When(Compare(">", Ref("dt"), Num(0.0)), (guarded,), (StatusFlag("BAD_STEP"),))
+        body = [*self.supervisor.resynchronise(), *self.supervisor.changed(), *body]
+        looked = [c for a in arguments[:-1] for c in within(a, self.input_limit(a.name))]
+        refused = (StatusFlag("BAD_INPUT"), *self.supervisor.missed())
+        known = (When(every(looked), tuple(body), refused),) if looked else tuple(body)
+        step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), Num(self.discrete.max_step))))
+        outer = When(step, (*self.supervisor.elapsed(), *known), (StatusFlag("BAD_STEP"),))
         return Routine(
             "predict",
             "State and covariance over one step.",
@@ -282,85 +295,60 @@ class Program:
     def _raw(self) -> tuple[Sequence[sp.Expr], ...]:
         return (list(self.discrete.Phi), list(self.discrete.Qd), self.discrete.step)
 
-    def _known(self, arguments: Sequence[Argument], body: tuple[Stmt, ...]) -> tuple[Stmt, ...]:
-        """The body, where every argument is a number: their squares add up to one."""
-        given = [Ref(a.name, k) if a.size else Ref(a.name) for a in arguments for k in range(max(a.size, 1))]
-        if not given:
-            return body
-        squares = reduce(add, (mul(g, g) for g in given))
-        return (When(Compare("<=", squares, Num(MAX_INPUT_SQUARE_SUM)), body, (StatusFlag("BAD_INPUT"),)),)
+    @cached_property
+    def settings(self) -> dict[str, Constant]:
+        """What firmware may set before it compiles, by name."""
+        return settings(self.discrete)
+
+    def setting(self, name: str) -> Num:
+        """A setting as a number of the emitted code."""
+        return Num(self.settings[name].value, name)
+
+    def prior(self, state: int) -> Num:
+        """The prior standard deviation of an error state."""
+        return self.setting(f"PRIOR_{identifier(self.discrete.model.states[state].name).upper()}")
+
+    def input_limit(self, name: str) -> Num:
+        """The largest magnitude of an input; of a driver, of which no range is known, that of any number."""
+        by_argument = {argument(i.name): i.name for i in self.discrete.model.motion.inputs}
+        if name not in by_argument:
+            return Num(MAX_OTHER)
+        return self.setting(f"MAX_{identifier(by_argument[name]).upper()}")
+
+    @cached_property
+    def supervisor(self) -> Supervisor:
+        """What watches over the filter."""
+        model = self.discrete.model
+        triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
+        return Supervisor({s.name: len(s.channels) for s in model.sensors}, tuple(triads), self.settings)
 
     def update(self, sensor: Sensor) -> Routine:
-        """Fuse one measurement of a sensor, scalar by scalar.
+        """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
+        from kfgen.emit.update import update
 
-        Raises
-        ------
-        InputError
-            A row of it depends on no state.
-        """
-        model = self.discrete.model
-        h, H = self.discrete.expected(sensor), self.discrete.H(sensor)
-        lower = self.lowering()
-        used = [*h, *H]
-        body = self.atoms.make(lower, used)
-        entries = [(i, j) for i in range(H.rows) for j in range(self.n) if H[i, j] != 0]
-        blind = [c for i, c in enumerate(sensor.channels) if not any(k == i for k, _ in entries)]
-        if blind:
-            raise InputError(
-                f"the measurement {blind[0]} depends on no state, so it can correct none",
-                where=model.name,
-                remedy="Leave it out, or write its expression in states",
-            )
-        values, statements = lower.many([*h, *(H[i, j] for i, j in entries)])
-        body += statements
-        rows: list[Row] = [{} for _ in range(H.rows)]
-        for (i, j), value in zip(entries, values[H.rows :]):
-            rows[i][j], made = lower.let(value, "h")
-            body += made
-        residuals: list[Expr] = []
-        for i in range(H.rows):
-            residual, made = lower.let(sub(Ref("z", i), values[i]), "r")
-            body += made
-            if sensor.period:
-                turns = mul(Una("rint", mul(residual, Num(1.0 / sensor.period))), Num(sensor.period))
-                residual, made = lower.let(sub(residual, turns), "r")
-                body += made
-            residuals.append(residual)
-        body.append(Store(NIS, Num(0.0)))
-        for i, channel in enumerate(sensor.channels):
-            R = self.discrete.measurement_variance(sensor, channel)
-            body.append(Note(channel))
-            body += fused(self.covariance, i, rows[i], residuals[i], R, lower.places["gate"])
-        body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(self.inject())))
-        arguments = (
-            Argument(
-                "z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels)
-            ),
-            *self.sample_arguments(used),
-        )
-        return Routine(
-            f"update_{sensor.name}",
-            f"Fuse one sample: {sensor.title}.",
-            arguments,
-            tidy(self._known(arguments, tuple(body))),
-            (Scratch("dx", self.n), Scratch("fused", 1), *self.covariance.scratch),
-        )
+        return update(self, sensor)
 
-    def inject(self) -> list[Stmt]:
-        """The correction ``dx`` moves into the state."""
+    def inject(self, guarded: bool = False) -> list[Stmt]:
+        """The correction ``dx`` moves into the state; where that is guarded, only if the new one is finite."""
         model = self.discrete.model
         lower = self.lowering("c")
         lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
         values, body = lower.many(list(model.corrected))
-        return [Note("correct the state"), *body, *self.normalised(values, lower)]
+        return [Note("correct the state"), *body, *self.normalised(values, lower, guarded)]
+
+    def covariance_guard(self) -> list[Stmt]:
+        """A covariance that is no longer finite is said, and goes back to the priors."""
+        lost = (StatusFlag("NOT_FINITE"), *self.supervisor.widen())
+        return [When(finite(self.covariance.diagonal), (), lost)]
 
     @cached_property
     def init(self) -> Routine:
         """State, covariance and constants before the first measurement."""
         body: list[Stmt] = [Store(Ref("x", i), Num(v)) for i, v in enumerate(self.discrete.start)]
-        body += self.covariance.init([s.prior for s in self.discrete.model.states])
+        body += self.covariance.init([self.prior(i) for i in range(self.n)])
         body += [Store(Ref("k", i), Num(c.value)) for i, c in enumerate(self.constants)]
-        done = {"x", "k", self.covariance.ARRAY}
+        body += [Store(Ref(SUPERVISOR, i), Num(v)) for i, v in enumerate(self.supervisor.start)]
+        done = {"x", "k", self.covariance.ARRAY, SUPERVISOR}
         for name, (size, _) in self.arrays.items():
             if name not in done:
                 body += [Store(Ref(name, i), Num(0.0)) for i in range(size)]
@@ -377,17 +365,31 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
-        return (*self.routines, self.covariance.health)
+        return (*self.routines, self.check, self.supervisor.condition)
 
     @property
     def word_count(self) -> int:
-        """Numbers of state and covariance."""
-        return len(self.discrete.nominal_names) + self.covariance.size
+        """Numbers of state, covariance and supervisor."""
+        return sum(self.arrays[name][0] for name in self.compared)
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The arrays that a proof compares, the first of the filter's memory."""
+        return ("x", self.covariance.ARRAY, SUPERVISOR)
 
     @cached_property
     def helpers(self) -> tuple[Routine, ...]:
-        """What the routines call, and the check of the covariance."""
-        return (*self.covariance.internals, self.covariance.health)
+        """What the routines call, and what looks at the whole filter."""
+        from kfgen.emit.check import widen
+
+        return (*self.covariance.internals, widen(self), self.check, self.supervisor.condition)
+
+    @cached_property
+    def check(self) -> Routine:
+        """The health of the covariance, and whether the state is finite and its quaternion of unit length."""
+        from kfgen.emit.check import check
+
+        return check(self)
 
     @cached_property
     def pieces(self) -> tuple[Routine, ...]:

@@ -24,6 +24,12 @@ PREDICTIONS_PER_UPDATE = 4
 """One update of each sensor per so many predictions."""
 REFUSED = (27, 28, 59)
 """Predictions at which a step is impossible, or a sample so far off that the gate refuses it."""
+JUMPED = range(100, 230)
+"""Predictions during which samples are off by `JUMP`: rejected at first, followed after a while, and back again."""
+JUMP = 40.0
+"""By how many standard deviations of the innovation."""
+UNKNOWN = range(300, 340)
+"""Predictions whose inputs are beyond any sensor."""
 SEED = 20261121
 
 
@@ -51,6 +57,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
     machine = Machine(program)
     machine.call("init")
     calls: list[RecordedCall] = []
+    off: dict[str, NDArray[np.float64]] = {}
     for k in range(steps):
         due = (
             program.routines[1:]
@@ -58,10 +65,11 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             else program.routines[1:2]
         )
         for routine in due:
-            inputs = _inputs(discrete, routine, log, k)
-            if k in REFUSED:
-                inputs = _refused(routine, inputs)
+            inputs = _spoiled(k, routine, _inputs(discrete, routine, log, k), off)
             machine.call(routine.name, split(routine, inputs))
+            if k < JUMPED.start and routine.required[0].name == "z":
+                sizes = machine.arrays["variance"][: routine.required[0].size]
+                off[routine.name] = JUMP * np.sqrt(np.maximum(sizes.astype(float), 0.0))
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
@@ -76,12 +84,30 @@ def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tupl
         | {"z": next((s.channels for s in discrete.model.sensors if routine.name == f"update_{s.name}"), ())}
     )
     row: list[float] = []
-    for a in routine.arguments:
+    for a in routine.required:
         values = (
             [1.0 / discrete.rate] if a.name == "dt" else [log.channels[c].values[k] for c in places[a.name]]
         )
         row += [float(np.float32(v)) for v in values]
     return tuple(row)
+
+
+def _spoiled(
+    k: int, routine: Routine, inputs: tuple[float, ...], off: Mapping[str, NDArray[np.float64]]
+) -> tuple[float, ...]:
+    """The inputs of a call at sample k, with what goes wrong there."""
+    if k in REFUSED:
+        return _refused(routine, inputs)
+    if k in UNKNOWN and routine.name == "predict":
+        return (*(v + BEYOND for v in inputs[:-1]), inputs[-1])
+    if k in JUMPED and routine.name in off:
+        shift = off[routine.name]
+        return (*(float(np.float32(v + s)) for v, s in zip(inputs, shift)), *inputs[shift.size :])
+    return inputs
+
+
+BEYOND = 1e20
+"""An input that no sensor gives, in any unit."""
 
 
 def _refused(routine: Routine, inputs: tuple[float, ...]) -> tuple[float, ...]:
@@ -92,17 +118,17 @@ def _refused(routine: Routine, inputs: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...] | float]:
-    """The inputs of a call by argument.
+    """The inputs of a call by argument, without those that it may leave out.
 
     Parameters
     ----------
     routine : Routine
     inputs : tuple of float
-        All its arguments in a row.
+        All its required arguments in a row.
     """
     out: list[tuple[float, ...] | float] = []
     at = 0
-    for a in routine.arguments:
+    for a in routine.required:
         out.append(inputs[at : at + a.size] if a.size else inputs[at])
         at += a.size or 1
     return out

@@ -131,8 +131,33 @@ class DiscreteModel:
 
     @cached_property
     def _matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
+        return self._discretised(self.model.W)
+
+    @cached_property
+    def named_noise(self) -> tuple[sp.Matrix, dict[str, tuple[sp.Symbol, sp.Expr]]]:
+        """Process noise of a step with a symbol for the density of each input; symbol and density [SI^2/Hz] by input.
+
+        An input whose channels have one density has one symbol, else each channel its own; a density that depends on a
+        driver or the step, or whose noise is shared with another channel, stays as it is.
+        """
+        W, first = self.model.W.copy(), 0
+        named: dict[str, tuple[sp.Symbol, sp.Expr]] = {}
+        for i in self.model.motion.inputs:
+            places = range(first, first + len(i.channels))
+            first += len(i.channels)
+            same = len({W[k, k] for k in places}) == 1
+            for k, channel in zip(places, i.channels):
+                alone = not any(W[k, j] for j in range(W.cols) if j != k)
+                if alone and W[k, k].is_number and W[k, k] != 0:
+                    name = i.name if same else channel
+                    symbol, _ = named.setdefault(name, (sp.Symbol(f"Q__{name}", positive=True), W[k, k]))
+                    W[k, k] = symbol
+        return (self._discretised(W)[1], named) if named else (self.Qd, named)
+
+    def _discretised(self, W: sp.Matrix) -> tuple[sp.Matrix, sp.Matrix]:
+        """Transition and process noise of a step, for densities W of the model's noises."""
         model = self.model
-        density = model.G * model.W * model.G.T
+        density = model.G * W * model.G.T
         Phi, Qd = series(model.F, density, self.order)
         if self.order == 2:
             # The series cut at dt^2 is not positive: the trapezoid of the integral is, to the same order.
@@ -143,7 +168,7 @@ class DiscreteModel:
             Phi = Phi.applyfunc(lambda e: self._forces_halfway.get(e, e))
         if self._acting:
             Phi, Qd = Phi.xreplace(self._acting), Qd.xreplace(self._acting)
-        A, W = model.effect_dynamics
+        A, driving = model.effect_dynamics
         if A.rows:
             fastest = float(np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))).max())
             if self.order > 1 and fastest * self.max_step > 0.5:
@@ -151,7 +176,7 @@ class DiscreteModel:
                     f"order {self.order} needs steps under half of the shortest time constant, {1 / fastest:.3g} s",
                     remedy="Give --order 1, or a shorter --max-step",
                 )
-            Phi_e, Qd_e = series(A, W, series_order(fastest, self.max_step) + 1)
+            Phi_e, Qd_e = series(A, driving, series_order(fastest, self.max_step) + 1)
             first = Phi.rows - A.rows
             Phi[first:, first:] = Phi_e.applyfunc(self._series)
             Qd[first:, first:] = Qd_e.applyfunc(self._series)

@@ -65,6 +65,8 @@ class FilterModel:
         What is assumed before the first measurement, by the name of a stored state, or ``heading``.
     unchecked : tuple of Omission
         What else its file says that is not in the filter.
+    limits : mapping of str to float
+        Largest magnitude that an input or a sensor can give, by its name [SI].
     ideal : bool
         Without the errors of its readings.
     given : NoiseModel or FilterFile, optional
@@ -86,6 +88,7 @@ class FilterModel:
     uses: Mapping[str, tuple[Use, ...]] = field(default_factory=dict)
     initial: Mapping[str, Initial] = field(default_factory=dict)
     unchecked: tuple[Omission, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
     ideal: bool = False
     given: NoiseModel | FilterFile | None = field(default=None, compare=False)
 

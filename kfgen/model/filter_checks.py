@@ -71,6 +71,7 @@ def content_hash(model: FilterModel) -> str:
     changes = {c: model.noise_change(c) for c in model.channel_units}
     parts += [f"{c} {f} {v}" for c, (f, v) in changes.items() if (f, v) != (1, 0)]
     parts += [f"{r.name} {sp.srepr(r.after)}" for r in model.registers]
+    parts += [f"limit {name} {value!r}" for name, value in sorted(model.limits.items())]
     parts += [repr(line) for line in model.motion.late]
     parts += [
         f"{s.backlash.channel} {sp.srepr(sp.sympify(s.backlash.width, strict=True))}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
-from kfgen.core.units import parse_unit
+from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import NoiseModel, Term, canonical
 from kfgen.model.attach import Omission
@@ -346,17 +346,24 @@ def build_filter(file: FilterFile, options: Mapping[str, str] = NOTHING) -> Filt
         raise InputError(
             f"there is no model '{file.model}'", where=file.name, remedy=f"Known are {', '.join(LIBRARY)}"
         )
-    unchecked = tuple(
-        Omission(
-            sensor,
-            f"the limit of {limit}",
-            "the emitted filter compares its inputs with no limit",
-            "Refuse such samples before the filter, or leave [limits] out",
-        )
-        for sensor, limit in file.limits.items()
-    )
     noise = canonical(file.noise) if file.noise else None
     built = LIBRARY[file.model].build(file.model, noise, file.texts | dict(options))
+    units = {s.name: s.unit for s in built.sensors} | {i.name: i.unit for i in built.motion.inputs}
+    unchecked = tuple(
+        Omission(
+            name,
+            f"the limit of {limit}",
+            f"{file.model} has no input and no sensor of that name",
+            f"Give limits of {', '.join(units)}",
+        )
+        for name, limit in file.limits.items()
+        if name not in units
+    )
+    limits = {
+        name: abs(parse_quantity(limit, units[name], where=f"{file.name}: [limits] {name}"))
+        for name, limit in file.limits.items()
+        if name in units
+    }
     stored = {n for b in built.blocks for n in b.nominal_names} | {HEADING}
     for name in file.initial:
         if name not in stored:
@@ -365,7 +372,7 @@ def build_filter(file: FilterFile, options: Mapping[str, str] = NOTHING) -> Filt
                 where="[initial]",
                 remedy=f"It stores {', '.join(sorted(stored))}",
             )
-    return replace(built, name=file.name, initial=file.initial, unchecked=unchecked)
+    return replace(built, name=file.name, initial=file.initial, unchecked=unchecked, limits=limits)
 
 
 def option_rows() -> list[tuple[str, str]]:

@@ -111,7 +111,7 @@ class Core(Protocol):
         """
 
     def words(self) -> Words:
-        """State and covariance as bit patterns."""
+        """State, covariance and supervisor as bit patterns."""
 
     def cost(self) -> InstructionCount:
         """What the calls so far have cost."""
@@ -158,4 +158,4 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
 
 def width(program: Program) -> int:
     """Floats that the longest argument list needs."""
-    return max(sum(a.size or 1 for a in r.arguments) for r in program.entries)
+    return max(sum(a.size or 1 for a in r.required) for r in program.entries)

@@ -18,6 +18,7 @@ from kfgen.core.errors import CheckFailed, InputError
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import split
+from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.loaded import imported
 from kfgen.emit.targets.selftest import TOLERANCE_SIGMAS, deviations
@@ -83,12 +84,14 @@ def compare_filterpy(program: Program, folder: Path, played: Replay) -> CoreVerd
         sd = np.sqrt(np.diag(P))
         off_P = np.abs(kf.P - P)[upper] / np.outer(sd, sd)[upper]
         off_x = np.abs(np.array(kf.nominal) - machine.arrays["x"]) / deviations(program, sd)
+        counts = np.abs(np.array(kf.supervisor) - machine.arrays[SUPERVISOR])
         differing += (
-            int((off_P > TOLERANCE_SIGMAS).sum())
+            int((counts > TOLERANCE_SIGMAS).sum())
+            + int((off_P > TOLERANCE_SIGMAS).sum())
             + int((off_x > TOLERANCE_SIGMAS).sum())
             + (found.name != wanted)
         )
-        words += off_P.size + off_x.size + 1
+        words += off_P.size + off_x.size + counts.size + 1
         calls += 1
     return CoreVerdict("filterpy", words, differing, 0, calls, InstructionCount(), TOLERANCE_SIGMAS)
 
@@ -116,7 +119,7 @@ def compare_numpy(program: Program, folder: Path, played: Replay) -> CoreVerdict
             **{a.name: np.asarray(v) if a.size else v for a, v in zip(routine.arguments, values)}
         )
         bits = f"u{call.words.dtype.itemsize}"
-        found = np.array([*kf.x, *getattr(kf, program.covariance.ARRAY)], program.type)
+        found = np.concatenate([getattr(kf, array) for array in program.compared])
         words += found.size
         differing += int((found.view(bits) != call.words.view(bits)).sum())
     return CoreVerdict("numpy", words, differing, 0, len(played.calls), InstructionCount())

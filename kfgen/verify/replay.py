@@ -50,7 +50,6 @@ class _Reference:
     def __init__(self, program: Program) -> None:
         self._filter = getattr(loaded(module(program)), class_name(program))()
         self._program = program
-        self._stored = program.covariance.ARRAY
         self.calls: list[RecordedCall] = []
         self.refused: Counter[str] = Counter()
 
@@ -66,7 +65,7 @@ class _Reference:
         if status != "OK":
             self.refused[status] += 1
         words: NDArray[np.floating[Any]] = np.concatenate(
-            [self._filter.x, getattr(self._filter, self._stored)]
+            [getattr(self._filter, array) for array in self._program.compared]
         )
         self.calls.append(RecordedCall(routine, tuple(row.tolist()), words))
 

@@ -10,18 +10,20 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
-from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import (
     ANY_HELD,
     GAIN,
     HEALTH,
     HEALTH_TEXT,
     HELD,
+    INFLATE_TEXT,
     CovarianceForm,
     Fusion,
     corrected,
+    inflate_arguments,
     smaller,
 )
 from kfgen.emit.covariance.packed import Row, cell, total
@@ -103,30 +105,46 @@ class Bierman(CovarianceForm):
     """Factors, and how a scalar measurement corrects them."""
 
     ARRAY = ARRAY
+    TAKES_EXACT = False
 
     @cached_property
     def at(self) -> dict[int, int]:
         """The place of each state in the order."""
         return {state: k for k, state in enumerate(self.order)}
 
-    def fuse(self, tag: str, H: Row, R: float) -> Fusion:
-        """Bierman's update: ``f = U'h``, ``v = D f``, ``alpha_j = alpha_(j-1) + v_j f_j`` down to ``S``."""
-        if not R > 0.0:
-            raise InputError(
-                "a measurement without noise cannot be fused by factors",
-                where="--form ud",
-                remedy="Give its channel white noise, or use --form p",
-            )
+    def _projected(self, body: list[Stmt], tag: str, H: Row) -> tuple[dict[int, Expr], dict[int, Expr]]:
+        """``f = U'h`` and ``v = D f`` by column, appended to the body."""
         h = {self.at[j]: c for j, c in H.items()}
-        first = min(h)
-        before: list[Stmt] = []
         f: dict[int, Expr] = {}
         v: dict[int, Expr] = {}
-        alpha: dict[int, Expr] = {first - 1: Num(R)}
-        for j in range(first, self.n):
+        for j in range(min(h), self.n):
             terms = [c if k == j else mul(c, U(k, j)) for k, c in sorted(h.items()) if k <= j]
-            f[j] = let(before, f"f_{tag}_{j}", total(terms))
-            v[j] = let(before, f"v_{tag}_{j}", mul(U(j, j), f[j]))
+            f[j] = let(body, f"f_{tag}_{j}", total(terms))
+            v[j] = let(body, f"v_{tag}_{j}", mul(U(j, j), f[j]))
+        return f, v
+
+    def innovation_covariance(
+        self, rows: Sequence[Row], R: Sequence[Expr]
+    ) -> tuple[list[Stmt], dict[tuple[int, int], Expr]]:
+        """``S_ij = v_i f_j``, summed over the columns that both have."""
+        body: list[Stmt] = []
+        S: dict[tuple[int, int], Expr] = {}
+        projected = [self._projected(body, f"j{i}", H) for i, H in enumerate(rows)]
+        for i, (f, v) in enumerate(projected):
+            S[i, i] = R[i]
+            for k in f:
+                S[i, i] = let(body, f"Sj_{i}_{k}", add(S[i, i], mul(v[k], f[k])))
+            for j in range(i + 1, len(rows)):
+                g = projected[j][0]
+                S[i, j] = let(body, f"Sj_{i}_{j}_", total([mul(v[k], g[k]) for k in f if k in g]))
+        return body, S
+
+    def fuse(self, tag: str, H: Row, R: Expr) -> Fusion:
+        """Bierman's update: ``f = U'h``, ``v = D f``, ``alpha_j = alpha_(j-1) + v_j f_j`` down to ``S``."""
+        before: list[Stmt] = []
+        f, v = self._projected(before, tag, H)
+        alpha: dict[int, Expr] = {min(f) - 1: R}
+        for j in f:
             alpha[j] = let(before, f"S_{tag}_{j}", add(alpha[j - 1], mul(v[j], f[j])))
         S = alpha[self.n - 1]
         columns = self._columns_loops if self.loops else self._columns
@@ -134,12 +152,12 @@ class Bierman(CovarianceForm):
         return Fusion(tuple(before), S, (*body, *self._correct(tag, b, S)))
 
     def _columns(
-        self, tag: str, R: float, f: dict[int, Expr], v: dict[int, Expr], alpha: dict[int, Expr]
+        self, tag: str, R: Expr, f: dict[int, Expr], v: dict[int, Expr], alpha: dict[int, Expr]
     ) -> tuple[list[Stmt], list[Expr]]:
         """Each column of U and its D; returns the unscaled gain."""
         body: list[Stmt] = []
         b: dict[int, Expr] = {}
-        over: Expr = Num(1.0 / R)
+        over = let(body, f"over_{tag}", Bin("/", Num(1.0), R))
         for j, slope_of in f.items():
             inverse = (
                 Ref(f"s_{tag}")
@@ -157,14 +175,14 @@ class Bierman(CovarianceForm):
         return body, [b[k] for k in range(self.n)]
 
     def _columns_loops(
-        self, tag: str, R: float, f: dict[int, Expr], v: dict[int, Expr], alpha: dict[int, Expr]
+        self, tag: str, R: Expr, f: dict[int, Expr], v: dict[int, Expr], alpha: dict[int, Expr]
     ) -> tuple[list[Stmt], list[Expr]]:
         """The same in a loop over columns."""
         b, n, first = Ref("b_", "i"), self.n, min(f)
         body: list[Stmt] = [Store(Ref("f_", j), value) for j, value in f.items()]
         body += [Store(Ref("v_", j), value) for j, value in v.items()]
         body += [Store(Ref("b_", k), Num(0.0)) for k in range(n)]
-        body.append(Store(Ref("c_", 0), Num(R)))
+        body.append(Store(Ref("c_", 0), R))
         inner: tuple[Stmt, ...] = (
             Let("old_", U("i", "j")),
             Store(U("i", "j"), sub(Ref("old_"), mul(Ref("slope_"), b))),
@@ -218,7 +236,19 @@ class Bierman(CovarianceForm):
                 (Scratch("a_", n), Scratch("c_", 1)),
                 internal=True,
             ),
+            self.inflate,
         )
+
+    @property
+    def inflate(self) -> Routine:
+        """By Agee and Turner; the direction is in the order of the factors."""
+        body = (
+            *(Store(Ref("a_", k), Ref(GAIN, state)) for k, state in enumerate(self.order)),
+            Store(Ref("c_", 0), Ref("c")),
+            *agee_turner(self.n),
+        )
+        scratch = (Scratch("a_", self.n), Scratch("c_", 1))
+        return Routine("inflate", INFLATE_TEXT, inflate_arguments(self.n), body, scratch, internal=True)
 
     @cached_property
     def health(self) -> Routine:

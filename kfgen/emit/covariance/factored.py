@@ -86,14 +86,12 @@ class Factored(Bierman):
         """An order in which the transition is triangular, else their own."""
         return self._triangular or tuple(range(self.n))
 
-    def init(self, priors: Sequence[float]) -> list[Stmt]:
+    def init(self, priors: Sequence[Num]) -> list[Stmt]:
         """U is the identity, D the variances."""
-        variance = [max(priors[s] ** 2, MIN_D_ENTRY) for s in self.order]
-        return [
-            Store(U(i, j), Num(variance[i] if i == j else 0.0))
-            for i in range(self.n)
-            for j in range(i, self.n)
-        ]
+        zero = For("i", 0, self.n, (For("j", "i", self.n, (Store(U("i", "j"), Num(0.0)),)),))
+        ordered = [priors[s] for s in self.order]
+        variances = [mul(sd, sd) if sd.value**2 >= MIN_D_ENTRY else Num(MIN_D_ENTRY) for sd in ordered]
+        return [zero, *(Store(U(k, k), variance) for k, variance in enumerate(variances))]
 
     def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
         """Triangular where it can be, else by orthogonalisation."""

@@ -85,6 +85,8 @@ class CovarianceForm:
     NAME = ""
     TITLE = ""
     ARRAY = ""
+    TAKES_EXACT = True
+    """Whether it fuses a measurement without noise."""
     HAS_Q_INTERVAL = False
     """Whether noise may wait: it does where each term of it is dear."""
 
@@ -103,8 +105,42 @@ class CovarianceForm:
         """The states in the order of the stored triangle."""
         return tuple(range(self.n))
 
-    def init(self, priors: Sequence[float]) -> list[Stmt]:
+    def init(self, priors: Sequence[Num]) -> list[Stmt]:
         """The stored numbers for independent states of given standard deviations [SI]."""
+        raise NotImplementedError
+
+    def innovation_covariance(
+        self, rows: Sequence[Row], R: Sequence[Expr]
+    ) -> tuple[list[Stmt], dict[tuple[int, int], Expr]]:
+        """``S = H P H' + diag(R)``: statements, and its elements (i, j), i <= j.
+
+        Parameters
+        ----------
+        rows : sequence of Row
+            Non-zeros of the Jacobian's rows.
+        R : sequence of Expr
+            Variance of the noise of each [SI^2].
+        """
+        raise NotImplementedError
+
+    @property
+    def diagonal(self) -> list[Expr]:
+        """The stored diagonal."""
+        return [cell(i, i, self.ARRAY) for i in range(self.n)]
+
+    def widen(self, least: Sequence[Num]) -> Routine:
+        """P becomes diagonal, of given standard deviations [SI]."""
+        return Routine(
+            "widen",
+            "The covariance goes back to the priors: nothing that was known holds.",
+            (),
+            tuple(self.init(least)),
+            internal=True,
+        )
+
+    @property
+    def inflate(self) -> Routine:
+        """``P <- P + c a a'``, in loops."""
         raise NotImplementedError
 
     def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
@@ -119,7 +155,7 @@ class CovarianceForm:
         """
         raise NotImplementedError
 
-    def fuse(self, tag: str, H: Row, R: float) -> Fusion:
+    def fuse(self, tag: str, H: Row, R: Expr) -> Fusion:
         """One scalar of Jacobian H and noise variance R.
 
         Parameters
@@ -128,7 +164,7 @@ class CovarianceForm:
             In the names of locals.
         H : dict of int to Expr
             Non-zeros of the Jacobian.
-        R : float
+        R : Expr
             Variance of the noise [SI^2].
         """
         raise NotImplementedError
@@ -195,19 +231,40 @@ class Packed(CovarianceForm):
     TITLE = "covariance, upper triangle by rows"
     ARRAY = "P"
 
-    def init(self, priors: Sequence[float]) -> list[Stmt]:
+    def init(self, priors: Sequence[Num]) -> list[Stmt]:
         """Variances on the diagonal."""
-        return [
-            Store(cell(i, j), Num(priors[i] ** 2 if i == j else 0.0))
-            for i in range(self.n)
-            for j in range(i, self.n)
-        ]
+        zero = For("i", 0, self.n, (For("j", "i", self.n, (Store(cell("i", "j"), Num(0.0)),)),))
+        return [zero, *(Store(cell(i, i), mul(sd, sd)) for i, sd in enumerate(priors))]
+
+    def innovation_covariance(
+        self, rows: Sequence[Row], R: Sequence[Expr]
+    ) -> tuple[list[Stmt], dict[tuple[int, int], Expr]]:
+        """``b = P H'`` where later rows need it, then ``H b``."""
+        body: list[Stmt] = []
+        S: dict[tuple[int, int], Expr] = {}
+        for i, H in enumerate(rows):
+            b: dict[int, Expr] = {}
+            for k in sorted({k for later in rows[i:] for k in later}):
+                b[k] = Ref(f"Ph_{i}_{k}")
+                body.append(Let(f"Ph_{i}_{k}", total([mul(h, cell(k, j)) for j, h in H.items()])))
+            for j in range(i, len(rows)):
+                terms = [mul(h, b[k]) for k, h in rows[j].items()]
+                S[i, j] = Ref(f"S_{i}_{j}")
+                body.append(Let(f"S_{i}_{j}", total([*terms, R[i]] if i == j else terms)))
+        return body, S
+
+    @property
+    def inflate(self) -> Routine:
+        """Element by element."""
+        value = add(cell("i", "j"), mul(mul(Ref("c"), Ref(GAIN, "i")), Ref(GAIN, "j")))
+        body = (For("i", 0, self.n, (For("j", "i", self.n, (Store(cell("i", "j"), value),)),)),)
+        return Routine("inflate", INFLATE_TEXT, inflate_arguments(self.n), body, internal=True)
 
     def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
         """By congruence in place."""
         return predict_covariance(self.n, Phi, Qd, self.names, self.loops)
 
-    def fuse(self, tag: str, H: Row, R: float) -> Fusion:
+    def fuse(self, tag: str, H: Row, R: Expr) -> Fusion:
         """``b = P H'``, ``S = H b + R``, ``K = b / S``, ``P <- P - K b'``; for held states see `_general`."""
         before: list[Stmt] = []
         b: list[Expr] = []
@@ -215,7 +272,7 @@ class Packed(CovarianceForm):
             before.append(Let(f"b_{tag}_{k}", total([mul(h, cell(k, j)) for j, h in H.items()])))
             b.append(Ref(f"b_{tag}_{k}"))
         S = Ref(f"S_{tag}")
-        before.append(Let(S.name, total([*(mul(h, b[j]) for j, h in H.items()), Num(R)])))
+        before.append(Let(S.name, total([*(mul(h, b[j]) for j, h in H.items()), R])))
         y, s = Ref(f"y_{tag}"), Ref(f"s_{tag}")
         handed: list[Stmt] = [Store(Ref(GAIN, k), b[k]) for k in range(self.n)]
         held = FunctionCall("fuse_held", (Ref(GAIN), S, s))
@@ -237,7 +294,7 @@ class Packed(CovarianceForm):
     @property
     def internals(self) -> tuple[Routine, ...]:
         """The update in loops, for any gain and for the optimal one."""
-        return (self._held, self._all) if self.loops else (self._held,)
+        return (self._held, self.inflate, *((self._all,) if self.loops else ()))
 
     @property
     def _held(self) -> Routine:
@@ -320,6 +377,14 @@ class Packed(CovarianceForm):
 
         pairs = [[(min(i, j), max(i, j)) for j in range(self.n)] for i in range(self.n)]
         return [[float(values[place(self.n, *p)]) for p in row] for row in pairs]
+
+
+INFLATE_TEXT = "The covariance grows along one direction: P + c a a' with a in the array of the gain."
+
+
+def inflate_arguments(n: int) -> tuple[Argument, ...]:
+    """Of the routine that widens the covariance of `n` states along a direction."""
+    return Argument(GAIN, n, "direction a"), Argument("c", 0, "its variance")
 
 
 HEALTH_TEXT = (

@@ -1,4 +1,4 @@
-"""One scalar of a measurement: innovation at the corrected state, gate, and the form's arithmetic."""
+"""One scalar of a measurement that is accepted: innovation at the corrected state, and the form's arithmetic."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ from functools import reduce
 
 from kfgen.emit.covariance.forms import CovarianceForm
 from kfgen.emit.covariance.packed import Row
-from kfgen.emit.ir.ir import Bin, Compare, Expr, Let, Num, Ref, StatusFlag, Stmt, Store, When, add, mul, sub
-
-NIS = Ref("nis", 0)
+from kfgen.emit.ir.ir import Bin, Compare, Expr, Let, Num, Ref, StatusFlag, Stmt, Store, When, mul, sub
 
 
-def fused(form: CovarianceForm, row: int, H: Row, residual: Expr, R: float, gate: Expr) -> list[Stmt]:
+def fused(form: CovarianceForm, row: int, H: Row, residual: Expr, R: Expr) -> list[Stmt]:
     """Statements that fuse one scalar measurement.
 
     The correction gathers in ``dx``; the residual of a later scalar is taken at the state corrected by the
-    earlier ones. A residual beyond the gate, or an innovation variance that is not positive, changes nothing
-    but the status.
+    earlier ones. An innovation variance that is not positive changes nothing but the status.
 
     Parameters
     ----------
@@ -27,27 +24,21 @@ def fused(form: CovarianceForm, row: int, H: Row, residual: Expr, R: float, gate
         Non-zeros of its Jacobian.
     residual : Expr
         ``z - h`` at the uncorrected state.
-    R : float
+    R : Expr
         Variance of the noise.
-    gate : Expr
-        Largest squared innovation over its variance.
     """
     y, s = Ref(f"y_{row}"), Ref(f"s_{row}")
     corrected = residual if row == 0 else reduce(sub, (mul(h, Ref("dx", j)) for j, h in H.items()), residual)
     fusion = form.fuse(f"{row}", H, R)
-    squared = Ref(f"yy_{row}")
     apply: tuple[Stmt, ...] = (
         Let(s.name, Bin("/", Num(1.0), fusion.S)),
-        Store(NIS, add(NIS, mul(squared, s))),
         *fusion.apply,
         Store(Ref("fused", 0), Num(1.0)),
     )
-    gated = When(Compare("<=", squared, mul(gate, fusion.S)), apply, (StatusFlag("GATED"),))
     return [
         Let(y.name, corrected),
         *fusion.before,
         Store(Ref("innovation", row), y),
         Store(Ref("variance", row), fusion.S),
-        Let(squared.name, mul(y, y)),
-        When(Compare(">", fusion.S, Num(0.0)), (gated,), (StatusFlag("NOT_POSITIVE"),)),
+        When(Compare(">", fusion.S, Num(0.0)), apply, (StatusFlag("NOT_POSITIVE"),)),
     ]

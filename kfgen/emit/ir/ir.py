@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Num:
-    """A number."""
+    """A number; one with a name is a setting of the emitted code, printed by that name."""
 
     value: float
+    name: str = ""
 
 
 Whole = int | str
@@ -78,10 +79,20 @@ class Compare:
 
 
 @dataclass(frozen=True)
+class All:
+    """Every one of several comparisons holds; those after the first that does not are not made."""
+
+    comparisons: tuple[Compare, ...]
+
+
+Condition = Compare | All
+
+
+@dataclass(frozen=True)
 class When:
     """A branch."""
 
-    condition: Compare
+    condition: Condition
     body: tuple[Stmt, ...]
     orelse: tuple[Stmt, ...] = ()
 
@@ -120,19 +131,28 @@ class FunctionCall:
     arguments: tuple[Expr, ...]
 
 
+def comparisons(condition: Condition) -> tuple[Compare, ...]:
+    """The comparisons of a condition."""
+    return condition.comparisons if isinstance(condition, All) else (condition,)
+
+
 Stmt = Let | Store | When | StatusFlag | Note | For | FunctionCall
 
-STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT")
+STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT", "NOT_FINITE", "DEGRADED", "LOST")
 """What a routine returns, in order of number and of gravity."""
 
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument: a scalar (`size` 0) or an array of `size` elements, with what it means."""
+    """An argument: a scalar (`size` 0) or an array of `size` elements, with what it means.
+
+    One with a `default`, a number for each element, may be left out of a call.
+    """
 
     name: str
     size: int
     text: str
+    default: tuple[Num, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -158,6 +178,11 @@ class Routine:
     internal: bool = False
 
     @property
+    def required(self) -> tuple[Argument, ...]:
+        """The arguments that no call may leave out."""
+        return tuple(a for a in self.arguments if not a.default)
+
+    @property
     def operations(self) -> int:
         """Executed ``+ - * /``, square roots and the like: all branches, loops by their turns, no calls."""
         return _counted(self.body, {})
@@ -165,12 +190,6 @@ class Routine:
 
 def turns(loop: For, env: Mapping[str, int]) -> range:
     """The values of a loop's variable, given those of the loops around it.
-
-    Parameters
-    ----------
-    loop : For
-    env : mapping of str to int
-        Values of the variables of the loops around it.
 
     Parameters
     ----------
@@ -189,8 +208,10 @@ def _counted(body: Sequence[Stmt], env: Mapping[str, int]) -> int:
         if isinstance(s, Let | Store):
             total += _count(s.value)
         elif isinstance(s, When):
-            total += _count(s.condition.a) + _count(s.condition.b)
+            total += sum(_count(c.a) + _count(c.b) for c in comparisons(s.condition))
             total += _counted(s.body, env) + _counted(s.orelse, env)
+        elif isinstance(s, FunctionCall):
+            total += sum(_count(a) for a in s.arguments)
         elif isinstance(s, For):
             total += sum(_counted(s.body, {**env, s.var: k}) for k in turns(s, env))
     return total
@@ -203,7 +224,8 @@ def names_of(body: Sequence[Stmt]) -> set[str]:
         if isinstance(s, Let | Store):
             found |= _named(s.value) | (_named(s.target) if isinstance(s, Store) else {s.name})
         elif isinstance(s, When):
-            found |= _named(s.condition.a) | _named(s.condition.b) | names_of(s.body) | names_of(s.orelse)
+            found |= set().union(*(_named(c.a) | _named(c.b) for c in comparisons(s.condition)))
+            found |= names_of(s.body) | names_of(s.orelse)
         elif isinstance(s, For):
             found |= names_of(s.body)
         elif isinstance(s, FunctionCall):
@@ -280,4 +302,4 @@ def neg(a: Expr) -> Expr:
     """``-a``."""
     if isinstance(a, Una) and a.op == "neg":
         return a.a
-    return Num(-a.value) if isinstance(a, Num) else Una("neg", a)
+    return Num(-a.value) if isinstance(a, Num) and not a.name else Una("neg", a)

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from kfgen.emit.ir.ir import Let, Ref, Stmt
+from kfgen.emit.ir.ir import Expr, Let, Num, Ref, Stmt
 from kfgen.emit.ir.lower import Lowering
-from kfgen.emit.targets.names import argument
+from kfgen.emit.targets.names import argument, identifier
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.register import DT
@@ -34,7 +34,7 @@ def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str
     prefix : str
         Begins every local name.
     """
-    places = {name: Ref("x", i) for i, name in enumerate(discrete.nominal_names)}
+    places: dict[str, Expr] = {name: Ref("x", i) for i, name in enumerate(discrete.nominal_names)}
     places |= {c.name: Ref("k", i) for i, c in enumerate(constants)}
     places |= {
         c: Ref(argument(i.name)) if i.scalar else Ref(argument(i.name), k)
@@ -42,6 +42,10 @@ def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str
         for k, c in enumerate(i.channels)
     }
     places |= {d: Ref(argument(d)) for d in discrete.model.drivers}
+    places |= {
+        s.name: Num(float(density), f"Q_{identifier(name).upper()}")
+        for name, (s, density) in discrete.named_noise[1].items()
+    }
     return Lowering(places | {str(DT): Ref("dt")}, prefix)
 
 
@@ -133,7 +137,7 @@ def transition(discrete: DiscreteModel, atoms: Atoms) -> tuple[Rows, dict[tuple[
     discrete : DiscreteModel
     atoms : Atoms
     """
-    Phi, Qd, n = discrete.Phi, discrete.Qd, discrete.Phi.rows
+    Phi, Qd, n = discrete.Phi, discrete.named_noise[0], discrete.Phi.rows
     rows = {i: {j: Phi[i, j] for j in range(n) if Phi[i, j] != 0} for i in range(n)}
     moving = {i: row for i, row in rows.items() if row != {i: 1}}
     noise = {(i, j): Qd[i, j] for i in range(n) for j in range(i, n) if Qd[i, j] != 0}

@@ -9,7 +9,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from kfgen.emit.ir.ir import Bin, Compare, Expr, For, FunctionCall, Let, Num, Ref, Stmt, Store, Una, When, neg
+from kfgen.emit.ir.ir import (
+    All,
+    Bin,
+    Compare,
+    Condition,
+    Expr,
+    For,
+    FunctionCall,
+    Let,
+    Num,
+    Ref,
+    Stmt,
+    Store,
+    Una,
+    When,
+    comparisons,
+    neg,
+)
 
 
 def tidy(body: Sequence[Stmt]) -> tuple[Stmt, ...]:
@@ -42,9 +59,8 @@ class _Numbering:
                     out.append(Store(s.target, value))
                 self._forget(s.target)
             elif isinstance(s, When):
-                c = Compare(s.condition.op, self._seen(s.condition.a), self._seen(s.condition.b))
                 inner = [tuple(self._branch(b)) for b in (s.body, s.orelse)]
-                out.append(When(c, *inner))
+                out.append(When(self._condition(s.condition), *inner))
                 self._forget_all(s)
             elif isinstance(s, For):
                 self._forget_all(s)
@@ -55,6 +71,10 @@ class _Numbering:
             else:
                 out.append(s)
         return out
+
+    def _condition(self, condition: Condition) -> Condition:
+        seen = tuple(Compare(c.op, self._seen(c.a), self._seen(c.b)) for c in comparisons(condition))
+        return All(seen) if isinstance(condition, All) else seen[0]
 
     def _branch(self, body: Sequence[Stmt]) -> list[Stmt]:
         inner = _Numbering(dict(self.known), dict(self.held))
@@ -152,7 +172,7 @@ def _read(body: Sequence[Stmt], read: set[str]) -> tuple[Stmt, ...]:
             read |= set(_names(s.value))
         elif isinstance(s, When):
             inner = [_read(b, read) for b in (s.body, s.orelse)]
-            read |= {*_names(s.condition.a), *_names(s.condition.b)}
+            read |= {n for c in comparisons(s.condition) for n in (*_names(c.a), *_names(c.b))}
             out.append(When(s.condition, *inner))
             continue
         elif isinstance(s, For):

@@ -13,7 +13,7 @@ from kfgen.audit.audit import unobservable_directions
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
-from kfgen.emit.ir.ir import STATUS, Compare, Ref, Routine, names_of
+from kfgen.emit.ir.ir import STATUS, Argument, Compare, Ref, Routine, names_of
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, split
 from kfgen.emit.targets.names import identifier
@@ -122,15 +122,32 @@ class CPrinter(Printer):
         """The status is set."""
         return f"status = (status > KF_{status}) ? status : KF_{status};"
 
-    def condition(self, c: Compare) -> str:
+    def setting(self, name: str) -> str:
+        """A macro of the header."""
+        return f"{self.program.name.upper()}_{name}"
+
+    def comparison(self, c: Compare) -> str:
         """Each side in its own parentheses."""
         return f"{self.expression(c.a)} {c.op} {self.expression(c.b)}"
+
+    def conjunction(self, texts: list[str]) -> str:
+        """``&&``, each condition in its own parentheses."""
+        return " && ".join(f"({text})" for text in texts)
 
     def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
         """``if`` with braces always."""
         if not body:
             return [f"if (!({condition})) {{", *orelse, "}"]
         return [f"if ({condition}) {{", *body, *(["} else {", *orelse] if orelse else []), "}"]
+
+
+@dataclass(frozen=True)
+class DefaultArgument:
+    """An argument that a shorter function gives to the longer one: its name, and the text of its numbers."""
+
+    name: str
+    size: int
+    numbers: str
 
 
 @dataclass(frozen=True)
@@ -145,15 +162,20 @@ class CFunction:
     body: str
     signature: str
     internal: bool
+    defaults: tuple[DefaultArgument, ...] = ()
+    short_signature: str = ""
 
 
 def _function(program: Program, routine: Routine) -> CFunction:
     real = program.real
     fixed = "" if routine.internal else "const "
-    arguments = [
-        f"{fixed}{real} {a.name}[{a.size}]" if a.size else f"{real} {a.name}" for a in routine.arguments
-    ]
+
+    def signature(arguments: Sequence[Argument]) -> str:
+        own = [f"{fixed}{real} {a.name}[{a.size}]" if a.size else f"{real} {a.name}" for a in arguments]
+        return ", ".join([f"{program.name}_t *kf", *own])
+
     printer = CPrinter(program)
+    left_out = [a for a in routine.arguments if a.default]
     return CFunction(
         routine.name,
         routine.text,
@@ -161,8 +183,13 @@ def _function(program: Program, routine: Routine) -> CFunction:
         tuple((a.name, a.text) for a in routine.arguments),
         tuple(f"{real} {s.name}[{s.size}] = {{0}};" for s in routine.scratch if _uses(routine, s.name)),
         printer.body(routine),
-        ", ".join([f"{program.name}_t *kf", *arguments]),
+        signature(routine.arguments),
         routine.internal,
+        tuple(
+            DefaultArgument(a.name, a.size, ", ".join(printer.expression(n) for n in a.default))
+            for a in left_out
+        ),
+        signature(routine.required),
     )
 
 
@@ -189,6 +216,11 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
         constants=list(enumerate(program.constants)),
         rows=[place(program.n, i, 0) for i in range(program.n)],
         places=[program.covariance.order.index(i) for i in range(program.n)],
+        settings=[
+            (s, CPrinter(program).number(s.value), f"{program.name.upper()}_{s.name}")
+            for s in program.settings.values()
+        ],
+        supervisor=list(enumerate(program.supervisor.places)),
         bytes=sum(size for size, _ in program.arrays.values()) * np.dtype(program.type).itemsize,
         sizes={"x": f"{program.name.upper()}_NX", program.covariance.ARRAY: f"{program.name.upper()}_NP"}
         | {HELD: f"{program.name.upper()}_N"},
@@ -246,9 +278,10 @@ def files(program: Program) -> dict[str, str]:
     calls = recorded(program)
     first = {c.routine: c for c in reversed(calls)}
     common = _common(program) | {
+        "compared": program.compared,
         "calls": [(k, r.name, call_arguments(r)) for k, r in enumerate(program.routines[1:])],
         "first": [
-            (r.name, [(a, v) for a, v in zip(r.arguments, _literals(program, r, first[r.name].inputs))])
+            (r.name, [(a, v) for a, v in zip(r.required, _literals(program, r, first[r.name].inputs))])
             for r in program.routines[1:]
         ],
     }
@@ -260,7 +293,7 @@ def files(program: Program) -> dict[str, str]:
             predict=_function(program, program.predict),
             inputs=program.predict.arguments,
         ),
-        "selftest.c": render("c/selftest.c.j2", **common, array=program.covariance.ARRAY),
+        "selftest.c": render("c/selftest.c.j2", **common),
         f"{program.name}_vectors.h": _vectors(program, calls),
         **{name: render(f"c/{name}.j2", **common) for name in PLAIN},
         "zephyr/module.yml": render("c/module.yml.j2", **common),
@@ -280,7 +313,7 @@ def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> li
 def call_arguments(routine: Routine) -> str:
     """The arguments of a call of a routine on ``kf``, taken from an array ``in`` that has them in a row."""
     texts, at = ["&kf"], 0
-    for a in routine.arguments:
+    for a in routine.required:
         texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
         at += a.size or 1
     return ", ".join(texts)

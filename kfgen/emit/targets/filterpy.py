@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.emit.check import MAX_NORM_ERROR, widest
 from kfgen.emit.covariance.forms import Packed
-from kfgen.emit.ir.ir import STATUS, Argument, Routine
-from kfgen.emit.routines import GATE, MAX_INPUT_SQUARE_SUM, Program
+from kfgen.emit.guards import MAX_SUM
+from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
+from kfgen.emit.routines import GATE, Program
+from kfgen.emit.supervisor import ARRAY
+from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
+from kfgen.model.parts.sensors import Sensor
 
 TARGET = "filterpy"
 TITLE = "Python class on filterpy's ExtendedKalmanFilter, in double precision"
 
 
 def _function(routine: Routine, n: int) -> dict[str, object]:
-    outputs = {"transition": ["Phi"], "noise": ["Qd"]}.get(
-        routine.name, ["h", "H"] if routine.name.startswith("expect_") else []
-    )
+    made = {"transition": ["Phi"], "noise": ["Qd"], "expect": ["h", "H"], "length": ["length"]}
+    outputs = made.get(routine.name.split("_")[0], [])
     arguments = ["x: list[float]", "k: list[float]", *(f"{o}: Vector" for o in outputs)]
     arguments += [f"{a.name}: {'Vector' if a.size else 'float'}" for a in routine.arguments]
     return {
@@ -32,6 +38,78 @@ def _function(routine: Routine, n: int) -> dict[str, object]:
 
 def _call(arguments: tuple[Argument, ...]) -> str:
     return "".join(f", {a.name}" for a in arguments)
+
+
+def _limits(program: Program, arguments: tuple[Argument, ...]) -> list[tuple[str, str]]:
+    """Arguments by name, with the text of what no number of theirs may exceed."""
+    printer = PythonPrinter(program.n)
+    return [(a.name, printer.expression(program.input_limit(a.name))) for a in arguments]
+
+
+def _methods(program: Program) -> list[dict[str, str]]:
+    """The supervisor's methods."""
+    watch, gate = program.supervisor, program.lowering().places["gate"]
+    made: list[tuple[str, str, str, list[Stmt], str]] = [
+        ("_elapsed", ", dt: float", "A step goes by.", watch.elapsed(), ""),
+        ("_missed", ", dt: float", "A step goes by without a prediction.", watch.missed(), ""),
+        (
+            "_resynchronise",
+            "",
+            "Where too many steps were missed, nothing that was known holds.",
+            watch.resynchronise(),
+            "",
+        ),
+        (
+            "_changed",
+            "".join(f", {t}: Vector" for t in watch.triads),
+            "Whether inputs change.",
+            watch.changed(),
+            "",
+        ),
+        ("_lost", "", "All states go back to their priors.", watch.widen(), ""),
+        ("supervise", "", watch.condition.text, list(watch.condition.body), "status"),
+    ]
+    for s in watch.sensors:
+        made += [
+            (
+                f"_rejected_{s}",
+                "",
+                "It is counted; whether that has gone on for too long.",
+                watch.rejected(s),
+                "due",
+            ),
+            (f"_reset_{s}", "", "What comes before its states are widened.", watch.reset(s), ""),
+            (f"_accepted_{s}", ", status: Status", "A sample was fused.", watch.accepted(s, gate), "guard"),
+        ]
+    return [_method(program, *m) for m in made]
+
+
+BEFORE = {
+    "status": "        status = Status.OK\n",
+    "due": "        due = [0.0]\n",
+    "guard": "        nis, k = [self.nis], [*self.constants, self.gate]\n",
+}
+AFTER = {
+    "status": "\n        return status",
+    "due": "\n        return due[0] > 0.0",
+    "guard": "\n        return max(status, self._guarded())",
+}
+RESULT = {"status": "Status", "due": "bool", "guard": "Status"}
+
+
+def _method(
+    program: Program, name: str, arguments: str, text: str, body: list[Stmt], ends: str
+) -> dict[str, str]:
+    """A method on the supervisor's numbers: what it returns is said by how it ends."""
+    lines = "\n".join(PythonPrinter(program.n).statements(tuple(body), 2)) or "        pass"
+    start = f"        {ARRAY} = self.{ARRAY}\n"
+    return {
+        "name": name,
+        "arguments": arguments,
+        "text": text,
+        "result": RESULT.get(ends, "None"),
+        "body": BEFORE.get(ends, "") + start + lines + AFTER.get(ends, ""),
+    }
 
 
 def _typed(arguments: tuple[Argument, ...]) -> str:
@@ -47,8 +125,32 @@ def files(program: Program) -> dict[str, str]:
     """The emitted files by name; raises as `module` does."""
     emitted = module(program)
     calls = recorded(program)
-    found = f"[*kf.nominal, *kf.P[np.triu_indices({program.n})]]"
+    found = f"[*kf.nominal, *kf.P[np.triu_indices({program.n})], *kf.supervisor]"
     return emitted | {FILE: selftest(program, class_name(program), calls, nearly(program, calls), found)}
+
+
+def _sensor(program: Program, s: Sensor, arguments: tuple[Argument, ...]) -> dict[str, Any]:
+    """A sensor as the template needs it."""
+    share = s.gated_length()[1]
+    return {
+        "name": s.name,
+        "title": s.title,
+        "unit": s.unit,
+        "channels": s.channels,
+        "period": s.period,
+        "R": [f"R_{identifier(c).upper()}" for c in s.channels],
+        "least": f"MIN_{identifier(s.name).upper()}" if s.min_length else "",
+        "share": share,
+        "shortest": (1.0 - share) ** 2,
+        "longest": (1.0 + share) ** 2,
+        "limits": [
+            ("z", f"MAX_{identifier(s.name).upper()}_SAMPLE"),
+            *_limits(program, arguments),
+        ],
+        "extra": _call(arguments),
+        "typed": _typed(arguments),
+        "texts": [(a.name, a.text) for a in arguments],
+    }
 
 
 def module(program: Program) -> dict[str, str]:
@@ -65,23 +167,9 @@ def module(program: Program) -> dict[str, str]:
             where="--form" if program.form != Packed.NAME else "--loops",
             remedy="Leave it out, or use --target numpy or c",
         )
-    discrete = program.discrete
+    discrete, attitude = program.discrete, program.discrete.model.attitude
     pieces = {r.name: r for r in program.pieces}
-    sensors = [
-        {
-            "name": s.name,
-            "title": s.title,
-            "unit": s.unit,
-            "channels": s.channels,
-            "period": s.period,
-            "R": [discrete.measurement_variance(s, c) for c in s.channels],
-            "extra": _call(pieces[f"expect_{s.name}"].arguments),
-            "typed": _typed(pieces[f"expect_{s.name}"].arguments),
-            "texts": [(a.name, a.text) for a in pieces[f"expect_{s.name}"].arguments],
-            "scalars": [a.name for a in pieces[f"expect_{s.name}"].arguments],
-        }
-        for s in discrete.model.sensors
-    ]
+    sensors = [_sensor(program, s, pieces[f"expect_{s.name}"].arguments) for s in discrete.model.sensors]
     step = pieces["step"].arguments
     longest = max((pieces[n].arguments for n in ("step", "transition", "noise")), key=len)
     text = render(
@@ -98,12 +186,21 @@ def module(program: Program) -> dict[str, str]:
         start=discrete.start,
         states=discrete.model.states,
         constants=program.constants[:-1],
+        settings=program.settings.values(),
+        supervisor=program.supervisor.places,
+        supervisor_start=program.supervisor.start,
+        methods=_methods(program),
+        priors=[program.prior(i).name for i in range(program.n)],
+        widest=[sd.name for sd in widest(program)],
+        quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
+        norm_error=MAX_NORM_ERROR,
         gate=GATE,
-        huge=MAX_INPUT_SQUARE_SUM,
+        huge=MAX_SUM,
         status=STATUS,
         longest=discrete.max_step,
         rows=program.rows,
-        given=[a.name for a in longest[:-1]],
+        triads=program.supervisor.triads,
+        given=_limits(program, longest[:-1]),
         functions=[_function(r, program.n) for r in program.pieces],
         sensors=sensors,
         inputs=_typed(longest),

@@ -54,7 +54,7 @@ def _method(program: Program, routine: Routine) -> dict[str, Any]:
 def files(program: Program) -> dict[str, str]:
     """The emitted files by name."""
     calls = recorded(program)
-    found = f"[*kf.x, *kf.{program.covariance.ARRAY}]"
+    found = f"[{', '.join(f'*kf.{array}' for array in program.compared)}]"
     return module(program) | {FILE: selftest(program, class_name(program), calls, exactly(calls), found)}
 
 
@@ -76,6 +76,8 @@ def module(program: Program) -> dict[str, str]:
         nominal=discrete.nominal_names,
         states=discrete.model.states,
         constants=program.constants,
+        settings=program.settings.values(),
+        supervisor=program.supervisor.places,
         rows=[place(program.n, i, 0) for i in range(program.n)],
         status=STATUS,
         methods=[_method(program, r) for r in (*program.routines, *program.helpers)],

@@ -6,6 +6,7 @@ from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import (
     Bin,
     Compare,
+    Condition,
     Expr,
     For,
     FunctionCall,
@@ -20,6 +21,7 @@ from kfgen.emit.ir.ir import (
     Una,
     When,
     Whole,
+    comparisons,
 )
 
 
@@ -31,6 +33,10 @@ class Printer:
     def number(self, value: float) -> str:
         """A literal."""
         raise NotImplementedError
+
+    def setting(self, name: str) -> str:
+        """A number of the emitted code that has a name."""
+        return name
 
     def __init__(self, n: int) -> None:
         self.n = n
@@ -141,7 +147,7 @@ class Printer:
     def expression(self, e: Expr) -> str:
         """An expression, every operation in its own parentheses."""
         if isinstance(e, Num):
-            return self.number(e.value)
+            return self.setting(e.name) if e.name else self.number(e.value)
         if isinstance(e, Ref):
             return self.ref(e)
         if isinstance(e, Bin):
@@ -153,9 +159,18 @@ class Printer:
         spelling = {"sqrt": self.root, "abs": self.magnitude, "sign": self.signum, "rint": self.rounded}
         return spelling[e.op](inner)
 
-    def condition(self, c: Compare) -> str:
-        """A comparison."""
+    def condition(self, condition: Condition) -> str:
+        """A comparison, or several that must all hold."""
+        texts = [self.comparison(c) for c in comparisons(condition)]
+        return texts[0] if len(texts) == 1 else self.conjunction(texts)
+
+    def comparison(self, c: Compare) -> str:
+        """One comparison."""
         return f"{self._bare(c.a)} {c.op} {self._bare(c.b)}"
+
+    def conjunction(self, texts: list[str]) -> str:
+        """Several conditions that must all hold."""
+        raise NotImplementedError
 
     def _bare(self, e: Expr) -> str:
         """Without the outermost parentheses."""
@@ -263,6 +278,10 @@ class PythonPrinter(Printer):
     def call(self, routine: str, arguments: list[str]) -> str:
         """A method of the class."""
         return f"self._{routine}({', '.join(arguments)})"
+
+    def conjunction(self, texts: list[str]) -> str:
+        """``and``."""
+        return " and ".join(texts)
 
     def branch(self, condition: str, body: list[str], orelse: list[str]) -> list[str]:
         """``if`` and ``else``."""

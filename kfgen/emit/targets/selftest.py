@@ -11,6 +11,7 @@ import kfgen
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, scenario, split
+from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.targets.templates import render
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ def exactly(calls: Sequence[RecordedCall]) -> Expected:
 
 
 def nearly(program: Program, calls: Sequence[RecordedCall]) -> Expected:
-    """State and upper triangle of the covariance in double precision after the calls.
+    """State, upper triangle of the covariance and supervisor in double precision after the calls.
 
     Parameters
     ----------
@@ -59,8 +60,9 @@ def nearly(program: Program, calls: Sequence[RecordedCall]) -> Expected:
         machine.call(call.routine, split(machine.routines[call.routine], call.inputs))
     P, upper = machine.covariance(), np.triu_indices(program.n)
     sd = np.sqrt(np.diag(P))
-    values = [*machine.arrays["x"], *P[upper]]
-    scales = [*deviations(program, sd), *np.outer(sd, sd)[upper]]
+    counts = machine.arrays[SUPERVISOR]
+    values = [*machine.arrays["x"], *P[upper], *counts]
+    scales = [*deviations(program, sd), *np.outer(sd, sd)[upper], *np.ones(counts.size)]
     return [(float(v), TOLERANCE_SIGMAS * float(s)) for v, s in zip(values, scales)]
 
 

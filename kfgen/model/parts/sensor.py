@@ -62,6 +62,8 @@ class Sensor(Configured):
         Effects that its options attach to its channels.
     rate_needs : tuple of str
         What `rate` looks at; it can be asked for a rate where there is any.
+    min_length : float
+        Smallest plausible length of a triad that is never zero [SI]; zero for others.
     arm_order : int
         Which derivative of a place it measures: 0 a position, 1 a velocity; -1 neither.
     """
@@ -85,6 +87,7 @@ class Sensor(Configured):
     errors: tuple[AttachedError, ...] = ()
     rate_needs: tuple[str, ...] = ()
     arm_order: int = -1
+    min_length: float = 0.0
     axes: tuple[str, ...] = NED
 
     def __init__(self, chosen: Mapping[str, Any] = NOTHING, axes: tuple[str, ...] = NED) -> None:
@@ -104,6 +107,10 @@ class Sensor(Configured):
     def plausible(self, z: Array, known: Mapping[str, float]) -> NDArray[np.bool_]:
         """Which samples (n, m) of a log are to be used, shape (n,), by the start of constants and states by name."""
         return np.ones(len(z), dtype=bool)
+
+    def gated_length(self) -> tuple[sp.Expr, float]:
+        """Expected square of the length of a triad, and the share by which a length may differ; zero for no gate."""
+        return sp.Integer(0), 0.0
 
     def handling(self) -> tuple[str, ...]:
         """What must be done with samples before a filter gets them, in sentences: what `plausible` does in a log."""

@@ -64,6 +64,7 @@ class GravityDirection(Sensor):
     channels = triad("accel")
     sd = 0.02
     left_out = 0.05
+    min_length = 1.0
     needs: tuple[str, ...] = ("phi", "level")
     constants = (GRAVITY,)
     options = (LEFT_OUT, ACCELERATION)
@@ -102,6 +103,7 @@ class MagneticField(Sensor):
     sd = 2e-7
     usual_rate = 50.0
     bias_prior = 2e-5
+    min_length = 5e-6
     needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"
     rate_needs = ("omega",)
@@ -184,11 +186,10 @@ class MagneticField(Sensor):
         field = np.sqrt(sum(known.get(f"mag_{a}", 0.0) ** 2 for a in NED))
         return np.asarray(np.abs(np.linalg.norm(z, axis=1) - field) <= gate * field)
 
-    def handling(self) -> tuple[str, ...]:
-        """The gate on the magnitude."""
-        gate = self.chosen["field_gate"]
-        said = f"Leave out samples of {self.name} whose length differs by more than {gate:.3g} of the field's from it."
-        return (said,) if gate > 0.0 else ()
+    def gated_length(self) -> tuple[sp.Expr, float]:
+        """That of the field, known or a state, and the gate."""
+        known = [sp.Symbol(f"mag_{a}", real=True) for a in self.field] or [c.symbol for c in FIELD]
+        return sp.Add(*(m**2 for m in known)), float(self.chosen["field_gate"])
 
     def calibrated(self, z_b: tuple[float, ...], up_b: tuple[float, ...]) -> dict[str, float]:
         """The components of the field; those that are known stay where more iron of the body may add to them."""

@@ -1,0 +1,37 @@
+"""What is looked at before a number enters the filter, and before it stays there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+
+from kfgen.emit.ir.ir import All, Argument, Compare, Condition, Expr, Num, Ref, add, mul
+
+MAX_SUM = 1e30
+"""Finite numbers of a filter add up to less, in single precision as well."""
+
+
+def within(given: Argument, limit: Num) -> list[Compare]:
+    """Each number of an argument is one, and no larger than its limit; by squares, which no sign escapes."""
+    return [Compare("<=", mul(v, v), mul(limit, limit)) for v in numbers(given)]
+
+
+def numbers(given: Argument) -> list[Expr]:
+    """The numbers of an argument."""
+    return [Ref(given.name, k) for k in range(given.size)] if given.size else [Ref(given.name)]
+
+
+def sum_of_squares(values: Sequence[Expr]) -> Expr:
+    """Of numbers."""
+    return reduce(add, (mul(v, v) for v in values))
+
+
+def finite(values: Sequence[Expr]) -> Condition:
+    """All are numbers: they add up to one."""
+    total = reduce(add, values)
+    return All((Compare("<=", total, Num(MAX_SUM)), Compare(">=", total, Num(-MAX_SUM))))
+
+
+def every(comparisons: Sequence[Compare]) -> Condition:
+    """All of several comparisons."""
+    return comparisons[0] if len(comparisons) == 1 else All(tuple(comparisons))

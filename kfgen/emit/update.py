@@ -1,0 +1,170 @@
+"""The update of a filter by one sample of a sensor: guards, gate, fusion, and what follows a rejection."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kfgen.core.errors import InputError
+from kfgen.emit.covariance.forms import GAIN
+from kfgen.emit.covariance.joint import gated
+from kfgen.emit.covariance.packed import Row
+from kfgen.emit.covariance.scalars import fused
+from kfgen.emit.guards import every, sum_of_squares, within
+from kfgen.emit.ir.ir import (
+    Argument,
+    Compare,
+    Expr,
+    FunctionCall,
+    Let,
+    Note,
+    Num,
+    Ref,
+    Routine,
+    Scratch,
+    StatusFlag,
+    Stmt,
+    Store,
+    Una,
+    When,
+    mul,
+    sub,
+)
+from kfgen.emit.ir.lower import Lowering
+from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.supervisor import DUE, widened
+from kfgen.emit.targets.names import identifier
+from kfgen.model.parts.sensors import Sensor
+
+if TYPE_CHECKING:
+    from kfgen.emit.routines import Program
+
+
+def update(program: Program, sensor: Sensor) -> Routine:
+    """Fuse one sample of a sensor: all of its rows, or none.
+
+    Raises
+    ------
+    InputError
+        A row of it depends on no state.
+    """
+    model = program.discrete.model
+    h, H = program.discrete.expected(sensor), program.discrete.H(sensor)
+    lower = program.lowering()
+    used = [*h, *H]
+    body = program.atoms.make(lower, used)
+    entries = [(i, j) for i in range(H.rows) for j in range(program.n) if H[i, j] != 0]
+    blind = [c for i, c in enumerate(sensor.channels) if not any(k == i for k, _ in entries)]
+    if blind:
+        raise InputError(
+            f"the measurement {blind[0]} depends on no state, so it can correct none",
+            where=model.name,
+            remedy="Leave it out, or write its expression in states",
+        )
+    values, statements = lower.many([*h, *(H[i, j] for i, j in entries)])
+    body += statements
+    rows: list[Row] = [{} for _ in range(H.rows)]
+    for (i, j), value in zip(entries, values[H.rows :]):
+        rows[i][j], made = lower.let(value, "h")
+        body += made
+    y = _innovation(sensor, values[: H.rows], lower, body)
+    R = variances(program, sensor)
+    noise = [Ref(R.name, i) for i in range(H.rows)]
+    joint, S = program.covariance.innovation_covariance(rows, noise)
+    gate = lower.places["gate"]
+    accepted = _accepted(program, sensor, rows, y, noise, gate)
+    body += [*joint, *gated(S, y, gate, accepted, _rejected(program, sensor, rows, y, S))]
+    z = Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels))
+    others = program.sample_arguments(used)
+    return Routine(
+        f"update_{sensor.name}",
+        f"Fuse one sample: {sensor.title}.",
+        (z, *others, R),
+        tidy(_plausible(program, sensor, (z, *others, R), lower, tuple(body))),
+        (Scratch("dx", program.n), Scratch("fused", 1), Scratch(DUE.name, 1), *program.covariance.scratch),
+    )
+
+
+def variances(program: Program, sensor: Sensor) -> Argument:
+    """The variances of a sample's rows, which a call may give.
+
+    Raises
+    ------
+    InputError
+        One is not positive, and the form of the covariance needs that.
+    """
+    least = min(program.discrete.measurement_variance(sensor, c) for c in sensor.channels)
+    if not program.covariance.TAKES_EXACT and not least > 0.0:
+        raise InputError(
+            "a measurement without noise cannot be fused by factors",
+            where="--form ud",
+            remedy="Give its channel white noise, or use --form p",
+        )
+    names = [f"R_{identifier(c).upper()}" for c in sensor.channels]
+    text = f"variances of its rows [({sensor.unit})^2]"
+    return Argument("R", len(names), text, tuple(program.setting(n) for n in names))
+
+
+def _innovation(sensor: Sensor, h: list[Expr], lower: Lowering, body: list[Stmt]) -> list[Expr]:
+    """``z - h`` at the uncorrected state; of an angle the nearest."""
+    y: list[Expr] = []
+    for i, value in enumerate(h):
+        residual, made = lower.let(sub(Ref("z", i), value), "r")
+        body += made
+        if sensor.period:
+            turns = mul(Una("rint", mul(residual, Num(1.0 / sensor.period))), Num(sensor.period))
+            residual, made = lower.let(sub(residual, turns), "r")
+            body += made
+        y.append(residual)
+    return y
+
+
+def _accepted(
+    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref], gate: Expr
+) -> list[Stmt]:
+    """Row by row into covariance and correction, then the correction into the state."""
+    body: list[Stmt] = []
+    for i, channel in enumerate(sensor.channels):
+        body += [Note(channel), *fused(program.covariance, i, rows[i], y[i], R[i])]
+    body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(program.inject(guarded=True))))
+    return [*body, *program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
+
+
+def _rejected(
+    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], S: dict[tuple[int, int], Expr]
+) -> list[Stmt]:
+    """It is counted; where that has gone on for too long, P widens along each row."""
+    body: list[Stmt] = []
+    for i, value in enumerate(y):
+        body += [Store(Ref("innovation", i), value), Store(Ref("variance", i), S[i, i])]
+    wide: list[Stmt] = program.supervisor.reset(sensor.name)
+    for i, row in enumerate(rows):
+        a, projection, c = widened(y[i], row, {j: program.prior(j) for j in row})
+        direction = [Store(Ref(GAIN, k), a.get(k, Num(0.0))) for k in range(program.n)]
+        along = Ref(f"along_{i}")
+        call = FunctionCall("inflate", (Ref(GAIN), c))
+        wide += [Let(along.name, projection), When(Compare(">", along, Num(0.0)), (*direction, call))]
+    return [*body, *program.supervisor.rejected(sensor.name), When(Compare(">", DUE, Num(0.0)), tuple(wide))]
+
+
+def _plausible(
+    program: Program, sensor: Sensor, arguments: tuple[Argument, ...], lower: Lowering, body: tuple[Stmt, ...]
+) -> tuple[Stmt, ...]:
+    """The body, where every argument is one that the sensor can give."""
+    z, *others, R = arguments
+    looked = within(z, program.setting(f"MAX_{identifier(sensor.name).upper()}_SAMPLE"))
+    for a in others:
+        looked += within(a, program.input_limit(a.name))
+    at_least = ">=" if program.covariance.TAKES_EXACT else ">"
+    looked += [Compare(at_least, Ref(R.name, i), Num(0.0)) for i in range(R.size)]
+    squared = sum_of_squares([Ref("z", i) for i in range(z.size)])
+    if sensor.min_length:
+        least = program.setting(f"MIN_{identifier(sensor.name).upper()}")
+        looked.append(Compare(">=", squared, mul(least, least)))
+    expected, share = sensor.gated_length()
+    if share <= 0.0:
+        return (When(every(looked), body, (StatusFlag("BAD_INPUT"),)),)
+    (length,), before = lower.many([expected])
+    low, high = (mul(Num((1.0 + s * share) ** 2), length) for s in (-1.0, 1.0))
+    inside = every([Compare(">=", squared, low), Compare("<=", squared, high)])
+    inner = When(inside, body, (StatusFlag("GATED"),))
+    return (When(every(looked), (*before, inner), (StatusFlag("BAD_INPUT"),)),)
