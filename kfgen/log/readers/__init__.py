@@ -16,6 +16,7 @@ from types import ModuleType
 import numpy as np
 
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import is_sampling_rate
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
@@ -128,7 +129,7 @@ def _table(path: Path, rate: float | None) -> tuple[LogTable, str]:
             raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
         file.seek(0)
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    if rate is not None and not 0.0 < rate < float("inf"):
+    if rate is not None and not is_sampling_rate(rate):
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
