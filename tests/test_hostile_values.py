@@ -159,6 +159,17 @@ def test_an_option_beyond_any_sensor_is_refused(case: str, kfgen: Cli) -> None:
     refused(kfgen, *OPTIONS[case])
 
 
+def test_a_plan_for_a_noise_of_zero(kfgen: Cli) -> None:
+    Path("n.toml").write_text(NOISE.replace("N=1e-3", "N=0"), encoding="utf-8")
+    assert "n.toml" in refused(kfgen, "plan", "n.toml")
+
+
+@pytest.mark.parametrize("size", ["1e300", "1e80 deg/s/sqrt(Hz)"])
+def test_a_size_whose_square_is_no_number(size: str, kfgen: Cli) -> None:
+    Path("n.toml").write_text(NOISE.replace("1e-3", f'"{size}"'), encoding="utf-8")
+    assert "beyond anything that is measured" in refused(kfgen, "derive", "gyro-static", "--noise", "n.toml")
+
+
 def test_a_short_audit_says_no_infinite_number(kfgen: Cli) -> None:
     done = kfgen("audit", "ins15", "--duration", 0.005, "--json", "a.json")
     assert done.exit_code == 0

@@ -4,7 +4,9 @@ files, permissions, all outputs or none, and what killed runs leave behind.
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -21,6 +23,7 @@ from typer.testing import Result
 
 from kfgen.core import whole_file
 from kfgen.core.errors import InputError
+from kfgen.core.outputs import READ_BY_NAME, WRITTEN
 from kfgen.core.temporary import temporary_file
 from kfgen.core.whole_file import all_or_none, publish, write_text, write_whole, write_whole_folder
 
@@ -81,6 +84,19 @@ def test_no_output_takes_an_input_or_another_output(case: str, kfgen: Cli) -> No
     assert done.exit_code == 2
     assert "overwrite" in str(done.exception)
     assert everything() == before
+
+
+def test_every_path_of_a_command_is_an_input_or_an_output() -> None:
+    """A new one must be named in `kfgen.core.outputs`: what its parameter holds depends on the version of typer."""
+    from kfgen.cli.app import app
+
+    paths = {
+        name
+        for command in app.registered_commands
+        for name, annotation in inspect.get_annotations(command.callback, eval_str=False).items()
+        if re.search(r"Path|Noise|Report|Output", str(annotation))
+    }
+    assert {"noise", "log", "logs", "report", "folder"} <= paths <= {*WRITTEN, *READ_BY_NAME}
 
 
 def test_nothing_is_computed_before_the_outputs_are_proven(

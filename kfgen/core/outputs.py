@@ -16,8 +16,8 @@ from kfgen.core.whole_file import all_or_none
 
 WRITTEN = ("output", "out", "json", "report")
 """Parameters of commands that say what is written."""
-READ_BY_NAME = ("model", "manoeuvre", "logs")
-"""Parameters in words that may be the name of a file that is read, or a pattern of names."""
+READ_BY_NAME = ("model", "manoeuvre", "logs", "log", "noise", "folder", "at_rest", "proof")
+"""Parameters that may be the name of a file that is read, or a pattern of names; older versions of typer give texts."""
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,8 @@ __all__ = [
 Real = TypeVar("Real", float, "NDArray[np.float64]")
 """A number, or an array of them."""
 
+MAX_QUANTITY = 1e75
+"""Largest size [SI] of a quantity in a file: its fourth power is still a number."""
 MAX_UNIT_LETTERS = 500
 """Letters of a unit's text."""
 
@@ -104,7 +106,7 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool
     Raises
     ------
     InputError
-        No number, no unit, or a unit of another dimension.
+        No number, no unit, a unit of another dimension, or a size whose square is beyond numbers.
     """
     wanted = parse_unit(si_unit)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
@@ -136,6 +138,12 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool
     result = number * unit.factor + (unit.offset if offset else 0.0)
     if not math.isfinite(result):
         raise InputError(f"{value!r} is not finite", where=where)
+    if abs(result) > MAX_QUANTITY:
+        raise InputError(
+            f"{value!r} is {result:g} in SI, beyond anything that is measured",
+            where=where,
+            remedy="Check the number and its unit",
+        )
     return result
 
 

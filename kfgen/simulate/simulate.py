@@ -38,7 +38,7 @@ VIBRATION = "vibration"
 """The driver of rectification: what shakes the accelerometers."""
 WARMTH = "temperature"
 """The driver that effects of a warm sensor follow."""
-MAX_SAMPLES = 10**9
+MAX_SAMPLES = 10**8
 """Of the longest log [1]."""
 
 

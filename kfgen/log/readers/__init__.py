@@ -19,6 +19,7 @@ from types import ModuleType
 import numpy as np
 
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import is_sampling_rate
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.frames import frame_table
 from kfgen.log.readers.streams import ANY, Choice, Recording
@@ -234,7 +235,7 @@ def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[Lo
             raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
         file.seek(0)
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-    if rate is not None and not 0.0 < rate < float("inf"):
+    if rate is not None and not is_sampling_rate(rate):
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
