@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 EDGE_MARGIN_SAMPLES = 8
 """Samples at either end at which no event is looked for."""
+MAX_LEVEL_STEPS = 60
+LEVEL_TOLERANCE = 1e-9
+"""Step in the logarithm of a level at which it is the most probable one."""
 MAX_DEVIATION_ITERATIONS = 100
 """Of the noise that is estimated beside outliers."""
 DEVIATION_TOLERANCE = 1e-6
@@ -80,6 +83,30 @@ class BiasStep(LinearProcess):
         return [Detection(effect, log_mean(w) - float(w[k]), ci95={"time": middle95(at, w)})]
 
 
+def _at_its_level(power: Array, count: Array, mean: float, sd: float) -> Array:
+    """The log-likelihood of noise at the most probable logarithm x of its level [nats], shape (k,).
+
+    It is the most of ``-m x - S exp(-2 x) / 2 - (x - mean)^2 / 2 sd^2``, less its share that all levels have. Newton's
+    steps from below, where the slope is convex, never go too far.
+
+    Parameters
+    ----------
+    power, count : ndarray, shape (k,)
+        Sums of squares S of so many samples m.
+    mean, sd : float
+        Of what is assumed about x.
+    """
+    x = np.minimum(0.5 * np.log(power / count), mean)
+    for _ in range(MAX_LEVEL_STEPS):
+        inside = power * np.exp(-2.0 * x)
+        step = (inside - count - (x - mean) / sd**2) / (2.0 * inside + 1.0 / sd**2)
+        x = x + step
+        if np.abs(step).max() < LEVEL_TOLERANCE:
+            break
+    misfit = 0.5 * power * np.exp(-2.0 * x) - 0.5 * count
+    return np.asarray(-count * x - misfit - 0.5 * ((x - mean) / sd) ** 2)
+
+
 @dataclass(frozen=True)
 class NoiseChange(AddsNothingAtRest):
     """White noise whose standard deviation grows by the factor `ratio` at `time` since the first sample."""
@@ -108,9 +135,10 @@ class NoiseChange(AddsNothingAtRest):
         before, after = square[k] / (k + 1), (total - square[k]) / (n - 1 - k)
         mean, sd = series.level
         # The prior is of the noise before the change; without a change of all of it.
-        whole = -0.5 * n * np.log(total / n) - 0.5 * ((0.5 * np.log(total / n) - mean) / sd) ** 2
-        parts = -0.5 * (k + 1) * np.log(before) - 0.5 * (n - 1 - k) * np.log(after)
-        parts = parts - 0.5 * ((0.5 * np.log(before) - mean) / np.hypot(sd, np.sqrt(0.5 / (k + 1)))) ** 2
+        whole = _at_its_level(np.array([total]), np.array([float(n)]), mean, sd)[0]
+        parts = _at_its_level(square[k], np.asarray(k + 1.0, dtype=np.float64), mean, sd) - 0.5 * (
+            n - 1 - k
+        ) * np.log(after)
         spread = np.sqrt(0.5 / (k + 1) + 0.5 / (n - 1 - k))
         w = parts - whole + 0.5 * np.log(2.0 * np.pi) + np.log(spread / (2.0 * DECADES))
         best = int(np.argmax(w))

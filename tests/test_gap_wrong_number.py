@@ -1,0 +1,46 @@
+"""Proves that a wrong number of the model is said to be one, and is no effect, however sure the model was of it.
+
+A minute of white noise in plain numpy, its N off by a factor against a file whose interval is 1 % to either side, as
+``kfgen identify -o`` writes it. Seeds are fixed; without an effect one is named in less than 1 % of records.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kfgen.effects import make
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.find_gap import find_gap
+from kfgen.gap.result import GapResult
+from kfgen.log.log import Channel, Log
+
+N, DT, SAMPLES = 1e-3, 0.01, 6000
+
+
+def answer(factor: float, seed: int, louder: float = 1.0) -> GapResult:
+    """The gap of noise that is assumed `factor` times as large, and `louder` in the second half."""
+    late = np.arange(SAMPLES) >= SAMPLES // 2
+    sd = N / np.sqrt(DT) * np.where(late, louder, 1.0)
+    y = sd * np.random.default_rng(seed).standard_normal(SAMPLES)
+    log = Log(DT * np.arange(SAMPLES), {"gyro_x": Channel.of(y, "rad/s")})
+    term = Term(make("white_noise", N=factor * N), {"N": (0.99 * factor * N, 1.01 * factor * N)})
+    return find_gap(log, NoiseModel({"gyro_x": ChannelNoise("rad/s", (term,))}))
+
+
+@pytest.mark.parametrize(("factor", "seed"), [(0.5, 1), (1.5, 2), (3.0, 3)])
+def test_noise_of_another_size_all_along_is_a_wrong_number(factor: float, seed: int) -> None:
+    """Once it was a change of level at the first second, with certainty."""
+    found = answer(factor, seed)
+    assert found.findings == ()
+    assert found.verdict == "effects_found"
+    assert found.to_dict()["retuned"] == ["gyro_x"]
+    (updated,) = found.comparisons[0].updated.effects  # type: ignore[attr-defined]
+    assert pytest.approx(N, rel=4.0 / np.sqrt(2.0 * SAMPLES)) == updated.N
+
+
+def test_a_change_of_level_is_still_one() -> None:
+    (change,) = answer(1.0, 4, louder=1.5).findings
+    assert change.name == "noise_change"
+    assert change.effect.time == pytest.approx(30.0, abs=1.0)  # type: ignore[attr-defined]
+    assert change.ci95["ratio"][0] < 1.5 < change.ci95["ratio"][1]
