@@ -217,3 +217,11 @@ def test_the_library_that_is_missing_is_named(tmp_path: Path, monkeypatch: pytes
     path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
     with pytest.raises(MissingExtra, match=r'pip install "kfgen\[px4\]"'):
         read_log(path)
+
+
+def test_a_reader_that_never_ends_is_ended(tmp_path: Path) -> None:
+    """pyulog comes back to the same byte for ever where definitions end in the middle of an unknown message."""
+    path = tmp_path / "a.ulg"
+    path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\xff\x7fz" + bytes(range(256)) * 4)
+    with pytest.raises(InputError, match=r"a\.ulg: "):
+        read_log(path)

@@ -62,7 +62,7 @@ class Contents(Result):
             return [", ".join([self.source, *topics]), *self.problem.splitlines()][:5]
         log = self.log
         rate = f" at {1.0 / log.dt:.4g} Hz" if log.n > 1 else ""
-        said = f"{log.n} rows{rate}, t = {log.t[0]:.9g} to {log.t[-1]:.9g} s"
+        said = f"{log.n} rows{rate}, t = {log.t[0]:.12g} to {log.t[-1]:.12g} s"
         samples = [f"an inertial sample stands {_STANDS[log.samples]}"] if log.samples else []
         return ["; ".join([self.source, *topics, f"{len(log.channels)} channels", said, *samples])]
 
@@ -79,8 +79,8 @@ class Contents(Result):
                 str(c.gaps),
                 _text(c.longest),
                 _text(1e3 * c.jitter),
-                _text(c.start, 9),
-                _text(c.end, 9),
+                _text(c.start, 12),
+                _text(c.end, 12),
             ]
             rows.append([name, str(c.n), *(facts if np.isfinite(c.start) else [""] * len(facts))])
         return rows

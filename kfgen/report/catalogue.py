@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from kfgen.catalogue import list_all
 from kfgen.log.contents import CHANNEL_HEAD, TOPIC_HEAD, Contents, contents
-from kfgen.report.model import list_answer
 from kfgen.report.page import Answer, Page, PagePart, columns, heading, sentence, table
 
 
@@ -24,7 +22,12 @@ def listed_answer(log: Path | None, **how: Any) -> Answer:
     -------
     Answer
     """
-    return list_answer(list_all()) if log is None else contents_answer(contents(log, **how))
+    if log is not None:
+        return contents_answer(contents(log, **how))
+    from kfgen.catalogue import list_all  # heavy: every layer
+    from kfgen.report.model import list_answer
+
+    return list_answer(list_all())
 
 
 def contents_answer(found: Contents) -> Answer:

@@ -12,6 +12,7 @@ import hashlib
 import importlib
 import os
 import pkgutil
+import warnings
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -239,7 +240,9 @@ def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[Lo
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
         )
-    return _found(path, choice), sha256
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numbers that a damaged file holds
+        return _found(path, choice), sha256
 
 
 def _found(path: Path, choice: Choice) -> LogTable:

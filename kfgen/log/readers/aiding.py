@@ -114,5 +114,5 @@ def above_first_fix(streams: Sequence[Stream], gnss: Sequence[Stream]) -> tuple[
         zero = float(np.interp(at, stream.t[good], column.values[good]))
         columns = {**stream.columns, "baro_height": TableColumn(column.values - zero, column.unit)}
         out[k] = Stream(stream.name, stream.t, columns)
-        said = f"{stream.name}: height above {zero:.2f} m, its own at t = {at:.6g} s"
+        said = f"{stream.name}: height above {zero:.2f} m, its own at t = {at:.12g} s"
     return out, said

@@ -205,7 +205,10 @@ class _Messages:
 
     def _counted(self, m: Messages) -> NDArray[np.int64] | None:
         field = next((f for f in INSTANCE_FIELDS if f in m.fields), None)
-        return None if field is None else np.asarray(m.fields[field], np.int64)
+        if field is None or m.fields[field].dtype.kind not in "iuf":
+            return None
+        counted = m.numbers(field)
+        return np.where(np.abs(counted) < 256.0, counted, -1.0).astype(np.int64)
 
     def _title(self, name: str, k: int) -> str:
         m = self.found.get(name)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import struct
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,8 @@ INVALID_US = 2**31 - 1
 DOWN = 25
 """What PX4 writes as the orientation of a range finder that looks down (MAV_SENSOR_ROTATION_PITCH_270)."""
 MICROTESLA_PER_GAUSS = 100.0
+MOST_VISITS = 1000
+"""Times that a place of a file is reached by a seek before the file is given up."""
 LEAST_PASCAL = 2000.0
 """Pressures below are in hectopascals: logs before v1.14."""
 
@@ -104,13 +107,29 @@ def _ulog(path: Path) -> Any:
         ) from None
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # it prints what it skips
-            return ULog(str(path))
+            return ULog(_Steps(path.read_bytes()))
     except Exception as error:  # it raises whatever a broken file leads to
         raise InputError(
             f"it is no PX4 log that can be read ({str(error) or type(error).__name__})",
             where=str(path),
             remedy="Download the .ulg again from the vehicle",
         ) from None
+
+
+class _Steps(io.BytesIO):
+    """A file in memory that ends a reader that comes back to the same place for ever, as pyulog does in damaged files."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self.visits: Counter[int] = Counter()
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """The new position; raises `OSError` where it was reached too often."""
+        at = super().seek(offset, whence)
+        self.visits[at] += 1
+        if self.visits[at] > MOST_VISITS:
+            raise OSError("its definitions are damaged")
+        return at
 
 
 def _of_file(path: Path, ulog: Any) -> Iterable[str]:

@@ -27,6 +27,7 @@ FIXED = 1.0
 MOSTLY = 0.5
 """Share of fixed solutions above which the others are left out."""
 _NAME = re.compile(r"([A-Za-z]+(?:-[a-z]+)?)(?:\((\w+(?:/\w+)?|[d'm\"s]+)\))?")
+_COORDINATES = ({"latitude", "longitude", "height"}, {"n-baseline", "e-baseline", "u-baseline"})
 _DATE = re.compile(r"\s*(\d{4})[/-](\d\d)[/-](\d\d)[ ,\t]+(\d\d):(\d\d):(\d\d(?:\.\d*)?)[ ,\t]+(.*)")
 
 
@@ -88,7 +89,8 @@ def _header(path: Path, lines: list[str]) -> tuple[list[str], str]:
         "",
     )
     names = [m.group(1) for m in _NAME.finditer(line.lstrip("% "))]
-    if len(names) < 5:
+    whole = any(needed <= set(names) for needed in _COORDINATES) or "-ecef" in line
+    if len(names) < 5 or not whole or len(set(names)) < len(names):
         raise InputError(
             "it has no header of RTKLIB ('%  GPST  latitude(deg) longitude(deg) height(m) Q ...')",
             where=str(path),

@@ -167,8 +167,8 @@ def _of_base(base: Stream) -> list[str]:
     words = []
     if clock.gaps:
         words.append(
-            f"{base.name}: {clock.gaps} gaps in {clock.end - clock.start:.4g} s, the longest {clock.longest:.3g} s "
-            f"at t = {clock.longest_at:.6g} s"
+            f"{base.name}: {clock.gaps} {'gap' if clock.gaps == 1 else 'gaps'} in {clock.end - clock.start:.4g} s, "
+            f"the longest step {clock.longest:.3g} s at t = {clock.longest_at:.12g} s"
         )
     if clock.rate < LOWEST_RATE_HZ and _inertial(base):
         words.append(
