@@ -61,7 +61,7 @@ def _methods(program: Program) -> list[dict[str, str]]:
         ),
         (
             "_changed",
-            "".join(f", {t}: Vector" for t in watch.triads),
+            "".join(f", {t}: Vector" for t in watch.triads) + ", dt: float",
             "Whether inputs change.",
             watch.changed(),
             "",
