@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 import kfgen
 
@@ -33,8 +34,19 @@ def top(
     """From a log of a real sensor to a Kalman filter that is proven on its target."""
 
 
+class Guarded(TyperCommand):
+    """A command that proves its outputs against its inputs first, and writes all of them or none."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Prove the outputs, then run the command."""
+        from kfgen.core.outputs import GivenParameter, outputs_together
+
+        given = [GivenParameter(str(p.name), p.opts[0], ctx.params.get(str(p.name))) for p in self.params]
+        with outputs_together(given):
+            return super().invoke(ctx)
+
+
 from kfgen.cli import denoise, fleet, gap, logs, models, noise  # noqa: E402, F401 - commands register on import
-from kfgen.cli.guard import Guarded  # noqa: E402
 
 for command in app.registered_commands:
     command.cls = Guarded

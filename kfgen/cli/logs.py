@@ -8,24 +8,8 @@ from typing import Annotated
 
 import typer
 
+from kfgen.cli import options as opt
 from kfgen.cli.app import app
-from kfgen.cli.options import (
-    Columns,
-    Instance,
-    Json,
-    LogPath,
-    ModelName,
-    Noise,
-    Output,
-    Rate,
-    Report,
-    Sensors,
-    Set,
-    Topic,
-    deliver,
-    model_of,
-    read,
-)
 
 DEFAULT_RATE_HZ = 100.0
 """Of a simulated log [Hz]."""
@@ -40,7 +24,7 @@ def identify(
             help="Logs of one sensor at rest, fitted together; or an Allan curve with a column tau.",
         ),
     ],
-    rate: Rate = None,
+    rate: opt.Rate = None,
     channels: Annotated[
         str | None,
         typer.Option(help="Only these, separated by commas; the sensor channels of the log when left out."),
@@ -57,12 +41,12 @@ def identify(
             "asymptotes (of the Allan plot), arma (equivalent ARMA model), ekf and em (its state space)."
         ),
     ] = None,
-    columns: Columns = None,
-    topic: Topic = "",
-    instance: Instance = None,
-    output: Output = None,
-    json: Json = None,
-    report: Report = None,
+    columns: opt.Columns = None,
+    topic: opt.Topic = "",
+    instance: opt.Instance = None,
+    output: opt.Output = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
     from kfgen.identify.identify_log import identify as identified
@@ -74,12 +58,12 @@ def identify(
     answer = identify_answer(found)
     if output:
         found.save(output)
-    deliver(answer, json, report)
+    opt.deliver(answer, json, report)
 
 
 @app.command()
 def simulate(
-    model: ModelName,
+    model: opt.ModelName,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
     duration: Annotated[float, typer.Option(help="Length of the log [s].")] = 60.0,
     rate: Annotated[
@@ -91,9 +75,9 @@ def simulate(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
-    noise: Noise = None,
-    set_: Set = None,
-    sensor: Sensors = None,
+    noise: opt.Noise = None,
+    set_: opt.Set = None,
+    sensor: opt.Sensors = None,
     decoy: Annotated[
         list[str] | None,
         typer.Option(
@@ -108,8 +92,8 @@ def simulate(
             help="Vibration that comes and goes on every axis, for example '0.5 m/s^2'.",
         ),
     ] = None,
-    json: Json = None,
-    report: Report = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """A log from a model: its sensors at their own rates, and the truth beside them."""
     import numpy as np
@@ -123,47 +107,53 @@ def simulate(
 
     of_log, rates = read_rates(rate or (), DEFAULT_RATE_HZ)
     shaken = parse_quantity(vibration, "m/s^2", where="--vibration") if vibration else 0.0
-    discrete = DiscreteModel.at_rate(model_of(model, noise, set_, sensor), of_log)
+    discrete = DiscreteModel.at_rate(opt.model_of(model, noise, set_, sensor), of_log)
     rng = np.random.default_rng(seed)
     log = simulated(
         discrete, manoeuvre, duration, rng, rates=rates, decoys=tuple(decoy or ()), vibration=shaken
     )
     write_log(log, output)
-    deliver(simulate_answer(log, str(output)), json, report)
+    opt.deliver(simulate_answer(log, str(output)), json, report)
 
 
 @app.command()
 def run(
-    model: ModelName,
-    log: LogPath,
-    noise: Noise = None,
+    model: opt.ModelName,
+    log: opt.LogPath,
+    noise: opt.Noise = None,
     adaptive: Annotated[
         str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
     ] = None,
-    set_: Set = None,
-    sensor: Sensors = None,
-    rate: Rate = None,
-    columns: Columns = None,
-    topic: Topic = "",
-    instance: Instance = None,
-    json: Json = None,
-    report: Report = None,
+    set_: opt.Set = None,
+    sensor: opt.Sensors = None,
+    rate: opt.Rate = None,
+    columns: opt.Columns = None,
+    topic: opt.Topic = "",
+    instance: opt.Instance = None,
+    output: opt.Output = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
 ) -> None:
     """The emitted filterpy filter over a log: estimates, innovations, NIS."""
+    from kfgen.log.readers import write_log
     from kfgen.report.filter import run_answer
+    from kfgen.run.estimates import estimates
     from kfgen.run.run import run
 
-    data = read(log, rate, columns, topic, instance)
-    deliver(run_answer(run(model_of(model, noise, set_, sensor), data, adaptive=adaptive)), json, report)
+    built = opt.model_of(model, noise, set_, sensor)
+    found = run(built, opt.read(log, rate, columns, topic, instance), adaptive=adaptive)
+    if output:
+        write_log(estimates(found, built), output)
+    opt.deliver(run_answer(found), json, report)
 
 
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of the results.")] = Path("kfgen-demo"),
-    json: Json = None,
+    json: opt.Json = None,
 ) -> None:
     """The whole chain on a simulated sensor with a hidden effect; ends at a report."""
     from kfgen.demo import run_demo
 
     answer = run_demo(out, lambda line: print(line, file=sys.stderr))
-    deliver(answer, json, None)
+    opt.deliver(answer, json, None)
