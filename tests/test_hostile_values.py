@@ -96,6 +96,7 @@ def test_noise_far_from_the_model_is_not_compared(size: float, kfgen: Cli) -> No
     assert "times what the model says" in said
 
 
+@pytest.mark.long
 def test_a_record_of_one_sample_in_eleven_days(kfgen: Cli) -> None:
     done = kfgen("gap", log(white(), dt=1e6), "--model", "n.toml")
     assert done.exit_code in (0, 1)

@@ -278,13 +278,15 @@ def test_an_error_of_an_input_is_not_blamed_on_the_output() -> None:
     assert not Path("a").exists()
 
 
-def test_two_writers_of_one_file_leave_one_whole() -> None:
-    texts = ["x" * 1_000_000, "y" * 1_000_000]
+def test_two_writers_of_one_file_leave_one_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = ["x" * 100_000, "y" * 100_000]
 
     def write(text: str) -> None:
-        for _ in range(20):
+        for _ in range(200):
             write_text("shared", text)
 
+    failed: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
     writers = [threading.Thread(target=write, args=(t,)) for t in texts]
     for w in writers:
         w.start()
@@ -294,6 +296,7 @@ def test_two_writers_of_one_file_leave_one_whole() -> None:
             seen.add(Path("shared").read_text())
         time.sleep(0.001)
     assert seen <= set(texts)
+    assert failed == []
 
 
 def test_locks_are_let_go() -> None:

@@ -20,18 +20,25 @@ MAX_NAME_BYTES = 180
 def temporary_file(path: Path) -> tuple[Path, int]:
     """An empty file beside `path`, and the handle that locks it; raises `OSError`."""
     remove_dangling(path)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_prefix(path), suffix=SUFFIX)
-    _locks(handle)
-    return Path(name), handle
+    while True:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_prefix(path), suffix=SUFFIX)
+        _locks(handle, wait=True)
+        if os.path.exists(name):  # another run may have found it before it was locked
+            return Path(name), handle
+        os.close(handle)
 
 
 def temporary_folder(path: Path) -> tuple[Path, int]:
     """An empty folder beside `path`, and the handle that locks it; raises `OSError`."""
     remove_dangling(path)
-    fresh = Path(tempfile.mkdtemp(dir=path.parent, prefix=_prefix(path), suffix=SUFFIX))
-    handle = os.open(fresh, os.O_RDONLY)
-    _locks(handle)
-    return fresh, handle
+    while True:
+        fresh = Path(tempfile.mkdtemp(dir=path.parent, prefix=_prefix(path), suffix=SUFFIX))
+        with suppress(FileNotFoundError):  # as above
+            handle = os.open(fresh, os.O_RDONLY)
+            _locks(handle, wait=True)
+            if fresh.exists():
+                return fresh, handle
+            os.close(handle)
 
 
 def old_name(fresh: Path) -> Path:
@@ -55,8 +62,7 @@ def remove_dangling(path: Path) -> None:
         elif not _in_use(fresh):
             shutil.rmtree(old, ignore_errors=True)
     for fresh in (p for p in left if p.name.endswith(SUFFIX)):
-        if not _in_use(fresh):
-            discard(fresh)
+        _in_use(fresh, remove=True)
 
 
 def discard(temporary: Path) -> None:
@@ -72,8 +78,8 @@ def _prefix(path: Path) -> str:
     return f".{os.fsdecode(os.fsencode(path.name)[:MAX_NAME_BYTES])}."
 
 
-def _in_use(temporary: Path) -> bool:
-    """Whether a run that lives writes it; where there are no locks, it is not known, and taken for granted."""
+def _in_use(temporary: Path, remove: bool = False) -> bool:
+    """Whether a run that lives writes it, which is taken for granted without locks; else it may be removed, locked."""
     try:
         handle = os.open(temporary, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
     except FileNotFoundError:
@@ -81,19 +87,22 @@ def _in_use(temporary: Path) -> bool:
     except OSError:
         return True
     try:
-        return not _locks(handle)
+        dangling = _locks(handle)
+        if dangling and remove:
+            discard(temporary)
+        return not dangling
     finally:
         os.close(handle)
 
 
-def _locks(handle: int) -> bool:
-    """Lock an open file or folder for this process, if no other has; a lock ends with its process."""
+def _locks(handle: int, wait: bool = False) -> bool:
+    """Lock an open file or folder for this process, if no other has, or when it has no more; a lock ends with its process."""
     try:
         import fcntl
     except ImportError:
         return False
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except OSError:
         return False
     return True
