@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
-from kfgen.effects.inertial.errors import EarthRate
+from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
@@ -32,6 +32,8 @@ NOISE_LEVEL_SD_OF_LOG = 0.7
 """Standard deviation of the logarithm of a sensor's noise level before the flight."""
 COLUMNS_AT_ONCE = 32
 """Columns of one pass: memory for the errors of all inputs at all times."""
+MIN_SIGN_SHARE = 0.05
+"""Share of the readings that either sign has at least, for an asymmetry of the two to be seen."""
 CONSTANT_STEP_SHARE = 1e-4
 """Change of a constant, as a share of it, by which readings are differentiated."""
 SHORT_DELAY_S = 2e-3
@@ -189,9 +191,16 @@ class FlightScene:
         return found
 
     def _shows(self, placed: Placed) -> bool:
-        """Whether a log can show it: the Earth's rate is an option of the filter, a corner needs samples as fast."""
+        """Whether a log can show it: the Earth's rate is an option of the filter, a corner needs samples as fast.
+
+        An asymmetry needs readings of either sign, else it is a scale factor.
+        """
         if isinstance(placed.effect, EarthRate):
             return False
+        if isinstance(placed.effect, ScaleAsymmetry):
+            sensor, axis = self.truth.place(placed.where)
+            above = float(np.mean(self.truth.read[sensor][:, axis] > 0.0))
+            return MIN_SIGN_SHARE < above < 1.0 - MIN_SIGN_SHARE
         if not isinstance(placed.effect, Bandwidth):
             return True
         rates = [self.lengths[k] for k, c in enumerate(self.channels) if acts_on(placed.where, c)]
