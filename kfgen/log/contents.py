@@ -17,7 +17,7 @@ from kfgen.core.units import from_si
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import Columns, map_of, read_table, recording_of
 from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.streams import Choice
+from kfgen.log.readers.streams import LogChoice
 from kfgen.log.readers.table import assemble
 
 TOPIC_HEAD = ("topic", "messages", "rate [Hz]", "gaps", "longest [s]", "jitter [ms]", "from [s]", "to [s]")
@@ -152,7 +152,7 @@ def contents(
     MissingExtra
         The library that reads the format is not installed.
     """
-    choice = Choice(topic, instance)
+    choice = LogChoice(topic, instance)
     try:
         table, sha256 = read_table(Path(path), rate, choice)
         log = assemble(table, map_of(columns), rate, sha256)

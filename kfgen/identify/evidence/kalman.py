@@ -1,15 +1,12 @@
 """The exact Gaussian likelihood of a record with gaps or uneven time, in the information form.
 
-Successive samples are averaged to blocks that never reach over a gap. Over a block and the gap after
-it the effects' states step exactly, ``x' = A x + w``, and the block's mean is ``y = c x + v`` with ``w`` and
-``v`` correlated (`kfgen.core.linear.accumulate` of the sampled system): a chain of Gaussian factors in
-``(x, x')``. Their sum is a banded precision matrix, whose Cholesky factor gives the same likelihood as
-a Kalman filter [1]_, with a library's banded routines instead of a loop over samples.
+Successive samples are averaged to blocks that never reach over a gap. Over a block and the gap after it the effects'
+states step exactly, ``x' = A x + w``, and the block's mean is ``y = c x + v`` with ``w`` and ``v`` correlated
+(`kfgen.core.linear.accumulate` of the sampled system): a chain of Gaussian factors in ``(x, x')``. Their sum is a banded
+precision matrix, whose Cholesky factor gives the same likelihood as a Kalman filter [1]_, with banded routines.
 
-What blocks average away enters by the variances of differences inside them (`kfgen.identify.evidence.block_differences.BlockDifferences`).
-
-The constant of the record has a flat prior; coefficients of deterministic effects are solved for by
-generalised least squares.
+What blocks average away enters by the variances of differences inside them, see `block_differences`. The constant of the
+record has a flat prior; coefficients of deterministic effects are solved for by generalised least squares.
 
 References
 ----------
@@ -165,7 +162,7 @@ class Chain:
         solved = cho_solve_banded((factor, True), rhs, check_finite=False)
         logdet += 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(system.start)[1])
         G = c - rhs.T @ solved
-        # Where the states can be any constant, what is left of it is rounding, which may be negative.
+        # where the states can be any constant, what is left of it is rounding, which may be negative
         G[1, 1] = max(float(G[1, 1]), float(np.finfo(float).eps * c[1, 1]))
         return logdet, G
 

@@ -23,7 +23,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.numbers import is_sampling_rate
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.frames import frame_table
-from kfgen.log.readers.streams import ANY, Choice, Recording
+from kfgen.log.readers.streams import ANY, LogChoice, LogRecording
 from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
 
 __all__ = [
@@ -101,7 +101,7 @@ def read_log(
     """
     if not isinstance(path, str | os.PathLike):
         return assemble(frame_table(path), map_of(columns), rate, "")
-    table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
+    table, sha256 = read_table(Path(path), rate, LogChoice(topic, instance))
     return assemble(table, map_of(columns), rate, sha256)
 
 
@@ -138,7 +138,7 @@ def read_long(
     InputError
         As `read_log`.
     """
-    table, sha256 = read_table(Path(path), rate, Choice(topic, instance))
+    table, sha256 = read_table(Path(path), rate, LogChoice(topic, instance))
     long = any(
         isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
         for c in table.columns.values()
@@ -146,18 +146,18 @@ def read_long(
     return (stored if long else assemble)(table, map_of(columns), rate, sha256)
 
 
-def recording_of(path: Path, choice: Choice = ANY) -> Recording | None:
+def recording_of(path: Path, choice: LogChoice = ANY) -> LogRecording | None:
     """The streams of a file with clocks of their own; None of a format that has one clock.
 
     Parameters
     ----------
     path : Path
-    choice : Choice
+    choice : LogChoice
         Topic and instance, where there are several.
 
     Returns
     -------
-    Recording or None
+    LogRecording or None
 
     Raises
     ------
@@ -166,9 +166,9 @@ def recording_of(path: Path, choice: Choice = ANY) -> Recording | None:
     """
     reader = reader_of(path)
     if hasattr(reader, "inside"):
-        inner: Recording | None = reader.inside(path, lambda content: recording_of(content, choice))
+        inner: LogRecording | None = reader.inside(path, lambda content: recording_of(content, choice))
         return inner
-    found: Recording | None = reader.recording(path, choice) if hasattr(reader, "recording") else None
+    found: LogRecording | None = reader.recording(path, choice) if hasattr(reader, "recording") else None
     return found
 
 
@@ -208,7 +208,7 @@ def reader_of(path: Path) -> ModuleType:
     return reader
 
 
-def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[LogTable, str]:
+def read_table(path: Path, rate: float | None, choice: LogChoice = ANY) -> tuple[LogTable, str]:
     """What the reader of a file found in it, before columns are mapped.
 
     Parameters
@@ -216,7 +216,7 @@ def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[Lo
     path : Path
     rate : float, optional
         Sampling rate [Hz], which is checked here only.
-    choice : Choice
+    choice : LogChoice
         Topic and instance, where there are several.
 
     Returns
@@ -245,14 +245,14 @@ def read_table(path: Path, rate: float | None, choice: Choice = ANY) -> tuple[Lo
         return _found(path, choice), sha256
 
 
-def _found(path: Path, choice: Choice) -> LogTable:
+def _found(path: Path, choice: LogChoice) -> LogTable:
     """What the reader of a file found in it, on one time axis."""
     reader = reader_of(path)
     if hasattr(reader, "inside"):
         inner: LogTable = reader.inside(path, lambda content: _found(content, choice))
         return inner
     if hasattr(reader, "recording"):
-        recording: Recording = reader.recording(path, choice)
+        recording: LogRecording = reader.recording(path, choice)
         return recording.table()
     if choice != ANY:
         raise InputError(

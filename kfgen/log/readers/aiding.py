@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.ellipsoid import local_metres
-from kfgen.log.readers.streams import Stream
+from kfgen.log.readers.streams import LogStream
 from kfgen.log.readers.table import TableColumn
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def gnss_stream(
     position: Sequence[Array],
     velocity: Sequence[Array],
     lacks: str = "without a fix",
-) -> tuple[Stream | None, str]:
+) -> tuple[LogStream | None, str]:
     """Solutions of a GNSS receiver as metres and metres a second north, east, down.
 
     Parameters
@@ -65,7 +65,7 @@ def gnss_stream(
 
     Returns
     -------
-    Stream or None
+    LogStream or None
         None without any fix.
     said : str
         Where the first fix is, and what was left out.
@@ -83,22 +83,22 @@ def gnss_stream(
     )
     if not good.all():
         said += f"; {good.size - good.sum()} of {good.size} solutions {lacks} left out"
-    return Stream(name, t[good], columns), said
+    return LogStream(name, t[good], columns), said
 
 
-def above_first_fix(streams: Sequence[Stream], gnss: Sequence[Stream]) -> tuple[list[Stream], str]:
+def above_first_fix(streams: Sequence[LogStream], gnss: Sequence[LogStream]) -> tuple[list[LogStream], str]:
     """The height of a barometer above its own at the first fix, or above its first where there is no GNSS.
 
     Parameters
     ----------
-    streams : sequence of Stream
+    streams : sequence of LogStream
         Those other than GNSS.
-    gnss : sequence of Stream
+    gnss : sequence of LogStream
         GNSS, where there is one.
 
     Returns
     -------
-    streams : list of Stream
+    streams : list of LogStream
     said : str
         What was subtracted; empty where there is no barometer.
     """
@@ -113,6 +113,6 @@ def above_first_fix(streams: Sequence[Stream], gnss: Sequence[Stream]) -> tuple[
         at = float(gnss[0].t[0]) if gnss else float(stream.t[good][0])
         zero = float(np.interp(at, stream.t[good], column.values[good]))
         columns = {**stream.columns, "baro_height": TableColumn(column.values - zero, column.unit)}
-        out[k] = Stream(stream.name, stream.t, columns)
+        out[k] = LogStream(stream.name, stream.t, columns)
         said = f"{stream.name}: height above {zero:.2f} m, its own at t = {at:.12g} s"
     return out, said

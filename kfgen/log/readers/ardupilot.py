@@ -16,7 +16,7 @@ from kfgen.core.errors import InputError
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream
 from kfgen.log.readers.clock import Clock
 from kfgen.log.readers.dataflash import Messages, messages
-from kfgen.log.readers.streams import ANY, Choice, Recording, Stream
+from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -70,18 +70,18 @@ def read(path: Path) -> LogTable:
     return recording(path, ANY).table()
 
 
-def recording(path: Path, choice: Choice = ANY) -> Recording:
+def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The streams of an ArduPilot log, each with its own clock.
 
     Parameters
     ----------
     path : Path
-    choice : Choice
+    choice : LogChoice
         Message and instance, where there are several.
 
     Returns
     -------
-    Recording
+    LogRecording
 
     Raises
     ------
@@ -102,13 +102,13 @@ def recording(path: Path, choice: Choice = ANY) -> Recording:
     if "DSF" in found and found["DSF"].numbers("Dp")[-1] > 0:
         words.append(f"the logger lost {found['DSF'].numbers('Dp')[-1]:.0f} messages (DSF)")
     samples = {"RISI": "before", "IMT": "before"}.get(imu[0].name.split()[0], "at") if imu else ""
-    return Recording(str(path), (*imu, *streams), log.clocks(), (*words, *said), samples)
+    return LogRecording(str(path), (*imu, *streams), log.clocks(), (*words, *said), samples)
 
 
 class _Messages:
     """The messages of a log, by name and instance."""
 
-    def __init__(self, found: Mapping[str, Messages], choice: Choice, source: str) -> None:
+    def __init__(self, found: Mapping[str, Messages], choice: LogChoice, source: str) -> None:
         self.found, self.choice, self.source = found, choice, source
         logged = [m for m in found.values() if "TimeUS" in m.fields]
         at = np.concatenate([m.at for m in logged]) if logged else np.zeros(0, np.int64)
@@ -155,7 +155,7 @@ class _Messages:
             return part if part.at.size else None
         return m if instance == 0 else self.found.get(f"{SECOND_NAMES.get(name, name)}{instance + 1}")
 
-    def imu(self) -> tuple[tuple[Stream, ...], list[str]]:
+    def imu(self) -> tuple[tuple[LogStream, ...], list[str]]:
         """The inertial sensor, and what is to be said of it."""
         k = self.choice.instance or 0
         options = {n: m for n in _IMU_FIELDS if (m := self.of(n, k)) is not None and _has(m, n)}
@@ -174,19 +174,19 @@ class _Messages:
         name = self.choice.topic if self.choice.topic in options else name
         streams = [self._inertial(name, options[name], k)]
         if name == "GYR" and (m := self.of("ACC", k)) is not None and "AccX" in m.fields:
-            streams.append(Stream(self._title("ACC", k), self.stamps(m), _triad(m, "accel", "Acc", "")))
+            streams.append(LogStream(self._title("ACC", k), self.stamps(m), _triad(m, "accel", "Acc", "")))
         return tuple(streams), []
 
-    def aiding(self) -> tuple[list[Stream], list[str]]:
+    def aiding(self) -> tuple[list[LogStream], list[str]]:
         """Streams of aiding sensors and drivers, and what is to be said of them."""
-        streams: list[Stream] = []
+        streams: list[LogStream] = []
         words: list[str] = []
         for name, fields in _AIDING.items():
             m, k = self._chosen(name)
             if m is None or any(c in s.columns for s in streams for c in fields):
                 continue
             columns = {c: _column(m.numbers(f), unit) for c, (f, unit) in fields.items() if f in m.fields}
-            streams.append(Stream(self._title(name, k), self.stamps(m), columns))
+            streams.append(LogStream(self._title(name, k), self.stamps(m), columns))
         if any("airspeed" in s.columns for s in streams):
             words.append(
                 "ARSP: airspeed is the equivalent one, smaller than the true one by the root of the density"
@@ -216,15 +216,15 @@ class _Messages:
             return f"{name} {k}"
         return name if k == 0 else f"{SECOND_NAMES.get(name, name)}{k + 1}"
 
-    def _inertial(self, name: str, m: Messages, k: int) -> Stream:
+    def _inertial(self, name: str, m: Messages, k: int) -> LogStream:
         columns: dict[str, TableColumn] = {}
         for sensor, begins in _IMU_FIELDS[name].items():
             columns |= _triad(m, sensor, begins, _INTERVALS.get(name, {}).get(sensor, ""))
         if name == "IMU" and "T" in m.fields:
             columns["temperature"] = TableColumn(m.numbers("T"), "degC")
-        return Stream(self._title(name, k), self.stamps(m), columns)
+        return LogStream(self._title(name, k), self.stamps(m), columns)
 
-    def _gnss(self) -> tuple[list[Stream], str]:
+    def _gnss(self) -> tuple[list[LogStream], str]:
         m, k = self._chosen("GPS")
         if m is None or not {"Lat", "Lng", "Alt", "Spd", "GCrs", "VZ", "Status"} <= set(m.fields):
             return [], ""
@@ -239,29 +239,29 @@ class _Messages:
         )
         return ([stream] if stream else []), said
 
-    def _vibration(self) -> Stream | None:
+    def _vibration(self) -> LogStream | None:
         m, k = self._chosen("VIBE")
         if m is None:
             return None
         size = np.sqrt(sum(m.numbers(f"Vibe{x}") ** 2 for x in "XYZ"))
-        return Stream(self._title("VIBE", k), self.stamps(m), {"vibration": TableColumn(size, "m/s^2")})
+        return LogStream(self._title("VIBE", k), self.stamps(m), {"vibration": TableColumn(size, "m/s^2")})
 
-    def _range(self) -> Stream | None:
+    def _range(self) -> LogStream | None:
         m, k = self._chosen("RFND")
         if m is None or "Dist" not in m.fields:
             return None
         good = np.asarray(m.fields.get("Orient", DOWN)) == DOWN
         values = np.where(good & (m.numbers("Dist") > 0.0), m.numbers("Dist"), np.nan)
-        return Stream(self._title("RFND", k), self.stamps(m), {"range": TableColumn(values, "m")})
+        return LogStream(self._title("RFND", k), self.stamps(m), {"range": TableColumn(values, "m")})
 
-    def _throttle(self) -> Stream | None:
+    def _throttle(self) -> LogStream | None:
         """What the throttle is asked for, 0 to 1: of `CTUN`, else the mean of throttles and motors of `RCOU`."""
         m = self.found.get("CTUN")
         field = next((f for f in ("ThO", "ThrOut") if m is not None and f in m.fields), None)
         if m is not None and field is not None:
             values = m.numbers(field)
             percent = m.fields[field].dtype.kind in "iu" or np.nan_to_num(np.abs(values)).max() > 2.0
-            return Stream(
+            return LogStream(
                 "CTUN", self.stamps(m), {"throttle": TableColumn(values * (0.01 if percent else 1.0), "1")}
             )
         m, parameters = self.found.get("RCOU"), self._parameters()
@@ -276,7 +276,7 @@ class _Messages:
                 shares.append(np.clip((m.numbers(f"C{n}") - low) / max(high - low, 1.0), 0.0, 1.0))
         if m is None or not shares:
             return None
-        return Stream("RCOU", self.stamps(m), {"throttle": TableColumn(np.mean(shares, axis=0), "1")})
+        return LogStream("RCOU", self.stamps(m), {"throttle": TableColumn(np.mean(shares, axis=0), "1")})
 
     def _parameters(self) -> dict[str, float]:
         m = self.found.get("PARM")

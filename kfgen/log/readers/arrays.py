@@ -19,7 +19,7 @@ from kfgen.log.readers import array_names
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream
 from kfgen.log.readers.axes import ned_attitude
 from kfgen.log.readers.seconds import UNITS_S, stamp_unit
-from kfgen.log.readers.streams import Recording, Stream
+from kfgen.log.readers.streams import LogRecording, LogStream
 from kfgen.log.readers.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -82,8 +82,8 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
     for name, array in named.items():
         groups.setdefault(array.values.size, {})[name] = array
     words: list[str] = []
-    streams: list[Stream] = []
-    gnss: list[Stream] = []
+    streams: list[LogStream] = []
+    gnss: list[LogStream] = []
     for n, group in groups.items():
         t, said = _time(group, rate, n)
         if t is None:
@@ -93,7 +93,7 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
         gnss += fix
         new = [w for w in (said, place) if w and (channels or fix)]
         words += [w for w in new if w not in words]
-        streams += [Stream(f"arrays of {n} samples", t, channels)] if channels else []
+        streams += [LogStream(f"arrays of {n} samples", t, channels)] if channels else []
     streams, zero = above_first_fix(streams, gnss)
     words += [zero] if zero else []
     return _table(source, groups, [*streams, *gnss], rate, tuple(words))
@@ -102,7 +102,7 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
 def _table(
     source: str,
     groups: Mapping[int, Mapping[str, Named]],
-    streams: list[Stream],
+    streams: list[LogStream],
     rate: float | None,
     words: tuple[str, ...],
 ) -> LogTable:
@@ -115,7 +115,7 @@ def _table(
     )
     if len(order) == 1 and not any(array_names.is_time(n) for n in longest):
         return LogTable(source, order[0].columns, rate, words, others=raw)
-    table = Recording(source, order, {}, words).table()
+    table = LogRecording(source, order, {}, words).table()
     same = order[0].t.size == max(groups) == table.columns["t"].values.size
     return replace(table, others=raw if same else {})
 
@@ -241,7 +241,7 @@ def _in_text(name: str, text: str) -> str:
     return match.group(1) if match else ""
 
 
-def _gnss(group: Mapping[str, Named], t: Array) -> tuple[list[Stream], str]:
+def _gnss(group: Mapping[str, Named], t: Array) -> tuple[list[LogStream], str]:
     """Coordinates and velocities of a group as metres about the first."""
     found = {what: a.values for name, a in group.items() if (what := array_names.gnss(name))}
     if not {"latitude", "longitude", "height"} <= set(found):

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import IO, TypeVar, cast
 
 from kfgen.core.errors import InputError, KfgenError, MissingExtra
-from kfgen.log.readers.streams import Recording
+from kfgen.log.readers.streams import LogRecording
 from kfgen.log.readers.table import LogTable
 
 SUFFIXES = (".gz", ".xz", ".zst")
 MAGIC = (b"\x1f\x8b\x08", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
-Found = TypeVar("Found", LogTable, Recording | None)
+Found = TypeVar("Found", LogTable, LogRecording | None)
 
 MOST_BYTES = 1 << 34
 """Size of the content beyond which it is refused."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream
-from kfgen.log.readers.streams import Recording, Stream
+from kfgen.log.readers.streams import LogRecording, LogStream
 from kfgen.log.readers.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -80,8 +80,10 @@ def read_replay(source: str, lines: Sequence[str]) -> LogTable:
     streams = [_stream(name, tables[name]) for name in _FIELDS if name in tables]
     gnss, said = _gnss(tables.get("gps"))
     streams, zero = above_first_fix(streams, gnss)
-    clocks = {name: Stream(name, a[:, 0] * 1e-6, {}).clock() for name, a in tables.items()}
-    return Recording(source, [*streams, *gnss], clocks, tuple(w for w in (said, zero) if w), "before").table()
+    clocks = {name: LogStream(name, a[:, 0] * 1e-6, {}).clock() for name, a in tables.items()}
+    return LogRecording(
+        source, [*streams, *gnss], clocks, tuple(w for w in (said, zero) if w), "before"
+    ).table()
 
 
 def _table(samples: Sequence[Sequence[float]]) -> Array:
@@ -90,13 +92,13 @@ def _table(samples: Sequence[Sequence[float]]) -> Array:
     return np.array([s for s in samples if len(s) == width], np.float64)
 
 
-def _stream(name: str, values: Array) -> Stream:
+def _stream(name: str, values: Array) -> LogStream:
     scale = MICROTESLA_PER_GAUSS if name == "mag" else 1.0
     fields = zip(_FIELDS[name], values[:, 1:].T)
-    return Stream(name, values[:, 0] * 1e-6, {c: TableColumn(scale * v, unit) for (c, unit), v in fields})
+    return LogStream(name, values[:, 0] * 1e-6, {c: TableColumn(scale * v, unit) for (c, unit), v in fields})
 
 
-def _gnss(values: Array | None) -> tuple[list[Stream], str]:
+def _gnss(values: Array | None) -> tuple[list[LogStream], str]:
     if values is None or values.shape[1] < 7:
         return [], ""
     height, longitude, latitude = values[:, 1] * 1e-3, values[:, 2] * 1e-7, values[:, 3] * 1e-7

@@ -22,8 +22,8 @@ from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers import px4_topics as topics
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream, pressure_height
 from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.px4_topics import Source
-from kfgen.log.readers.streams import ANY, Choice, Recording, Stream
+from kfgen.log.readers.px4_topics import TopicSource
+from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -45,13 +45,13 @@ LEAST_PASCAL = 2000.0
 """Pressures below are in hectopascals: logs before v1.14."""
 
 
-def read(path: Path, choice: Choice = ANY) -> LogTable:
+def read(path: Path, choice: LogChoice = ANY) -> LogTable:
     """Read a PX4 log on the time axis of its inertial sensor.
 
     Parameters
     ----------
     path : Path
-    choice : Choice
+    choice : LogChoice
         Topic and instance, where there are several.
 
     Returns
@@ -68,18 +68,18 @@ def read(path: Path, choice: Choice = ANY) -> LogTable:
     return recording(path, choice).table()
 
 
-def recording(path: Path, choice: Choice = ANY) -> Recording:
+def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The streams of a PX4 log, each with its own clock.
 
     Parameters
     ----------
     path : Path
-    choice : Choice
+    choice : LogChoice
         Topic and instance, where there are several.
 
     Returns
     -------
-    Recording
+    LogRecording
 
     Raises
     ------
@@ -93,7 +93,9 @@ def recording(path: Path, choice: Choice = ANY) -> Recording:
     clocks = {log.title(d): Clock.of(np.asarray(d.data["timestamp"], float) * 1e-6) for d in ulog.data_list}
     samples = "before" if imu and imu[0].name.split()[0] in topics.INTERVAL else "at"
     said = (*_of_file(path, ulog), *words, *first)
-    return Recording(str(path), (*imu, *streams), dict(sorted(clocks.items())), said, samples if imu else "")
+    return LogRecording(
+        str(path), (*imu, *streams), dict(sorted(clocks.items())), said, samples if imu else ""
+    )
 
 
 def _ulog(path: Path) -> Any:
@@ -155,7 +157,7 @@ def _is_cut(path: Path) -> bool:
 class _Topics:
     """The topics of a log, by name and instance."""
 
-    def __init__(self, data: Sequence[Any], choice: Choice, source: str) -> None:
+    def __init__(self, data: Sequence[Any], choice: LogChoice, source: str) -> None:
         self.data, self.choice, self.source = data, choice, source
         self.several = {d.name for d in data if d.multi_id > 0}
 
@@ -163,7 +165,7 @@ class _Topics:
         """The topic's name, with its instance where there are several."""
         return f"{d.name} {d.multi_id}" if d.name in self.several else str(d.name)
 
-    def imu(self) -> tuple[tuple[Stream, ...], list[str]]:
+    def imu(self) -> tuple[tuple[LogStream, ...], list[str]]:
         """The inertial sensor, and what is to be said of it."""
         found, k = self._preferred(topics.IMU), self.choice.instance
         sensors = [d for d in self.data if d.name in ("vehicle_imu", "sensor_gyro")]
@@ -183,7 +185,7 @@ class _Topics:
         beside = next((a for a in self.data if a.name == "sensor_accel" and a.multi_id == d.multi_id), None)
         return (stream, *([self._stream(topics.ACCELEROMETER, beside)] if beside else [])), words
 
-    def aiding(self) -> tuple[list[str], list[Stream]]:
+    def aiding(self) -> tuple[list[str], list[LogStream]]:
         """What is to be said of them, and the streams of aiding sensors and drivers."""
         words: list[str] = []
         streams = [s for s in (self._aiding(sources) for sources in topics.AIDING.values()) if s is not None]
@@ -196,14 +198,14 @@ class _Topics:
             words.append(said)
         return words, [*gnss, *streams]
 
-    def _aiding(self, sources: Sequence[Source]) -> Stream | None:
+    def _aiding(self, sources: Sequence[TopicSource]) -> LogStream | None:
         found = self._preferred(sources)
         if found is None:
             return None
         source, d = found
         return _cleaned(self._stream(source, d), d)
 
-    def _motors(self, others: Sequence[Stream]) -> list[Stream]:
+    def _motors(self, others: Sequence[LogStream]) -> list[LogStream]:
         """Mean of what the motors are asked for, where no other stream is the throttle."""
         d = next((d for d in self.data if d.name == topics.MOTORS), None)
         if d is None or any("throttle" in s.columns for s in others):
@@ -214,10 +216,12 @@ class _Topics:
             return []
         with np.errstate(invalid="ignore"):
             mean = np.nansum(running, axis=0) / np.isfinite(running).sum(axis=0)
-        return [Stream(self.title(d), _stamps(d), {"throttle": TableColumn(mean, "1")})]
+        return [LogStream(self.title(d), _stamps(d), {"throttle": TableColumn(mean, "1")})]
 
-    def _gnss(self) -> tuple[list[Stream], str]:
-        found = self._preferred([Source(name, {"gnss_v_N": ("vel_n_m_s", "m/s")}) for name in topics.GNSS])
+    def _gnss(self) -> tuple[list[LogStream], str]:
+        found = self._preferred(
+            [TopicSource(name, {"gnss_v_N": ("vel_n_m_s", "m/s")}) for name in topics.GNSS]
+        )
         if found is None:
             return [], ""
         d = found[1]
@@ -234,7 +238,7 @@ class _Topics:
         stream, said = gnss_stream(self.title(d), _stamps(d), fixed, position, velocity)
         return ([stream] if stream else []), said
 
-    def _preferred(self, sources: Sequence[Source]) -> tuple[Source, Any] | None:
+    def _preferred(self, sources: Sequence[TopicSource]) -> tuple[TopicSource, Any] | None:
         """The first source that is fast enough, or half as fast as the fastest; a chosen topic before all."""
         candidates = []
         for source in sources:
@@ -255,7 +259,7 @@ class _Topics:
         source, d, _ = next(c for c, rate in zip(candidates, rates, strict=True) if rate >= wanted)
         return source, d
 
-    def _stream(self, source: Source, d: Any) -> Stream:
+    def _stream(self, source: TopicSource, d: Any) -> LogStream:
         columns: dict[str, TableColumn] = {}
         for channel, (name, unit) in source.fields.items():
             if name not in d.data:
@@ -268,8 +272,8 @@ class _Topics:
             columns[channel] = TableColumn(values, unit)
         t = _stamps(d)
         if source.late and source.late in d.data:
-            return _late(Stream(self.title(d), t, columns), np.asarray(d.data[source.late], np.int64))
-        return Stream(self.title(d), t, columns)
+            return _late(LogStream(self.title(d), t, columns), np.asarray(d.data[source.late], np.int64))
+        return LogStream(self.title(d), t, columns)
 
 
 def _stamps(d: Any) -> Array:
@@ -279,15 +283,15 @@ def _stamps(d: Any) -> Array:
     return np.where(sampled > 0.0, sampled, t) * 1e-6
 
 
-def _late(stream: Stream, late_us: NDArray[np.int64]) -> Stream:
+def _late(stream: LogStream, late_us: NDArray[np.int64]) -> LogStream:
     """Samples of another sensor that stand in a topic's rows, each once and at its own time."""
     valid = late_us != INVALID_US
     t, first = np.unique((stream.t[valid] * 1e6).round() + late_us[valid], return_index=True)
     columns = {k: TableColumn(c.values[valid][first], c.unit) for k, c in stream.columns.items()}
-    return Stream(stream.name, t * 1e-6, columns)
+    return LogStream(stream.name, t * 1e-6, columns)
 
 
-def _cleaned(stream: Stream, d: Any) -> Stream:
+def _cleaned(stream: LogStream, d: Any) -> LogStream:
     """Values that PX4 writes where it knows none, and older units, as kfgen has them."""
     columns = {k: np.asarray(c.values, float) for k, c in stream.columns.items()}
     units = {k: c.unit for k, c in stream.columns.items()}
@@ -308,10 +312,10 @@ def _cleaned(stream: Stream, d: Any) -> Stream:
         columns["pressure"] = columns["pressure"] * 100.0
     if "pressure" in columns and "baro_height" not in columns:
         columns["baro_height"], units["baro_height"] = pressure_height(columns["pressure"]), "m"
-    return Stream(stream.name, stream.t, {k: TableColumn(v, units[k]) for k, v in columns.items()})
+    return LogStream(stream.name, stream.t, {k: TableColumn(v, units[k]) for k, v in columns.items()})
 
 
-def _of_increments(stream: Stream, d: Any) -> Iterable[str]:
+def _of_increments(stream: LogStream, d: Any) -> Iterable[str]:
     name = topics.INTERVAL.get(d.name, "")
     period = Clock.of(stream.t).period
     if name not in d.data or not np.isfinite(period):
@@ -325,7 +329,7 @@ def _of_increments(stream: Stream, d: Any) -> Iterable[str]:
         )
 
 
-def _of_clipping(stream: Stream, d: Any) -> Iterable[str]:
+def _of_clipping(stream: LogStream, d: Any) -> Iterable[str]:
     for name in topics.CLIPPING:
         clipped = int(np.count_nonzero(np.asarray(d.data[name]))) if name in d.data else 0
         if clipped:

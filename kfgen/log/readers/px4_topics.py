@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Source:
+class TopicSource:
     """A topic that has a sensor's channels.
 
     Parameters
@@ -40,58 +40,62 @@ def _axes(sensor: str, unit: str) -> dict[str, tuple[str, str]]:
 
 
 IMU = (
-    Source(
+    TopicSource(
         "vehicle_imu",
         {**_triad("gyro", "delta_angle", "rad/s"), **_triad("accel", "delta_velocity", "m/s^2")},
         {"gyro": "delta_angle_dt", "accel": "delta_velocity_dt"},
     ),
-    Source(
+    TopicSource(
         "sensor_combined",
         {**_triad("gyro", "gyro_rad", "rad/s"), **_triad("accel", "accelerometer_m_s2", "m/s^2")},
     ),
-    Source("sensor_gyro", _axes("gyro", "rad/s")),
+    TopicSource("sensor_gyro", _axes("gyro", "rad/s")),
 )
 """Inertial sensors; samples of the first two are means over the interval before their stamp."""
-ACCELEROMETER = Source("sensor_accel", _axes("accel", "m/s^2"))
+ACCELEROMETER = TopicSource("sensor_accel", _axes("accel", "m/s^2"))
 """What stands beside `sensor_gyro`."""
 INTERVAL = {"vehicle_imu": "delta_angle_dt", "sensor_combined": "gyro_integral_dt"}
 """The field with the interval that a sample is the mean over: [us], in logs before v1.7 [s]."""
 CLIPPING = ("delta_angle_clipping", "delta_velocity_clipping", "gyro_clipping", "accelerometer_clipping")
 """Fields that are not zero where a sample was clipped."""
 
-AIDING: Mapping[str, tuple[Source, ...]] = {
+AIDING: Mapping[str, tuple[TopicSource, ...]] = {
     "magnetometer": (
-        Source("vehicle_magnetometer", _triad("mag", "magnetometer_ga", "gauss")),
-        Source("sensor_mag", _axes("mag", "gauss")),
-        Source(
+        TopicSource("vehicle_magnetometer", _triad("mag", "magnetometer_ga", "gauss")),
+        TopicSource("sensor_mag", _axes("mag", "gauss")),
+        TopicSource(
             "sensor_combined",
             _triad("mag", "magnetometer_ga", "gauss"),
             late="magnetometer_timestamp_relative",
         ),
     ),
     "barometer": (
-        Source(
+        TopicSource(
             "vehicle_air_data",
             {"baro_height": ("baro_alt_meter", "m"), "pressure": ("baro_pressure_pa", "Pa")},
         ),
-        Source("sensor_baro", {"pressure": ("pressure", "Pa")}),
-        Source("sensor_combined", {"baro_height": ("baro_alt_meter", "m")}, late="baro_timestamp_relative"),
+        TopicSource("sensor_baro", {"pressure": ("pressure", "Pa")}),
+        TopicSource(
+            "sensor_combined", {"baro_height": ("baro_alt_meter", "m")}, late="baro_timestamp_relative"
+        ),
     ),
     "airspeed": (
-        Source("airspeed", {"airspeed": ("true_airspeed_m_s", "m/s")}),
-        Source("airspeed_validated", {"airspeed": ("true_airspeed_m_s", "m/s")}),
+        TopicSource("airspeed", {"airspeed": ("true_airspeed_m_s", "m/s")}),
+        TopicSource("airspeed_validated", {"airspeed": ("true_airspeed_m_s", "m/s")}),
     ),
-    "range": (Source("distance_sensor", {"range": ("current_distance", "m")}),),
-    "battery": (Source("battery_status", {"current": ("current_a", "A"), "voltage": ("voltage_v", "V")}),),
+    "range": (TopicSource("distance_sensor", {"range": ("current_distance", "m")}),),
+    "battery": (
+        TopicSource("battery_status", {"current": ("current_a", "A"), "voltage": ("voltage_v", "V")}),
+    ),
     "temperature": (
-        Source("vehicle_imu_status", {"temperature": ("temperature_gyro", "degC")}),
-        Source("sensor_gyro", {"temperature": ("temperature", "degC")}),
-        Source("sensor_accel", {"temperature": ("temperature", "degC")}),
+        TopicSource("vehicle_imu_status", {"temperature": ("temperature_gyro", "degC")}),
+        TopicSource("sensor_gyro", {"temperature": ("temperature", "degC")}),
+        TopicSource("sensor_accel", {"temperature": ("temperature", "degC")}),
     ),
-    "vibration": (Source("vehicle_imu_status", {"vibration": ("accel_vibration_metric", "m/s^2")}),),
+    "vibration": (TopicSource("vehicle_imu_status", {"vibration": ("accel_vibration_metric", "m/s^2")}),),
     "throttle": (
-        Source("actuator_controls_0", {"throttle": ("control[3]", "1")}),
-        Source("vehicle_thrust_setpoint", {"throttle": ("xyz[2]", "1")}),
+        TopicSource("actuator_controls_0", {"throttle": ("control[3]", "1")}),
+        TopicSource("vehicle_thrust_setpoint", {"throttle": ("xyz[2]", "1")}),
     ),
 }
 """Aiding sensors and drivers, by what they measure."""

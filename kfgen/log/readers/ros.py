@@ -19,7 +19,7 @@ from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers.aiding import above_first_fix, gnss_stream, pressure_height
 from kfgen.log.readers.axes import NED_OF_ENU, ned_attitude
 from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.streams import ANY, Choice, Recording, Stream
+from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -74,18 +74,18 @@ def read(path: Path) -> LogTable:
     return recording(path, ANY).table()
 
 
-def recording(path: Path, choice: Choice = ANY) -> Recording:
+def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The streams of a bag, each with its own clock.
 
     Parameters
     ----------
     path : Path
-    choice : Choice
+    choice : LogChoice
         Topic, or which of several topics of inertial sensors by their names' order.
 
     Returns
     -------
-    Recording
+    LogRecording
 
     Raises
     ------
@@ -110,20 +110,20 @@ def recording(path: Path, choice: Choice = ANY) -> Recording:
         if not all(s > 0.0 for s in t.stamps)
     ]
     imu, said = _imu(chosen.pop("Imu", None))
-    gnss: list[Stream] = []
-    streams: list[Stream] = []
+    gnss: list[LogStream] = []
+    streams: list[LogStream] = []
     for kind, topic in chosen.items():
         if kind == "NavSatFix":
             gnss, place = _gnss(topic)
             words.append(place)
         else:
-            streams.append(Stream(topic.name, topic.t(), _COLUMNS[kind](topic.values())))
+            streams.append(LogStream(topic.name, topic.t(), _COLUMNS[kind](topic.values())))
     streams, zero = above_first_fix(streams, gnss)
     words += [*said, *([zero] if zero else [])]
-    return Recording(str(path), (*imu, *gnss, *streams), clocks, tuple(words))
+    return LogRecording(str(path), (*imu, *gnss, *streams), clocks, tuple(words))
 
 
-def _preferred(own: Sequence[_Topic], choice: Choice, source: str) -> _Topic:
+def _preferred(own: Sequence[_Topic], choice: LogChoice, source: str) -> _Topic:
     """The chosen topic, else the one with the most messages."""
     named = [t for t in own if t.name == choice.topic]
     if named:
@@ -231,7 +231,7 @@ def _turned(sensor: str, values: Array, unit: str, factor: float = 1.0) -> dict[
     }
 
 
-def _imu(topic: _Topic | None) -> tuple[list[Stream], list[str]]:
+def _imu(topic: _Topic | None) -> tuple[list[LogStream], list[str]]:
     if topic is None:
         return [], []
     values = topic.values()
@@ -241,10 +241,10 @@ def _imu(topic: _Topic | None) -> tuple[list[Stream], list[str]]:
     if along < -STEEP:
         columns = {k: TableColumn(c.values * _SIGNS[k[-1]], c.unit) for k, c in columns.items()}
         said = [f"{topic.name}: gravity says that its third axis is down already; the axes are as logged"]
-    return [Stream(topic.name, topic.t(), columns)], said
+    return [LogStream(topic.name, topic.t(), columns)], said
 
 
-def _gnss(topic: _Topic) -> tuple[list[Stream], str]:
+def _gnss(topic: _Topic) -> tuple[list[LogStream], str]:
     latitude, longitude, height, status = topic.values()
     position = [np.deg2rad(latitude), np.deg2rad(longitude), height]
     stream, said = gnss_stream(topic.name, topic.t(), status >= 0.0, position, ())

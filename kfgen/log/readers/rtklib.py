@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.log.readers.aiding import gnss_stream
-from kfgen.log.readers.streams import ANY, Choice, Recording, Stream
+from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
@@ -42,18 +42,18 @@ def read(path: Path) -> LogTable:
     return recording(path, ANY).table()
 
 
-def recording(path: Path, choice: Choice = ANY) -> Recording:
+def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The solutions of a file.
 
     Parameters
     ----------
     path : Path
-    choice : Choice
+    choice : LogChoice
         Has no meaning here.
 
     Returns
     -------
-    Recording
+    LogRecording
 
     Raises
     ------
@@ -75,7 +75,7 @@ def recording(path: Path, choice: Choice = ANY) -> Recording:
         good, lacks = quality == FIXED, "without fixed ambiguities (Q other than 1)"
     stream, said = _stream(path, named, times, good, lacks)
     clocks = {stream.name: stream.clock()} if stream else {}
-    return Recording(str(path), [stream] if stream else [], clocks, (*words, said))
+    return LogRecording(str(path), [stream] if stream else [], clocks, (*words, said))
 
 
 def _header(path: Path, lines: list[str]) -> tuple[list[str], str]:
@@ -137,7 +137,7 @@ def _time(line: str) -> tuple[float, str]:
 
 def _stream(
     path: Path, named: dict[str, Array], t: Array, good: NDArray[np.bool_], lacks: str
-) -> tuple[Stream | None, str]:
+) -> tuple[LogStream | None, str]:
     velocity = [named["vn"], named["ve"], -named["vu"]] if {"vn", "ve", "vu"} <= set(named) else []
     if "latitude" in named:
         position = [np.deg2rad(named["latitude"]), np.deg2rad(named["longitude"]), named["height"]]
@@ -145,4 +145,4 @@ def _stream(
     baseline = {"N": named["n-baseline"], "E": named["e-baseline"], "D": -named["u-baseline"]}
     columns = {f"gnss_p_{axis}": TableColumn(p[good], "m") for axis, p in baseline.items()}
     columns |= {f"gnss_v_{a}": TableColumn(v[good], "m/s") for a, v in zip("NED", velocity)}
-    return Stream(path.name, t[good], columns), "metres from the base station"
+    return LogStream(path.name, t[good], columns), "metres from the base station"

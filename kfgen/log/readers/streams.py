@@ -1,4 +1,4 @@
-"""Logs whose sensors have clocks of their own: `Stream`, samples of one clock; `Recording`, all streams of a file.
+"""Logs whose sensors have clocks of their own: `LogStream`, samples of one clock; `LogRecording`, all streams of a file.
 
 A `Log` has one time axis. That of a recording is the one of its inertial sensor (of its fastest stream where it has
 none); a sample of another stream stands in the row nearest its own time stamp, and the other rows have none.
@@ -23,7 +23,7 @@ LOWEST_RATE_HZ = 40.0
 
 
 @dataclass(frozen=True)
-class Choice:
+class LogChoice:
     """Which of several sources of the same channels is wanted.
 
     Parameters
@@ -38,12 +38,12 @@ class Choice:
     instance: int | None = None
 
 
-ANY = Choice()
+ANY = LogChoice()
 """What the reader prefers."""
 
 
 @dataclass(frozen=True)
-class Stream:
+class LogStream:
     """Samples of one clock.
 
     Parameters
@@ -60,7 +60,7 @@ class Stream:
     t: Array
     columns: Mapping[str, TableColumn]
 
-    def ordered(self) -> tuple[Stream, str]:
+    def ordered(self) -> tuple[LogStream, str]:
         """The stream without stamps that repeat or go back, and what was left out in words."""
         latest = np.maximum.accumulate(np.concatenate([[-np.inf], self.t[:-1]]))
         good = np.isfinite(self.t) & (self.t > latest)
@@ -68,33 +68,33 @@ class Stream:
             return self, ""
         columns = {k: TableColumn(c.values[good], c.unit) for k, c in self.columns.items()}
         words = f"{self.name}: {good.size - good.sum()} of {good.size} samples left out, their stamps repeat or go back"
-        return Stream(self.name, self.t[good], columns), words
+        return LogStream(self.name, self.t[good], columns), words
 
     def clock(self) -> Clock:
         """The facts of its stamps."""
         return Clock.of(self.t)
 
-    def known(self) -> Stream:
+    def known(self) -> LogStream:
         """The stream without the samples at which no channel has a value."""
         some = np.zeros(self.t.size, bool)
         for column in self.columns.values():
             some |= np.isfinite(column.values)
         if some.all():
             return self
-        return Stream(
+        return LogStream(
             self.name, self.t[some], {k: TableColumn(c.values[some], c.unit) for k, c in self.columns.items()}
         )
 
 
 @dataclass(frozen=True)
-class Recording:
+class LogRecording:
     """What a reader found in a file whose streams have clocks of their own.
 
     Parameters
     ----------
     source : str
         The file's name, for messages.
-    streams : sequence of Stream
+    streams : sequence of LogStream
         Those with channels; the first, where it has an inertial sensor, gives the time axis.
     topics : mapping of str to Clock
         The clock of everything in the file, with channels or not.
@@ -104,7 +104,7 @@ class Recording:
     """
 
     source: str
-    streams: Sequence[Stream]
+    streams: Sequence[LogStream]
     topics: Mapping[str, Clock] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     samples: str = ""
@@ -142,7 +142,7 @@ class Recording:
         return LogTable(self.source, columns, None, tuple(words), samples=self.samples, topics=self.topics)
 
 
-def _inertial(stream: Stream) -> bool:
+def _inertial(stream: LogStream) -> bool:
     return any(name.startswith(("gyro_", "accel_")) for name in stream.columns)
 
 
@@ -151,7 +151,7 @@ def _few(names: Sequence[str], at_most: int = 12) -> str:
     return ", ".join(names[:at_most]) + (f" and {more} more" if more > 0 else "") or "no message"
 
 
-def _sentence(stream: Stream) -> str:
+def _sentence(stream: LogStream) -> str:
     sensors = dict.fromkeys(_sensor(name) for name in stream.columns)
     return f"{', '.join(sensors)} of {stream.name} at {Clock.of(stream.t).rate:.3g} Hz"
 
@@ -162,7 +162,7 @@ def _sensor(channel: str) -> str:
     return sensor if axis in ("x", "y", "z", "w", "N", "E", "D") and sensor else channel
 
 
-def _of_base(base: Stream) -> list[str]:
+def _of_base(base: LogStream) -> list[str]:
     clock = Clock.of(base.t)
     words = []
     if clock.gaps:
@@ -192,7 +192,7 @@ class _Placed:
     lost: int
 
     @staticmethod
-    def of(t: Array, stream: Stream) -> _Placed:
+    def of(t: Array, stream: LogStream) -> _Placed:
         """Each sample in the row nearest its stamp, within a period; of two in a row the nearer one."""
         row = np.zeros(stream.t.size, int)
         if t.size > 1:
