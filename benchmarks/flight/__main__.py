@@ -49,6 +49,13 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("hard_iron", "mag", ("x", "y", "z")),
     ("soft_iron", "mag", ("xx", "yy", "zz", "xy", "xz", "yz")),
 )
+EXCITED_BY = {
+    ("", "accel_x"): ("wing", "car"),
+    ("", "accel_y"): ("car",),
+    ("g_sensitivity", "gyro_x"): ("wing", "car"),
+    ("g_sensitivity", "gyro_z"): ("car",),
+}
+"""Vehicles whose motion shows an effect, where not all do: nothing pushes a hovering body sideways."""
 OUTSIDE_OF_THE_CATALOGUE = ("magnet", "sine_baro", "smoothed_gnss")
 
 
@@ -60,7 +67,8 @@ def cases(count: int, strengths: Sequence[float], nulls: int, seed: int, duratio
     for X in strengths:
         for k in range(count):
             for i, (name, where, parameters) in enumerate(HIDDEN):
-                vehicle = vehicles[(i + k) % len(vehicles)]
+                able = EXCITED_BY.get((name, where), EXCITED_BY.get(("", where), tuple(vehicles)))
+                vehicle = able[(i + k) % len(able)]
                 out.append(Case(vehicle, int(rng.integers(2**31)), duration_s, X, name, where, parameters))
     every = list(VEHICLES)
     out += [Case(every[k % len(every)], int(rng.integers(2**31)), duration_s) for k in range(nulls)]

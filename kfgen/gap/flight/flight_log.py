@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.routines import Program
+from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.sensors import Sensor
@@ -109,7 +110,8 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     held = over_steps(raw, calls.samples)
     t = np.asarray(log.t) if even else np.asarray(log.t[0] + dt * np.arange(log.n))
     u = held if even else _over_grid(log.t, held, t)
-    drive = {d: np.interp(t, log.t, calls.inputs[d]) for d in model.drivers}
+    drivers = recorded(log) | {d: calls.inputs[d] for d in model.drivers}
+    drive = {d: np.interp(t, log.t, v) for d, v in drivers.items()}
     aiding = []
     for name, z in calls.present.items():
         there = np.isfinite(z).all(axis=1)
