@@ -54,7 +54,7 @@ def bursts() -> Log:
 
 
 def test_noise_that_rounding_swallows_is_impossible_and_no_error() -> None:
-    """A white noise of 1e-12 of the bias beside it: what comes out of no number is minus infinity."""
+    """A white noise of 1e-12 of the bias beside it has a likelihood, or minus infinity, and never ends in LinAlgError."""
     log = bursts()
     data = evidence(np.asarray(log.t), log.values("gyro_x"))[0].likelihood(())
     values = [

@@ -114,9 +114,10 @@ class FlightEquations:
         """Expressions of the model as a tape of `variables`."""
         return tape([sp.sympify(e).xreplace(self._rotation) for e in expressions], self.variables)
 
-    def _sparse(self, M: sp.Matrix) -> SparseRows:
+    def _sparse(self, M: sp.Matrix, before: Sequence[sp.Expr] = ()) -> SparseRows:
+        """The entries of a matrix that are not zero; on the tape stand other expressions before them."""
         at = [(i, j) for i in range(M.rows) for j in range(M.cols) if M[i, j] != 0]
-        made = self.tape([M[i, j] for i, j in at])
+        made = self.tape([*before, *(M[i, j] for i, j in at)])
         rows, columns = (np.array(x, dtype=np.int64) for x in (list(zip(*at)) or [(), ()]))
         return SparseRows(made, rows, columns, (M.rows, M.cols))
 
@@ -153,10 +154,7 @@ class FlightEquations:
     def readings(self, sensors: Sequence[Sensor]) -> SparseRows:
         """The expected samples of sensors, then the entries of their Jacobian, in one tape."""
         h = sp.Matrix.vstack(*(self.discrete.expected(s) for s in sensors))
-        H = sp.Matrix.vstack(*(self.discrete.H(s) for s in sensors))
-        at = [(i, j) for i in range(H.rows) for j in range(H.cols) if H[i, j] != 0]
-        rows, columns = (np.array(x, dtype=np.int64) for x in (list(zip(*at)) or [(), ()]))
-        return SparseRows(self.tape([*h, *(H[i, j] for i, j in at)]), rows, columns, (H.rows, H.cols))
+        return self._sparse(sp.Matrix.vstack(*(self.discrete.H(s) for s in sensors)), before=list(h))
 
     @cached_property
     def inject(self) -> Tape:

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.channel_names import AXES
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.motion.model_truth import ANTENNA_ORDERS, sensor_of
+from kfgen.gap.motion.model_truth import should_read
 from kfgen.gap.motion.truth import Truth
-from kfgen.model.parts.motion import Input
-from kfgen.model.parts.sensors import Sensor
+from kfgen.simulate.scene import Part
 
 Array = NDArray[np.float64]
 
@@ -37,28 +35,15 @@ def flight_truth(path: FlownPath) -> Truth:
     n = log.t.size
     inputs = averaged(_courses(eq.true_inputs.values(path.given), n), log.dt)
     rate, force = (_triad(path, inputs, name) for name in ("gyro", "accel"))
-    R_lb = _level(path)
-    R_bn = np.swapaxes(R_lb, 1, 2)
-    read: dict[str, Array] = {}
-    axes: dict[str, tuple[int, ...]] = {}
-    places: dict[str, tuple[str, int]] = {}
-    antennas: dict[str, tuple[int, Array]] = {}
-    parts: list[tuple[Input | Sensor, Array]] = [
-        (i, inputs[:, log.triads[i.name]]) for i in model.motion.inputs
-    ]
+    R_nb = _attitude(path)
+    parts: list[tuple[Part, Array]] = [(i, inputs[:, log.triads[i.name]]) for i in model.motion.inputs]
     parts += [(a.sensor, _courses(eq.clean(a.sensor).values(path.given), n)) for a in log.aiding]
-    for part, y in parts:
-        sensor = sensor_of(part)
-        at = _axes(part.channels)
-        read.setdefault(sensor, np.zeros((n, 3)))[:, at] = y
-        axes[sensor] = (*axes.get(sensor, ()), *at)
-        places |= {c: (sensor, k) for c, k in zip(part.channels, at)}
-        if isinstance(part, Sensor) and part.shows in ANTENNA_ORDERS:
-            antennas[sensor] = (ANTENNA_ORDERS[part.shows], R_bn)
+    should = should_read(parts, np.swapaxes(R_nb, 1, 2))
     power = None if force is None else vibration_power(log.u[:, log.triads["accel"]], log.dt)
     return Truth(
-        log.t, read, axes, np.ones(n, dtype=bool), omega_b=rate, f_b=force, power=power,
-        warmth=log.drive.get("temperature"), R_bn=R_bn, places=places, antennas=antennas,
+        log.t, should.read, should.axes, np.ones(n, dtype=bool), omega_b=rate, f_b=force, power=power,
+        warmth=log.drive.get("temperature"), R_bn=np.swapaxes(eq.level.at(path.given) @ R_nb, 1, 2),
+        places=should.places, antennas=should.antennas,
         words=("the smoothed path of the filter says what every sensor should have read",),
     )  # fmt: skip
 
@@ -75,10 +60,6 @@ def _courses(values: Sequence[Array], n: int) -> Array:
     return np.column_stack([np.broadcast_to(np.asarray(v, dtype=np.float64), n) for v in values])
 
 
-def _axes(channels: Sequence[str]) -> list[int]:
-    return [AXES.index(c[-1]) if c[-1] in AXES and "_" in c else k for k, c in enumerate(channels)]
-
-
 def _triad(path: FlownPath, inputs: Array, name: str) -> Array | None:
     """A triad of body axes, from an input or from a sensor, shape (n, 3); None where the model has none."""
     if name in path.log.triads and path.log.triads[name].stop - path.log.triads[name].start == 3:
@@ -90,11 +71,9 @@ def _triad(path: FlownPath, inputs: Array, name: str) -> Array | None:
     return None
 
 
-def _level(path: FlownPath) -> Array:
-    """Body axes to north, east and down along the path, shape (n, 3, 3)."""
+def _attitude(path: FlownPath) -> Array:
+    """Body axes to the model's navigation axes along the path, shape (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     k = path.equations.quaternions[0]
-    R_nb = Rotation.from_quat(path.x[:, k : k + 4], scalar_first=True).as_matrix()
-    level = path.equations.level.at(path.given)
-    return np.asarray(level @ R_nb)
+    return np.asarray(Rotation.from_quat(path.x[:, k : k + 4], scalar_first=True).as_matrix())

@@ -6,7 +6,7 @@ sensors are predicted by the model, each at its own rate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,31 +91,53 @@ def sensor_of(part: Part) -> str:
     return part.channels[0].rpartition("_")[0]
 
 
-def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
+@dataclass(frozen=True)
+class ShouldRead:
+    """What the sensors of a filter should have read, as `Truth` takes it; see there for each field."""
+
+    read: Mapping[str, Array]
+    axes: Mapping[str, tuple[int, ...]]
+    places: Mapping[str, tuple[str, int]]
+    antennas: Mapping[str, tuple[int, Array]]
+
+
+def should_read(parts: Sequence[tuple[Part, Array]], R_bn: Array) -> ShouldRead:
+    """Channels as axes of sensors.
+
+    Parameters
+    ----------
+    parts : sequence of (Input or Sensor, ndarray of shape (n, channels))
+        With what each should have read [SI].
+    R_bn : ndarray, shape (n, 3, 3)
+        The model's navigation axes to body axes.
+    """
     read: dict[str, Array] = {}
     axes: dict[str, tuple[int, ...]] = {}
     places: dict[str, tuple[str, int]] = {}
-    felt: list[Signals] = []
     antennas: dict[str, tuple[int, Array]] = {}
-    R_bn = np.swapaxes(as_matrix(scene.path.q[scene.path.places(scene.t)]), 1, 2)
-    for part in parts:
-        y, sensor = scene.clean(part), sensor_of(part)
-        felt.append(scene.signals(part, y))
+    for part, y in parts:
+        sensor = sensor_of(part)
         at = [AXES.index(c[-1]) if c[-1] in AXES and "_" in c else k for k, c in enumerate(part.channels)]
-        read.setdefault(sensor, np.zeros((log.n, 3)))
-        read[sensor][:, at] = y
+        read.setdefault(sensor, np.zeros((y.shape[0], 3)))[:, at] = y
         axes[sensor] = (*axes.get(sensor, ()), *at)
         places |= {c: (sensor, k) for c, k in zip(part.channels, at)}
         if isinstance(part, Sensor) and part.shows in ANTENNA_ORDERS:
             antennas[sensor] = (ANTENNA_ORDERS[part.shows], R_bn)
-    first = felt[0]
+    return ShouldRead(read, axes, places, antennas)
+
+
+def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
+    R_bn = np.swapaxes(as_matrix(scene.path.q[scene.path.places(scene.t)]), 1, 2)
+    pairs = [(part, scene.clean(part)) for part in parts]
+    should, first = should_read(pairs, R_bn), scene.signals(*pairs[0])
     known = np.ones(log.n, dtype=bool)
     known[-UNSURE_AT_THE_END_SAMPLES:] = False  # what a sample's interval holds there is extrapolated
     warmth = scene.drive.get("temperature")
     return Truth(
-        np.asarray(log.t), read, axes, known,
+        np.asarray(log.t), should.read, should.axes, known,
         omega_b=first.omega_b, f_b=first.f_b, power=_power(log, first), warmth=warmth, R_bn=first.R_bn,
-        places=places, antennas=antennas, words=("the references and the model say what every sensor should have read",),
+        places=should.places, antennas=should.antennas,
+        words=("the references and the model say what every sensor should have read",),
     )  # fmt: skip
 
 
