@@ -162,6 +162,22 @@ def test_a_parked_log_names_nothing() -> None:
     assert (found.verdict, list(found.findings)) == ("no_gap", [])
 
 
+def test_an_arm_is_in_body_axes_whatever_the_navigation_axes_are() -> None:
+    """A filter in Earth-fixed axes, whose receiver's readings are Earth-fixed as well; four standard deviations."""
+    model = kf.build("ins15", options={"frame": "ecef"})
+    arm = {"x": 0.6, "y": -0.3, "z": 0.4}
+    truth = DiscreteModel.at_rate(model.augment("gnss", make("lever_arm", **arm)), 50.0)
+    log = simulate(truth, "generic", 40.0, np.random.default_rng(1))
+    bare = Log(
+        log.t, {n: c for n, c in log.channels.items() if not n.startswith("ref_")}, samples=log.samples
+    )
+    (finding,) = kf.find_gap(bare, model).findings
+    assert (finding.name, finding.where) == ("lever_arm", "gnss")
+    for axis, value in arm.items():
+        lo, hi = finding.ci95[axis]
+        assert abs(value - 0.5 * (lo + hi)) < 4.0 / 1.96 * 0.5 * (hi - lo)
+
+
 def test_a_log_that_cannot_tell_is_refused_in_words() -> None:
     """Point samples of a logger at 10 Hz, and a log of 8 s."""
     log = log_of("quadrotor", 1)
