@@ -31,7 +31,7 @@ from kfgen.identify.fit.choice import combined
 from kfgen.identify.identify import identify
 from kfgen.identify.methods.likelihood import best_of, by_likelihood
 from kfgen.log.readers import ColumnMap, read_long
-from kfgen.log.readers.table import chunks
+from kfgen.log.readers.tables.table import chunks
 
 Values = np.ndarray
 REPEATS = 5

@@ -34,7 +34,7 @@ from kfgen.identify.evidence.allan import (
     overlapping_variance,
     variance_of_chunks,
 )
-from kfgen.log.readers.table import chunks
+from kfgen.log.readers.tables.table import chunks
 
 Array = NDArray[np.float64]
 

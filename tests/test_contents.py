@@ -12,7 +12,7 @@ from click.testing import Result
 
 import kfgen as kf
 from kfgen.core.errors import InputError
-from kfgen.log.readers.clock import Clock
+from kfgen.log.readers.tables.clock import Clock
 
 Call = Callable[..., Result]
 Find = Callable[[str], Path]

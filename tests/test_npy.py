@@ -10,8 +10,8 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.log.readers import ColumnMap, read_log
-from kfgen.log.readers.npy import read as read_npy
-from kfgen.log.readers.table import chunks
+from kfgen.log.readers.arrays.npy import read as read_npy
+from kfgen.log.readers.tables.table import chunks
 
 
 def npy(folder: Path, array: object, **how: bool) -> Path:

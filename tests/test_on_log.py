@@ -24,7 +24,7 @@ from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.routines import Program
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import read_log
-from kfgen.log.readers.npz import write
+from kfgen.log.readers.arrays.npz import write
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build

@@ -18,7 +18,7 @@ from placed import nearest, placed
 
 from kfgen.core.errors import InputError
 from kfgen.log.readers import read_log
-from kfgen.log.readers.dataflash import messages
+from kfgen.log.readers.flight.dataflash import messages
 
 Find = Callable[[str], Path]
 ONE_SECOND = "flights/ardupilot_1s.BIN"

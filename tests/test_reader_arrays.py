@@ -16,7 +16,7 @@ from placed import placed
 
 from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers import read_log
-from kfgen.log.readers.seconds import UNITS_S, stamp_unit
+from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
 
 Find = Callable[[str], Path]
 N = 400

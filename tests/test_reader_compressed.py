@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from kfgen.core.errors import InputError, MissingExtra
-from kfgen.log.readers import compressed as module
 from kfgen.log.readers import read_log
+from kfgen.log.readers.packed import compressed as module
 
 
 def packed(kind: str, data: bytes) -> bytes:

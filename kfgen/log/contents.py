@@ -16,9 +16,9 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import from_si
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import Columns, map_of, read_table, recording_of
-from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.streams import LogChoice
-from kfgen.log.readers.table import assemble
+from kfgen.log.readers.tables.clock import Clock
+from kfgen.log.readers.tables.streams import LogChoice
+from kfgen.log.readers.tables.table import assemble
 
 TOPIC_HEAD = ("topic", "messages", "rate [Hz]", "gaps", "longest [s]", "jitter [ms]", "from [s]", "to [s]")
 CHANNEL_HEAD = ("channel", "unit", "samples", "rate [Hz]", "gaps", "longest [s]", "mean", "sd", "min", "max")

@@ -1,9 +1,10 @@
-"""Readers of log files: one module a format, found by its suffixes.
+"""Readers of logs: one module a format, in folders by what writes it, found by its suffixes.
 
-A reader turns a file into a `LogTable`; `kfgen.log.readers.table` turns the table into a
-`Log`. To add a format, add one module here with ``SUFFIXES`` and ``read(path)``; with ``MAGIC``, the bytes that its
-files begin with, they are known by any name; with ``recording(path, choice)`` where sensors have their own clocks;
-with ``inside(path, use)`` where a file holds another.
+A reader turns a file into a `LogTable`; `kfgen.log.readers.tables.table` turns the table into a
+`Log`. To add a format, add one module to one of the folders, with ``SUFFIXES`` and ``read(path)``; with ``MAGIC``, the
+bytes that its files begin with, they are known by any name; with ``recording(path, choice)`` instead of ``read`` where
+sensors have their own clocks; with ``inside(path, use)`` where a file holds another. A log that is a folder is known by
+``parts(path)``, the files of it that are read: none of them where it is another kind of folder.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ import numpy as np
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import is_sampling_rate
 from kfgen.log.log import Log, StoredLog
-from kfgen.log.readers.frames import frame_table
-from kfgen.log.readers.streams import ANY, LogChoice, LogRecording
-from kfgen.log.readers.table import ColumnMap, LogTable, assemble, stored
+from kfgen.log.readers.arrays.frames import frame_table
+from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording
+from kfgen.log.readers.tables.table import ColumnMap, LogTable, assemble, stored
 
 __all__ = [
     "ColumnMap",
@@ -56,12 +57,14 @@ READ_BLOCK_BYTES = 1 << 20
 @cache
 def readers() -> dict[str, ModuleType]:
     """The reader of each file suffix, from every module of this package that declares one."""
-    found: dict[str, ModuleType] = {}
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
-        for suffix in getattr(module, "SUFFIXES", ()):
-            found[suffix] = module
-    return found
+    return {suffix: m for m in _modules() for suffix in getattr(m, "SUFFIXES", ())}
+
+
+@cache
+def _modules() -> tuple[ModuleType, ...]:
+    """The modules in the folders of this package."""
+    inner = pkgutil.walk_packages(__path__, f"{__name__}.")
+    return tuple(importlib.import_module(info.name) for info in inner if not info.ispkg)
 
 
 def read_log(

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import IO, TypeVar, cast
 
 from kfgen.core.errors import InputError, KfgenError, MissingExtra
-from kfgen.log.readers.streams import LogRecording
-from kfgen.log.readers.table import LogTable
+from kfgen.log.readers.tables.streams import LogRecording
+from kfgen.log.readers.tables.table import LogTable
 
 SUFFIXES = (".gz", ".xz", ".zst")
 MAGIC = (b"\x1f\x8b\x08", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.ellipsoid import local_metres
-from kfgen.log.readers.streams import LogStream
-from kfgen.log.readers.table import TableColumn
+from kfgen.log.readers.tables.streams import LogStream
+from kfgen.log.readers.tables.table import TableColumn
 
 Array = NDArray[np.float64]
 

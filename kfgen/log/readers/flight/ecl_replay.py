@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers.aiding import above_first_fix, gnss_stream
-from kfgen.log.readers.streams import LogRecording, LogStream
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
+from kfgen.log.readers.tables.streams import LogRecording, LogStream
+from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
 

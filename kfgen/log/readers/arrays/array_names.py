@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import re
 
-TRIADS: tuple[tuple[str, str, str], ...] = (
-    (r"gyro_rad", "gyro", "rad/s"),
-    (r"accelerometer_m_s2", "accel", "m/s^2"),
-    (r"magnetometer_ga", "mag", "gauss"),
-    (r"gyro_?dps|gyr_?dps", "gyro", "deg/s"),
-    (r"gyr|gyro|gyros|gyroscope|ang_?rate|angular_?(velocity|rate)|omega|w|g", "gyro", ""),
-    (r"acc|accel|accels|accelerometer|(linear_)?acceleration|specific_force|a|f", "accel", ""),
-    (r"mag|magn|magnetometer|magnetic(_field)?|m", "mag", ""),
-    (r"ref_gyro|ref_accel|ref_mag", "", ""),
+CHANNELS: tuple[tuple[int, str, str, str], ...] = (
+    (3, r"gyro_rad", "gyro", "rad/s"),
+    (3, r"gyro_?dps|gyr_?dps", "gyro", "deg/s"),
+    (3, r"gyr|gyro|gyros|gyroscope|ang_?rate|angular_?(velocity|rate)|omega|w|g", "gyro", ""),
+    (3, r"accelerometer_m_s2", "accel", "m/s^2"),
+    (3, r"acc|accel|accels|accelerometer|(linear_)?acceleration|specific_force|a|f", "accel", ""),
+    (3, r"magnetometer_ga", "mag", "gauss"),
+    (3, r"mag|magn|magnetometer|magnetic(_field)?|m", "mag", ""),
+    (3, r"ref_gyro|ref_accel|ref_mag", "", ""),
+    (1, r"(imu_)?temp(erature)?(_(imu|gyro|c|degc))?", "temperature", "degC"),
+    (1, r"baro_pressure_pa", "pressure", "Pa"),
+    (1, r"hgt_?baro|baro_?(alt|hgt|height|altitude)(_meter|_m)?|alt_?baro", "baro_height", "m"),
+    (1, r"true_airspeed_m_s|airspeed|air_?speed|v?tas|v?eas|ias", "airspeed", "m/s"),
+    (1, r"(battery_)?current(_a)?", "current", "A"),
+    (1, r"(battery_)?voltage(_v)?", "voltage", "V"),
+    (1, r"throttle", "throttle", "1"),
+    (1, r"movement", "movement", ""),
 )
-"""Pattern of a name without its axis, the sensor, and the unit that the name says."""
-
-SINGLES: tuple[tuple[str, str, str], ...] = (
-    (r"(imu_)?temp(erature)?(_(imu|gyro|c|degc))?", "temperature", "degC"),
-    (r"baro_pressure_pa", "pressure", "Pa"),
-    (r"hgt_?baro|baro_?(alt|hgt|height|altitude)(_meter|_m)?|alt_?baro", "baro_height", "m"),
-    (r"true_airspeed_m_s|airspeed|air_?speed|v?tas|v?eas|ias", "airspeed", "m/s"),
-    (r"(battery_)?current(_a)?", "current", "A"),
-    (r"(battery_)?voltage(_v)?", "voltage", "V"),
-    (r"throttle", "throttle", "1"),
-    (r"movement", "movement", ""),
-)
-"""Pattern of a name, the channel, and its unit."""
+"""Axes, pattern of a name without its axis, the sensor or channel, and the unit that the name says."""
 
 GNSS: tuple[tuple[str, str], ...] = (
     (r"lat(itude)?(_?deg)?", "latitude"),
@@ -56,13 +52,15 @@ def plain(name: str) -> str:
     return _PREFIX.sub("", last)
 
 
+def _known(name: str, axes: int) -> tuple[str, str] | None:
+    """The sensor or channel of a name without its axis, and the unit that it says; None for other names."""
+    rows = (row[1:] for row in CHANNELS if row[0] == axes)
+    return next(((what or name, unit) for pattern, what, unit in rows if re.fullmatch(pattern, name)), None)
+
+
 def triad(name: str) -> tuple[str, str] | None:
     """The sensor of an array of three columns, and the unit that its name says; None for other names."""
-    known = plain(name)
-    for pattern, sensor, unit in TRIADS:
-        if re.fullmatch(pattern, known):
-            return sensor or known, unit
-    return None
+    return _known(plain(name), 3)
 
 
 def axis_of(name: str) -> tuple[str, str, str] | None:
@@ -77,8 +75,7 @@ def axis_of(name: str) -> tuple[str, str, str] | None:
 
 def single(name: str) -> tuple[str, str] | None:
     """The channel of an array of one quantity, and its unit; None for other names."""
-    known = plain(name)
-    return next(((channel, unit) for pattern, channel, unit in SINGLES if re.fullmatch(pattern, known)), None)
+    return _known(plain(name), 1)
 
 
 def gnss(name: str) -> str:

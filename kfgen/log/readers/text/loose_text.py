@@ -1,6 +1,6 @@
 """Text as people have it: decimal commas, dates, `N/A`, columns of words, `gx:0.1` cells, a last line that is cut off.
 
-It is used where the strict reading of `kfgen.log.readers.csv` fails, and gives up where a cell is simply wrong, so that
+It is used where the strict reading of `kfgen.log.readers.text.csv` fails, and gives up where a cell is simply wrong, so that
 the place of the wrong cell is still said.
 """
 
@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.log.readers.array_names import is_time
+from kfgen.log.readers.arrays.array_names import is_time
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.log.log import RATE_RELATIVE_TOLERANCE, Channel, Log, StoredChannel, StoredLog
-from kfgen.log.readers.clock import Clock
+from kfgen.log.readers.tables.clock import Clock
 
 CHUNK_SAMPLES = 1 << 20
 """Samples in a slice of a mapped file."""

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers.arrays import Named, table_of
-from kfgen.log.readers.table import LogTable
+from kfgen.log.readers.arrays.named_arrays import Named, table_of
+from kfgen.log.readers.tables.table import LogTable
 
 WORDS = "a mapping of arrays, a data frame of pandas or polars, a table of pyarrow, or a data set of xarray"
 

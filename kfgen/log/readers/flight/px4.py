@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.errors import InputError, MissingExtra
-from kfgen.log.readers import px4_topics as topics
-from kfgen.log.readers.aiding import above_first_fix, gnss_stream, pressure_height
-from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.px4_topics import TopicSource
-from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.core.errors import InputError
+from kfgen.log.readers.flight import px4_topics as topics
+from kfgen.log.readers.flight.px4_topics import TopicSource
+from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream, pressure_height
+from kfgen.log.readers.tables.clock import Clock
+from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
+from kfgen.log.readers.tables.table import TableColumn
 
 Array = NDArray[np.float64]
 
@@ -45,29 +46,6 @@ LEAST_PASCAL = 2000.0
 """Pressures below are in hectopascals: logs before v1.14."""
 
 
-def read(path: Path, choice: LogChoice = ANY) -> LogTable:
-    """Read a PX4 log on the time axis of its inertial sensor.
-
-    Parameters
-    ----------
-    path : Path
-    choice : LogChoice
-        Topic and instance, where there are several.
-
-    Returns
-    -------
-    LogTable
-
-    Raises
-    ------
-    InputError
-        It is no ULog, or it has no sensor that is known.
-    MissingExtra
-        pyulog is not installed.
-    """
-    return recording(path, choice).table()
-
-
 def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The streams of a PX4 log, each with its own clock.
 
@@ -83,8 +61,10 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
 
     Raises
     ------
-    InputError, MissingExtra
-        As `read`.
+    InputError
+        It is no ULog, or it has no sensor that is known.
+    MissingExtra
+        pyulog is not installed.
     """
     ulog = _ulog(path)
     log = _Topics(ulog.data_list, choice, str(path))
@@ -99,23 +79,10 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
 
 
 def _ulog(path: Path) -> Any:
-    try:
-        from pyulog import ULog
-    except ImportError:
-        raise MissingExtra(
-            "PX4 logs are read by pyulog, which is not installed",
-            where=str(path),
-            remedy='Install it with: pip install "kfgen[px4]"',
-        ) from None
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it skips
-            return ULog(_Steps(path.read_bytes()))
-    except Exception as error:  # it raises whatever a broken file leads to
-        raise InputError(
-            f"it is no PX4 log that can be read ({str(error) or type(error).__name__})",
-            where=str(path),
-            remedy="Download the .ulg again from the vehicle",
-        ) from None
+    pyulog = optional_library("pyulog", "px4", "PX4 logs are", path)
+    damaged = reading("PX4 log", path, "Download the .ulg again from the vehicle")
+    with damaged, contextlib.redirect_stdout(io.StringIO()):  # it prints what it skips
+        return pyulog.ULog(_Steps(path.read_bytes()))
 
 
 class _Steps(io.BytesIO):

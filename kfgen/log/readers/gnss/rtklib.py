@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers.aiding import gnss_stream
-from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.tables.aiding import gnss_stream
+from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
+from kfgen.log.readers.tables.table import TableColumn
 
 Array = NDArray[np.float64]
 
@@ -29,17 +29,6 @@ MOSTLY = 0.5
 _NAME = re.compile(r"([A-Za-z]+(?:-[a-z]+)?)(?:\((\w+(?:/\w+)?|[d'm\"s]+)\))?")
 _COORDINATES = ({"latitude", "longitude", "height"}, {"n-baseline", "e-baseline", "u-baseline"})
 _DATE = re.compile(r"\s*(\d{4})[/-](\d\d)[/-](\d\d)[ ,\t]+(\d\d):(\d\d):(\d\d(?:\.\d*)?)[ ,\t]+(.*)")
-
-
-def read(path: Path) -> LogTable:
-    """Read a solution file as metres about its first solution.
-
-    Raises
-    ------
-    InputError
-        It is no solution of RTKLIB in latitude, longitude and height, or as a baseline.
-    """
-    return recording(path, ANY).table()
 
 
 def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
@@ -58,7 +47,7 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     Raises
     ------
     InputError
-        As `read`.
+        It is no solution of RTKLIB in latitude, longitude and height, or as a baseline.
     """
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     names, scale = _header(path, lines)

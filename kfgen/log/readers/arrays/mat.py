@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from kfgen.core.errors import InputError
-from kfgen.log.readers import hdf5
-from kfgen.log.readers.arrays import Named, table_of
-from kfgen.log.readers.table import LogTable
+from kfgen.log.readers.arrays import hdf5
+from kfgen.log.readers.arrays.named_arrays import Named, table_of
+from kfgen.log.readers.tables.library import reading
+from kfgen.log.readers.tables.table import LogTable
 
 SUFFIXES = (".mat",)
 MAGIC = b"MATLAB "
@@ -37,16 +37,10 @@ def read(path: Path) -> LogTable:
         return hdf5.read_hdf5(path, turned=True)
     from scipy.io import loadmat  # heavy: only for MAT files
 
-    try:
+    with reading("MAT file", path, "Write it with save(..., '-v7')"):
         variables = loadmat(
             path, struct_as_record=True, squeeze_me=False, verify_compressed_data_integrity=True
         )
-    except Exception as error:  # whatever a broken file leads to
-        raise InputError(
-            f"it is no MAT file that can be read ({str(error).splitlines()[0] if str(error) else 'cut off'})",
-            where=str(path),
-            remedy="Write it with save(..., '-v7')",
-        ) from None
     arrays = {n: a for k, v in variables.items() if not k.startswith("__") for n, a in _named(k, v, 0)}
     return table_of(str(path), arrays)
 

@@ -54,6 +54,12 @@ class Clock:
         return 1.0 / self.period if self.period > 0.0 else float("nan")
 
     @staticmethod
+    def counted(n: int) -> Clock:
+        """A row of which only the number of stamps is known."""
+        nan = float("nan")
+        return Clock(n, nan, nan, nan, 0.0, 0, 0.0, nan, 0, 0)
+
+    @staticmethod
     def of(t: Array) -> Clock:
         """The facts of stamps [s], shape (n,), as they follow each other in the file."""
         nan = float("nan")

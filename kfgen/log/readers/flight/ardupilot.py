@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers.aiding import above_first_fix, gnss_stream
-from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.dataflash import Messages, messages
-from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.flight.dataflash import Messages, messages
+from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
+from kfgen.log.readers.tables.clock import Clock
+from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
+from kfgen.log.readers.tables.table import TableColumn
 
 Array = NDArray[np.float64]
 
@@ -59,17 +59,6 @@ _AIDING: dict[str, Fields] = {
 }
 
 
-def read(path: Path) -> LogTable:
-    """Read an ArduPilot log on the time axis of its inertial sensor.
-
-    Raises
-    ------
-    InputError
-        It is no DataFlash log, or it has no sensor that is known.
-    """
-    return recording(path, ANY).table()
-
-
 def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The streams of an ArduPilot log, each with its own clock.
 
@@ -86,7 +75,7 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     Raises
     ------
     InputError
-        As `read`.
+        It is no DataFlash log, or it has no sensor that is known.
     """
     data = path.read_bytes()
     if not data.startswith(MAGIC):

@@ -9,21 +9,24 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
-from kfgen.log.readers import array_names
-from kfgen.log.readers.aiding import above_first_fix, gnss_stream
-from kfgen.log.readers.axes import ned_attitude
-from kfgen.log.readers.seconds import UNITS_S, stamp_unit
-from kfgen.log.readers.streams import LogRecording, LogStream
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.arrays import array_names
+from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
+from kfgen.log.readers.tables.axes import ned_attitude
+from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
+from kfgen.log.readers.tables.streams import LogRecording, LogStream
+from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
 
+MOST_VALUES = 500_000_000
+"""Numbers in a file beyond which it is refused: 4 GB."""
 _BRACKET = re.compile(r"(.*?)\s*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")
 _ATTITUDE = re.compile(r"(?:.*/)?(?:opt|ref)_(?:quat|q)_([wxyz])")
 """Names of an attitude that another instrument measured."""
@@ -47,6 +50,27 @@ class Named:
 
     values: Array
     unit: str | None = None
+
+
+def check_size(values: int, path: Path) -> None:
+    """Refuse a file of so many numbers that memory does not hold them.
+
+    Parameters
+    ----------
+    values : int
+        Numbers in the file.
+    path : Path
+        For the message.
+
+    Raises
+    ------
+    InputError
+        There are more than `MOST_VALUES`.
+    """
+    if values > MOST_VALUES:
+        raise InputError(
+            "it has too many numbers for the memory", where=str(path), remedy="Cut it into parts"
+        )
 
 
 def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None, text: str = "") -> LogTable:

@@ -17,10 +17,10 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
-from kfgen.log.readers.ecl_replay import is_replay, read_replay
-from kfgen.log.readers.foreign_text import foreign
-from kfgen.log.readers.loose_text import loose_text
-from kfgen.log.readers.table import LogTable, TableColumn, stated_rate, stated_samples
+from kfgen.log.readers.flight.ecl_replay import is_replay, read_replay
+from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate, stated_samples
+from kfgen.log.readers.text.foreign_text import foreign
+from kfgen.log.readers.text.loose_text import loose_text
 
 SUFFIXES = (".csv", ".txt", ".tsv")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from kfgen.core.array_file import mapped
 from kfgen.core.errors import InputError
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 SUFFIXES = (".npy",)
 

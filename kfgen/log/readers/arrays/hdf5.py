@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from kfgen.core.errors import InputError, MissingExtra
-from kfgen.log.readers import array_names
-from kfgen.log.readers.arrays import Named, table_of
-from kfgen.log.readers.table import LogTable
+from kfgen.log.readers.arrays import array_names
+from kfgen.log.readers.arrays.named_arrays import Named, check_size, table_of
+from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.table import LogTable
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 MAGIC = b"\x89HDF\r\n\x1a\n"
-MOST_VALUES = 500_000_000
-"""Numbers in a file beyond which it is refused: 4 GB."""
 
 
 def read(path: Path) -> LogTable:
@@ -52,31 +50,12 @@ def read_hdf5(path: Path, *, turned: bool) -> LogTable:
     InputError, MissingExtra
         As `read`.
     """
-    try:
-        import h5py
-    except ImportError:
-        raise MissingExtra(
-            "HDF5 is read by h5py, which is not installed",
-            where=str(path),
-            remedy='Install it with: pip install "kfgen[hdf5]"',
-        ) from None
-    try:
-        with h5py.File(path, "r") as file:
-            datasets = _datasets(file, h5py)
-            if sum(d.size * max(len(d.dtype.names or ()), 1) for d in datasets.values()) > MOST_VALUES:
-                raise InputError(
-                    "it has too many numbers for the memory", where=str(path), remedy="Cut it into parts"
-                )
-            arrays = {k: n for name, d in datasets.items() for k, n in _named(name, d, turned).items()}
-            attributes = dict(file.attrs)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a broken file leads to
-        raise InputError(
-            f"it is no HDF5 file that can be read ({str(error).splitlines()[0] if str(error) else 'cut off'})",
-            where=str(path),
-            remedy="Copy the file again",
-        ) from None
+    h5py = optional_library("h5py", "hdf5", "HDF5 is", path)
+    with reading("HDF5 file", path, "Copy the file again"), h5py.File(path, "r") as file:
+        datasets = _datasets(file, h5py)
+        check_size(sum(d.size * max(len(d.dtype.names or ()), 1) for d in datasets.values()), path)
+        arrays = {k: n for name, d in datasets.items() for k, n in _named(name, d, turned).items()}
+        attributes = dict(file.attrs)
     rate = next((_number(v) for k, v in attributes.items() if array_names.is_rate(k) and _number(v)), None)
     return table_of(
         str(path), arrays, rate, " ".join(str(v) for v in attributes.values() if isinstance(v, str))

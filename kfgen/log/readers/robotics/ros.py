@@ -15,17 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.errors import InputError, MissingExtra
-from kfgen.log.readers.aiding import above_first_fix, gnss_stream, pressure_height
-from kfgen.log.readers.axes import NED_OF_ENU, ned_attitude
-from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.streams import ANY, LogChoice, LogRecording, LogStream
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.core.errors import InputError
+from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream, pressure_height
+from kfgen.log.readers.tables.axes import NED_OF_ENU, ned_attitude
+from kfgen.log.readers.tables.clock import Clock
+from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
+from kfgen.log.readers.tables.table import TableColumn
 
 Array = NDArray[np.float64]
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 MAGIC = (b"#ROSBAG V2.0", b"SQLite format 3\0", b"\x89MCAP0\r\n")
+RESTORE = "Restore it with 'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
 STEEP = 0.5
 """Share of gravity along the third axis above which the axes are said to be forward, right, down already."""
 _SIGNS = {"x": 1.0, "y": -1.0, "z": -1.0}
@@ -61,19 +63,6 @@ class _Topic:
         return np.asarray(self.rows, np.float64).T
 
 
-def read(path: Path) -> LogTable:
-    """Read a bag on the time axis of its inertial sensor.
-
-    Raises
-    ------
-    InputError
-        It is no bag, or it has no sensor message.
-    MissingExtra
-        rosbags is not installed.
-    """
-    return recording(path, ANY).table()
-
-
 def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
     """The streams of a bag, each with its own clock.
 
@@ -89,8 +78,10 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
 
     Raises
     ------
-    InputError, MissingExtra
-        As `read`.
+    InputError
+        It is no bag, or it has no sensor message.
+    MissingExtra
+        rosbags is not installed.
     """
     topics, clocks, words = _topics(path)
     chosen: dict[str, _Topic] = {}
@@ -141,35 +132,19 @@ def _preferred(own: Sequence[_Topic], choice: LogChoice, source: str) -> _Topic:
 
 def _topics(path: Path) -> tuple[list[_Topic], dict[str, Clock], list[str]]:
     """Decoded topics, the clock of every topic, and what is to be said of the file."""
-    try:
-        from rosbags.rosbag1 import Reader as Bag
-        from rosbags.rosbag2 import Reader as Bag2
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingExtra(
-            "ROS bags are read by rosbags, which is not installed",
-            where=str(path),
-            remedy='Install it with: pip install "kfgen[ros]"',
-        ) from None
     first = path.suffix.lower() == ".bag"
-    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    bags = optional_library(f"rosbags.rosbag{1 if first else 2}", "ros", "ROS bags are", path)
+    types = optional_library("rosbags.typesys", "ros", "ROS bags are", path)
+    store = types.get_typestore(types.Stores.ROS1_NOETIC if first else types.Stores.ROS2_HUMBLE)
     decode = store.deserialize_ros1 if first else store.deserialize_cdr
     words: list[str] = []
-    try:
-        with (Bag if first else Bag2)(path) as bag:
-            nan = float("nan")
-            counts = {c.topic: 0 for c in bag.connections}
-            for c in bag.connections:
-                counts[c.topic] += c.msgcount
-            clocks = {n: Clock(k, nan, nan, nan, 0.0, 0, 0.0, nan, 0, 0) for n, k in sorted(counts.items())}
-            wanted = [c for c in bag.connections if c.msgtype in _TYPES]
-            topics = _decoded(bag.messages(wanted), decode, words) if wanted else []
-    except Exception as error:  # whatever a broken file leads to
-        raise InputError(
-            f"it is no bag that can be read ({str(error).splitlines()[0] if str(error) else type(error).__name__})",
-            where=str(path),
-            remedy="Restore it with 'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'",
-        ) from None
+    with reading("bag", path, RESTORE), bags.Reader(path) as bag:
+        counts = {c.topic: 0 for c in bag.connections}
+        for c in bag.connections:
+            counts[c.topic] += c.msgcount
+        clocks = {name: Clock.counted(n) for name, n in sorted(counts.items())}
+        wanted = [c for c in bag.connections if c.msgtype in _TYPES]
+        topics = _decoded(bag.messages(wanted), decode, words) if wanted else []
     return topics, clocks | {t.name: Clock.of(t.t()) for t in topics}, words
 
 

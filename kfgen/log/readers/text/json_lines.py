@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers.array_names import is_time
-from kfgen.log.readers.arrays import Named, table_of
-from kfgen.log.readers.table import LogTable
+from kfgen.log.readers.arrays.array_names import is_time
+from kfgen.log.readers.arrays.named_arrays import Named, table_of
+from kfgen.log.readers.tables.table import LogTable
 
 SUFFIXES = (".jsonl", ".ndjson", ".jsonlines")
 NESTED_MOST = 4

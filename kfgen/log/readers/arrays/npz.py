@@ -21,7 +21,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
-from kfgen.log.readers.table import LogTable, TableColumn, stated_rate
+from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate
 
 SUFFIXES = (".npz",)
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers.clock import Clock
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.tables.clock import Clock
+from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
 

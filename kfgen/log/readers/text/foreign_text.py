@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.log.readers import array_names
-from kfgen.log.readers.arrays import Named, table_of
-from kfgen.log.readers.seconds import UNITS_S, stamp_unit
-from kfgen.log.readers.table import LogTable, TableColumn
+from kfgen.log.readers.arrays import array_names
+from kfgen.log.readers.arrays.named_arrays import Named, table_of
+from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
+from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
 

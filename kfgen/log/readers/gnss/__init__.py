@@ -1,0 +1,1 @@
+"""Readers of GNSS receivers and their solutions."""
