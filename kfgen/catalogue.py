@@ -12,7 +12,7 @@ from kfgen.consumers import consumers
 from kfgen.core.result import Result, ShortTable
 from kfgen.effects import catalogue
 from kfgen.emit import targets
-from kfgen.log.readers import readers
+from kfgen.log.readers.known import folder_readers, readers
 from kfgen.manoeuvre.library import LIBRARY as MANOEUVRES
 from kfgen.model.library import LIBRARY, option_rows
 from kfgen.model.parts.sensors import sensors
@@ -63,6 +63,9 @@ def list_all() -> Catalogue:
             "consumers": [(n, c.TITLE) for n, c in consumers().items()],
             "filters": [(n, c.title) for n, c in rules().items()],
             "estimators": [(n, c.title) for n, c in estimators().items()],
-            "formats": [(n, (m.__doc__ or "").split(".\n")[0].splitlines()[0]) for n, m in readers().items()],
+            "formats": [
+                *((n, (m.__doc__ or "").split(".\n")[0].splitlines()[0]) for n, m in readers().items()),
+                *(("folder", m.FOLDER) for m in folder_readers()),
+            ],
         }
     )

@@ -17,6 +17,7 @@ from kfgen.fleet.result import FleetResult
 from kfgen.fleet.spread import on_cluster, on_this_machine
 from kfgen.fleet.worker import LogTask
 from kfgen.log.log import Log
+from kfgen.log.readers.known import is_log
 from kfgen.model.library import build
 from kfgen.model.plant.user import FORMAT, read_model
 
@@ -90,8 +91,8 @@ def matching(patterns: Sequence[str | Path]) -> list[str]:
     """
     found: dict[Path, str] = {}
     for pattern in map(str, patterns):
-        paths = [pattern] if Path(pattern).is_file() else glob(pattern, recursive=True)
-        files = sorted(p for p in paths if Path(p).is_file())
+        paths = [pattern] if is_log(Path(pattern)) else glob(pattern, recursive=True)
+        files = sorted(p for p in paths if is_log(Path(p)))
         if not files:
             raise InputError(
                 "no file matches", where=pattern, remedy="Give a pattern such as 'logs/*.csv', in quotes"

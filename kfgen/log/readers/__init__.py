@@ -9,14 +9,9 @@ sensors have their own clocks; with ``inside(path, use)`` where a file holds ano
 
 from __future__ import annotations
 
-import hashlib
-import importlib
 import os
-import pkgutil
 import warnings
-from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -24,6 +19,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.numbers import is_sampling_rate
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers.arrays.frames import frame_table
+from kfgen.log.readers.known import reader_of, readers, sha256_of
 from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording
 from kfgen.log.readers.tables.table import ColumnMap, LogTable, assemble, stored
 
@@ -48,23 +44,6 @@ Columns = ColumnMap | str
 
 MAX_SAMPLES_IN_MEMORY = 20_000_000
 """Samples of a channel beyond which a mapped file is not read into memory."""
-MAGIC_BYTES = 16
-"""Bytes at the beginning of a file by which its format may be known."""
-READ_BLOCK_BYTES = 1 << 20
-"""Bytes of a file that are looked at in one piece."""
-
-
-@cache
-def readers() -> dict[str, ModuleType]:
-    """The reader of each file suffix, from every module of this package that declares one."""
-    return {suffix: m for m in _modules() for suffix in getattr(m, "SUFFIXES", ())}
-
-
-@cache
-def _modules() -> tuple[ModuleType, ...]:
-    """The modules in the folders of this package."""
-    inner = pkgutil.walk_packages(__path__, f"{__name__}.")
-    return tuple(importlib.import_module(info.name) for info in inner if not info.ispkg)
 
 
 def read_log(
@@ -188,29 +167,6 @@ def log_of(log: LogOrPath) -> Log:
     return found
 
 
-def reader_of(path: Path) -> ModuleType:
-    """The reader of a file, by how it begins, else by its suffix.
-
-    Raises
-    ------
-    InputError
-        There is no such file, or no reader of it.
-    """
-    if not path.is_file():
-        raise InputError("no such file", where=str(path), remedy="Check the path")
-    with path.open("rb") as file:
-        head = file.read(MAGIC_BYTES)
-    known = (m for m in readers().values() if getattr(m, "MAGIC", ()) and head.startswith(m.MAGIC))
-    reader = next(known, None) or readers().get(path.suffix.lower())
-    if reader is None:
-        raise InputError(
-            f"'{path.suffix}' is no format that is read",
-            where=str(path),
-            remedy=f"Known are {', '.join(sorted(readers()))}",
-        )
-    return reader
-
-
 def read_table(path: Path, rate: float | None, choice: LogChoice = ANY) -> tuple[LogTable, str]:
     """What the reader of a file found in it, before columns are mapped.
 
@@ -234,11 +190,7 @@ def read_table(path: Path, rate: float | None, choice: LogChoice = ANY) -> tuple
         As `read_log`.
     """
     reader_of(path)
-    with path.open("rb") as file:
-        if not any(block.strip() for block in iter(lambda: file.read(READ_BLOCK_BYTES), b"")):
-            raise InputError("the file is empty", where=str(path), remedy="Give a log with samples")
-        file.seek(0)
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    sha256 = sha256_of(path)
     if rate is not None and not is_sampling_rate(rate):
         raise InputError(
             f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"

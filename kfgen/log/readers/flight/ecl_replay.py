@@ -1,4 +1,4 @@
-"""Reads replays of PX4-ECL: text with one sample a line, ``time [us],sensor,values`` (`test/sensor_simulator` there).
+"""Reads replays of PX4-ECL, and the answers of its filter to them: text with one sample a line, ``time [us],sensor,values`` (`test/sensor_simulator` there).
 
 The order of the coordinates of ``gps``, height [mm], longitude, latitude [1e-7 deg], is that by which they agree with
 its velocity.
@@ -33,6 +33,12 @@ _FIELDS: Mapping[str, Sequence[tuple[str, str]]] = {
     "range": [("range", "m")],
 }
 """Channels of the values of a sensor; the magnetometer is in gauss."""
+_STATES = (
+    *((f"ref_q_{a}", "") for a in "wxyz"),
+    *((f"ref_v_{a}", "m/s") for a in "NED"),
+    *((f"ref_p_{a}", "m") for a in "NED"),
+)
+"""The first states of the filter: attitude (body to north, east, down), velocity, position."""
 MICROTESLA_PER_GAUSS = 100.0
 
 
@@ -40,6 +46,52 @@ def is_replay(lines: Sequence[str]) -> bool:
     """Whether a text is such a replay."""
     first = [line for line in lines[:200] if line.strip()]
     return bool(first) and sum(LINE.match(line) is not None for line in first) > WHOLE_SHARE * len(first)
+
+
+def is_answer(lines: Sequence[str]) -> bool:
+    """Whether a text is the states and variances of the filter."""
+    return bool(lines) and lines[0].startswith("Timestamp,state[0],state[1],")
+
+
+def read_answer(source: str, lines: Sequence[str]) -> LogTable:
+    """Attitude, velocity and position of the filter as references.
+
+    Parameters
+    ----------
+    source : str
+        The file's name, for messages.
+    lines : sequence of str
+
+    Returns
+    -------
+    LogTable
+        The other states by their names in the file, for ``--columns``.
+
+    Raises
+    ------
+    InputError
+        A line is damaged: with its number; only a last line that is cut off is left out.
+    """
+    names = [name.strip() for name in lines[0].split(",")]
+    rows: list[list[float]] = []
+    for k, line in enumerate(lines[1:], 2):
+        try:
+            row = [float(c) for c in line.split(",")[: len(names)]]
+            if len(row) < len(names):
+                raise ValueError
+        except ValueError:
+            if not line.strip() or k == len(lines):
+                continue
+            raise InputError(
+                "it is no line of numbers", where=f"{source}: line {k}", remedy="Correct or remove it"
+            ) from None
+        rows.append(row)
+    raw = {n: TableColumn(v) for n, v in zip(names, np.array(rows).reshape(-1, len(names)).T, strict=True)}
+    columns = {"t": TableColumn(raw["Timestamp"].values, "us")}
+    for k, (channel, unit) in enumerate(_STATES):
+        columns[channel] = TableColumn(raw[f"state[{k}]"].values, unit)
+    said = "attitude, velocity and position of the filter are references, its other states are for --columns"
+    return LogTable(source, columns, None, (said,), others=raw)
 
 
 def read_replay(source: str, lines: Sequence[str]) -> LogTable:

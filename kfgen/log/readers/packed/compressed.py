@@ -13,7 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TypeVar, cast
 
-from kfgen.core.errors import InputError, KfgenError, MissingExtra
+from kfgen.core.errors import InputError, KfgenError
+from kfgen.log.readers.tables.library import optional_library, reading
 from kfgen.log.readers.tables.streams import LogRecording
 from kfgen.log.readers.tables.table import LogTable
 
@@ -56,37 +57,80 @@ def inside(path: Path, use: Callable[[Path], Found]) -> Found:
         _unpack(path, inner)
         if inner.suffix.lower() in SUFFIXES:
             raise InputError("it is compressed twice", where=str(path), remedy="Unpack it once")
-        try:
-            found = use(inner)
-        except KfgenError as error:
-            where = error.where.replace(str(inner), str(path))
-            raise type(error)(error.what, where=where, remedy=error.remedy) from None
-        return found if found is None else replace(found, source=str(path))
+        return named_as(path, inner, use)
+
+
+def named_as(path: Path, inner: Path, use: Callable[[Path], Found]) -> Found:
+    """What is made of an unpacked log, under the name of the file that it was in.
+
+    Parameters
+    ----------
+    path : Path
+        The file that holds it.
+    inner : Path
+        Where its content was written.
+    use : callable
+        From the path of the content to what is wanted.
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    InputError
+        As `use`; messages name the file.
+    """
+    try:
+        found = use(inner)
+    except KfgenError as error:
+        where = error.where.replace(str(inner), str(path))
+        raise type(error)(error.what, where=where, remedy=error.remedy) from None
+    return found if found is None else replace(found, source=str(path))
+
+
+def checked_growth(path: Path, content: IO[bytes], out: IO[bytes], written: int = 0) -> int:
+    """Write content piece by piece, as long as it does not grow beyond all measure.
+
+    Parameters
+    ----------
+    path : Path
+        The file that holds it.
+    content, out : binary file
+        From where, and where to.
+    written : int
+        Bytes that were written before.
+
+    Returns
+    -------
+    int
+        Bytes that were written, those before among them.
+
+    Raises
+    ------
+    InputError
+        There is too much of it.
+    """
+    most = min(MOST_BYTES, max(MOST_GROWTH * path.stat().st_size, SMALL_BYTES))
+    while piece := content.read(PIECE_BYTES):
+        written += len(piece)
+        if written > most:
+            raise InputError(
+                f"its content is more than {most} bytes", where=str(path), remedy="Unpack it yourself"
+            )
+        out.write(piece)
+    return written
 
 
 def _unpack(path: Path, inner: Path) -> None:
     with path.open("rb") as file:
         head = file.read(6)
-    size = path.stat().st_size
-    most = min(MOST_BYTES, max(MOST_GROWTH * size, SMALL_BYTES))
-    written = 0
-    try:
-        with _opened(path, head) as content, inner.open("wb") as out:
-            while piece := content.read(PIECE_BYTES):
-                written += len(piece)
-                if written > most:
-                    raise InputError(
-                        f"its content is more than {most} bytes", where=str(path), remedy="Unpack it yourself"
-                    )
-                out.write(piece)
-    except Exception as error:  # each library has errors of its own
-        if isinstance(error, KfgenError):
-            raise
-        raise InputError(
-            f"it cannot be unpacked ({str(error) or 'cut off'})",
-            where=str(path),
-            remedy="Copy the file again",
-        ) from None
+    with (
+        reading("compressed file", path, "Copy the file again"),
+        _opened(path, head) as content,
+        inner.open("wb") as out,
+    ):
+        checked_growth(path, content, out)
 
 
 def _opened(path: Path, head: bytes) -> IO[bytes]:
@@ -100,14 +144,7 @@ def _opened(path: Path, head: bytes) -> IO[bytes]:
             where=str(path),
             remedy="Give it the suffix of its content",
         )
-    try:
-        import zstandard
-    except ImportError:
-        raise MissingExtra(
-            "zstd is read by zstandard, which is not installed",
-            where=str(path),
-            remedy='Install it with: pip install "kfgen[zstd]"',
-        ) from None
+    zstandard = optional_library("zstandard", "zstd", "zstd is", path)
     reader: IO[bytes] = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(
         path.open("rb"), read_across_frames=True, closefd=True
     )

@@ -1,4 +1,4 @@
-"""Reads ROS 1 bags, ROS 2 bags (.db3) and MCAP by rosbags: the standard sensor messages, by the stamps in their headers.
+"""Reads ROS 1 bags, ROS 2 bags (.db3, or their folder) and MCAP by rosbags: the standard sensor messages, by the stamps in their headers.
 
 Vehicle axes of ROS are forward, left, up and those of the world east, north, up (REP 103); they become forward, right,
 down and north, east, down. Messages are decoded by the standard's own definitions: those in a file are not used, since
@@ -26,6 +26,8 @@ from kfgen.log.readers.tables.table import TableColumn
 Array = NDArray[np.float64]
 
 SUFFIXES = (".bag", ".db3", ".mcap")
+FOLDER = "a folder of a ROS 2 bag (metadata.yaml with its .db3 or .mcap files)"
+METADATA = "metadata.yaml"
 MAGIC = (b"#ROSBAG V2.0", b"SQLite format 3\0", b"\x89MCAP0\r\n")
 RESTORE = "Restore it with 'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
 STEEP = 0.5
@@ -61,6 +63,12 @@ class _Topic:
     def values(self) -> Array:
         """Numbers of the messages, shape (numbers, n)."""
         return np.asarray(self.rows, np.float64).T
+
+
+def parts(path: Path) -> list[Path]:
+    """The files of a ROS 2 bag that is a folder, split or not; none where it is another kind of folder."""
+    files = [p for p in sorted(path.iterdir()) if p.is_file() and set(p.suffixes) & {".db3", ".mcap"}]
+    return [path / METADATA, *files] if files and (path / METADATA).is_file() else []
 
 
 def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:

@@ -17,7 +17,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import from_si
 from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
-from kfgen.log.readers.flight.ecl_replay import is_replay, read_replay
+from kfgen.log.readers.flight.ecl_replay import is_answer, is_replay, read_answer, read_replay
 from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate, stated_samples
 from kfgen.log.readers.text.foreign_text import foreign
 from kfgen.log.readers.text.loose_text import loose_text
@@ -40,6 +40,24 @@ def read(path: Path) -> LogTable:
     lines = text.splitlines()
     if is_replay(lines):
         return read_replay(str(path), lines)
+    if is_answer(lines):
+        return read_answer(str(path), lines)
+    return foreign(*_raw(path, text, lines))
+
+
+def raw_table(path: Path) -> tuple[LogTable, dict[str, TableColumn]]:
+    """The columns of a file under its own names, and those of words among them.
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    text = _decoded(path.read_bytes())
+    return _raw(path, text, text.splitlines())
+
+
+def _raw(path: Path, text: str, lines: list[str]) -> tuple[LogTable, dict[str, TableColumn]]:
     words: tuple[str, ...] = ()
     left: dict[str, TableColumn] = {}
     try:
@@ -58,8 +76,8 @@ def read(path: Path) -> LogTable:
     columns = {
         name: TableColumn(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
     }
-    table = LogTable(str(path), columns, rate, (*words, *warnings), stated, stated_samples(lines[:first]))
-    return foreign(table, left)
+    samples = stated_samples(lines[:first])
+    return LogTable(str(path), columns, rate, (*words, *warnings), stated, samples), left
 
 
 def _decoded(data: bytes) -> str:
@@ -98,7 +116,7 @@ def write(log: Log, path: str | Path) -> None:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    return [c.strip() for c in (line.split(separator) if separator else line.split())]
+    return [c.strip().strip('"') for c in (line.split(separator) if separator else line.split())]
 
 
 def _is_number(cell: str) -> bool:
