@@ -1,11 +1,12 @@
 """Noise parameters in other programs' conventions: one module for each program, found by its ``NAME``.
 
-To add one, add a module here with
+To add one, add a module to the folder of its kind (``estimators``, ``autopilots``, ``simulators``) with
 
 - ``NAME`` and ``TITLE``,
 - ``SOURCE``: where its convention was read, and how far that is verified,
 - ``RATE``: which rate its numbers depend on, in words; empty when on none,
-- ``NEEDS``: the sensors (``gyro``, ``accel``) that its file cannot do without,
+- ``NEEDS``: the sensors (``gyro``, ``accel``) that its file cannot do without; where there are any, every key of its
+  file is needed, and one that was not identified is an error of the conversion,
 - ``convert(imu) -> Converted``; see `kfgen.consumers.base`.
 """
 
@@ -18,10 +19,11 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from kfgen.consumers.base import SENSORS, Converted, Imu, Value
+from kfgen.consumers.base import IMU_RATE, SENSORS, Converted, Imu, Value
 from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import is_sampling_rate
+from kfgen.core.units import parse_quantity
 from kfgen.effects.noise_model import NoiseModel, read_noise
 
 __all__ = ["Conversion", "Converted", "Imu", "Value", "consumers", "convert"]
@@ -33,12 +35,9 @@ MAX_SAFETY = 1e6
 @cache
 def consumers() -> dict[str, ModuleType]:
     """The consumers by name, from every module of this package that declares one."""
-    found: dict[str, ModuleType] = {}
-    for info in pkgutil.iter_modules(__path__):
-        module = importlib.import_module(f"{__name__}.{info.name}")
-        if hasattr(module, "NAME"):
-            found[module.NAME] = module
-    return found
+    inner = pkgutil.walk_packages(__path__, f"{__name__}.")
+    modules = [importlib.import_module(info.name) for info in inner if not info.ispkg]
+    return {m.NAME: m for m in sorted(modules, key=lambda m: getattr(m, "NAME", "")) if hasattr(m, "NAME")}
 
 
 def convert(
@@ -58,7 +57,8 @@ def convert(
     to : str
         The consumer's name, see `kfgen.list_all`.
     rate : float, optional
-        The rate [Hz] that the consumer's numbers depend on.
+        The rate [Hz] that the consumer's numbers depend on; where it is that of the IMU, the rate at which the noise
+        was identified is taken where none is given.
     safety : float
         Multiplies every size (its square every covariance).
     origin : str
@@ -79,6 +79,7 @@ def convert(
         path = Path(noise)
         noise, source = read_noise(path), str(noise).encode("utf-8", "replace").decode()
         sha256, origin = hashlib.sha256(path.read_bytes()).hexdigest(), origin or path.name
+    rate = rate if rate is not None else _own_rate(noise, to)
     module = _consumer(to, rate, safety)
     imu = Imu(noise, rate, safety, origin)
     for sensor in module.NEEDS:
@@ -91,6 +92,9 @@ def convert(
             )
     made: Converted = module.convert(imu)
     absent = [f"{name}: {v.words}" for name, v in made.values.items() if not v.numbers]
+    missing = tuple(name for name, v in made.values.items() if module.NEEDS and not v.numbers)
+    if missing:
+        absent.append(f"{module.TITLE} is not complete: it cannot do without {', '.join(missing)}")
     return Conversion(
         made.text,
         made.values,
@@ -103,7 +107,17 @@ def convert(
         safety,
         source,
         sha256,
+        missing,
     )
+
+
+def _own_rate(noise: NoiseModel, to: str) -> float | None:
+    """The rate [Hz] at which a noise model was identified, where the consumer wants that of the IMU."""
+    module, stated = consumers().get(to), noise.provenance.get("rate", "")
+    if module is None or not stated or not module.RATE.startswith(IMU_RATE):
+        return None
+    rate = parse_quantity(stated, "Hz", where="[provenance] rate")
+    return rate if is_sampling_rate(rate) else None
 
 
 def _consumer(to: str, rate: float | None, safety: float) -> ModuleType:

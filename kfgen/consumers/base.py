@@ -25,6 +25,8 @@ from kfgen.effects.process.stochastic import GaussMarkov, RateRandomWalk, WhiteN
 
 SENSORS = {"gyro": ("gyroscope", "rad/s"), "accel": ("accelerometer", "m/s^2")}
 AXES = ("x", "y", "z")
+IMU_RATE = "the sampling rate of the IMU"
+"""How the rate of a consumer begins that is the rate of the log from which the noise was identified."""
 WALK_APPROXIMATION = "equal over times short against tau only, too large over longer ones"
 
 
@@ -190,7 +192,9 @@ class Imu:
         pairs = [(r.number(letter), r) for r in self.readings(sensor)]
         return [(number, reading) for number, reading in pairs if number is not None]
 
-    def scalar(self, sensor: str, letter: str, unit: str, factor: float = 1.0, by: str = "") -> Value:
+    def scalar(
+        self, sensor: str, letter: str, unit: str, factor: float = 1.0, by: str = "", *, power: int = 1
+    ) -> Value:
         """The worst axis as one number.
 
         Parameters
@@ -205,6 +209,8 @@ class Imu:
             Multiplies the number.
         by : str
             That factor as text: ``" / sqrt(dt)"``.
+        power : int
+            1, or 2 for a variance.
 
         Returns
         -------
@@ -216,14 +222,16 @@ class Imu:
             return Value((), unit, self.absence(sensor, letter))
         scale = factor * self.safety
         number, worst = max(known, key=lambda pair: pair[0])
-        mean = from_si(scale * sum(n for n, _ in known) / len(known), unit)
+        mean = from_si((scale * sum(n for n, _ in known) / len(known)) ** power, unit)
         words, end = formula([worst], letter, by)
-        words += f"; {worst.channel}"
+        words = f"{'square of ' if power == 2 else ''}{words}; {worst.channel}"
         if len(known) > 1:
             words += f", the worst of {len(known)} axes, mean {mean:.4g}"
-        return Value((from_si(scale * number, unit),), unit, words + self.safely() + end)
+        return Value((from_si((scale * number) ** power, unit),), unit, words + self.safely(power) + end)
 
-    def vector(self, sensor: str, letter: str, unit: str, power: int = 1) -> Value:
+    def vector(
+        self, sensor: str, letter: str, unit: str, power: int = 1, factor: float = 1.0, by: str = ""
+    ) -> Value:
         """Three numbers, one for each axis; an axis without a number has the worst one's.
 
         Parameters
@@ -236,6 +244,10 @@ class Imu:
             Of the result.
         power : int
             1, or 2 for a covariance.
+        factor : float
+            Multiplies the number.
+        by : str
+            That factor as text.
 
         Returns
         -------
@@ -247,8 +259,8 @@ class Imu:
             return Value((), unit, self.absence(sensor, letter))
         worst = max(known.values())
         names = [f"{sensor}_{a}" for a in AXES]
-        numbers = tuple(from_si((self.safety * known.get(n, worst)) ** power, unit) for n in names)
-        words, end = formula([reading for _, reading in self.known(sensor, letter)], letter)
+        numbers = tuple(from_si((factor * self.safety * known.get(n, worst)) ** power, unit) for n in names)
+        words, end = formula([reading for _, reading in self.known(sensor, letter)], letter, by)
         words = f"square of {words}" if power == 2 else words
         return Value(numbers, unit, words + by_axis(names, known) + self.safely(power) + end)
 
@@ -270,7 +282,12 @@ class Imu:
         if not channels:
             return f"not identified, left out: the noise file has no {SENSORS[sensor][0]} channel"
         wanted = "white_noise" if letter == "N" else "rate_random_walk or gauss_markov"
-        return f"not identified, left out: no {wanted} in {channels}"
+        limits = [
+            f"{letter} of {r.channel} is {text}"
+            for r in self.readings(sensor)
+            if (text := self.noise.provenance.get(f"{r.channel} {wanted.partition(' ')[0]} {letter}"))
+        ]
+        return "; ".join([f"not identified, left out: no {wanted} in {channels}", *limits])
 
     def safely(self, power: int = 1) -> str:
         """The safety factor in words."""
@@ -364,33 +381,3 @@ def unused(reading: AxisValue, title: str) -> list[str]:
         "; flicker is no random walk: identify it as a gauss_markov" if "bias_instability" in names else ""
     )
     return [f"{reading.channel}: no parameter of {title} holds {', '.join(names)}{flicker}"]
-
-
-def real(number: float) -> str:
-    """A number that every YAML reader takes for one: with a point and a signed exponent."""
-    mantissa, e, exponent = f"{number:.7g}".partition("e")
-    return f"{mantissa if '.' in mantissa else mantissa + '.0'}{e}{exponent}"
-
-
-def yaml_lines(values: Mapping[str, Value], indent: str = "") -> list[str]:
-    """A line for each parameter: the key, its number or its list, and the words as a comment.
-
-    Parameters
-    ----------
-    values : mapping of str to Value
-        By key; one without numbers becomes a comment.
-    indent : str
-        Before each line.
-
-    Returns
-    -------
-    list of str
-    """
-    lines = []
-    for name, v in values.items():
-        if not v.numbers:
-            lines.append(f"{indent}# {name}: {v.words}")
-            continue
-        shown = real(v.numbers[0]) if len(v.numbers) == 1 else f"[{', '.join(map(real, v.numbers))}]"
-        lines.append(f"{indent}{name}: {shown}  # [{v.unit}] {v.words}")
-    return lines

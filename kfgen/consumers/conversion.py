@@ -35,6 +35,8 @@ class Conversion(Result):
         Multiplies every size.
     source, sha256 : str
         The noise file, empty where there is none.
+    missing : tuple of str
+        Parameters that the consumer cannot do without and that were not identified.
     """
 
     text: str
@@ -48,6 +50,7 @@ class Conversion(Result):
     safety: float = 1.0
     source: str = ""
     sha256: str = ""
+    missing: tuple[str, ...] = ()
 
     def summary(self) -> list[str]:
         """For which program, and how many parameters were identified."""
@@ -72,6 +75,7 @@ class Conversion(Result):
             "parameters": {name: self._entry(v) for name, v in self.values.items()},
             "meanings": self._meanings(),
             "text": self.text,
+            "missing": list(self.missing),
             "warnings": list(self.warnings),
         }
 

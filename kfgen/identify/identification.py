@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
-from kfgen.core.numbers import finite
+from kfgen.core.numbers import finite, quantity
 from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
@@ -174,6 +174,15 @@ class IdentifiedChannel:
         )
         return ChannelNoise(display_unit(self.unit), terms, self.covariance)
 
+    def limits_said(self, name: str) -> dict[str, str]:
+        """Upper limits of what the record cannot show, by ``gyro_x rate_random_walk K``."""
+        said = {}
+        for limit in self.limits:
+            unit = {p.name: p.unit for p in limit.effect.parameters()}[limit.parameter]
+            text = quantity(limit.upper95, derived_unit(unit, display_unit(self.unit)))
+            said[f"{name} {limit.effect.name} {limit.parameter}"] = f"below {text} at 95 %"
+        return said
+
     @staticmethod
     def _is_written(ci: Interval) -> bool:
         return bool(np.isfinite(ci[1]))
@@ -264,8 +273,17 @@ class Identification(Result):
                 "sha256": ", ".join(sha256 for _, sha256 in self.logs),
                 "method": self.method,
                 "kfgen": kfgen.__version__,
+                **self._rates(),
+                **{k: v for name, c in self.channels.items() for k, v in c.limits_said(name).items()},
             },
         )
+
+    def _rates(self) -> dict[str, str]:
+        """The sampling rate, where all channels share it; a published curve has none."""
+        rates = {
+            c.fitted.record.dt for c in self.channels.values() if not isinstance(c.fitted.record, Published)
+        }
+        return {"rate": f"{1.0 / rates.pop():.6g} Hz"} if len(rates) == 1 else {}
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON ``kfgen-identify-1``: SI values with their units."""

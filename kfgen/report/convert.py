@@ -33,7 +33,7 @@ def convert_answer(made: Conversion, output: str = "") -> Answer:
         parts += [heading(name), *found] if found else []
     lines = [f"{made.title} in {output}", columns(rows)] if output else [made.text]
     page = Page(f"Noise parameters for {made.consumer}", tuple(parts))
-    return Answer("\n".join(lines), made.to_dict(), page, warnings=made.warnings)
+    return Answer("\n".join(lines), made.to_dict(), page, not made.missing, made.warnings)
 
 
 def meaning_parts(channel: str, effects: Iterable[Effect], unit: str, safety: float = 1.0) -> list[PagePart]:

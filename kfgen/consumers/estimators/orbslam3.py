@@ -11,12 +11,13 @@ References
 
 from __future__ import annotations
 
-from kfgen.consumers.base import Converted, Imu, yaml_lines
+from kfgen.consumers.base import IMU_RATE, Converted, Imu
+from kfgen.consumers.yaml_text import yaml_lines
 
 NAME = "orbslam3"
 TITLE = "ORB-SLAM3 settings"
 SOURCE = "read in UZ-SLAMLab/ORB_SLAM3: EuRoC.yaml; src/Tracking.cc in copies of it"
-RATE = "the sampling rate of the IMU (IMU.Frequency), by which it scales the noise"
+RATE = f"{IMU_RATE} (IMU.Frequency), by which it scales the noise"
 NEEDS = ("gyro", "accel")
 
 

@@ -11,7 +11,8 @@ References
 
 from __future__ import annotations
 
-from kfgen.consumers.base import Converted, Imu, Value, real
+from kfgen.consumers.base import Converted, Imu, Value
+from kfgen.consumers.yaml_text import real
 
 NAME = "gtsam"
 TITLE = "GTSAM PreintegrationCombinedParams"

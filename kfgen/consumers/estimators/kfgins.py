@@ -14,18 +14,8 @@ from __future__ import annotations
 
 import math
 
-from kfgen.consumers.base import (
-    AXES,
-    SENSORS,
-    AxisValue,
-    Converted,
-    Imu,
-    Value,
-    by_axis,
-    root_sum,
-    unused,
-    yaml_lines,
-)
+from kfgen.consumers.base import AXES, SENSORS, AxisValue, Converted, Imu, Value, by_axis, root_sum, unused
+from kfgen.consumers.yaml_text import yaml_lines
 from kfgen.core.units import from_si
 
 NAME = "kfgins"

@@ -10,12 +10,13 @@ References
 
 from __future__ import annotations
 
-from kfgen.consumers.base import Converted, Imu, Value, yaml_lines
+from kfgen.consumers.base import IMU_RATE, Converted, Imu, Value
+from kfgen.consumers.yaml_text import yaml_lines
 
 NAME = "kalibr"
 TITLE = "Kalibr imu.yaml"
 SOURCE = "read in ethz-asl/kalibr: working_directory/imu.yaml; ConfigReader.py in a copy of it"
-RATE = "the sampling rate of the IMU (update_rate)"
+RATE = f"{IMU_RATE} (update_rate)"
 NEEDS = ("gyro", "accel")
 
 

@@ -11,8 +11,8 @@ References
 
 from __future__ import annotations
 
+from kfgen.consumers.autopilots.steps import Step, lines, outside, stepped
 from kfgen.consumers.base import Converted, Imu
-from kfgen.consumers.steps import Step, lines, outside, stepped
 
 NAME = "px4"
 TITLE = "PX4 EKF2 parameters"

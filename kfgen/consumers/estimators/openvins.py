@@ -8,13 +8,14 @@ References
 
 from __future__ import annotations
 
-from kfgen.consumers.base import Converted, Imu, yaml_lines
-from kfgen.consumers.kalibr import densities
+from kfgen.consumers.base import IMU_RATE, Converted, Imu
+from kfgen.consumers.estimators.kalibr import densities
+from kfgen.consumers.yaml_text import yaml_lines
 
 NAME = "openvins"
 TITLE = "OpenVINS kalibr_imu_chain.yaml"
 SOURCE = "read in rpng/open_vins: config/euroc_mav/kalibr_imu_chain.yaml; its option parser in copies of it"
-RATE = "the sampling rate of the IMU (update_rate)"
+RATE = f"{IMU_RATE} (update_rate)"
 NEEDS = ("gyro", "accel")
 
 _MATRICES = {"T_i_b": (4, 1.0), "Tw": (3, 1.0), "R_IMUtoGYRO": (3, 1.0), "Ta": (3, 1.0)}

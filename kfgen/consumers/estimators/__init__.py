@@ -1,0 +1,1 @@
+"""Programs that estimate: calibration, odometry, integrated navigation."""
