@@ -7,12 +7,13 @@ another model than went in.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from typer.testing import Result
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue, make
@@ -364,3 +365,17 @@ def test_hostile_text_is_refused_and_never_executed(
     with pytest.raises(InputError):
         parse_noise(documents[place], "n.toml")
     assert not list(tmp_path.iterdir())
+
+
+def test_what_a_noise_file_does_not_say_is_said(tmp_path: Path, kfgen: Callable[..., Result]) -> None:
+    """A file of one gyro axis: the others and the sensors keep the model's figures, and every command says so."""
+    path = tmp_path / "gx.toml"
+    path.write_text(
+        f'format = "{FORMAT}"\n[gyro_x]\nunit = "deg/s"\neffects = [{{ effect = "white_noise", N = 0.005 }}]\n'
+    )
+    for words in (["derive", "ahrs6"], ["emit", "ahrs6", "--target", "numpy", "-o", tmp_path / "out"]):
+        answer = kfgen(*words, "--noise", path)
+        assert answer.exit_code == 0
+        assert "the noise has no white noise of gyro_y, gyro_z: the model's typical figures" in answer.output
+        assert "no white noise of accel, mag: the model's own standard deviations" in answer.output
+    assert "white noise of" not in kfgen("derive", "ahrs6").output

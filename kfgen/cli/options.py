@@ -53,12 +53,12 @@ def read(path: Path, rate: float | None, columns: str | None, topic: str = "", k
 
 def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: list[str] | None) -> FilterModel:
     """A filter model with its noise and what was chosen of its options; what is not in it is said."""
-    from kfgen.model.build import build
+    from kfgen.model.build import build, said_of_noise
     from kfgen.model.option import read_pairs
 
     built = build(model, noise, read_pairs(set_ or ()), sensor)
-    for omission in built.omitted:
-        print(f"warning: {omission.sentence}", file=sys.stderr)
+    for said in (*(o.sentence for o in built.omitted), *said_of_noise(built)):
+        print(f"warning: {said}", file=sys.stderr)
     return built
 
 

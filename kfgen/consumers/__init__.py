@@ -15,16 +15,19 @@ from __future__ import annotations
 import hashlib
 import importlib
 import pkgutil
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from kfgen.consumers.autopilots.findings import Findings
 from kfgen.consumers.base import IMU_RATE, SENSORS, Converted, Imu, Value
 from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import is_sampling_rate
 from kfgen.core.units import parse_quantity
 from kfgen.effects.noise_model import NoiseModel, read_noise
+from kfgen.model.filter_file import FilterFile, is_filter_file, read_filter
 
 __all__ = ["Conversion", "Converted", "Imu", "Value", "consumers", "convert"]
 
@@ -41,7 +44,7 @@ def consumers() -> dict[str, ModuleType]:
 
 
 def convert(
-    noise: NoiseModel | str | Path,
+    noise: NoiseModel | FilterFile | str | Path,
     to: str,
     *,
     rate: float | None = None,
@@ -52,8 +55,8 @@ def convert(
 
     Parameters
     ----------
-    noise : NoiseModel or path-like
-        The effects of the channels.
+    noise : NoiseModel, FilterFile or path-like
+        The effects of the channels; or a filter, of which autopilots take delays, arms and offsets too.
     to : str
         The consumer's name, see `kfgen.list_all`.
     rate : float, optional
@@ -74,41 +77,71 @@ def convert(
         An unknown consumer, a rate or a sensor that it needs and that is not given, or a channel called
         after a sensor whose unit is none of it.
     """
-    source = sha256 = ""
-    if not isinstance(noise, NoiseModel):
-        path = Path(noise)
-        noise, source = read_noise(path), str(noise).encode("utf-8", "replace").decode()
-        sha256, origin = hashlib.sha256(path.read_bytes()).hexdigest(), origin or path.name
-    rate = rate if rate is not None else _own_rate(noise, to)
-    module = _consumer(to, rate, safety)
-    imu = Imu(noise, rate, safety, origin)
+    given = _Given.of(noise, origin)
+    rate, assumed = _rate(given, to, rate)
+    module = _consumer(to, rate, safety, given.is_inertial)
+    imu = Imu(given.noise, rate, safety, given.origin)
+    _check_needs(module, imu)
+    settable = given.findings is not None and hasattr(module, "SETTINGS")
+    made: Converted = module.convert(imu, given.findings) if settable else module.convert(imu)
+    said = [*(f"{name}: {v.words}" for name, v in made.values.items() if not v.numbers), *assumed]
+    missing = tuple(name for name, v in made.values.items() if module.NEEDS and not v.numbers)
+    if missing:
+        said.append(f"{module.TITLE} is not complete: it cannot do without {', '.join(missing)}")
+    unheld = given.findings.sources if given.findings is not None and not settable else ()
+    said += [*made.warnings, *(f"no parameter of {module.TITLE} holds {words}" for words in unheld)]
+    how = (module.TITLE, module.SOURCE, rate, safety, given.source, given.sha256, missing)
+    return Conversion(made.text, made.values, tuple(said), given.noise, to, *how)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What is converted: a noise model, and what a filter file says beside it; `origin` is its name in the text."""
+
+    noise: NoiseModel
+    findings: Findings | None = None
+    source: str = ""
+    sha256: str = ""
+    origin: str = ""
+
+    @staticmethod
+    def of(noise: NoiseModel | FilterFile | str | Path, origin: str) -> _Given:
+        """Of a model, a filter, or the path of its file."""
+        if isinstance(noise, str | Path):
+            path = Path(noise)
+            content = read_filter(path) if is_filter_file(path) else read_noise(path)
+            sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+            source = str(noise).encode("utf-8", "replace").decode()
+            return replace(_Given.of(content, origin or path.name), source=source, sha256=sha256)
+        if isinstance(noise, NoiseModel):
+            return _Given(noise, origin=origin)
+        return _Given(noise.noise or NoiseModel({}), Findings.of(noise), origin=origin)
+
+    @property
+    def is_inertial(self) -> bool:
+        """Whether there is noise of inertial sensors to be converted; always of a noise file."""
+        return self.findings is None or any(name.startswith(tuple(SENSORS)) for name in self.noise.channels)
+
+
+def _check_needs(module: ModuleType, imu: Imu) -> None:
+    """Raise `InputError` where the consumer cannot do without a sensor that is not there."""
     for sensor in module.NEEDS:
         if not imu.readings(sensor):
             names = ", ".join(f"{sensor}_{axis}" for axis in "xyz")
             raise InputError(
                 f"the noise file has no {SENSORS[sensor][0]} channel, and {module.TITLE} cannot do without",
-                where=origin,
+                where=imu.origin,
                 remedy=f"Add {names} to the noise file, or take --to table",
             )
-    made: Converted = module.convert(imu)
-    absent = [f"{name}: {v.words}" for name, v in made.values.items() if not v.numbers]
-    missing = tuple(name for name, v in made.values.items() if module.NEEDS and not v.numbers)
-    if missing:
-        absent.append(f"{module.TITLE} is not complete: it cannot do without {', '.join(missing)}")
-    return Conversion(
-        made.text,
-        made.values,
-        (*absent, *made.warnings),
-        noise,
-        to,
-        module.TITLE,
-        module.SOURCE,
-        rate,
-        safety,
-        source,
-        sha256,
-        missing,
-    )
+
+
+def _rate(given: _Given, to: str, rate: float | None) -> tuple[float | None, list[str]]:
+    """The rate [Hz]: as given, that of the identification, or for a filter that of most autopilots; what is to be said."""
+    rate = rate if rate is not None else _own_rate(given.noise, to)
+    usual: float | None = getattr(consumers().get(to), "USUAL_RATE_HZ", None)
+    if rate is not None or usual is None or given.findings is None or not given.is_inertial:
+        return rate, []
+    return usual, [f"{usual:g} Hz are assumed, the usual rate of the filter's steps; --rate says another"]
 
 
 def _own_rate(noise: NoiseModel, to: str) -> float | None:
@@ -120,8 +153,8 @@ def _own_rate(noise: NoiseModel, to: str) -> float | None:
     return rate if is_sampling_rate(rate) else None
 
 
-def _consumer(to: str, rate: float | None, safety: float) -> ModuleType:
-    """The consumer of that name, once the rate [Hz] and the safety factor serve it."""
+def _consumer(to: str, rate: float | None, safety: float, at_rest: bool) -> ModuleType:
+    """The consumer of that name, once the rate [Hz] and the safety factor serve it; `at_rest`: there is noise of the IMU."""
     known = consumers()
     if to not in known:
         raise InputError(
@@ -138,7 +171,7 @@ def _consumer(to: str, rate: float | None, safety: float) -> ModuleType:
             where="--safety",
             remedy=f"Give a positive number up to {MAX_SAFETY:g}",
         )
-    if module.RATE and rate is None:
+    if module.RATE and rate is None and at_rest:
         raise InputError(
             f"{to} needs a rate: {module.RATE}", where="--rate", remedy="Give it in hertz, say --rate 100"
         )

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
-from kfgen.effects.noise_model import NoiseModel, read_noise
+from kfgen.effects.noise_model import SAMPLED, WHITE, NoiseModel, read_noise
 from kfgen.model import library
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import FilterFile, is_filter_file, read_filter
@@ -82,6 +83,36 @@ def filter_file(model: FilterModel, noise: NoiseModel) -> FilterFile:
     if isinstance(model.given, FilterFile):
         return model.given.with_noise(noise)
     return _chosen(FilterFile(model.name, model.name, noise=noise), model)
+
+
+def said_of_noise(model: FilterModel) -> tuple[str, ...]:
+    """What a filter takes for granted because the noise that it was given does not say it, in words."""
+    noise = model.given.noise if isinstance(model.given, FilterFile) else model.given
+    if noise is None:
+        return ()
+    known = {
+        place
+        for place, channel in noise.channels.items()
+        if any(t.effect.name in (WHITE, SAMPLED) for t in channel.terms)
+    }
+
+    def lacks(channels: Sequence[str]) -> list[str]:
+        return [c for c in channels if not any(acts_on(place, c) for place in known)]
+
+    inputs = lacks([c for i in model.motion.inputs for c in i.channels])
+    own = [(s.name, s.channels, lacks(s.channels)) for s in model.sensors]
+    sensors = [n for name, every, some in own for n in ([name] if len(some) == len(every) else some)]
+    said = []
+    if inputs:
+        said.append(
+            f"the noise has no white noise of {', '.join(inputs)}: the model's typical figures are used"
+        )
+    if sensors:
+        said.append(
+            f"the noise has no white noise of {', '.join(sensors)}: the model's own standard "
+            "deviations are used; derive shows them"
+        )
+    return tuple(said)
 
 
 def noise_of(noise: NoiseSource | None) -> NoiseModel | None:

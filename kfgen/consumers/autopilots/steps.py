@@ -1,16 +1,27 @@
 """What PX4 and ArduPilot share: noise as the standard deviation of one step of the filter.
 
 Both add ``(dt p)^2`` to the variance of an angle or a velocity and of a bias in every step, so that the parameters
-are ``N / sqrt(dt)`` and ``K / sqrt(dt)`` for a filter of step ``dt``.
+are ``N / sqrt(dt)`` and ``K / sqrt(dt)`` for a filter of step ``dt``. That is the sensor's noise at rest. In flight the
+filter meets more: vibration, scale errors and misalignment times the motion, sampling; so the defaults of both are ten to
+a hundred times what a good sensor shows on a bench.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from kfgen.consumers.base import Imu, Value
 from kfgen.core.errors import InputError
+
+IN_FLIGHT = (
+    "a log at rest has neither vibration nor scale errors. Take it as the least, keep the default until test ratios in "
+    "flight stay far below one, or measure what a flight needs: kfgen gap FLIGHT --model FILTER"
+)
+"""What is to be known of noise from a bench in a filter that flies."""
+MUCH_SMALLER = 0.5
+"""Share of the default below which a number from a bench is explained."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +37,8 @@ class Step:
     unit : str
     low, high : float
         The range that the autopilot documents, in `unit`.
+    default : float
+        What it flies with, in `unit`.
     """
 
     sensor: str
@@ -33,16 +46,17 @@ class Step:
     unit: str
     low: float
     high: float
+    default: float
 
 
-def stepped(imu: Imu, steps: dict[str, Step]) -> dict[str, Value]:
+def stepped(imu: Imu, steps: Mapping[str, Step]) -> dict[str, Value]:
     """The parameters at the filter's rate.
 
     Parameters
     ----------
     imu : Imu
         Its `rate` is that of the filter's steps [Hz].
-    steps : dict of str to Step
+    steps : mapping of str to Step
         By the autopilot's names.
 
     Returns
@@ -65,13 +79,13 @@ def stepped(imu: Imu, steps: dict[str, Step]) -> dict[str, Value]:
     return {name: imu.scalar(s.sensor, s.letter, s.unit, factor, by) for name, s in steps.items()}
 
 
-def outside(values: dict[str, Value], steps: dict[str, Step], title: str) -> list[str]:
-    """Warnings of values beyond the range that the autopilot documents.
+def outside(values: Mapping[str, Value], steps: Mapping[str, Step], title: str) -> list[str]:
+    """Warnings of values beyond the range that the autopilot documents, and of those far below what it flies with.
 
     Parameters
     ----------
-    values : dict of str to Value
-    steps : dict of str to Step
+    values : mapping of str to Value
+    steps : mapping of str to Step
         Of the same names.
     title : str
         Whose range it is.
@@ -80,19 +94,26 @@ def outside(values: dict[str, Value], steps: dict[str, Step], title: str) -> lis
     -------
     list of str
     """
-    return [
-        f"{name} = {values[name].numbers[0]:.3g} {s.unit} is outside the {s.low:g} to {s.high:g} of {title}"
-        for name, s in steps.items()
-        if values[name].numbers and not s.low <= values[name].numbers[0] <= s.high
+    known = {name: (values[name].numbers[0], s) for name, s in steps.items() if values[name].numbers}
+    said = [
+        f"{name} = {number:.3g} {s.unit} is outside the {s.low:g} to {s.high:g} of {title}"
+        for name, (number, s) in known.items()
+        if not s.low <= number <= s.high
     ]
+    small = [
+        f"{name} is 1/{s.default / number:.2g} of the default {s.default:g}"
+        for name, (number, s) in known.items()
+        if s.letter == "N" and number < MUCH_SMALLER * s.default
+    ]
+    return [*said, *([f"{'; '.join(small)}: {IN_FLIGHT}"] if small else [])]
 
 
-def lines(values: dict[str, Value], pattern: str) -> list[str]:
+def lines(values: Mapping[str, Value], pattern: str) -> list[str]:
     """Each parameter in a line, with its words in a comment line before it.
 
     Parameters
     ----------
-    values : dict of str to Value
+    values : mapping of str to Value
     pattern : str
         A line with ``{name}`` and ``{value}``.
 
@@ -102,7 +123,7 @@ def lines(values: dict[str, Value], pattern: str) -> list[str]:
     """
     out = []
     for name, v in values.items():
-        out.append(f"# {name}: {f'[{v.unit}] ' if v.numbers else ''}{v.words}")
+        out.append(f"# {name}: {f'[{v.unit}] ' if v.numbers and v.unit else ''}{v.words}")
         if v.numbers:
             out.append(pattern.format(name=name, value=f"{v.numbers[0]:.6g}"))
     return out
