@@ -155,4 +155,4 @@ def test_a_stated_band_of_flicker_is_assumed() -> None:
 def test_a_channel_of_any_name_puts_no_script_on_a_page() -> None:
     key = 'x"><script>alert(1)</script>\\d'
     page = page_html(Page(key, (figure(bars_picture(["a"], [1.0], "p", key), key),)))
-    assert "<script>" not in page
+    assert page.count("<script>") == page_html(Page("a")).count("<script>")  # the one that copies text

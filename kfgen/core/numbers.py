@@ -20,8 +20,26 @@ def finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def quantity(value: float, unit: str) -> str:
-    """A value in a unit, three digits; "unbounded" where it is infinite.
+def digits_of(lo: float, hi: float) -> int:
+    """Digits with which an interval's ends differ in two places: three at least, twelve at most.
+
+    Parameters
+    ----------
+    lo, hi : float
+        Its ends.
+
+    Returns
+    -------
+    int
+    """
+    width, size = hi - lo, max(abs(lo), abs(hi))
+    if not (0.0 < width < math.inf and size < math.inf):
+        return 3
+    return min(max(3, math.ceil(math.log10(size / width)) + 2), 12)
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A value in a unit; "unbounded" where it is infinite.
 
     Parameters
     ----------
@@ -29,9 +47,11 @@ def quantity(value: float, unit: str) -> str:
         In SI.
     unit : str
         In which it is shown.
+    digits : int
+        How many of its digits.
 
     Returns
     -------
     str
     """
-    return f"{from_si(value, unit):.3g} {unit}".rstrip() if math.isfinite(value) else "unbounded"
+    return f"{from_si(value, unit):.{digits}g} {unit}".rstrip() if math.isfinite(value) else "unbounded"

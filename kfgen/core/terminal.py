@@ -6,9 +6,12 @@ import json
 import math
 import os
 import re
+import shlex
 import signal
+import sys
 import traceback
 from collections.abc import Iterator
+from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -91,3 +94,10 @@ def _of_system(error: OSError) -> str:
     name = _TEMPORARY.sub(r"\1", os.fsdecode(error.filename)) if error.filename else ""
     where = f"{name}: " if name else ""
     return f"{where}the system refuses it: {reason_of(error)}. Check the path, its permissions and the space on the disk"
+
+
+def command_line() -> str:
+    """The command that runs, as it would be typed; empty in a program that uses kfgen."""
+    name = Path(sys.argv[0]) if sys.argv else Path()
+    is_command = name.stem == "kfgen" or name.parts[-2:] == ("kfgen", "__main__.py")
+    return printable(shlex.join(["kfgen", *sys.argv[1:]])) if is_command else ""

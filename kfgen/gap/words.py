@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from kfgen.core.numbers import quantity
+from kfgen.core.numbers import digits_of, quantity
 from kfgen.core.units import derived_unit, from_si
 from kfgen.effects import catalogue
 from kfgen.effects.effect import Parameter
@@ -139,11 +139,33 @@ def parameter_words(f: Finding | Term, p: Parameter, unit: str) -> str:
     unit : str
         In which it is said.
     """
-    words = f"{p.name} = {quantity(float(getattr(f.effect, p.name)), unit)}"
-    if p.name in f.ci95:
-        lo, hi = (from_si(v, unit) for v in f.ci95[p.name])
-        words += f" (95 %: {lo:.3g} to {hi:.3g})"
-    return words
+    value, interval = size_words(f, p, unit)
+    return f"{p.name} = {value}" + (f" (95 %: {interval})" if interval else "")
+
+
+def size_words(f: Finding | Term, p: Parameter, unit: str) -> tuple[str, str]:
+    """The value of a parameter and its 95 % interval, with as many digits as the interval deserves.
+
+    Parameters
+    ----------
+    f : Finding or Term
+    p : Parameter
+        Of its effect.
+    unit : str
+        In which it is said.
+
+    Returns
+    -------
+    value : str
+    interval : str
+        Empty where there is none.
+    """
+    number = float(getattr(f.effect, p.name))
+    if p.name not in f.ci95:
+        return quantity(number, unit), ""
+    lo, hi = (from_si(v, unit) for v in f.ci95[p.name])
+    digits = digits_of(lo, hi)
+    return quantity(number, unit, digits), f"{lo:.{digits}g} to {hi:.{digits}g}"
 
 
 def _when(f: Finding) -> str:

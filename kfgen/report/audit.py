@@ -35,9 +35,18 @@ def audit_answer(audited: Audited) -> Answer:
             parts += shown
     lines += [f"  note: {w}." for w in audited.lint]
     parts += [sentence(f"Note: {w}.") for w in audited.lint]
-    return Answer(
-        "\n".join(lines), audited.to_dict(), Page(f"What {first.model.name} cannot see", tuple(parts))
-    )
+    verdict = tuple(f"{_verdict(a)}." for a in audited.audits)
+    good = all(not a.directions for a in audited.audits)
+    page = Page(f"What {first.model.name} cannot see", tuple(parts), verdict, good)
+    return Answer("\n".join(lines), audited.to_dict(), page)
+
+
+def _verdict(a: Audit) -> str:
+    """How many directions nobody can see along a manoeuvre."""
+    if not a.directions:
+        return f"{a.manoeuvre.name}: every state of {a.model.name} is observable"
+    names = "; ".join(d.label for d in a.directions)
+    return f"{a.manoeuvre.name}: {a.nullity} of {a.states} directions are unobservable ({names})"
 
 
 def _beside(a: Audit) -> str:

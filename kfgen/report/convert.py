@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from kfgen.consumers import Conversion
 from kfgen.consumers.table import MEANING_COLUMNS, meaning_rows
 from kfgen.effects import Effect
-from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, sentence, table
+from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, source_words, table
 from kfgen.report.page import text as paragraph
 
 
@@ -23,16 +23,28 @@ def convert_answer(made: Conversion, output: str = "") -> Answer:
     head, rows = made.short_table()
     safety = "no safety factor" if made.safety == 1.0 else f"a safety factor of {made.safety:g}"
     parts = [
-        sentence(f"The parameters of {made.source.rsplit('/', 1)[-1]} for {made.title}, with {safety}."),
         table(head, rows),
-        *(paragraph(w) for w in made.warnings),
+        *([heading("What is to be known")] if made.warnings else []),
+        *(paragraph(f"{w}.") for w in made.warnings),
+        heading("The file"),
         code(made.text, f"Convention: {made.convention}."),
     ]
     for name, channel in made.noise.channels.items():
         found = meaning_parts(name, channel.effects, channel.unit, made.safety)
         parts += [heading(name), *found] if found else []
     lines = [f"{made.title} in {output}", columns(rows)] if output else [made.text]
-    page = Page(f"Noise parameters for {made.consumer}", tuple(parts))
+    name = made.source.rsplit("/", 1)[-1]
+    verdict = [f"The parameters of {name or 'the noise model'} for {made.title}, with {safety}."]
+    if made.missing:
+        verdict.append(f"It is not complete: {', '.join(made.missing)} were not identified.")
+    facts = (("noise", source_words(made.source, made.sha256)),) if made.source else ()
+    page = Page(
+        f"Noise parameters for {made.consumer}",
+        tuple(parts),
+        tuple(verdict),
+        None if not made.missing else False,
+        facts,
+    )
     return Answer("\n".join(lines), made.to_dict(), page, not made.missing, made.warnings)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import kfgen
 from kfgen.emit.folder import EmittedFilter
 from kfgen.log.log import Log
-from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
+from kfgen.report.page import Answer, Page, PagePart, code, columns, figure, heading, sentence, table
 from kfgen.report.plots import AFTER, MEASURED, Line, series_picture, thin
 from kfgen.run.run import FilterRun
 
@@ -24,7 +24,22 @@ def emit_answer(emitted: EmittedFilter) -> Answer:
         columns(rows),
         *(f"  {line}" for line in program.costs),
     ]
-    return Answer("\n".join(lines), emitted.to_dict(), Page(name, (table(head, rows),)))
+    verdict = (
+        f"{len(emitted.files)} files in {emitted.folder}; prove them with: kfgen verify {emitted.folder}",
+    )
+    facts = (
+        ("model", program.discrete.model.title),
+        ("hash", emitted.model_hash[:16]),
+        ("form", program.form),
+    )
+    parts = [
+        heading("Operations"),
+        table(head, rows, "Additions, products and other operations of a call."),
+        *([code("\n".join(program.costs), "Counted on processors")] if program.costs else []),
+        heading("Files"),
+        table(("file",), [[name] for name in emitted.files]),
+    ]
+    return Answer("\n".join(lines), emitted.to_dict(), Page(name, tuple(parts), verdict, None, facts))
 
 
 def run_answer(result: FilterRun) -> Answer:
@@ -50,7 +65,8 @@ def run_answer(result: FilterRun) -> Answer:
         table(("state", "value"), final),
     ]
     parts += [figure(run_picture(result, name), f"Innovations of {name}.") for name in result.updated]
-    page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts))
+    verdict = (f"{lines[0]}.",)
+    page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts), verdict)
     return Answer("\n".join(lines), result.to_dict(), page)
 
 
@@ -89,4 +105,6 @@ def simulate_answer(log: Log, path: str) -> Answer:
         "path": path,
         "channels": {n: c.unit for n, c in log.channels.items()},
     }
-    return Answer(text, data, Page("Simulated log", (sentence(text + "."),)))
+    rows = [[name, channel.unit] for name, channel in log.channels.items()]
+    page = Page("Simulated log", (table(("channel", "unit"), rows),), (text + ".",))
+    return Answer(text, data, page)

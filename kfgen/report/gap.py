@@ -8,7 +8,7 @@ from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit
 from kfgen.gap.core.battery import FALSE_ALARM_RATE, Test
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.core.result import Comparison, Finding
+from kfgen.gap.core.result import NO_GAP, Comparison, Finding
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.result import GapResult, Proof, span_of_test
 from kfgen.gap.words import (
@@ -18,13 +18,29 @@ from kfgen.gap.words import (
     limit_words,
     noise_scale_sentence,
     parameter_words,
+    percent,
+    size_words,
     verdict_sentence,
 )
 from kfgen.report.gap_figures import figures
-from kfgen.report.page import Answer, Page, PagePart, code, columns, heading, sentence, table, text
+from kfgen.report.page import (
+    Answer,
+    Page,
+    PagePart,
+    code,
+    columns,
+    heading,
+    sentence,
+    source_words,
+    table,
+    text,
+)
 
+FINDINGS_HEAD = ("of", "effect", "parameter", "value", "95 % interval", "probability", "mismatch closed")
 MAX_TEST_ROWS = 20
 """Rows of a table of tests."""
+LEAST_P = 1e-99
+"""Probability below which no digit of it means anything."""
 RETUNED_MIN_RELATIVE_CHANGE = 0.01
 """Of a number that was estimated again, below which it is not said."""
 
@@ -32,18 +48,25 @@ RETUNED_MIN_RELATIVE_CHANGE = 0.01
 def gap_answer(result: GapResult) -> Answer:
     """Text, JSON and page."""
     head = _together(result)
-    lines, parts = [*head, *([""] if head else [])], [text(w) for w in head]
+    lines, parts = [*head, *([""] if head else [])], [*(text(w) for w in head), *_overview(result)]
     for c in result.comparisons:
         lines += [*comparison_lines(c), ""]
         parts += _comparison_parts(c)
     if diff := model_diff(result):
         lines += ["The model changes by", diff, ""]
-        parts += [heading("What changes in the model"), code(diff)]
+        parts += [
+            heading("What changes in the model"),
+            code(diff),
+            code(result.updated_text, "The updated model, ready to be copied", folded=True),
+        ]
     for more_lines, more_parts in (_recordings(result), _proofs(result)):
         lines += more_lines
         parts += more_parts
     of = f"{len(result.logs)} recordings" if head else result.logs[0].name.rsplit("/", 1)[-1]
-    page = Page(f"Model against {of}", tuple(parts))
+    verdict = tuple(f"{verdict_sentence(c)}." for c in result.comparisons)
+    good = all(c.verdict == NO_GAP for c in result.comparisons)
+    logs = tuple(("log", source_words(log.name, log.sha256)) for log in result.logs)
+    page = Page(f"Model against {of}", tuple(parts), verdict, good, logs)
     return Answer("\n".join(lines).rstrip(), result.to_dict(), page, warnings=result.warnings)
 
 
@@ -51,6 +74,30 @@ def model_diff(result: GapResult) -> str:
     """What changes in the model's file."""
     texts = result.assumed_text.splitlines(), result.updated_text.splitlines()
     return "\n".join(difflib.unified_diff(*texts, "assumed", "updated", lineterm="", n=1))
+
+
+def _overview(result: GapResult) -> list[PagePart]:
+    """Every finding in a table: its size with its interval, how probable it is, what it closes."""
+    rows = []
+    for c in result.comparisons:
+        closed = gap_rows(c.gap, c.is_updated)[-1][1] if c.findings else ""
+        for f in c.findings:
+            sizes = [p for p in f.effect.estimated() if p.name in f.ci95] or list(f.effect.estimated())
+            for k, p in enumerate(sizes):
+                value, interval = size_words(f, p, derived_unit(p.unit, f.unit))
+                first = [f.where, f.effect.title] if k == 0 else ["", ""]
+                rows.append(
+                    [
+                        *first,
+                        p.name,
+                        value,
+                        interval,
+                        *([percent(f.probability), closed] if k == 0 else ["", ""]),
+                    ]
+                )
+            if not sizes:
+                rows.append([f.where, f.effect.title, "", "", "", percent(f.probability), closed])
+    return [heading("What was found"), table(FINDINGS_HEAD, rows)] if rows else []
 
 
 def comparison_lines(c: Comparison) -> list[str]:
@@ -69,16 +116,17 @@ def _comparison_parts(c: Comparison) -> list[PagePart]:
     caption = f"Tests that the assumed model fails (family-wise rate {100 * FALSE_ALARM_RATE:g} %)."
     parts = [
         heading(", ".join(c.channels)),
-        *(sentence(f"{w}.") for w in sentences(c)),
+        *(sentence(f"{w}.") for w in sentences(c)[1:] or sentences(c)),
         *figures(c),
         table(("held-out mismatch", ""), _figures_rows(c)),
-        table(head, tests or [["none significant", "", "", "", "", ""]], caption),
+        table(head, tests or [["none significant", "", "", "", "", ""]], caption, folded=True),
     ]
     if c.checks:
-        parts += [text(f"{w}.") for w in check_sentences(c.checks)]
+        parts.append(text(" ".join(f"{w}." for w in check_sentences(c.checks))))
     if c.limits:
         rows = [list(limit_words(m)) for m in c.limits]
-        parts.append(table(("effect that would not have been seen", "below"), rows, "Detection limits."))
+        limits = "Detection limits: what would not have been seen"
+        parts.append(table(("effect", "below"), rows, limits, folded=True))
     return parts
 
 
@@ -155,7 +203,8 @@ def _test_cells(c: Comparison, t: Test) -> list[str]:
     lo, hi = span_of_test(c, t)
     a, b = t.band_hz
     band = f"{a:.4g}" if a == b else f"{a:.2g} to {b:.2g}"
-    return [t.channel, t.name, f"{lo:.4g} to {hi:.4g}", band, f"{t.ratio:.3g}", f"{t.p:.2g}"]
+    p = f"{t.p:.2g}" if t.p >= LEAST_P else f"below {LEAST_P:g}"
+    return [t.channel, t.name, f"{lo:.4g} to {hi:.4g}", band, f"{t.ratio:.3g}", p]
 
 
 def _together(result: GapResult) -> list[str]:

@@ -34,6 +34,8 @@ from kfgen.report.plots import (
 Array = NDArray[np.float64]
 
 ASSUMED, UPDATED = "assumed model", "updated model"
+UNCONTESTED = 0.99
+"""Probability of a finding above which its candidates need no picture."""
 MAX_ALTERNATIVES = 5
 """Other names in the picture of the candidates."""
 RESIDUAL_BLOCKS = 600
@@ -51,6 +53,8 @@ def figures(c: Comparison) -> list[PagePart]:
     elif isinstance(c, SceneGap):
         parts = _scene_figures(c)
     for k, f in enumerate(c.findings):
+        if f.probability > UNCONTESTED:
+            continue
         beside = [(f"{n} ({w})" if w and not c.is_at_rest else n, p) for n, w, p in f.alternatives]
         own = f.name if c.is_at_rest else f"{f.name} ({f.where})"
         top = [(own, f.probability), *beside[:MAX_ALTERNATIVES]]

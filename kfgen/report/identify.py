@@ -6,10 +6,22 @@ import numpy as np
 
 from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
+from kfgen.effects.noise_model import noise_text
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation
 from kfgen.report.convert import meaning_parts
-from kfgen.report.page import Answer, Page, columns, figure, heading, sentence, table, text
+from kfgen.report.page import (
+    Answer,
+    Page,
+    code,
+    columns,
+    figure,
+    heading,
+    sentence,
+    source_words,
+    table,
+    text,
+)
 from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture
 
 
@@ -29,12 +41,26 @@ def identify_answer(found: Identification) -> Answer:
                 panels_picture([panel(channel, "")], f"allan-{name}"),
                 f"Allan deviation of {name}, {words}; the curve is the identified model.",
             ),
-            table(("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"), rows),
+            table(
+                ("effect", "parameter", "value", "95 % interval", "Cramér-Rao bound"),
+                [[*r[:3], r[3].removeprefix("95 % "), r[4].removeprefix("bound ")] for r in rows],
+            ),
             *meaning_parts(name, tuple(e.effect for e in channel.effects), unit),
-            *(text(m) for m in missing),
+            *(
+                [table(("what this record cannot tell",), [[m] for m in missing], "Limits", True)]
+                if missing
+                else []
+            ),
             *(text(w) for w in channel.warnings),
         ]
-    page = Page(f"Sensor noise in {found.logs[0][0].rsplit('/', 1)[-1]}", tuple(parts))
+    verdict = tuple(
+        f"{name}: {one_line(c) or 'nothing was identified'}." for name, c in found.channels.items()
+    )
+    facts = (*(("log", source_words(*log)) for log in found.logs), ("method", found.method))
+    saved = code(noise_text(found.noise), "The noise file, ready to be copied", folded=True)
+    page = Page(
+        f"Sensor noise in {found.logs[0][0].rsplit('/', 1)[-1]}", (*parts, saved), verdict, None, facts
+    )
     return Answer("\n".join(lines).lstrip("\n"), found.to_dict(), page, warnings=found.warnings)
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import re
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import kfgen
+from kfgen.core.terminal import command_line
 from kfgen.core.whole_file import write_text
 from kfgen.emit.targets.templates import render
 
@@ -26,12 +31,15 @@ class PagePart:
     head : tuple of str
         Column heads of a table.
     caption : str
+    folded : bool
+        Whether it is shown when its caption is clicked, and in print.
     """
 
     kind: str
     content: Any
     head: tuple[str, ...] = ()
     caption: str = ""
+    folded: bool = False
 
     @property
     def drawn(self) -> Any:
@@ -41,14 +49,72 @@ class PagePart:
 
 @dataclass(frozen=True)
 class Page:
-    """A title and parts in order."""
+    """A title, the answer in a few words, and parts in order.
+
+    Parameters
+    ----------
+    title : str
+    parts : tuple of PagePart
+    verdict : tuple of str
+        Sentences that say what came out, the first things that are read.
+    good : bool, optional
+        Whether that is what was hoped for; None where nothing was.
+    facts : tuple of (str, str)
+        What it was made of, by name: logs, models, rates.
+    """
 
     title: str
     parts: tuple[PagePart, ...] = ()
+    verdict: tuple[str, ...] = ()
+    good: bool | None = None
+    facts: tuple[tuple[str, str], ...] = ()
 
     def __add__(self, other: Page) -> Page:
         """The parts of both, under this title."""
-        return Page(self.title, self.parts + other.parts)
+        return replace(self, parts=self.parts + other.parts)
+
+    @property
+    def contents(self) -> list[tuple[str, str]]:
+        """Anchor and text of each heading, where there are so many that a list of them helps."""
+        headings = [p.content for p in self.parts if p.kind == "heading"]
+        found = [(anchor(k, text), text) for k, text in enumerate(headings, 1)]
+        return found if len(found) >= LISTED_HEADINGS else []
+
+    @property
+    def anchored(self) -> list[tuple[str, PagePart]]:
+        """The parts, headings with their anchors."""
+        k, out = 0, []
+        for part in self.parts:
+            k += part.kind == "heading"
+            out.append((anchor(k, part.content) if part.kind == "heading" else "", part))
+        return out
+
+    def signed(self) -> Page:
+        """The page with the command that made it, and when."""
+        command = command_line()
+        when = datetime.fromtimestamp(int(os.environ.get("SOURCE_DATE_EPOCH", time.time())), UTC)
+        made = [("command", command)] if command else []
+        return replace(self, facts=(*self.facts, *made, ("written", f"{when:%Y-%m-%d %H:%M} UTC")))
+
+
+LISTED_HEADINGS = 3
+
+
+def anchor(k: int, words: str) -> str:
+    """The anchor of the k-th heading.
+
+    Parameters
+    ----------
+    k : int
+        Counted from 1.
+    words : str
+        Of the heading.
+
+    Returns
+    -------
+    str
+    """
+    return f"{k}-{re.sub(r'[^A-Za-z0-9]+', '-', words).strip('-')[:40].lower()}"
 
 
 @dataclass(frozen=True)
@@ -85,9 +151,25 @@ def text(words: str) -> PagePart:
     return PagePart("text", words)
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> PagePart:
-    """A table of texts."""
-    return PagePart("table", [list(r) for r in rows], tuple(head), caption)
+def table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", folded: bool = False
+) -> PagePart:
+    """A table of texts.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Of the columns.
+    rows : sequence of sequences of str
+    caption : str
+    folded : bool
+        Whether it is shown when its caption is clicked.
+
+    Returns
+    -------
+    PagePart
+    """
+    return PagePart("table", [list(r) for r in rows], tuple(head), caption, folded)
 
 
 def figure(svg: str | Callable[[], str], caption: str) -> PagePart:
@@ -100,9 +182,21 @@ def math(markup: str, caption: str = "") -> PagePart:
     return PagePart("math", markup, caption=caption)
 
 
-def code(words: str, caption: str = "") -> PagePart:
-    """Preformatted text."""
-    return PagePart("code", words, caption=caption)
+def code(words: str, caption: str = "", folded: bool = False) -> PagePart:
+    """Preformatted text, ready to be copied.
+
+    Parameters
+    ----------
+    words : str
+    caption : str
+    folded : bool
+        Whether it is shown when its caption is clicked.
+
+    Returns
+    -------
+    PagePart
+    """
+    return PagePart("code", words, caption=caption, folded=folded)
 
 
 def page_html(page: Page) -> str:
@@ -112,7 +206,23 @@ def page_html(page: Page) -> str:
 
 def write_page(page: Page, path: str | Path) -> None:
     """Write the document, whole or not at all."""
-    write_text(path, page_html(page))
+    write_text(path, page_html(page.signed()))
+
+
+def source_words(path: str, sha256: str) -> str:
+    """A file for the facts of a page.
+
+    Parameters
+    ----------
+    path : str
+    sha256 : str
+        Hash of the file; empty where it is not known.
+
+    Returns
+    -------
+    str
+    """
+    return f"{path.rsplit('/', 1)[-1]}{f', SHA-256 {sha256[:16]}...' if sha256 else ''}"
 
 
 def columns(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:

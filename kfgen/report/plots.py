@@ -52,7 +52,7 @@ def _svg(fig: Any, key: str) -> str:
     key = re.sub(r"\W", "-", key)  # a channel's name may be anything
     buffer = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": key}):
-        fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.S)
     # Pictures share a page: their inner names must not meet.

@@ -28,7 +28,9 @@ def verify_answer(found: Verification) -> Answer:
     words = [f"{'; '.join(found.summary())}."]
     if found.on_log is not None:
         words += on_log_sentences(found.on_log)
-    page = Page("Proof on cores", (*map(sentence, words), table(head, rows)))
+    facts = (("filter", found.model_hash[:16]),)
+    parts = (*map(sentence, words[1:]), table(head, rows))
+    page = Page("Proof on cores", parts, (words[0],), found.ok, facts)
     text = "\n".join([columns([head, *rows]), *words])
     warnings = () if found.on_log is None else found.on_log.warnings
     return Answer(text, found.to_dict(), page, ok=found.ok, warnings=warnings)
