@@ -18,7 +18,7 @@ from typer.testing import Result
 
 from kfgen.consumers import convert
 from kfgen.consumers.autopilots import ardupilot, px4
-from kfgen.consumers.autopilots.findings import Findings
+from kfgen.consumers.autopilots.findings import SettableValues
 from kfgen.consumers.autopilots.settings import settled
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
@@ -177,7 +177,7 @@ def test_a_height_that_rises_with_airspeed_is_a_negative_coefficient() -> None:
     v, c, g, rho = 20.0, 0.004, 9.80665, 1.2
     read = 100.0 + c * v**2
     for module, name in ((px4, "EKF2_PCOEF_XP"), (ardupilot, "BARO1_WCF_FWD")):
-        findings = Findings.of(file({"baro_height": [Pressure(c)]}))
+        findings = SettableValues.of(file({"baro_height": [Pressure(c)]}))
         values, _ = settled(findings, module.SETTINGS, "")
         (K,) = values[name].numbers
         assert K < 0.0

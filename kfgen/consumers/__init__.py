@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from kfgen.consumers.autopilots.findings import Findings
+from kfgen.consumers.autopilots.findings import SettableValues
 from kfgen.consumers.base import IMU_RATE, SENSORS, Converted, Imu, Value
 from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError
@@ -99,7 +99,7 @@ class _Given:
     """What is converted: a noise model, and what a filter file says beside it; `origin` is its name in the text."""
 
     noise: NoiseModel
-    findings: Findings | None = None
+    findings: SettableValues | None = None
     source: str = ""
     sha256: str = ""
     origin: str = ""
@@ -115,7 +115,7 @@ class _Given:
             return replace(_Given.of(content, origin or path.name), source=source, sha256=sha256)
         if isinstance(noise, NoiseModel):
             return _Given(noise, origin=origin)
-        return _Given(noise.noise or NoiseModel({}), Findings.of(noise), origin=origin)
+        return _Given(noise.noise or NoiseModel({}), SettableValues.of(noise), origin=origin)
 
     @property
     def is_inertial(self) -> bool:

@@ -29,7 +29,7 @@ NOISE = ".noise"
 
 
 @dataclass(frozen=True)
-class Finding:
+class SettableValue:
     """A number of a filter file.
 
     Parameters
@@ -48,19 +48,19 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Findings:
+class SettableValues:
     """The numbers of a filter file by name, and the effects that are in none of them.
 
     Parameters
     ----------
-    named : mapping of str to Finding
+    named : mapping of str to SettableValue
         ``gnss.delay``, ``gnss.arm.x``, ``mag.offset.z``, ``baro.noise``, ...
     others : tuple of str
         ``effect of place``, with what is to be said of it.
     warnings : tuple of str
     """
 
-    named: Mapping[str, Finding]
+    named: Mapping[str, SettableValue]
     others: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
@@ -70,9 +70,9 @@ class Findings:
         return tuple(dict.fromkeys((*(s for f in self.named.values() for s in f.source), *self.others)))
 
     @staticmethod
-    def of(file: FilterFile) -> Findings:
+    def of(file: FilterFile) -> SettableValues:
         """What a filter file says beside the noise of its inertial sensors."""
-        named: dict[str, Finding] = {}
+        named: dict[str, SettableValue] = {}
         others: list[str] = []
         warnings: list[str] = []
         for place, effect in _placed(file):
@@ -83,19 +83,19 @@ class Findings:
             if not found and not inertial:
                 others.append(f"{effect.name} of {place}")
         _with_options(file, named, warnings)
-        return Findings(named, tuple(dict.fromkeys(others)), tuple(warnings))
+        return SettableValues(named, tuple(dict.fromkeys(others)), tuple(warnings))
 
 
 _AT_REST = (WhiteNoise, RateRandomWalk, GaussMarkov, RateRamp)
 """Noise of inertial sensors, which `kfgen.consumers.autopilots.steps` converts or names."""
 
 
-def _joined(name: str, before: Finding | None, value: float, words: str, source: str) -> Finding:
+def _joined(name: str, before: SettableValue | None, value: float, words: str, source: str) -> SettableValue:
     """A finding with another one of its name: the larger noise, the sum of anything else."""
     if before is None:
-        return Finding(value, words, (source,))
+        return SettableValue(value, words, (source,))
     total = max(value, before.value) if name.endswith(NOISE) else value + before.value
-    return Finding(total, words, (*before.source, source))
+    return SettableValue(total, words, (*before.source, source))
 
 
 def _placed(file: FilterFile) -> Iterator[tuple[str, Effect]]:
@@ -143,7 +143,7 @@ def _distortion(effect: Any) -> Iterator[tuple[str, float, str]]:
             yield f"mag.distortion.{a}{b}", value, "symmetric part of (I + A)^-1"
 
 
-def _with_options(file: FilterFile, named: dict[str, Finding], warnings: list[str]) -> None:
+def _with_options(file: FilterFile, named: dict[str, SettableValue], warnings: list[str]) -> None:
     """The delay and the arm that were assumed, to which what was found is added."""
     where = f"[options] of {file.name}"
     delay = parse_quantity(file.options.get("delay", "0 s"), "s", where=where)
@@ -152,7 +152,7 @@ def _with_options(file: FilterFile, named: dict[str, Finding], warnings: list[st
     for part in GNSS_PARTS:
         own = named.pop(f"{part}.delay", None)
         found = [f for f in (both, own) if f]
-        total[part] = Finding(
+        total[part] = SettableValue(
             delay + sum(f.value for f in found),
             "assumed delay and what was found" if found else "assumed delay",
             tuple(s for f in found for s in f.source),
@@ -165,13 +165,15 @@ def _with_options(file: FilterFile, named: dict[str, Finding], warnings: list[st
                 "holds both, their mean is written"
             )
         source = tuple(dict.fromkeys((*p.source, *v.source)))
-        named["gnss.delay"] = Finding(0.5 * (p.value + v.value), p.words if p.source else v.words, source)
+        named["gnss.delay"] = SettableValue(
+            0.5 * (p.value + v.value), p.words if p.source else v.words, source
+        )
     arm = file.options.get("lever_arm", "")
     if arm or "gnss.arm.x" in named:
         numbers = [float(c) for c in arm.split()[:3]] if arm else [0.0] * 3
         unit = " ".join(arm.split()[3:]) or "m"
         for a, number in zip(AXES, numbers):
             assumed = parse_quantity(f"{number!r} {unit}", "m", where=where)
-            found_arm = named.get(f"gnss.arm.{a}", Finding(0.0, ""))
+            found_arm = named.get(f"gnss.arm.{a}", SettableValue(0.0, ""))
             words = "assumed arm and what was found" if found_arm.source else "assumed arm"
-            named[f"gnss.arm.{a}"] = Finding(assumed + found_arm.value, words, found_arm.source)
+            named[f"gnss.arm.{a}"] = SettableValue(assumed + found_arm.value, words, found_arm.source)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import sys
 
-from kfgen.consumers.autopilots.findings import Findings
+from kfgen.consumers.autopilots.findings import SettableValues
 from kfgen.consumers.autopilots.settings import VALUE_THAT_FLEW, Setting, autopilot_file, noise_of, on_axes
 from kfgen.consumers.autopilots.steps import Step
 from kfgen.consumers.base import Converted, Imu
@@ -80,13 +80,13 @@ SETTINGS = {
 }
 
 
-def convert(imu: Imu, findings: Findings | None = None) -> Converted:
+def convert(imu: Imu, findings: SettableValues | None = None) -> Converted:
     """Lines for the autopilot's console.
 
     Parameters
     ----------
     imu : Imu
-    findings : Findings, optional
+    findings : SettableValues, optional
         Of a filter file.
 
     Returns

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
-from kfgen.consumers.autopilots.findings import Finding, Findings
+from kfgen.consumers.autopilots.findings import SettableValue, SettableValues
 from kfgen.consumers.autopilots.steps import lines, outside, stepped
 from kfgen.consumers.base import Converted, Imu, Value
 from kfgen.core.channel_names import AXES
@@ -46,7 +46,7 @@ class Setting:
     said: str = ""
     needs: Mapping[str, float] | None = None
 
-    def value(self, found: Sequence[Finding]) -> Value:
+    def value(self, found: Sequence[SettableValue]) -> Value:
         """Its number in its own unit."""
         most = max(found, key=lambda f: abs(f.value))
         words = most.words + (f", the largest of {len(found)}" if len(found) > 1 else "")
@@ -79,7 +79,7 @@ def noise_of(*channels: str) -> tuple[str, ...]:
     return tuple(f"{c}.noise" for c in channels)
 
 
-def autopilot_file(module: ModuleType, imu: Imu, findings: Findings | None = None) -> Converted:
+def autopilot_file(module: ModuleType, imu: Imu, findings: SettableValues | None = None) -> Converted:
     """The parameters of an autopilot.
 
     Parameters
@@ -87,7 +87,7 @@ def autopilot_file(module: ModuleType, imu: Imu, findings: Findings | None = Non
     module : module
         Of the autopilot: ``TITLE``, ``SOURCE``, ``STEPS``, ``SETTINGS``, ``LINE`` and ``DOCUMENTS``.
     imu : Imu
-    findings : Findings, optional
+    findings : SettableValues, optional
         Of a filter file; None of a noise file.
 
     Returns
@@ -108,13 +108,13 @@ def autopilot_file(module: ModuleType, imu: Imu, findings: Findings | None = Non
 
 
 def settled(
-    findings: Findings, settings: Mapping[str, Setting], documents: str
+    findings: SettableValues, settings: Mapping[str, Setting], documents: str
 ) -> tuple[dict[str, Value], list[str]]:
     """The values of settings, and what is to be said: ranges, and what no parameter holds.
 
     Parameters
     ----------
-    findings : Findings
+    findings : SettableValues
     settings : mapping of str to Setting
         By the autopilot's names.
     documents : str
