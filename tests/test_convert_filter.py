@@ -18,7 +18,7 @@ from typer.testing import Result
 
 from kfgen.consumers import convert
 from kfgen.consumers.autopilots import ardupilot, px4
-from kfgen.consumers.autopilots.findings import SettableValues
+from kfgen.consumers.autopilots.settable_values import SettableValues
 from kfgen.consumers.autopilots.settings import settled
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term

@@ -9,10 +9,11 @@ LIBRARIES = ("OPENBLAS", "OMP", "MKL", "VECLIB_MAXIMUM")
 
 
 def main() -> None:
-    """Run the command line; the exit status is 0, 1 for a failed check, 2 for bad input."""
+    """Run the command line; the exit statuses are in docs/commands.md."""
     # Every matrix here is small: threads inside the linear algebra only wait for one another.
     for library in LIBRARIES:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    sys.argv[1:] = sorted(sys.argv[1:], key=lambda word: word != "--quiet")  # anywhere, for every command
     from kfgen.cli.app import app
     from kfgen.core.terminal import catch_signals, ending_of
 

@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperCommand
 
 import kfgen
+from kfgen.core.elapsed import be_quiet, elapsed_time
 
 app = typer.Typer(
     name="kfgen",
@@ -25,24 +26,25 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+VERSION = typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+QUIET = typer.Option("--quiet", help="Say only the answer and errors: no warnings, no progress. Anywhere.")
+
+
 @app.callback()
-def top(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
-) -> None:
+def top(version: Annotated[bool, VERSION] = False, quiet: Annotated[bool, QUIET] = False) -> None:
     """From a log of a real sensor to a Kalman filter that is proven on its target."""
+    be_quiet(quiet)
 
 
 class Guarded(TyperCommand):
-    """A command that proves its outputs against its inputs first, and writes all of them or none."""
+    """A command that proves its outputs against its inputs first, writes all or none."""
 
     def invoke(self, ctx: Any) -> Any:
         """Prove the outputs, then run the command."""
         from kfgen.core.outputs import GivenParameter, outputs_together
 
         given = [GivenParameter(str(p.name), p.opts[0], ctx.params.get(str(p.name))) for p in self.params]
-        with outputs_together(given):
+        with outputs_together(given), elapsed_time(ctx.command_path):
             return super().invoke(ctx)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import nullcontext
 from typing import Annotated
 
@@ -10,6 +9,7 @@ import typer
 
 from kfgen.cli.app import app
 from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver
+from kfgen.core.elapsed import count
 
 Logs = Annotated[list[str], typer.Argument(metavar="GLOB...", help="One log of each sensor: 'logs/*.csv'.")]
 Model = Annotated[
@@ -43,14 +43,8 @@ def fleet(
         raise InputError("a typical sensor is identified, and no model is given for that", where="--output")
     read_as = {"channels": channels, "rate": rate, "columns": columns}
     with Journal.beside(json, output, report) or nullcontext() as journal:
-        how = {"jobs": jobs, "scheduler": scheduler, "progress": _count, "journal": journal, **read_as}
+        how = {"jobs": jobs, "scheduler": scheduler, "progress": count, "journal": journal, **read_as}
         found = over_fleet(logs, model, **how)  # type: ignore[arg-type]
         if output:
             found.save(output)
         deliver(fleet_answer(found), json, report)
-
-
-def _count(done: int, of: int) -> None:
-    """A count on a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r{done} of {of} logs", end="\n" if done == of else "", file=sys.stderr, flush=True)

@@ -10,6 +10,8 @@ import typer
 from kfgen.cli.app import app
 from kfgen.cli.options import Columns, Instance, Json, Output, Rate, Report, Topic, deliver, read
 
+FAIL_ON_GAP = typer.Option("--fail-on-gap", help="End with exit status 3 where model and log disagree.")
+
 
 @app.command()
 def gap(
@@ -21,6 +23,7 @@ def gap(
         str, typer.Option(help="What is assumed: a noise file, a model file or a library model.")
     ],
     channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
+    fail_on_gap: Annotated[bool, FAIL_ON_GAP] = False,
     proof: Annotated[
         list[Path] | None, typer.Option(help="Another recording of the sensor at rest, to prove it on.")
     ] = None,
@@ -34,6 +37,7 @@ def gap(
 ) -> None:
     """Where model and record disagree, the missing effect by name, the updated model, before and after."""
     from kfgen.core.whole_file import write_text
+    from kfgen.gap.core.result import NO_GAP
     from kfgen.gap.find_gap import find_gap
     from kfgen.report.gap import gap_answer
 
@@ -46,3 +50,5 @@ def gap(
     if output:
         write_text(output, found.updated_text)
     deliver(gap_answer(found), json, report)
+    if fail_on_gap and found.verdict != NO_GAP:
+        raise typer.Exit(3)

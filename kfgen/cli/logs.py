@@ -15,32 +15,35 @@ DEFAULT_RATE_HZ = 100.0
 """Of a simulated log [Hz]."""
 
 
+LOGS_HELP = "Logs of one sensor at rest, fitted together; or an Allan curve with a column tau."
+AT_REST = typer.Argument(metavar="LOG...", help=LOGS_HELP)
+ONLY = typer.Option(help="Only these, separated by commas; the sensor channels of the log when left out.")
+EFFECTS = typer.Option(help="Exactly these, separated by commas; chosen by the data when left out.")
+METHOD = typer.Option(
+    help="ml (maximum likelihood; the default), kalman (the same, exact at any times), allan (weighted fit of the Allan "
+    "curve; the default for a curve), gmwm (wavelet moments), asymptotes (of the Allan plot), arma (equivalent ARMA "
+    "model), ekf and em (its state space)."
+)
+LOG_OUTPUT = typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")
+RATES_HELP = (
+    "Rate of the inputs and of the log [Hz], 100 where left out; or of a sensor (gnss=5). Repeatable."
+)
+RATES = typer.Option(metavar="HZ|SENSOR=HZ", help=RATES_HELP)
+DECOY_HELP = "A driver in the log on which nothing depends (temperature). Repeatable."
+DECOY = typer.Option(metavar="DRIVER", help=DECOY_HELP)
+VIBRATION_HELP = "Vibration that comes and goes on every axis, for example '0.5 m/s^2'."
+VIBRATION = typer.Option(metavar="ACCELERATION", help=VIBRATION_HELP)
+FLOWN = typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")
+ADAPTIVE = typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
+
+
 @app.command()
 def identify(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="Logs of one sensor at rest, fitted together; or an Allan curve with a column tau.",
-        ),
-    ],
+    logs: Annotated[list[Path], AT_REST],
     rate: opt.Rate = None,
-    channels: Annotated[
-        str | None,
-        typer.Option(help="Only these, separated by commas; the sensor channels of the log when left out."),
-    ] = None,
-    effects: Annotated[
-        str | None,
-        typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out."),
-    ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help="ml (maximum likelihood; the default), kalman (the same, exact at any times), "
-            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments), "
-            "asymptotes (of the Allan plot), arma (equivalent ARMA model), ekf and em (its state space)."
-        ),
-    ] = None,
+    channels: Annotated[str | None, ONLY] = None,
+    effects: Annotated[str | None, EFFECTS] = None,
+    method: Annotated[str | None, METHOD] = None,
     columns: opt.Columns = None,
     topic: opt.Topic = "",
     instance: opt.Instance = None,
@@ -64,34 +67,16 @@ def identify(
 @app.command()
 def simulate(
     model: opt.ModelName,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
+    output: Annotated[Path, LOG_OUTPUT],
     duration: Annotated[float, typer.Option(help="Length of the log [s].")] = 60.0,
-    rate: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="HZ|SENSOR=HZ",
-            help="Rate of the inputs and of the log [Hz], 100 where left out; or of a sensor (gnss=5). May be repeated.",
-        ),
-    ] = None,
+    rate: Annotated[list[str] | None, RATES] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
-    manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
+    manoeuvre: Annotated[str, FLOWN] = "static",
     noise: opt.Noise = None,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
-    decoy: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="DRIVER",
-            help="A driver in the log on which nothing depends (temperature). May be repeated.",
-        ),
-    ] = None,
-    vibration: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ACCELERATION",
-            help="Vibration that comes and goes on every axis, for example '0.5 m/s^2'.",
-        ),
-    ] = None,
+    decoy: Annotated[list[str] | None, DECOY] = None,
+    vibration: Annotated[str | None, VIBRATION] = None,
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
@@ -121,9 +106,7 @@ def run(
     model: opt.ModelName,
     log: opt.LogPath,
     noise: opt.Noise = None,
-    adaptive: Annotated[
-        str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
-    ] = None,
+    adaptive: Annotated[str | None, ADAPTIVE] = None,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
     rate: opt.Rate = None,

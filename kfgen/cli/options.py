@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from kfgen.core.elapsed import end_elapsed_time, warn
 
 if TYPE_CHECKING:
     from kfgen.log.log import Log
@@ -58,7 +59,7 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
 
     built = build(model, noise, read_pairs(set_ or ()), sensor)
     for said in (*(o.sentence for o in built.omitted), *said_of_noise(built)):
-        print(f"warning: {said}", file=sys.stderr)
+        warn(said)
     return built
 
 
@@ -69,13 +70,14 @@ def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     from kfgen.report.page import write_page
 
     for warning in answer.warnings:
-        print(f"warning: {printable(warning)}", file=sys.stderr)
+        warn(printable(warning))
     data = json_text(answer.data)
     if report is not None:
         write_page(answer.page, report)
     if json_to and json_to != "-":
         write_text(json_to, data + "\n")
     publish()
+    end_elapsed_time()
     print(data if json_to == "-" else printable(answer.text))
     if not answer.ok:
         raise typer.Exit(1)

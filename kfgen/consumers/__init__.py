@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from kfgen.consumers.autopilots.findings import SettableValues
+from kfgen.consumers.autopilots.settable_values import SettableValues
 from kfgen.consumers.base import IMU_RATE, SENSORS, Converted, Imu, Value
 from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import sys
 
-from kfgen.consumers.autopilots.findings import SettableValues
+from kfgen.consumers.autopilots.settable_values import SettableValues
 from kfgen.consumers.autopilots.settings import VALUE_THAT_FLEW, Setting, autopilot_file, noise_of, on_axes
 from kfgen.consumers.autopilots.steps import Step
 from kfgen.consumers.base import Converted, Imu

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
-from kfgen.consumers.autopilots.findings import SettableValue, SettableValues
+from kfgen.consumers.autopilots.settable_values import SettableValue, SettableValues
 from kfgen.consumers.autopilots.steps import lines, outside, stepped
 from kfgen.consumers.base import Converted, Imu, Value
 from kfgen.core.channel_names import AXES
