@@ -69,7 +69,8 @@ def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
     budget = TimeBudget(SEARCH_SECONDS, FIT_SECONDS)
     if outer is not None:
         left = max(outer.search_s - outer.spent_s, MIN_SECONDS) / parts
-        budget = TimeBudget(left, left * outer.fit_s / outer.search_s)
+        longer = outer.fit_s / outer.search_s if outer.search_s > 0.0 else 1.0
+        budget = TimeBudget(left, left * longer)
     token = _CURRENT.set(budget)
     try:
         yield budget

@@ -25,6 +25,8 @@ class LinearFlight:
     H : ndarray, shape (rows, states)
     y : ndarray, shape (rows,)
         Readings less what the path says.
+    R : ndarray, shape (rows,)
+        Variances of the readings.
     e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
     """
 
@@ -38,6 +40,7 @@ class LinearFlight:
     x0: Array
     H: Array
     y: Array
+    R: Array
     e: Array
     S: Array
     K: Array
@@ -57,6 +60,40 @@ class LinearFlight:
         """Of the innovations, up to a constant [nats]; minus infinity where they are no numbers."""
         value = -0.5 * float(np.sum(self.e**2 / self.S + np.log(self.S)))
         return value if np.isfinite(value) else -np.inf
+
+    def scores(self, parts: Array) -> tuple[Array, Array]:
+        """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.compiled.scores`.
+
+        Parameters
+        ----------
+        parts : ndarray, shape (parts, n, entries)
+            Of the process noise.
+
+        Returns
+        -------
+        tuple of ndarray, shape (rows,) and (parts,)
+            Of every reading by itself, of every part.
+        """
+        from kfgen.gap.flight.compiled import scores
+
+        of_rows, of_parts = np.zeros(self.y.size), np.zeros(parts.shape[0])
+        Phi, Pi, Pj, _, Qi, Qj = self._entries
+        scores(
+            Phi,
+            Pi,
+            Pj,
+            np.ascontiguousarray(parts),
+            Qi,
+            Qj,
+            self.rows.at,
+            self.H,
+            self.e,
+            self.S,
+            self.K,
+            of_rows,
+            of_parts,
+        )
+        return self.R * of_rows, of_parts
 
     def columns(self, du: Array, dz: Array) -> Array:
         """What the normalised innovations lose by errors of the readings, shape (rows, m).
