@@ -229,9 +229,7 @@ def refused_sentence(refused: Sequence[Refused]) -> str:
         for r in best[:MAX_REFUSED_SAID]
     ]
     more = f", and {len(best) - len(said)} more" if len(best) > len(said) else ""
-    return (
-        f"{', '.join(said)}{more}: not added, for no unseen data prove it. Log again to see whether it is there"
-    )
+    return f"{', '.join(said)}{more}: not added, for no unseen data prove it. Log again to see whether it is there"
 
 
 def limit_words(m: DetectionLimit) -> tuple[str, str]:
