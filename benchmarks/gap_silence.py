@@ -88,7 +88,9 @@ def main() -> None:
     parser.add_argument("--models", default=",".join(LIBRARY))
     parser.add_argument("--manoeuvres", default=",".join(MANOEUVRES))
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="stop after so long, with what was asked by then")
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, help="stop after so long, with what was asked by then"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table into docs/benchmarks.md")
     wanted = parser.parse_args()
     seeds = range(wanted.first, wanted.first + wanted.seeds)

@@ -68,7 +68,10 @@ def verdict_sentence(c: Comparison) -> str:
 def noise_scale_sentence(s: NoiseScale) -> str:
     """Noise of another size in words."""
     lo, hi = s.ci95
-    return f"The noise of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
+    noise = "white noise" if s.white else "noise"
+    return (
+        f"The {noise} of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
+    )
 
 
 def finding_sentence(c: Comparison, f: Finding) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,21 @@ class LinearFlight:
         """Of the innovations, up to a constant [nats]; minus infinity where they are no numbers."""
         value = -0.5 * float(np.sum(self.e**2 / self.S + np.log(self.S)))
         return value if np.isfinite(value) else -np.inf
+
+    def until(self, stop: int | None) -> LinearFlight:
+        """The same with the readings before a step alone; with all where there is none.
+
+        Parameters
+        ----------
+        stop : int, optional
+            First step whose readings are left out.
+        """
+        if stop is None:
+            return self
+        kept = int(np.searchsorted(self.rows.at, stop))
+        rows = replace(self.rows, **{n: getattr(self.rows, n)[:kept] for n in ("at", "t", "z", "R", "index")})
+        cut = {n: getattr(self, n)[:kept] for n in ("H", "y", "R", "e", "S", "K")}
+        return replace(self, rows=rows, **cut)
 
     def scores(self, parts: Array) -> tuple[Array, Array]:
         """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.compiled.scores`.

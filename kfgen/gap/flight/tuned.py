@@ -141,12 +141,27 @@ def tuned(path: FlownPath) -> Tuning:
     return Tuning(path, _with_intervals(_SizeLikelihood(path, groups), x))
 
 
+def sizes_of_part(path: FlownPath, stop: int) -> NoiseSizes:
+    """The sizes that are most likely by the readings before a time.
+
+    Parameters
+    ----------
+    path : FlownPath
+        Smoothed, with sizes from which the search begins.
+    stop : int
+        First step of the path whose readings are not looked at.
+    """
+    groups = groups_of(path)
+    return _sizes(groups, _SizeLikelihood(path, groups, stop).maximum(_logs(path.sizes, groups)))
+
+
 @dataclass(frozen=True)
 class _SizeLikelihood:
-    """The likelihood of sizes about a path."""
+    """The likelihood of sizes about a path, by all readings or by those before a step."""
 
     path: FlownPath
     groups: Sequence[NoiseGroup]
+    stop: int | None = None
 
     @cached_property
     def parts(self) -> Array:
@@ -159,11 +174,13 @@ class _SizeLikelihood:
     @cached_property
     def _rows(self) -> list[NDArray[np.intp]]:
         rows = self.path.rows
-        return [np.concatenate([rows.of(c) for c in g.channels]) for g in self.groups if g.channels]
+        seen = rows.t.size if self.stop is None else int(np.searchsorted(rows.at, self.stop))
+        found = [np.concatenate([rows.of(c) for c in g.channels]) for g in self.groups if g.channels]
+        return [r[r < seen] for r in found]
 
     def __call__(self, x: Array) -> tuple[float, Array]:
         """Log posterior [nats] of logarithms of sizes, shape (groups,), and its gradient."""
-        linear = replace(self.path, sizes=_sizes(self.groups, x)).linear
+        linear = replace(self.path, sizes=_sizes(self.groups, x)).linear.until(self.stop)
         count = self.parts.shape[0]
         size = np.exp(2.0 * x[:count])[:, None, None]
         of_rows, of_parts = linear.scores(size * self.parts)
