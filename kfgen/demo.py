@@ -27,7 +27,7 @@ from kfgen.report.audit import audit_answer
 from kfgen.report.gap import gap_answer
 from kfgen.report.identify import identify_answer
 from kfgen.report.model import STATE_HEAD, equation_parts, state_rows
-from kfgen.report.page import Answer, Page, heading, table, text, write_page
+from kfgen.report.page import Answer, Page, heading, sentence, table, text, write_page
 from kfgen.report.proof import verify_answer
 from kfgen.run.audit import audit
 from kfgen.verify.compare import verify
@@ -123,11 +123,9 @@ def _summary(report: Path, identified: Answer, gap: Answer, proof: Answer, filte
         "How it was found: a bench log at constant temperature gave the model; a field log disagreed with it; "
         "every effect that kfgen knows competed to explain why."
     )
-    parts = (*gap.page.parts[1:4], how, *gap.page.parts[4:], *filter_page.parts)
-    page = Page(
-        "A gyro whose model did not know the temperature and a fan",
-        (*parts, heading("The bench log"), *identified.page.parts[1:]),
-    )
+    parts = (how, *gap.page.parts, *filter_page.parts, heading("The bench log"), *identified.page.parts[1:])
+    title = "A gyro whose model did not know the temperature and a fan"
+    page = Page(title, parts, (*gap.page.verdict, *proof.page.verdict), proof.ok, gap.page.facts)
     write_page(page, report)
     path = str(report.resolve())
     steps = {"The bench log": identified, "The field log": gap, "The updated filter": proof}
@@ -160,6 +158,7 @@ def _filter(out: Path, noise: NoiseModel) -> tuple[Answer, Page]:
             *equation_parts(derived, ("F", "H", "Phi")),
             table(*emitted.short_table()),
             heading("The proof"),
+            *map(sentence, proven.page.verdict),
             *proven.page.parts,
         ),
     )

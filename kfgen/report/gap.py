@@ -80,7 +80,7 @@ def _overview(result: GapResult) -> list[PagePart]:
     """Every finding in a table: its size with its interval, how probable it is, what it closes."""
     rows = []
     for c in result.comparisons:
-        closed = gap_rows(c.gap, c.is_updated)[-1][1] if c.findings else ""
+        closed = f"{100 * c.gap.closed:.0f} %" if c.gap.before > 0.0 and c.is_updated else ""
         for f in c.findings:
             sizes = [p for p in f.effect.estimated() if p.name in f.ci95] or list(f.effect.estimated())
             for k, p in enumerate(sizes):
