@@ -138,7 +138,7 @@ def test_the_updated_model_is_ready_to_be_copied(pages: dict[str, Path]) -> None
     text = pages["gap"].read_text(encoding="utf-8")
     assert re.search(r"<summary>The updated model, ready to be copied</summary>", text)
     assert "sinusoid" in text.partition("ready to be copied")[2]
-    assert re.search(r"<th[^>]*>mismatch closed</th>", text)
+    assert re.search(r"<th[^>]*>closes</th>", text)
 
 
 def test_the_date_is_that_of_the_build_where_it_is_given(

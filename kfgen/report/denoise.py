@@ -8,7 +8,17 @@ from kfgen.arma.process import Arma
 from kfgen.core.numbers import quantity
 from kfgen.core.units import display_unit, parse_unit
 from kfgen.log.log import Log
-from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
+from kfgen.report.page import (
+    Answer,
+    Page,
+    PagePart,
+    columns,
+    figure,
+    heading,
+    source_words,
+    table,
+    text,
+)
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Panel, panels_picture, series_picture, thin
 from kfgen.run.adaptive.cost import HIDDEN, STEP
 from kfgen.run.adaptive.denoise import Denoised
@@ -61,7 +71,8 @@ def denoise_answer(found: DenoisedLog) -> Answer:
         lines += [columns([list(NOISE_HEAD), *noise_rows(one, unit)])]
         lines += [columns([list(COST_HEAD), *cost_rows(one)])]
         parts += _parts(log, name, one, unit)
-    page = Page(found.title, tuple(parts))
+    verdict = tuple(f"{name}: {one.cost.words}." for name, one in found.channels.items())
+    page = Page(found.title, tuple(parts), verdict, None, (("log", source_words(log.source, log.sha256)),))
     return Answer("\n".join(lines), found.to_dict(), page, warnings=found.warnings)
 
 
@@ -76,7 +87,6 @@ def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[PagePart]:
     nis = [Line("factor on R", log.t[keep], one.filtered.r[keep], MEASURED)]
     return [
         heading(name),
-        sentence(f"{name}: {one.cost.words}."),
         text(f"{process_words(one.rest.process, unit)}."),
         table(NOISE_HEAD, noise_rows(one, unit)),
         table(COST_HEAD, cost_rows(one)),

@@ -18,7 +18,7 @@ from kfgen.fleet.result import (
     SensorEstimate,
     shown_unit,
 )
-from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, table, text
 from kfgen.report.plots import Dot, dots_picture
 
 MAX_LOG_SPREAD_SAID_IN_PER_CENT = 0.3
@@ -34,8 +34,8 @@ def fleet_answer(fleet: FleetResult) -> Answer:
     """Text, JSON and page of a fleet."""
     names = short_names([o.log for o in (*fleet.done, *fleet.failed)])
     words, outlying = _sentences(fleet, names), _outlier_rows(fleet, names)
-    lines, parts = [f"{w}." for w in words], [sentence(f"{w}.") for w in words]
-    parts += [text(f"Not used: {o.complaint}.") for o in fleet.failed]
+    lines, verdict = [f"{w}." for w in words], tuple(f"{w}." for w in words)
+    parts = [text(f"Not used: {o.complaint}.") for o in fleet.failed]
     for channel in dict.fromkeys(s.number.channel for s in fleet.numbers):
         numbers = [s for s in fleet.numbers if s.number.channel == channel]
         rows, values = [_row(s, fleet) for s in numbers], _value_rows(numbers, names)
@@ -55,7 +55,7 @@ def fleet_answer(fleet: FleetResult) -> Answer:
         else []
     )
     lines += [*([""] if fleet.failed else []), *(f"not used: {o.complaint}" for o in fleet.failed)]
-    page = Page("Sensors of one kind", tuple(parts))
+    page = Page("Sensors of one kind", tuple(parts), verdict)
     return Answer("\n".join(lines), fleet.to_dict(), page, ok=not fleet.failed, warnings=fleet.warnings)
 
 

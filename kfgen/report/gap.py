@@ -36,7 +36,7 @@ from kfgen.report.page import (
     text,
 )
 
-FINDINGS_HEAD = ("of", "effect", "parameter", "value", "95 % interval", "probability", "mismatch closed")
+FINDINGS_HEAD = ("of", "effect", "parameter", "value", "95 % interval", "probability", "closes")
 MAX_TEST_ROWS = 20
 """Rows of a table of tests."""
 LEAST_P = 1e-99
@@ -92,12 +92,16 @@ def _overview(result: GapResult) -> list[PagePart]:
                         p.name,
                         value,
                         interval,
-                        *([percent(f.probability), closed] if k == 0 else ["", ""]),
+                        *([_short_percent(f.probability), closed] if k == 0 else ["", ""]),
                     ]
                 )
             if not sizes:
-                rows.append([f.where, f.effect.title, "", "", "", percent(f.probability), closed])
+                rows.append([f.where, f.effect.title, "", "", "", _short_percent(f.probability), closed])
     return [heading("What was found"), table(FINDINGS_HEAD, rows)] if rows else []
+
+
+def _short_percent(p: float) -> str:
+    return percent(p).replace("more than", ">")
 
 
 def comparison_lines(c: Comparison) -> list[str]:

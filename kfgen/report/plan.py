@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kfgen.identify.plan import RECORD_HOURS, ParameterBound, RecordPlan, hours_text
-from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
+from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, table
 from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
 
 LINE_COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
@@ -17,6 +17,7 @@ def plan_answer(found: RecordPlan) -> Answer:
     """The Cramér-Rao bound of every parameter against the length of record."""
     lines: list[str] = []
     parts: list[PagePart] = []
+    verdict: list[str] = []
     percent = f"{100 * found.wanted:g} %"
     head = ["", *(f"{h:g} h" for h in RECORD_HOURS), f"for {percent}"]
     for name, bounds in found.channels.items():
@@ -26,6 +27,7 @@ def plan_answer(found: RecordPlan) -> Answer:
             for label, b in bounds.items()
             if np.isfinite(b.hours_for_wanted)
         ]
+        verdict += [f"{name}: {words}" for words in said]
         lines += [
             f"{name}: smallest relative standard deviation of an unbiased estimate",
             columns([head, *rows]),
@@ -33,11 +35,11 @@ def plan_answer(found: RecordPlan) -> Answer:
         ]
         parts += [
             heading(name),
-            *map(sentence, said),
             table(head, rows),
             figure(plan_picture(bounds, name), "Cramér-Rao bound against the length of the record."),
         ]
-    return Answer("\n".join(lines).rstrip(), found.to_dict(), Page("How long to log", tuple(parts)))
+    page = Page("How long to log", tuple(parts), tuple(verdict))
+    return Answer("\n".join(lines).rstrip(), found.to_dict(), page)
 
 
 def _percent(value: float) -> str:
