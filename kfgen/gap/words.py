@@ -23,7 +23,7 @@ from kfgen.gap.core.result import (
     DetectionLimit,
     Finding,
 )
-from kfgen.gap.core.scene import NoiseScale
+from kfgen.gap.core.scene import NoiseScale, OutageDrift
 from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2
 
@@ -71,6 +71,15 @@ def noise_scale_sentence(s: NoiseScale) -> str:
     noise = "white noise" if s.white else "noise"
     return (
         f"The {noise} of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
+    )
+
+
+def outage_sentence(before: OutageDrift, after: OutageDrift) -> str:
+    """What outages cost before and after."""
+    n = f"{before.count} outages" if before.count > 1 else "one outage"
+    return (
+        f"Without GNSS for {before.seconds:g} s the filter drifts {before.metres:.3g} m as assumed and {after.metres:.3g} m "
+        f"updated ({n} in the last part of the log)"
     )
 
 

@@ -104,6 +104,25 @@ class NoiseScale:
     white: bool = False
 
 
+@dataclass(frozen=True)
+class OutageDrift:
+    """How far a filter is from the first fix after outages.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of each outage [s].
+    metres : float
+        Root mean square distance [m].
+    count : int
+        Outages.
+    """
+
+    seconds: float
+    metres: float
+    count: int
+
+
 class Scene(Protocol):
     """A world: channels of a log against what is assumed about them."""
 
@@ -232,6 +251,14 @@ class HasNoiseSizes(Protocol):
 
     def tuned(self, point: ScenePoint) -> Scene:
         """The same world, about no effect, with noises of the sizes that are most likely beside those of a point."""
+
+
+@runtime_checkable
+class HasOutages(Protocol):
+    """A world of a filter from which aiding readings can be kept away."""
+
+    def drifts(self, share: float) -> tuple[OutageDrift, ...]:
+        """How far it drifts in outages in a share of the log, its end."""
 
 
 @runtime_checkable

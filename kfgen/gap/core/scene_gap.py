@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kfgen.core.time_budget import time_budget
 from kfgen.gap.core.assumed_parameters import Answered, answered
 from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.holdout import HELD_OUT_SHARE, Gap
 from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.core.noise_scale import levels_in, noise_scales_in
 from kfgen.gap.core.result import (
@@ -26,8 +26,10 @@ from kfgen.gap.core.result import (
 from kfgen.gap.core.scene import (
     HasInputs,
     HasNoiseSizes,
+    HasOutages,
     Inspected,
     NoiseScale,
+    OutageDrift,
     Placed,
     Scene,
     ScenePoint,
@@ -183,10 +185,19 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         unknowns=_unknowns(scene, fit),
         constant_inputs=constant_inputs,
         refused=found.refused,
+        outages=_outages(answer) if findings or sizes else (),
         scene=scene,
         assumed=found.assumed,
         fit=fit,
     )
+
+
+def _outages(answer: Answered) -> tuple[tuple[OutageDrift, OutageDrift], ...]:
+    """Drifts of the filter as assumed and updated, in outages in the part of the log that is held out elsewhere."""
+    before, after = answer.written, answer.scene
+    if not isinstance(before, HasOutages) or not isinstance(after, HasOutages):
+        return ()
+    return tuple(zip(before.drifts(HELD_OUT_SHARE), after.drifts(HELD_OUT_SHARE)))
 
 
 def _updated_tests(answer: Answered) -> tuple[list[Test], tuple[NoiseScale, ...]]:

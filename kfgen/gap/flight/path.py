@@ -25,6 +25,8 @@ STEP_SHARES = (1.0, 0.5, 0.25, 0.1)
 """Of a step that are tried until the innovations are not far less likely."""
 MAX_LOSS_NATS = 20.0
 """Loss of log-likelihood up to which a step is taken: a filter about its own first path fits its noise."""
+SILENCED_VARIANCE_FACTOR = 1e12
+"""Of a reading that says nothing."""
 ARRIVED_NATS = 0.01
 """Change of log-likelihood below which a path has arrived."""
 
@@ -45,6 +47,8 @@ class FlownPath:
         Errors of the other readings that are subtracted [SI].
     sizes : NoiseSizes
         Of the noise, over what the filter assumes.
+    silenced : ndarray of bool, shape (rows,), optional
+        Readings that the filter is not given, though the path was smoothed with them.
     """
 
     log: FlightLog
@@ -53,6 +57,7 @@ class FlownPath:
     du: Array
     dz: Array
     sizes: NoiseSizes = field(default_factory=NoiseSizes)
+    silenced: NDArray[np.bool_] | None = None
 
     @cached_property
     def rows(self) -> Rows:
@@ -105,6 +110,8 @@ class FlownPath:
                 H[at] = J[rows.at[at], k]
         y = rows.z - self.dz - self.expected()
         R = rows.R * self.sizes.of_rows(rows) ** 2
+        if self.silenced is not None:
+            R = np.where(self.silenced, SILENCED_VARIANCE_FACTOR * R, R)
         for name, size in self.sizes.inputs.items():
             Qd = Qd + (size**2 - 1.0) * self.input_noise[name]
         P0 = start_covariance(self.log, eq)

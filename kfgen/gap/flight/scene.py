@@ -19,8 +19,9 @@ from kfgen.effects import Effect
 from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
-from kfgen.gap.core.scene import NoiseScale, Placed, ScenePoint, Unknown
+from kfgen.gap.core.scene import NoiseScale, OutageDrift, Placed, ScenePoint, Unknown
 from kfgen.gap.flight.flight_truth import flight_truth
+from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.tuned import TunedSize, tuned
 from kfgen.gap.motion.candidates import MotionCandidates, offers
@@ -207,6 +208,10 @@ class FlightScene:
             for s in away
             for c in (*s.group.inputs, *s.group.channels)
         )
+
+    def drifts(self, share: float) -> tuple[OutageDrift, ...]:
+        """See `kfgen.gap.flight.outages`."""
+        return outage_drifts(self.path, share)
 
     def tuned(self, point: ScenePoint) -> FlightScene:
         """The flight about no effect, its noises of the sizes that are most likely beside the effects of a point."""
