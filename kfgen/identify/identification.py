@@ -197,7 +197,14 @@ class IdentifiedChannel:
                 "model": expected_deviation(found.record, shown).tolist(),
             },
             "lines": [
-                {"frequency_hz": line.frequency, "amplitude": line.amplitude, "unit": si}
+                {
+                    "frequency_hz": line.frequency,
+                    "amplitude": line.amplitude,
+                    "unit": si,
+                    "band_hz": list(line.band),
+                    "harmonic": line.harmonic,
+                    "fundamental_hz": line.fundamental or None,
+                }
                 for line in self.lines
             ],
             "covariance": joint

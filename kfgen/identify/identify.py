@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.effects import Effect
+from kfgen.effects import Effect, effect_named
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.long import Long, Stream, condense
+from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.record_faults import (
@@ -28,7 +29,7 @@ from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
 from kfgen.identify.fit.interval import intervals95
 from kfgen.identify.fit.limits import Limit
-from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, without_line
+from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
 from kfgen.identify.methods.likelihood import METHODS, covariance
 
 Array = NDArray[np.float64]
@@ -93,9 +94,14 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
             f"there is no method '{method}'", where="--method", remedy=f"Known are {', '.join(METHODS)}"
         )
     clean, warnings = prepared(exactly(record) if method == "kalman" else record)
+    # A slow term that is fitted first takes the power of a line for its own; only one that is asked for may.
+    own = may_oscillate(clean, wanted or ())
+    lines = [] if own else lines_in(clean)
+    clean = without_lines(clean, lines)
     found = _estimated(clean, wanted, method)
-    lines = lines_in(clean, found.fit.effects)
-    if lines:
+    if own:
+        lines = lines_in(clean, found.fit.effects)
+    if own and lines:
         clean = without_lines(clean, lines)
         found = _estimated(clean, wanted, method)
     bounds = {}
@@ -238,7 +244,21 @@ def _records(view: Evidence) -> tuple[Record, ...]:
     return view.records if isinstance(view, JointRecord) else ()
 
 
-def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
+def may_oscillate(record: Evidence, wanted: Sequence[str]) -> bool:
+    """Whether an effect is asked for whose own a line may be.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str
+        Names of effects; one without start values is looked for, and may be a line.
+    """
+    starts = [effect_named(name).starts(record.look) for name in wanted]
+    return any(not found or any(oscillations(e) for e in found) for found in starts)
+
+
+def lines_in(record: Evidence, effects: Sequence[Effect] = ()) -> list[PeriodicLine]:
     """The periodic lines of evidence that belong to none of the effects, each once.
 
     Parameters
@@ -253,10 +273,9 @@ def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
         return []  # beside another's noise a louder log is full of lines
     found: list[PeriodicLine] = []
     for part in records:
-        if not any(hi == float("inf") for _, hi in part.skip):
-            new = [line for line in find_lines(part, effects) if not is_of(line, effects)]
-            found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
-    return found
+        new = [line for line in find_lines(part) if not is_of(line, effects)]
+        found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
+    return with_harmonics(found)
 
 
 @singledispatch
