@@ -216,8 +216,20 @@ class Ordinates:
 
         See `kfgen.identify.evidence.record.Likelihood`.
         """
-        relative = self._shapes.slopes(effects, keys) / self.density(effects)
+        relative = self.relative_slopes(effects, keys)
         return np.asarray(0.5 * (relative * self.count) @ relative.T)
+
+    def relative_slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of ``ln S`` in logarithms of parameters, shape (k, m).
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            With their values [SI].
+        keys : sequence of Key
+            Parameters: index of the effect, name.
+        """
+        return self._shapes.slopes(effects, keys) / self.density(effects)
 
 
 def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:
