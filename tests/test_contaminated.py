@@ -71,9 +71,9 @@ def test_outliers_come_into_the_noise_file(kfgen: Callable[..., Any], tmp_path: 
     log = tmp_path / "glitches.csv"
     np.savetxt(log, np.column_stack([T, y]), delimiter=",", header="t [s],gyro_x [deg/s]", comments="")
     out, answer = tmp_path / "noise.toml", tmp_path / "answer.json"
-    told = kfgen("identify", log, "-o", out, "--json", answer)
-    assert told.exit_code == 0
-    assert "% of the samples are outliers" in told.stderr
+    result = kfgen("identify", log, "-o", out, "--json", answer)
+    assert result.exit_code == 0
+    assert "% of the samples are outliers" in result.stderr
     effects = {e.name: e for e in read_noise(out).channel("gyro_x").effects}
     assert effects["outliers"].share == pytest.approx(0.09, rel=0.1)  # type: ignore[attr-defined]
     assert np.rad2deg(effects["outliers"].sigma) == pytest.approx(8.0, rel=0.1)  # type: ignore[attr-defined]

@@ -201,6 +201,10 @@ class Outliers(AddsNothingAtRest):
         mixture : Mixture
         sd : float
             What one of that series is [U].
+
+        Returns
+        -------
+        Detection
         """
         size = float(np.sqrt(mixture.kappa**2 - 1.0)) * sd * mixture.level
         half = np.minimum(1.96 * mixture.spread, 300.0)
