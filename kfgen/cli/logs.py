@@ -1,4 +1,4 @@
-"""Commands on logs: identify, simulate, run, demo."""
+"""Commands on logs: identify, calibrate, simulate, run, demo."""
 
 from __future__ import annotations
 
@@ -13,34 +13,33 @@ from kfgen.cli.app import app
 
 DEFAULT_RATE_HZ = 100.0
 """Of a simulated log [Hz]."""
+AT_REST = typer.Argument(metavar="LOG...", help="Logs of one sensor at rest, or an Allan curve (column tau).")
+CHANNELS = typer.Option(help="Only these, separated by commas; the sensor channels of the log when left out.")
+EFFECTS = typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out.")
+METHOD = typer.Option(
+    help="ml (maximum likelihood; the default), kalman (the same, exact at any times), "
+    "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments), "
+    "asymptotes (of the Allan plot), arma (equivalent ARMA model), ekf and em (its state space)."
+)
+RATES = typer.Option(
+    metavar="HZ|SENSOR=HZ", help="Rate of inputs and log [Hz]; or of a sensor (gnss=5). May be repeated."
+)
+DECOY = typer.Option(metavar="DRIVER", help="A driver in the log that drives nothing. May be repeated.")
+SHAKEN = "Vibration that comes and goes on every axis, for example '0.5 m/s^2'."
+VIBRATION = typer.Option(metavar="ACCELERATION", help=SHAKEN)
+TURN = typer.Option(help="The angle of each turn of a gyro, or multiples of it.")
+TURN_SD = typer.Option(help="Its standard deviation.")
+FIELD = typer.Option(help="The strength of the field, '48 uT'; one axis measures it when left out.")
+SENSORS = typer.Option(help="Of accel, mag and gyro, separated by commas; all of the log when left out.")
 
 
 @app.command()
 def identify(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="Logs of one sensor at rest, fitted together; or an Allan curve with a column tau.",
-        ),
-    ],
+    logs: Annotated[list[Path], AT_REST],
     rate: opt.Rate = None,
-    channels: Annotated[
-        str | None,
-        typer.Option(help="Only these, separated by commas; the sensor channels of the log when left out."),
-    ] = None,
-    effects: Annotated[
-        str | None,
-        typer.Option(help="Exactly these effects, separated by commas; chosen by the data when left out."),
-    ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help="ml (maximum likelihood; the default), kalman (the same, exact at any times), "
-            "allan (weighted fit of the Allan curve; the default for a curve), gmwm (wavelet moments), "
-            "asymptotes (of the Allan plot), arma (equivalent ARMA model), ekf and em (its state space)."
-        ),
-    ] = None,
+    channels: Annotated[str | None, CHANNELS] = None,
+    effects: Annotated[str | None, EFFECTS] = None,
+    method: Annotated[str | None, METHOD] = None,
     columns: opt.Columns = None,
     topic: opt.Topic = "",
     instance: opt.Instance = None,
@@ -62,36 +61,42 @@ def identify(
 
 
 @app.command()
+def calibrate(
+    log: opt.LogPath,
+    turn: Annotated[str, TURN] = "360 deg",
+    turn_sd: Annotated[str, TURN_SD] = "0.5 deg",
+    field: Annotated[str | None, FIELD] = None,
+    sensors: Annotated[str | None, SENSORS] = None,
+    rate: opt.Rate = None,
+    columns: opt.Columns = None,
+    output: opt.Output = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
+) -> None:
+    """Biases, scales, angles and irons from poses, turns of a gyro and a magnetometer that was turned."""
+    from kfgen.calibrate.calibrate import calibrate
+    from kfgen.report.calibrate import calibrate_answer
+
+    data = opt.read(log, rate, columns)
+    found = calibrate(data, turn=turn, turn_sd=turn_sd, field=field, sensors=sensors)
+    if output:
+        found.save(output)
+    opt.deliver(calibrate_answer(found), json, report)
+
+
+@app.command()
 def simulate(
     model: opt.ModelName,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")],
     duration: Annotated[float, typer.Option(help="Length of the log [s].")] = 60.0,
-    rate: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="HZ|SENSOR=HZ",
-            help="Rate of the inputs and of the log [Hz], 100 where left out; or of a sensor (gnss=5). May be repeated.",
-        ),
-    ] = None,
+    rate: Annotated[list[str] | None, RATES] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     manoeuvre: Annotated[str, typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")] = "static",
     noise: opt.Noise = None,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
-    decoy: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="DRIVER",
-            help="A driver in the log on which nothing depends (temperature). May be repeated.",
-        ),
-    ] = None,
-    vibration: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ACCELERATION",
-            help="Vibration that comes and goes on every axis, for example '0.5 m/s^2'.",
-        ),
-    ] = None,
+    decoy: Annotated[list[str] | None, DECOY] = None,
+    vibration: Annotated[str | None, VIBRATION] = None,
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
