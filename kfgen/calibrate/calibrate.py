@@ -251,7 +251,9 @@ def _start(log: Log, sensor: str, y: Array, entries: Sequence[Entry], length: fl
     return np.array(numbers + ([] if length else [size])), size
 
 
-def _refuse_open(log: Log, sensor: str, entries: Sequence[Entry], fit: Fitted, u: Array, scale: Array) -> None:
+def _refuse_open(
+    log: Log, sensor: str, entries: Sequence[Entry], fit: Fitted, u: Array, scale: Array
+) -> None:
     """Refuse numbers that the readings leave open."""
     wide = fit.half_widths / scale
     worst = int(np.argmax(wide))
