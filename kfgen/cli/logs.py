@@ -32,6 +32,9 @@ TURN_SD = typer.Option(help="Its standard deviation.")
 FIELD = typer.Option(help="The strength of the field, '48 uT'; one axis measures it when left out.")
 SENSORS = typer.Option(help="Of accel, mag and gyro, separated by commas; all of the log when left out.")
 
+ADAPTIVE = typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
+TUNE = typer.Option("--tune", help="Estimate the filter's noise from its innovations; -o writes the filter.")
+
 
 @app.command()
 def identify(
@@ -126,9 +129,8 @@ def run(
     model: opt.ModelName,
     log: opt.LogPath,
     noise: opt.Noise = None,
-    adaptive: Annotated[
-        str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
-    ] = None,
+    adaptive: Annotated[str | None, ADAPTIVE] = None,
+    tune: Annotated[bool, TUNE] = False,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
     rate: opt.Rate = None,
@@ -139,14 +141,17 @@ def run(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """The emitted filterpy filter over a log: estimates, innovations, NIS."""
+    """The emitted filterpy filter over a log: estimates, innovations, NIS; with --tune its noise by these."""
     from kfgen.log.readers import write_log
     from kfgen.report.filter import run_answer
+    from kfgen.report.tune import tune_answer
     from kfgen.run.estimates import estimates
     from kfgen.run.run import run
 
-    built = opt.model_of(model, noise, set_, sensor)
-    found = run(built, opt.read(log, rate, columns, topic, instance), adaptive=adaptive)
+    built, data = opt.model_of(model, noise, set_, sensor), opt.read(log, rate, columns, topic, instance)
+    if tune:
+        return opt.deliver(tune_answer(built, data, output), json, report)
+    found = run(built, data, adaptive=adaptive)
     if output:
         write_log(estimates(found, built), output)
     opt.deliver(run_answer(found), json, report)
