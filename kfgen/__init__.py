@@ -41,6 +41,7 @@ __version__ = "0.2.0"
 VERBS = {
     "audit": "kfgen.run.audit",
     "build": "kfgen.model.build",
+    "calibrate": "kfgen.calibrate.calibrate",
     "contents": "kfgen.log.contents",
     "convert": "kfgen.consumers",
     "denoise": "kfgen.run.adaptive.denoise_log",

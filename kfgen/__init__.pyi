@@ -1,5 +1,6 @@
 """What `kfgen` gives: the types of the lazy table in ``__init__.py``."""
 
+from kfgen.calibrate.calibrate import calibrate as calibrate
 from kfgen.catalogue import list_all as list_all
 from kfgen.consumers import convert as convert
 from kfgen.effects.noise_model import NoiseModel as NoiseModel

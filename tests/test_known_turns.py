@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,14 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from kfgen.calibrate.known_turns import Turn, TurnScene, turn_scene
 from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.log.log import Channel, Log
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "examples" / "recordings"))
-from known_turns import Turn, TurnScene, turn_scene
 
 Array = NDArray[np.float64]
 Find = Callable[[str], Path]

@@ -5,6 +5,9 @@ Each of these once ended in a traceback on a recording of a real sensor. Seeds a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -17,9 +20,12 @@ from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.find_gap import find_gap
 from kfgen.gap.motion.known_length import MAX_RESIDUAL, NormScene, norm_scene
 from kfgen.identify.evidence.sampling import evidence
+from kfgen.identify.identify_log import identify as identify_log
 from kfgen.log.log import Channel, Log
+from kfgen.log.readers import read_log
 
 Array = NDArray[np.float64]
+TERMS = ["white_noise", "rate_random_walk"]
 
 
 @pytest.mark.parametrize("passed", [0.1, 0.4, 0.7, 1.0])
@@ -93,3 +99,20 @@ def test_a_triad_that_is_blind_in_a_direction_is_far_off() -> None:
     scene = NormScene("accel", "m/s^2", np.arange(20.0), y, np.ones((20, 3)), 9.8)
     blind = Placed(make("scale_factor", coefficient=-1.0), "accel_x")
     assert (scene.residuals([ScenePoint((blind,), np.zeros(0))]) == MAX_RESIDUAL).all()
+
+
+def test_a_sensor_that_moved_through_gaps_is_identified(recording: Callable[[str], Path]) -> None:
+    """Ten gaps within 135 s, and motion in place of rest: bad evidence for noise, and no reason to end in an error."""
+    log = read_log(recording("dynamic/xio_fusion_sensor_data.npz"))
+    part = log.cut(1500, 3000)
+    assert np.diff(part.t).max() > 1.5 * part.dt
+    found = identify_log(part, channels=["gyro_z", "accel_y"], effects=TERMS)
+    for channel in found.channels.values():
+        assert all(np.isfinite(v) and v >= 0.0 for e in channel.effects for v in e.values.values())
+    assert any("missing" in w for w in found.warnings)
+
+
+@pytest.mark.long
+def test_all_channels_of_that_log(recording: Callable[[str], Path]) -> None:
+    found = identify_log(read_log(recording("dynamic/xio_fusion_sensor_data.npz")))
+    assert len(found.channels) == 9

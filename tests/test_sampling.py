@@ -173,6 +173,24 @@ def test_a_step_of_the_rate_is_refused(ratio: float, share: float, jitter: float
     assert numbers[1] == pytest.approx(100.0 / ratio, rel=0.02)
     assert numbers[2] == pytest.approx(T[m - 1], abs=0.02 * t[-1])
     assert "Cut the log" in str(caught.value.remedy)
+    assert "--rate" in str(caught.value.remedy)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+def test_rows_that_are_missing_are_no_change_of_the_rate(share: float) -> None:
+    kept = np.random.default_rng(11).random(2000) > share
+    got, said = evidence(T[:2000][kept], noise(12, 2000)[kept])
+    assert got.dt == pytest.approx(DT, rel=1e-3)
+    (sentence,) = said
+    assert "of the samples are missing, all along the log, at a rate of 100 Hz" in sentence
+    assert holds(identify(got, ["white_noise"]), 0.1)
+
+
+def test_a_refusal_for_uneven_time_names_the_rate() -> None:
+    t = np.cumsum(np.random.default_rng(13).exponential(DT, 12_000))
+    with pytest.raises(InputError, match="uneven times") as caught:
+        evidence(t, noise(14, 12_000))
+    assert "--rate" in str(caught.value.remedy)
 
 
 def sparse(y: Array) -> Array:

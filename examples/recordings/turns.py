@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from common import AXES, Case, at_rest, main, of_scene
-from known_turns import Turn, turn_scene
 
+from kfgen.calibrate.known_turns import Turn, turn_scene
 from kfgen.log.readers import read_log
 
 BY_HAND = np.radians(0.5)

@@ -11,22 +11,18 @@ from kfgen.cli.app import app
 from kfgen.cli.options import Columns, Instance, Json, Output, Rate, Report, Topic, deliver, read
 
 FAIL_ON_GAP = typer.Option("--fail-on-gap", help="End with exit status 3 where model and log disagree.")
+LOGS = typer.Argument(metavar="LOG...", help="A log; or several of one sensor at rest, compared together.")
+MODEL = typer.Option(help="What is assumed: a noise file, a model file or a library model.")
+PROOF = typer.Option(help="Another recording of the sensor at rest, to prove it on.")
 
 
 @app.command()
 def gap(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(metavar="LOG...", help="A log; or several of one sensor at rest, compared together."),
-    ],
-    model: Annotated[
-        str, typer.Option(help="What is assumed: a noise file, a model file or a library model.")
-    ],
+    logs: Annotated[list[Path], LOGS],
+    model: Annotated[str, MODEL],
     channels: Annotated[str | None, typer.Option(help="Only these, separated by commas.")] = None,
     fail_on_gap: Annotated[bool, FAIL_ON_GAP] = False,
-    proof: Annotated[
-        list[Path] | None, typer.Option(help="Another recording of the sensor at rest, to prove it on.")
-    ] = None,
+    proof: Annotated[list[Path] | None, PROOF] = None,
     rate: Rate = None,
     columns: Columns = None,
     topic: Topic = "",
@@ -41,12 +37,8 @@ def gap(
     from kfgen.gap.find_gap import find_gap
     from kfgen.report.gap import gap_answer
 
-    found = find_gap(
-        [read(log, rate, columns, topic, instance) for log in logs],
-        model,
-        channels=channels,
-        proof=[read(path, rate, columns, topic, instance) for path in proof or ()],
-    )
+    given, another = ([read(p, rate, columns, topic, instance) for p in ps or ()] for ps in (logs, proof))
+    found = find_gap(given, model, channels=channels, proof=another)
     if output:
         write_text(output, found.updated_text)
     deliver(gap_answer(found), json, report)

@@ -1,4 +1,4 @@
-"""Commands on logs: identify, simulate, run, demo."""
+"""Commands on logs: identify, calibrate, simulate, run, demo."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from kfgen.cli.app import app
 
 DEFAULT_RATE_HZ = 100.0
 """Of a simulated log [Hz]."""
+TURN = typer.Option(help="The angle of each turn of a gyro, or multiples of it.")
+TURN_SD = typer.Option(help="Its standard deviation.")
+FIELD = typer.Option(help="The strength of the field, '48 uT'; one axis measures it when left out.")
+SENSORS = typer.Option(help="Of accel, mag and gyro, separated by commas; all of the log when left out.")
 
 ADAPTIVE = typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
 TUNE = typer.Option("--tune", help="Estimate the filter's noise from its innovations; -o writes the filter.")
@@ -67,6 +71,30 @@ def identify(
 
 
 @app.command()
+def calibrate(
+    log: opt.LogPath,
+    turn: Annotated[str, TURN] = "360 deg",
+    turn_sd: Annotated[str, TURN_SD] = "0.5 deg",
+    field: Annotated[str | None, FIELD] = None,
+    sensors: Annotated[str | None, SENSORS] = None,
+    rate: opt.Rate = None,
+    columns: opt.Columns = None,
+    output: opt.Output = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
+) -> None:
+    """Biases, scales, angles and irons from poses, turns of a gyro and a magnetometer that was turned."""
+    from kfgen.calibrate.calibrate import calibrate
+    from kfgen.report.calibrate import calibrate_answer
+
+    data = opt.read(log, rate, columns)
+    found = calibrate(data, turn=turn, turn_sd=turn_sd, field=field, sensors=sensors)
+    if output:
+        found.save(output)
+    opt.deliver(calibrate_answer(found), json, report)
+
+
+@app.command()
 def simulate(
     model: opt.ModelName,
     output: Annotated[Path, LOG_OUTPUT],
@@ -83,22 +111,16 @@ def simulate(
     report: opt.Report = None,
 ) -> None:
     """A log from a model: its sensors at their own rates, and the truth beside them."""
-    import numpy as np
-
     from kfgen.core.units import parse_quantity
     from kfgen.log.readers import write_log
-    from kfgen.model.discretise import DiscreteModel
     from kfgen.report.filter import simulate_answer
     from kfgen.simulate.rates import read_rates
-    from kfgen.simulate.simulate import simulate as simulated
+    from kfgen.simulate.simulate_log import simulate
 
     of_log, rates = read_rates(rate or (), DEFAULT_RATE_HZ)
     shaken = parse_quantity(vibration, "m/s^2", where="--vibration") if vibration else 0.0
-    discrete = DiscreteModel.at_rate(opt.model_of(model, noise, set_, sensor), of_log)
-    rng = np.random.default_rng(seed)
-    log = simulated(
-        discrete, manoeuvre, duration, rng, rates=rates, decoys=tuple(decoy or ()), vibration=shaken
-    )
+    built, decoys = opt.model_of(model, noise, set_, sensor), tuple(decoy or ())
+    log = simulate(built, manoeuvre, duration, of_log, seed, rates=rates, decoys=decoys, vibration=shaken)
     write_log(log, output)
     opt.deliver(simulate_answer(log, str(output)), json, report)
 

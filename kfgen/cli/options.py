@@ -14,12 +14,8 @@ if TYPE_CHECKING:
     from kfgen.model.filter import FilterModel
     from kfgen.report.page import Answer
 
-LogPath = Annotated[
-    Path, typer.Argument(metavar="LOG", help="The log, of any format that 'kfgen list' names.")
-]
-ModelName = Annotated[
-    str, typer.Argument(metavar="MODEL", help="A model of 'kfgen list', or a file (.toml).")
-]
+LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log, in a format of 'kfgen list'.")]
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="One of 'kfgen list', or a file (.toml).")]
 NoisePath = Annotated[Path, typer.Argument(metavar="NOISE.toml", help="The noise file of 'identify -o'.")]
 Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz] in place of the log's own time.")]
 SampleRate = Annotated[float, typer.Option("--rate", help="The sampling rate of the sensors [Hz].")]

@@ -20,7 +20,7 @@ from kfgen.core.units import derived_unit, from_si, parse_quantity
 from kfgen.effects import linear_system as law
 from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates
 from kfgen.effects.linear_system import LinearSystem
-from kfgen.effects.series import OF_A_COEFFICIENT, DetectedFault, Detection, RawSamples, WhiteSeries
+from kfgen.effects.series import OF_A_COEFFICIENT, DetectedFault, Detection, OnGrid, RawSamples, WhiteSeries
 
 Array = NDArray[np.float64]
 
@@ -159,6 +159,11 @@ class Effect:
     def starts(cls, look: Look) -> list[Self]:
         """Where fits should start; none for an effect that a record at rest cannot show."""
         return []
+
+    @classmethod
+    def ceiling(cls, name: str, grid: OnGrid) -> float:
+        """The largest value [SI] of a parameter that the ADC grid of the samples allows; infinite where it says nothing."""
+        return math.inf
 
     def extended_band(self, dt: float, duration: float) -> Self:
         """What the effect is in a record of this sampling period and length [s]: itself, unless its band is open."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,6 +182,8 @@ def middle95(at: Array, w: Array) -> tuple[float, float]:
     return float(at[lo]), float(at[min(hi, at.size - 1)])
 
 
+ADC_SAMPLES = 50_000
+"""Samples that are looked at for an ADC grid."""
 SWIFT = 6.0
 """Standard deviations of the noise by which a sample of a sensor that moves differs from the one before."""
 ORDERS = (1, 2, 4, 6, 8)
@@ -198,6 +200,43 @@ def noise_of_differences(differences: Array, order: int) -> float:
     moved = differences[differences != 0.0]
     spread = float(np.median(np.abs(moved - np.median(moved)))) if moved.size else 0.0
     return 1.4826 * spread / math.sqrt(math.comb(2 * order, order))
+
+
+class OnGrid(Protocol):
+    """Samples on an ADC grid: its step [U], zero without one, and the sampling period [s]."""
+
+    @property
+    def adc_step(self) -> float:
+        """Distance of neighbouring values [U]."""
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+
+
+def adc_step(y: Array) -> float:
+    """Step of the ADC grid of samples, zero where they lie on none.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples [SI].
+
+    Returns
+    -------
+    float
+        Distance of neighbouring values [SI].
+    """
+    values = np.unique(y[:ADC_SAMPLES])
+    # Values that are computed differ in their last digits.
+    distinct = np.diff(values) > SAME * float(np.ptp(values))
+    values = values[np.concatenate([[True], distinct])]
+    if values.size < 2 or values.size > 0.5 * min(y.size, ADC_SAMPLES):
+        return 0.0
+    steps = np.diff(values)
+    step = float(steps.min())
+    off = np.abs(steps / step - np.round(steps / step))
+    return step if float(np.mean(off < 0.05)) > 0.95 else 0.0
 
 
 @dataclass(frozen=True)
@@ -259,17 +298,7 @@ class RawSamples:
     @cached_property
     def adc_step(self) -> float:
         """Distance of neighbouring values [SI], zero where they lie on no ADC grid."""
-        values = np.unique(self.y[:50_000])
-        distinct = np.diff(values) > SAME * float(
-            np.ptp(values)
-        )  # values that are computed differ in their last digits
-        values = values[np.concatenate([[True], distinct])]
-        if values.size < 2 or values.size > 0.5 * min(self.n, 50_000):
-            return 0.0
-        steps = np.diff(values)
-        step = float(steps.min())
-        off = np.abs(steps / step - np.round(steps / step))
-        return step if float(np.mean(off < 0.05)) > 0.95 else 0.0
+        return adc_step(self.y)
 
 
 @dataclass(frozen=True)

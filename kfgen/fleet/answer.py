@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -76,6 +76,22 @@ class FoundEffect:
 
 
 @dataclass(frozen=True)
+class Frequencies:
+    """What of a channel's spectrum a wrong sampling rate would shift.
+
+    Parameters
+    ----------
+    lines : tuple of float
+        Frequencies of spectral lines [Hz].
+    corner : float
+        From which an internal low-pass takes power away [Hz]; zero without one.
+    """
+
+    lines: tuple[float, ...] = ()
+    corner: float = 0.0
+
+
+@dataclass(frozen=True)
 class LogAnswer:
     """What one log says.
 
@@ -87,11 +103,14 @@ class LogAnswer:
         SI unit of every channel that was looked at; empty where that is not said (a gap).
     verdict : str
         Of a gap.
+    frequencies : mapping of str to Frequencies
+        Of every channel of an identification.
     """
 
     effects: tuple[FoundEffect, ...]
     units: Mapping[str, str] = field(default_factory=dict)
     verdict: str = ""
+    frequencies: Mapping[str, Frequencies] = field(default_factory=dict)
 
     @property
     def numbers(self) -> list[tuple[SensorNumber, Estimated]]:
@@ -124,7 +143,18 @@ def answer_of_identification(found: Identification) -> LogAnswer:
         for name, channel in found.channels.items()
         for e in channel.effects
     ]
-    return LogAnswer(tuple(effects), {name: c.si for name, c in found.channels.items()})
+    frequencies = {
+        name: Frequencies(tuple(line.frequency for line in c.lines), _corner(c.fitted.record.skip))
+        for name, c in found.channels.items()
+    }
+    return LogAnswer(
+        tuple(effects), {name: c.si for name, c in found.channels.items()}, frequencies=frequencies
+    )
+
+
+def _corner(skip: Sequence[tuple[float, float]]) -> float:
+    """Where a band that is left out up to any frequency begins: at an internal low-pass."""
+    return min((lo for lo, hi in skip if hi == float("inf")), default=0.0)
 
 
 def answer_of_gap(data: Mapping[str, Any]) -> LogAnswer:

@@ -16,7 +16,7 @@ from typing import IO, Any
 import kfgen
 from kfgen.core.destination import Destination
 from kfgen.core.numbers import finite
-from kfgen.fleet.answer import Estimated, FoundEffect, LogAnswer
+from kfgen.fleet.answer import Estimated, FoundEffect, Frequencies, LogAnswer
 from kfgen.fleet.result import Outcome
 from kfgen.fleet.worker import LogTask
 
@@ -117,6 +117,7 @@ def entry_of(outcome: Outcome) -> dict[str, Any]:
         "warnings": list(outcome.warnings),
         "verdict": answer.verdict,
         "units": dict(answer.units),
+        "frequencies": {k: [list(f.lines), f.corner] for k, f in answer.frequencies.items()},
         "effects": [
             {
                 "channel": e.channel,
@@ -137,7 +138,11 @@ def outcome_of(entry: Mapping[str, Any]) -> Outcome:
         for e in entry["effects"]
     ]
     units = {str(k): str(v) for k, v in entry["units"].items()}
-    answer = LogAnswer(tuple(effects), units, str(entry["verdict"]))
+    frequencies = {
+        str(k): Frequencies(tuple(map(float, lines)), float(corner))
+        for k, (lines, corner) in entry.get("frequencies", {}).items()
+    }
+    answer = LogAnswer(tuple(effects), units, str(entry["verdict"]), frequencies)
     return Outcome(str(entry["log"]), str(entry["sha256"]), answer, "", tuple(map(str, entry["warnings"])))
 
 

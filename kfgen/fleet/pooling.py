@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.fleet.answer import SensorNumber
+from kfgen.fleet.clock import clock_factors
 from kfgen.fleet.population import (
     MIN_SENSORS_FOR_OUTLIER,
     outliers,
@@ -67,6 +68,7 @@ def pooled(outcomes: Sequence[Outcome]) -> FleetResult:
             for (channel, effect), logs in sorted(found.items(), key=lambda a: (a[0][0], -len(a[1]), a[0][1]))
         ),
         tested,
+        clocks=clock_factors({o.log: o.answer for o in done if o.answer}),
     )
 
 

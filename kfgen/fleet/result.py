@@ -17,6 +17,7 @@ from kfgen.core.units import display_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, write_noise
 from kfgen.fleet.answer import Estimated, LogAnswer, SensorNumber
+from kfgen.fleet.clock import ClockFactor
 from kfgen.fleet.population import MIN_SENSORS_FOR_OUTLIER, OutlyingSensor, Population
 
 FALSE_ALARM_SHARE_OF_FLEETS = 0.01
@@ -171,6 +172,8 @@ class FleetResult(Result):
         Numbers in which outliers were looked for.
     model, model_sha256 : str
         What every sensor was compared with, empty where they were identified; its hash where it is a file.
+    clocks : tuple of ClockFactor
+        Sensors that are sampled at another rate than their logs say.
     """
 
     done: tuple[Outcome, ...]
@@ -180,6 +183,7 @@ class FleetResult(Result):
     tested: int
     model: str = ""
     model_sha256: str = ""
+    clocks: tuple[ClockFactor, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -244,6 +248,10 @@ class FleetResult(Result):
                 for e in self.effects
             ],
             "outliers": [self._outlier(n, s, o) for n in self.numbers for s, o in n.outliers],
+            "clocks": [
+                {"log": c.log, "factor": c.factor, "ci95": list(c.ci95), "by": list(c.by)}
+                for c in self.clocks
+            ],
             "outlier_rate": FALSE_ALARM_SHARE_OF_FLEETS,
             "outliers_tested": {"numbers": self.tested, "from_sensors": MIN_SENSORS_FOR_OUTLIER},
         }

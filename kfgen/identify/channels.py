@@ -114,7 +114,16 @@ def recorded_drivers(log: Log, but: str = "") -> Mapping[str, Array]:
     mapping of str to ndarray, shape (n,)
         Values [SI] by the names of `kfgen.effects.driven.proportional.DRIVERS`.
     """
-    return {name: log.channels[name].values for name in DRIVERS if name in log.channels and name != but}
+    found = {name: log.channels[name].values for name in DRIVERS if name in log.channels and name != but}
+    warm = [n for n in log.channels if n != but and not n.startswith("ref_") and _is_temperature(log, n)]
+    if "temperature" not in log.channels and warm:  # under another name: temp, imu_temp
+        found["temperature"] = log.channels[warm[0]].values
+    return found
+
+
+def _is_temperature(log: Log, name: str) -> bool:
+    """Whether a channel holds temperatures, by its unit."""
+    return parse_unit(log.channels[name].unit).same_dimension(parse_unit("K"))
 
 
 def checked(names: Sequence[str] | str | None) -> list[str] | None:

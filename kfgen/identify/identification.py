@@ -17,11 +17,12 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, ParameterCovariance, Term, write_noise
+from kfgen.identify.evidence.left_out import LeftOut
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine
-from kfgen.identify.identify import Identified
+from kfgen.identify.identify import Identified, records_within
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -132,7 +133,15 @@ class IdentifiedChannel:
             )
             for i, e in enumerate(found.fit.effects)
             if i not in found.unresolved
+        ) + tuple(
+            IdentifiedEffect(part.outliers, part.ci95, {}) for part in self.left_out[:1] if part.outliers
         )
+
+    @property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """Shocks and outliers of each even record, those with outliers first."""
+        parts = [r.left_out for r in records_within(self.fitted.record)]
+        return tuple(sorted(parts, key=lambda part: part.outliers is None))
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -206,9 +215,17 @@ class IdentifiedChannel:
                 "model": expected_deviation(found.record, shown).tolist(),
             },
             "lines": [
-                {"frequency_hz": line.frequency, "amplitude": line.amplitude, "unit": si}
+                {
+                    "frequency_hz": line.frequency,
+                    "amplitude": line.amplitude,
+                    "unit": si,
+                    "band_hz": list(line.band),
+                    "harmonic": line.harmonic,
+                    "fundamental_hz": line.fundamental or None,
+                }
                 for line in self.lines
             ],
+            "shocks": [{"from_s": a, "to_s": b} for part in self.left_out for a, b in part.shocks],
             "covariance": joint
             and {
                 "of": [f"{i}.{name}" for i, name in joint.parameters],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 
@@ -10,25 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.effects import Effect
+from kfgen.effects import Effect, effect_named
+from kfgen.identify.evidence.cleaning import cleaned, outliers_said
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.long import Long, Stream, condense
+from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.record_faults import (
     amplitude_faults,
-    interpolated,
     is_outlier,
     noise_change,
     roll_off,
 )
+from kfgen.identify.evidence.shocks import bridged, shocks, shocks_said
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
-from kfgen.identify.fit.interval import intervals95
+from kfgen.identify.fit.goodness import widening
+from kfgen.identify.fit.interval import intervals95, stretched
 from kfgen.identify.fit.limits import Limit
-from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, without_line
+from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
 from kfgen.identify.methods.likelihood import METHODS, covariance
 
 Array = NDArray[np.float64]
@@ -39,6 +42,8 @@ MAX_NOISE_RATIO_OF_LOGS = 1.1
 """Ratio of the noise of two logs beyond which they are not of one sensor in one state."""
 MAX_FREQUENCY_OVER_RATE_OF_DRAWN = 0.1
 """Of the sampling rate: beyond that frequency a record drawn between uneven samples is smooth."""
+MIN_WIDENING_SAID = 1.2
+"""Factor on an interval that is said."""
 MAX_SAMPLES_IN_FULL = 2_000_000
 """A longer record is condensed first."""
 
@@ -93,24 +98,35 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
             f"there is no method '{method}'", where="--method", remedy=f"Known are {', '.join(METHODS)}"
         )
     clean, warnings = prepared(exactly(record) if method == "kalman" else record)
+    # A slow term that is fitted first takes the power of a line for its own; only one that is asked for may.
+    own = may_oscillate(clean, wanted or ())
+    lines = [] if own else lines_in(clean)
+    clean = without_lines(clean, lines)
     found = _estimated(clean, wanted, method)
-    lines = lines_in(clean, found.fit.effects)
-    if lines:
+    if own:
+        lines = lines_in(clean, found.fit.effects)
+    if own and lines:
         clean = without_lines(clean, lines)
         found = _estimated(clean, wanted, method)
     bounds = {}
     if not isinstance(clean, Published):  # who knows how a curve was made
         bounds = relative_bound(found.fit.effects, clean.dt, *clean.lengths, skip=clean.skip)
     drift = [_drift_warning(found.fit, found.unresolved, clean)] if found.unresolved else []
+    factors = widening(clean, found.fit) if method in ("ml", "kalman") else {}
+    scale = np.array([factors.get(key, 1.0) for key in found.fit.free])
+    intervals = {
+        key: stretched(ci, _value(found.fit, key), factors.get(key, 1.0))
+        for key, ci in found.intervals.items()
+    }
     return Identified(
         found.fit,
         found.unresolved,
-        found.intervals,
+        intervals,
         found.limits,
         bounds,
         clean,
-        found.covariance,
-        (*drift, *warnings, *found.warnings),
+        found.covariance * np.outer(scale, scale),
+        (*drift, *warnings, *found.warnings, *_misfit(factors)),
         tuple(lines),
     )
 
@@ -158,9 +174,7 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     _check(record.y)
     if record.n > MAX_SAMPLES_IN_FULL:
         return prepared(condense(Stream.of(record.y, record.dt)))
-    bad = is_outlier(record.y)
-    record = replace(record, y=interpolated(record.y, bad))
-    warnings = _outliers(int(bad.sum()), bad.size)
+    record, warnings = cleaned(record)
     warnings += amplitude_faults(record.y)
     change = noise_change(record.y)
     if change is not None:
@@ -206,17 +220,22 @@ def _(record: Long) -> tuple[Evidence, list[str]]:
 @prepared.register
 def _(record: Exact) -> tuple[Evidence, list[str]]:
     _check(record.y)
-    good = ~is_outlier(record.y)
+    spans = shocks(record.y)
+    shaken = np.zeros(record.y.size, dtype=bool)
+    for a, b in spans:
+        shaken[a:b] = True
+    bad = is_outlier(bridged(record.y, spans)) & ~shaken
+    good = ~(bad | shaken)
     drive = {k: v[good] for k, v in record.drive.items()}
     clean = replace(record, t=record.t[good], y=record.y[good], drive=drive)
-    said = _outliers(int((~good).sum()), good.size)
+    said = shocks_said(record.t, spans) + outliers_said(record.t, bad)
     if record.drawn and isinstance(record.view, Record):
         return replace(
             clean,
             view=record.view.leaving_out((MAX_FREQUENCY_OVER_RATE_OF_DRAWN / record.period, float("inf"))),
         ), said
     view, _ = prepared(record.view)
-    cuts = [lo for r in _records(view) for lo, hi in r.skip if hi == float("inf")]
+    cuts = [lo for r in records_within(view) for lo, hi in r.skip if hi == float("inf")]
     if not cuts:
         return replace(clean, view=view), said
     return replace(clean, view=view, shortest=1.0 / min(cuts)), [*said, _low_pass(min(cuts))]
@@ -230,7 +249,16 @@ def _(record: Published) -> tuple[Evidence, list[str]]:
     ] if cut else []
 
 
-def _records(view: Evidence) -> tuple[Record, ...]:
+def records_within(view: Evidence) -> tuple[Record, ...]:
+    """The even records that evidence has, none of a curve.
+
+    Parameters
+    ----------
+    view : Evidence
+        What is identified.
+    """
+    if isinstance(view, Exact):
+        return records_within(view.view)
     if isinstance(view, Record):
         return (view,)
     if isinstance(view, Long):
@@ -238,7 +266,21 @@ def _records(view: Evidence) -> tuple[Record, ...]:
     return view.records if isinstance(view, JointRecord) else ()
 
 
-def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
+def may_oscillate(record: Evidence, wanted: Sequence[str]) -> bool:
+    """Whether an effect is asked for whose own a line may be.
+
+    Parameters
+    ----------
+    record : Evidence
+        What is identified.
+    wanted : sequence of str
+        Names of effects; one without start values is looked for, and may be a line.
+    """
+    starts = [effect_named(name).starts(record.look) for name in wanted]
+    return any(not found or any(oscillations(e) for e in found) for found in starts)
+
+
+def lines_in(record: Evidence, effects: Sequence[Effect] = ()) -> list[PeriodicLine]:
     """The periodic lines of evidence that belong to none of the effects, each once.
 
     Parameters
@@ -248,15 +290,14 @@ def lines_in(record: Evidence, effects: Sequence[Effect]) -> list[PeriodicLine]:
     effects : sequence of Effect
         Fitted to it.
     """
-    records = _records(record.view if isinstance(record, Exact) else record)
+    records = records_within(record)
     if isinstance(record, JointRecord) and _noise_ratio(records) > MAX_NOISE_RATIO_OF_LOGS:
         return []  # beside another's noise a louder log is full of lines
     found: list[PeriodicLine] = []
     for part in records:
-        if not any(hi == float("inf") for _, hi in part.skip):
-            new = [line for line in find_lines(part, effects) if not is_of(line, effects)]
-            found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
-    return found
+        new = [line for line in find_lines(part) if not is_of(line, effects)]
+        found += [a for a in new if not any(b.band[0] <= a.frequency <= b.band[1] for b in found)]
+    return with_harmonics(found)
 
 
 @singledispatch
@@ -290,6 +331,21 @@ def _(record: Exact, lines: Sequence[PeriodicLine]) -> Evidence:
     for line in lines:
         y = without_line(record.t, y, line)
     return replace(record, y=y, view=without_lines(record.view, lines))
+
+
+def _value(fit: Fit, key: Key) -> float:
+    return float(getattr(fit.effects[key[0]], key[1]))
+
+
+def _misfit(factors: Mapping[Key, float]) -> list[str]:
+    """A sentence on a spectrum that the terms do not explain."""
+    worst = max(factors.values(), default=1.0)
+    if worst < MIN_WIDENING_SAID:
+        return []
+    return [
+        f"the spectrum differs from that of the terms beyond chance: intervals are up to {worst:.2g} times as wide as "
+        "they would be if it did not"
+    ]
 
 
 def _check(y: Array) -> None:

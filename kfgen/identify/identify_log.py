@@ -193,7 +193,8 @@ def channel_evidence(logs: Sequence[AnyLog], name: str) -> tuple[Evidence, list[
     if len(even) < len(records):
         raise InputError(
             "a log with gaps or uneven time cannot be fitted together with others",
-            remedy="Identify it alone, or cut it at its gaps",
+            remedy="Identify it alone, cut it at its gaps, or give the sensor's own rate with --rate HZ where it "
+            "samples evenly and only the stamps are late",
         )
     return JointRecord(even), said
 

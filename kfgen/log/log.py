@@ -216,7 +216,7 @@ class Log:
                 f"period, the first at t = {self.t[bad[0]]:.6g} s ({steps[bad[0]]:.4g} s instead of "
                 f"{dt:.4g} s)",
                 where=self.source,
-                remedy="Cut the log at the gaps",
+                remedy="Cut the log at the gaps, or give the sensor's own rate with --rate HZ where only the stamps are late",
             )
         return float((self.t[-1] - self.t[0]) / steps.size)
 

@@ -100,7 +100,8 @@ def _sentences(fleet: FleetResult, names: Mapping[str, str]) -> list[str]:
     words += [
         f"{log} is not like the others in {', '.join(which)}" for log, which in sorted(outlying.items())
     ]
-    if fleet.tested and not outlying:
+    words += [f"{names[c.log]}: {c.sentence}" for c in fleet.clocks]
+    if fleet.tested and not outlying and not fleet.clocks:
         words.append("None of them is an outlier")
     return words
 

@@ -8,6 +8,7 @@ from kfgen.core.numbers import quantity
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects.noise_model import noise_text
 from kfgen.identify.fit.limits import Limit
+from kfgen.identify.fit.lines import PeriodicLine
 from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import (
@@ -111,10 +112,16 @@ def one_line(channel: IdentifiedChannel) -> str:
 def _missing(channel: IdentifiedChannel, unit: str) -> list[str]:
     """Spectral lines that were found, then what the record cannot show."""
     lines = [
-        f"line at {line.frequency:.4g} Hz, amplitude {quantity(line.amplitude, unit)}, removed before the fit"
+        f"line at {line.frequency:.4g} Hz{_multiple(line)}, amplitude {quantity(line.amplitude, unit)}, "
+        "removed before the fit"
         for line in channel.lines
     ]
     return lines + [_limit(limit, channel.fitted.record.longest, unit) for limit in channel.limits]
+
+
+def _multiple(line: PeriodicLine) -> str:
+    """Of which line it is a harmonic, in words."""
+    return f" (harmonic {line.harmonic} of {line.fundamental:.4g} Hz)" if line.fundamental else ""
 
 
 def _limit(limit: Limit, seconds: float, unit: str) -> str:

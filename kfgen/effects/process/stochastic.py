@@ -25,6 +25,7 @@ from kfgen.core.errors import InputError
 from kfgen.effects.effect import Effect, LinearProcess, Look, Meaning, parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NotModelled, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
+from kfgen.effects.series import OnGrid
 
 Array = NDArray[np.float64]
 
@@ -114,6 +115,11 @@ class Quantisation(LinearProcess):
     def starts(cls, look: Look) -> list[Self]:
         """The first point of the Allan deviation."""
         return [cls(Q=float(look.deviation[0] * look.tau[0] / np.sqrt(3.0)))]
+
+    @classmethod
+    def ceiling(cls, name: str, grid: OnGrid) -> float:
+        """``step dt / sqrt(12)``: the integral of samples on an ADC grid is rounded to its step times the period."""
+        return grid.adc_step * grid.dt / math.sqrt(12.0) if grid.adc_step > 0.0 else math.inf
 
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """A white sequence of variance ``Q^2`` on the integral."""

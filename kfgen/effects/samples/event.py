@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NoiseFactor, SampleVariance
 from kfgen.effects.linear_system import LinearSystem, State
+from kfgen.effects.samples.mixture import Mixture
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_worth, log_mean, middle95
 
 Array = NDArray[np.float64]
@@ -188,20 +189,31 @@ class Outliers(AddsNothingAtRest):
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """A mixture of two normal laws against one, by the histogram of the white series."""
-        from kfgen.effects.samples.mixture import Mixture
-
         found = Mixture.fitted(series.z, series.level)
-        if found is None:
-            return []
-        k = float(np.sqrt(found.kappa**2 - 1.0)) * series.sd * found.level
-        effect = cls(found.share, k)
-        half = np.minimum(1.96 * found.spread, 300.0)
+        return [cls.of(found, series.sd)] if found else []
+
+    @classmethod
+    def of(cls, mixture: Mixture, sd: float) -> Detection:
+        """From a mixture that was fitted to a series, with the 95 % intervals of share and sigma.
+
+        Parameters
+        ----------
+        mixture : Mixture
+        sd : float
+            What one of that series is [U].
+
+        Returns
+        -------
+        Detection
+        """
+        size = float(np.sqrt(mixture.kappa**2 - 1.0)) * sd * mixture.level
+        half = np.minimum(1.96 * mixture.spread, 300.0)
         lo, hi = np.exp(-half), np.exp(half)
         ci95 = {
-            "share": (found.share * float(lo[1]), found.share * float(hi[1])),
-            "sigma": (k * float(lo[2]), k * float(hi[2])),
+            "share": (mixture.share * float(lo[1]), mixture.share * float(hi[1])),
+            "sigma": (size * float(lo[2]), size * float(hi[2])),
         }
-        return [Detection(effect, 0.0, found.evidence, ci95)]
+        return Detection(cls(mixture.share, size), 0.0, mixture.evidence, ci95)
 
     def chance(self, noise: Array, sd: float) -> Array:
         """Probability of each sample to be one, shape (n,).

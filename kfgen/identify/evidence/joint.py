@@ -78,6 +78,12 @@ class JointRecord(Evidence):
         """Largest standard deviation of a record [SI]."""
         return max(r.scale for r in self.records)
 
+    @cached_property
+    def adc_step(self) -> float:
+        """The largest step of their ADC grids [SI], zero where the samples of one lie on none."""
+        steps = [r.adc_step for r in self.records]
+        return max(steps) if all(steps) else 0.0
+
     @property
     def driven(self) -> Mapping[str, float]:
         """The drivers that every record has."""

@@ -132,6 +132,11 @@ class Long(Evidence):
         """Standard deviation of the samples [SI]: of the block means, and of what they average away."""
         return float(np.hypot(np.std(self.means), self.octaves.deviation[0]))
 
+    @cached_property
+    def adc_step(self) -> float:
+        """Step of the ADC grid on which its samples lie [SI], zero where they lie on none."""
+        return self.head.adc_step
+
     @property
     def driven(self) -> Mapping[str, float]:
         """Mean of each recorded driver that changes [SI]."""

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, Look
-from kfgen.effects.series import DetectedFault
+from kfgen.effects.series import DetectedFault, adc_step
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
+from kfgen.identify.evidence.left_out import LeftOut
 from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks
 from kfgen.identify.evidence.whittle import (
     BINS_PER_DECADE,
@@ -135,6 +136,12 @@ class Evidence(ABC):
     @abstractmethod
     def scale(self) -> float:
         """Standard deviation of its samples [SI]."""
+
+    @cached_property
+    def adc_step(self) -> float:
+        """Step of the ADC grid on which its samples lie [SI], zero where they lie on none or are not kept."""
+        samples = getattr(self, "y", None)
+        return 0.0 if samples is None else adc_step(samples)
 
     @property
     @abstractmethod
@@ -255,6 +262,8 @@ class Record(Evidence):
         Bins of the transform in a decade of frequency.
     faults : tuple of DetectedFault
         What was wrong with samples that were left out and drawn over.
+    left_out : LeftOut
+        Shocks and outliers that it had.
     """
 
     t: Array
@@ -265,6 +274,7 @@ class Record(Evidence):
     origin: float | None = None
     per_decade: int = BINS_PER_DECADE
     faults: tuple[DetectedFault, ...] = ()
+    left_out: LeftOut = field(default_factory=LeftOut)
 
     @property
     def since(self) -> float:

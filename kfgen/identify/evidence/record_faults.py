@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.series import adc_step
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import frequencies
 
@@ -61,7 +62,7 @@ class Spread:
             [p - median_filter(p, size=MEDIAN_WINDOW_SAMPLES, mode="mirror") for p in parts]
         )
         scale = 1.4826 * float(np.median(np.abs(distance - np.median(distance))))
-        return Spread(max(scale, _smallest_step(y), float(np.finfo(float).tiny)))
+        return Spread(max(scale, adc_step(y), float(np.finfo(float).tiny)))
 
     def is_outlier(self, y: Array) -> NDArray[np.bool_]:
         """Which samples are outliers or no numbers, shape (n,).
@@ -109,7 +110,7 @@ def amplitude_faults(y: Array) -> list[str]:
     """Sentences on samples that stand at the ends of the range, or on an ADC grid wider than the noise."""
     white = float(np.sqrt(0.5 * np.mean(np.diff(y) ** 2)))
     ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
-    step, said = _smallest_step(y), []
+    step, said = adc_step(y), list[str]()
     if step > COARSE_STEP_IN_DEVIATIONS * white:
         said.append(
             f"neighbouring values are {step / white:.2g} standard deviations apart: too coarse for sizes to be trusted"
@@ -136,12 +137,6 @@ def noise_change(y: Array) -> tuple[float, float] | None:
     if off < max(NOISE_CHANGE_DEVIATIONS * spread, 2.0 * np.log(1.1)):
         return None
     return float(np.sqrt(0.5 * level.min())), float(np.sqrt(0.5 * level.max()))
-
-
-def _smallest_step(y: Array) -> float:
-    """The step of the ADC grid of values, zero where there is none to see."""
-    values = np.unique(y[:20_000])
-    return float(np.diff(values).min()) if 1 < values.size < y[:20_000].size // 2 else 0.0
 
 
 def roll_off(record: Record) -> float | None:

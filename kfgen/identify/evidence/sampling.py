@@ -26,6 +26,8 @@ JITTER_SAID_IN_PERIODS = 0.05
 """Of a period: root mean square of the steps' error that is said."""
 UNEVEN_IN_PERIODS = 0.2
 """Of a period: beyond, times are taken as they are."""
+WHOLE_IN_PERIODS = 0.1
+"""Of a period: error of a step that is a whole number of them."""
 MAX_GAP_SHARE_OF_STEPS = 0.1
 """Share of the steps beyond which long ones are no gaps."""
 STRETCHES_OF_RATE_CHECK = 20
@@ -71,6 +73,14 @@ def evidence(
     refuse_noise_free(y)
     steps = np.diff(t)
     dt, of_channel = _period(logged, steps)
+    single = _single_period(np.diff(logged))
+    if single and float(np.mean(np.diff(logged) > GAP_IN_PERIODS * single)) > MAX_GAP_SHARE_OF_STEPS:
+        share = 1.0 - logged.size / (1.0 + (logged[-1] - logged[0]) / single)
+        dt, of_channel = single, False
+        said = [w for w in said if "missing in all" not in w] + [
+            f"{100.0 * share:.2g} % of the samples are missing, all along the log, at a rate of {1.0 / single:.4g} Hz; "
+            "the fit takes them as missing"
+        ]
     near = steps[steps < GAP_IN_PERIODS * dt]
     _check_rate(*((t, steps) if of_channel else (logged, np.diff(logged))))
     error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
@@ -86,7 +96,8 @@ def evidence(
         if t.size > MAX_UNEVEN_SAMPLES:
             raise InputError(
                 f"{t.size} samples at uneven times are too many for the exact likelihood",
-                remedy=f"Cut the log to {MAX_UNEVEN_SAMPLES} samples, or resample it evenly",
+                remedy=f"Give the sensor's own rate with --rate HZ, if it samples evenly and only the stamps are "
+                f"late (its mean is {1.0 / float(steps.mean()):.4g} Hz); or cut the log to {MAX_UNEVEN_SAMPLES} samples",
             )
         said = [w for w in said if "missing in all" not in w]  # random times have no gaps
         said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
@@ -170,7 +181,7 @@ def _check_rate(t: Array, steps: Array) -> None:
     if steps.size < 10 * STRETCHES_OF_RATE_CHECK:
         return
     parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES_OF_RATE_CHECK)]
-    if max(parts) < MIN_RATIO_OF_CHANGED_RATE * min(parts):
+    if max(parts) < MIN_RATIO_OF_CHANGED_RATE * min(parts) or _single_period(steps):
         return
     # Random steps differ as well; a change of rate has stretches that agree with their neighbours.
     calm = [
@@ -193,8 +204,22 @@ def _check_rate(t: Array, steps: Array) -> None:
     )
     raise InputError(
         f"the sampling rate changes from {1 / parts[0]:.4g} Hz to {1 / parts[first]:.4g} Hz at about t = {t[at]:.6g} s",
-        remedy="Cut the log there and identify the parts one by one",
+        remedy="Cut the log there and identify the parts one by one; where the sensor's rate did not change, give it "
+        "with --rate HZ",
     )
+
+
+def _single_period(steps: Array) -> float:
+    """The period [s] of which steps are multiples, single ones among them all along the log; zero where they are not."""
+    if steps.size < STRETCHES_OF_RATE_CHECK:
+        return 0.0
+    period = float(np.quantile(steps, MIN_SHARE_OF_NEIGHBOURS))
+    single = np.abs(steps / period - 1.0) < WHOLE_IN_PERIODS
+    whole = np.abs(steps / period - np.round(steps / period)) < WHOLE_IN_PERIODS
+    parts = np.array_split(single, STRETCHES_OF_RATE_CHECK)
+    if not (whole.mean() > 0.95 and min(float(p.mean()) for p in parts) > MIN_SHARE_OF_NEIGHBOURS):
+        return 0.0
+    return float(np.median(steps[single]))
 
 
 def _pieces(

@@ -7,10 +7,9 @@ noise with a random walk (their covariance is a tridiagonal Toeplitz matrix, whi
 transform diagonalises), and with little leakage for a Gauss-Markov term. Then, up to a
 constant, ``ln L = -1/2 sum_j (ln S_j + X_j^2 / S_j)``.
 
-Ordinates are gathered in narrow bins (the lowest stand alone), each with the sums of the
-products of the record's and of the regressors' coefficients: sufficient statistics, so
-that a likelihood costs the same for a minute and for a day. Deterministic effects enter
-as regressors, whose coefficients are solved for by generalised least squares.
+Ordinates are gathered in narrow bins (the lowest stand alone), each with the sums of the products of the record's and of
+the regressors' coefficients: sufficient statistics, so that a likelihood costs the same for a minute and for a day.
+Deterministic effects enter as regressors, whose coefficients are solved for by generalised least squares.
 
 References
 ----------
@@ -216,8 +215,12 @@ class Ordinates:
 
         See `kfgen.identify.evidence.record.Likelihood`.
         """
-        relative = self._shapes.slopes(effects, keys) / self.density(effects)
+        relative = self.relative_slopes(effects, keys)
         return np.asarray(0.5 * (relative * self.count) @ relative.T)
+
+    def relative_slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+        """Derivative of ``ln S`` in logarithms of parameters, shape (k, m); see `information`."""
+        return self._shapes.slopes(effects, keys) / self.density(effects)
 
 
 def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:
@@ -296,7 +299,7 @@ def coarse_transform(edges: Array, size: int) -> Array:
 
 
 def frequencies(n: int) -> Array:
-    """Angular frequencies of n sine coefficients [rad per block], shape (n,)."""
+    """Of n sine coefficients [rad per block], shape (n,)."""
     return np.arange(1, n + 1, dtype=float) * (np.pi / (n + 1))
 
 
@@ -389,11 +392,9 @@ def residual_ratio(data: Ordinates, effects: Sequence[Effect], coefficients: Arr
 
     Parameters
     ----------
-    data : Ordinates
-        Of the record and its regressors.
+    data, coefficients
+        As of `residual_power`.
     effects : sequence of Effect
         With their values [SI].
-    coefficients : ndarray, shape (r,)
-        Of the regressors.
     """
     return residual_power(data, coefficients) / (data.count * data.density(effects))

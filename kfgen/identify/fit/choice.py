@@ -1,8 +1,8 @@
 """Which effects a record shows: the candidate sets, and a calibrated choice among them.
 
 White noise is in every set; on it stand up to two slow effects (random walk, Gauss-Markov,
-flicker, in every combination), quantisation where it helps, and at most one deterministic drift
-(a ramp, warm-up, a driver's). Each effect that is added must raise twice the log-likelihood by more
+flicker, in every combination), quantisation where it helps, at most one deterministic drift
+(a ramp, warm-up) and what the drivers in the log explain (`kfgen.identify.fit.drivers`). Each effect that is added must raise twice the log-likelihood by more
 than the 95 % quantile of what it gains by chance: 2.7 for one more size (half a chi-square of
 one degree, for sizes are not negative [1]_), `GAIN_OF_A_SEARCHED_TIME` for one whose time is searched or whose band is
 chosen (tabled from records of white noise and random walk: 6.3 at 1000 s, 7.3 at 2.8 h, 95 % of
@@ -22,10 +22,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement, product
 
-import numpy as np
-
 from kfgen.effects import Effect, catalogue
 from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.fit.drivers import Group, driver_groups, follow_their_drivers, promise
 from kfgen.identify.fit.fit import Fit, Problem
 from kfgen.identify.fit.limits import starts
 
@@ -35,8 +34,6 @@ GAIN_OF_QUANTISATION = 10.8
 GAIN_OF_A_DRIFT = 20.0
 GAIN_OF_A_DRIFT_WORTH_FITTING = 3.8
 """What a drift must gain beside noise that was fitted without it, to be fitted with it."""
-MIN_CHANCE_OF_EQUAL_BANDS = 1e-3
-"""Chance below which the bands of a driven effect disagree."""
 MAX_SLOW_EFFECTS = 2
 
 
@@ -79,8 +76,8 @@ def fast_effects(record: Evidence) -> list[str]:
 
 
 def drifts(record: Evidence) -> list[str]:
-    """Deterministic effects that the record can show."""
-    return [e.name for e in _shown(record) if e.coefficients()]
+    """Deterministic effects that the record can show by itself, without a driver."""
+    return [e.name for e in _shown(record) if e.coefficients() and not e.driver]
 
 
 def _shown(record: Evidence) -> list[Effect]:
@@ -98,55 +95,64 @@ def choose(record: Evidence, fit: Fitter, *, drifting: bool = True) -> EffectSet
     drifting : bool
         Whether deterministic drifts are tried.
     """
-    base = ("white_noise",)
     slow = [(), *_sets(slow_effects(record))]
-    trials = [fit(record, combined(record, (*base, *s))) for s in slow]
+    trials = [fit(record, combined(record, ("white_noise", *s))) for s in slow]
     best = max(trials, key=lambda t: t.score)
     for name in fast_effects(record):
         best = max(
             best, fit(record, [(*best.fit.effects, e) for e in starts(name, record)]), key=lambda t: t.score
         )
-    if not drifting or all(e.form().order == 0 for e in best.fit.effects):
+    if not drifting:
         return best
     fast = tuple(e.name for e in best.fit.effects[1:] if e.name in fast_effects(record))
+    if any(e.form().order for e in best.fit.effects):
+        best = _with_drift(record, fit, best, fast)
+    return _with_drivers(record, fit, best, fast) if record.driven else best
+
+
+def _with_drift(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[str, ...]) -> EffectSet:
+    """The best set with a drift in place of slow noise, or beside it, where that is better."""
     for name in drifts(record):
-        gain, start = _promise(record, best.fit.effects, starts(name, record))
+        gain, start = max(
+            ((promise(record, best.fit.effects, (e,)), e) for e in starts(name, record)), key=lambda g: g[0]
+        )
         if gain > GAIN_OF_A_DRIFT_WORTH_FITTING:
-            alone = [(), *((n,) for n in slow_effects(record))]
-            sets = [[(*c, start) for c in combined(record, (*base, *fast, *s))] for s in alone]
-            trials = [fit(record, choices) for choices in sets]
-            best = max([best, *(t for t in trials if _holds(record, t.fit))], key=lambda t: t.score)
+            trials = [fit(record, choices) for choices in _beside(record, fast, (start,))]
+            best = max([best, *trials], key=lambda t: t.score)
     return best
 
 
-def _holds(record: Evidence, fit: Fit) -> bool:
-    """Whether the last effect of a fit, where it is driven, has the same coefficient in every band.
-
-    A driver's own noise that leaks into a channel, by a compensation for instance, is no drift with it: slow
-    and fast then follow the driver by different amounts.
-    """
-    from scipy.stats import chi2
-
-    effect = fit.effects[-1]
-    if not effect.driver:
-        return True
-    data = record.ordinates((effect,))
-    weight = data.gram[:, :, 1] / data.density(fit.effects)[:, None]
-    band = np.floor(2.0 * np.log10(data.omega / data.omega[0])).astype(int)
-    xy, xx = (np.bincount(band, weight[:, k]) for k in (0, 1))
-    some = xx > 0.0
-    coefficient = xy.sum() / xx.sum()
-    spread = float(np.sum((xy[some] - coefficient * xx[some]) ** 2 / xx[some]))
-    return bool(chi2.sf(spread, max(int(some.sum()) - 1, 1)) > MIN_CHANCE_OF_EQUAL_BANDS)
+def _beside(record: Evidence, fast: tuple[str, ...], shapes: Group) -> list[list[tuple[Effect, ...]]]:
+    """Starts of the fits of deterministic effects beside white noise, fast terms and no or one slow term."""
+    alone = [(), *((n,) for n in slow_effects(record))]
+    return [[(*c, *shapes) for c in combined(record, ("white_noise", *fast, *s))] for s in alone]
 
 
-def _promise(record: Evidence, effects: tuple[Effect, ...], shapes: Sequence[Effect]) -> tuple[float, Effect]:
-    """What a drift gains at most beside effects that stay as they are, and at which of its shapes."""
-    held = tuple(e for e in effects if not e.coefficients())
-    known = record.likelihood(held).log_likelihood(held).value
-    gains = [2.0 * (record.likelihood((*held, s)).log_likelihood((*held, s)).value - known) for s in shapes]
-    best = max(range(len(shapes)), key=gains.__getitem__)
-    return gains[best], shapes[best]
+def _with_drivers(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[str, ...]) -> EffectSet:
+    """The best set with what the drivers of the log explain, each group of them beside every slow term."""
+    while True:
+        there = {e.driver for e in best.fit.effects if e.coefficients()}
+        found = best
+        for group in _promising(record, best, there):
+            kept = tuple(e for e in best.fit.effects if e.coefficients() and e.driver)
+            trials = (fit(record, choices) for choices in _beside(record, fast, (*kept, *group)))
+            found = max(
+                [found, *(t for t in trials if follow_their_drivers(record, t.fit))], key=lambda t: t.score
+            )
+        if found is best:
+            return best
+        best = found
+
+
+def _promising(record: Evidence, best: EffectSet, there: set[str]) -> list[Group]:
+    """Of each driver that is not in the set, the group that promises most above its thresholds."""
+    most: dict[str, tuple[float, Group]] = {}
+    for group in driver_groups(record):
+        driver = group[0].driver
+        worth = promise(record, best.fit.effects, group) - sum(threshold(e) for e in group[1:])
+        if driver not in there and worth > max(GAIN_OF_A_DRIFT_WORTH_FITTING, most.get(driver, (0.0,))[0]):
+            most[driver] = worth, group
+    return [group for _, group in most.values()]
 
 
 def _sets(names: Sequence[str]) -> list[tuple[str, ...]]:

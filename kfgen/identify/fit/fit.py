@@ -118,11 +118,17 @@ class Problem:
         i, name = key
         kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
         lo, hi = self.record.box(kind, *self.times.get(i, (MAX_TIME_OVER_RECORD, MIN_TIME_IN_STEPS)))
+        hi = max(min(hi, self.ceiling(key)), lo)
         prior = self.priors.get(key)
         if prior is None:
             return lo, hi
         reach = PRIOR_REACH_DEVIATIONS * prior.deviation
         return min(lo, prior.mean - reach), max(hi, prior.mean + reach)
+
+    def ceiling(self, key: Key) -> float:
+        """Logarithm of the largest value of a parameter that the ADC grid of the samples allows."""
+        most = self.effects[key[0]].ceiling(key[1], self.record)
+        return float(np.log(most)) if most > 0.0 else -np.inf
 
     def start(self) -> Array:
         """Logarithms of the start values, inside the box."""

@@ -81,7 +81,8 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
         if r > wanted:
             outside, r_out = x, r
         elif clipped:
-            return None
+            most = problem.ceiling(key)
+            return float(np.exp(most)) if direction > 0 and np.isfinite(most) else None
         else:
             # The next step aims at the quantile, along the slope seen so far.
             step = min(max(1.1 * abs(x - origin) * (wanted / max(r, 0.2) - 1.0), 0.1 * step), 3.0)
@@ -168,3 +169,26 @@ def intervals95(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
         Its maximum.
     """
     return {key: interval95(problem, best, key) for key in best.free} | linear_intervals(best)
+
+
+def stretched(interval: tuple[float, float], value: float, factor: float) -> tuple[float, float]:
+    """An interval of a positive number made wider in its logarithm; ends that are open stay so.
+
+    Parameters
+    ----------
+    interval : (float, float)
+        [SI].
+    value : float
+        The estimate [SI], in its middle.
+    factor : float
+        On both distances from the estimate, at least one.
+
+    Returns
+    -------
+    (float, float)
+    """
+    lo, hi = interval
+    if not (value > 0.0 and factor > 1.0):
+        return interval
+    lower = value * (lo / value) ** factor if lo > 0.0 else lo
+    return lower, value * (hi / value) ** factor if np.isfinite(hi) else hi

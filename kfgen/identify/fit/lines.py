@@ -1,97 +1,127 @@
-"""Periodic lines: single ordinates of the transform that no noise explains.
+"""Periodic lines: narrow bands of the spectrum that stand above the floor about them.
 
-Under the fitted model every ordinate over its expectation is a chi-square of one degree of freedom,
-so the largest of n exceeds its ``1 - alpha / n`` quantile with probability alpha: Fisher's test with a
-coloured floor [1]_. Neighbours that stand out together are one line.
-
-References
-----------
-.. [1] R. A. Fisher, Tests of significance in harmonic analysis, Proc. R. Soc. A 125, 1929.
+They are found before any term is fitted (`kfgen.identify.evidence.spectral_floor`): a slow term that is fitted first
+takes the power of a line for its own. Neighbours that stand out together are one line; lines whose frequencies are
+multiples of one of them are its harmonics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.identify.evidence.peaks import grid_with_peaks, oscillations
+from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.whittle import density_of_differences, frequencies
+from kfgen.identify.evidence.spectral_floor import SpectralFloor
 
 Array = NDArray[np.float64]
 
-FALSE_ALARM_PER_RECORD = 1e-3
-"""Of one record."""
-MIN_ORDINATE_OF_LINE = 30
-"""Ordinates at the bottom in which a drift is no line."""
 MAX_ORDINATES_WITHIN_LINE = 40
 """Ordinates within which outstanding ones are one line."""
+MAX_DISTANCE_WITHIN_LINE = 0.004
+"""Of its frequency: the same of a line that wanders."""
 MARGIN_ORDINATES = 6
 """Ordinates beside a line that are left out with it."""
-MAX_ORDINATES_OF_LINE = 400
-"""Ordinates beyond which it is a resonance and no line."""
-
-
+MAX_LINE_WIDTH_OVER_FREQUENCY = 0.2
+"""Beyond which it is a resonance and no line."""
 LINE_REACH_HALF_WIDTHS = 8.0
 """From an effect's frequency to a line that is still of it."""
+KNOWN_SHARE_OF_BAND = 0.1
+"""Of its band: how well the frequency of a line is known."""
+MAX_HARMONIC = 40
+"""Harmonic that is looked at."""
+MAX_ACCIDENT_PROBABILITY = 0.05
+"""That a line would be near a multiple of another by accident, above which it is not called its harmonic."""
 
 
 @dataclass(frozen=True)
 class PeriodicLine:
-    """A line: frequency [Hz], amplitude [SI], and the band [Hz] that is left out of the fit for it."""
+    """A spectral line.
+
+    Parameters
+    ----------
+    frequency : float
+        [Hz].
+    amplitude : float
+        Of a sinusoid of its power [SI].
+    band : tuple of float
+        What is left out of the fit for it [Hz].
+    harmonic : int
+        Which multiple it is of the frequency `fundamental`; one where it is of none.
+    fundamental : float
+        [Hz]; zero where it is no harmonic.
+    """
 
     frequency: float
     amplitude: float
     band: tuple[float, float]
+    harmonic: int = 1
+    fundamental: float = 0.0
 
 
-def find_lines(record: Record, effects: Sequence[Effect]) -> list[PeriodicLine]:
-    """The lines of a record above the noise that `effects` expect.
+def find_lines(record: Record) -> list[PeriodicLine]:
+    """The lines of a record.
 
     Parameters
     ----------
     record : Record
-        Evenly sampled.
-    effects : sequence of Effect
-        With their values [SI].
+        Evenly sampled; bands that it leaves out already have no lines.
     """
-    from scipy.stats import chi2
-
-    X = record.sines
-    n = X.size
-    omega = frequencies(n)
-    grid = grid_with_peaks(np.geomspace(omega[0], omega[-1], 512), effects, record.dt * record.block)
-    S = np.exp(
-        np.interp(
-            np.log(omega),
-            np.log(grid),
-            np.log(density_of_differences(effects, grid, record.dt, record.block)),
-        )
-    )
-    out = np.flatnonzero(chi2.isf(FALSE_ALARM_PER_RECORD / n, 1) < X**2 / S)
-    out = out[out >= MIN_ORDINATE_OF_LINE]
+    seen = SpectralFloor.of(record)
+    if seen is None:
+        return []
+    n = seen.omega.size
+    to_hz = 1.0 / (2.0 * np.pi * record.dt * record.block)
+    marks = seen.above()
+    for lo, hi in record.skip:
+        marks &= (seen.omega * to_hz < lo) | (seen.omega * to_hz > hi)
+    out = np.flatnonzero(marks)
     if not out.size:
         return []
-    to_hz = 1.0 / (2.0 * np.pi * record.dt * record.block)
+    distance = np.maximum(MAX_ORDINATES_WITHIN_LINE, MAX_DISTANCE_WITHIN_LINE * out[1:])
     lines = []
-    for group in np.split(out, np.flatnonzero(np.diff(out) > MAX_ORDINATES_WITHIN_LINE) + 1):
+    for group in np.split(out, np.flatnonzero(np.diff(out) > distance) + 1):
         lo, hi = max(group[0] - MARGIN_ORDINATES, 0), min(group[-1] + MARGIN_ORDINATES, n - 1)
-        if hi - lo > MAX_ORDINATES_OF_LINE:
+        if group[-1] - group[0] > MAX_LINE_WIDTH_OVER_FREQUENCY * group[0]:
             continue
         around = slice(lo, hi + 1)
-        excess = float(np.sum(X[around] ** 2 - S[around]))
-        centre = float(np.average(omega[group], weights=X[group] ** 2))
-        amplitude = np.sqrt(2.0 * max(excess, 0.0) / n) / (2.0 * np.sin(0.5 * centre))
-        lines.append(
-            PeriodicLine(
-                centre * to_hz, float(amplitude), (float(omega[lo]) * to_hz, float(omega[hi]) * to_hz)
-            )
-        )
+        excess = float(np.sum(seen.power[around] - seen.floor[around]))
+        above = np.maximum(seen.power[group] - seen.floor[group], 0.0)
+        centre = float(np.average(seen.omega[group], weights=above + 1e-3 * seen.floor[group]))
+        amplitude = float(np.sqrt(2.0 * max(excess, 0.0) / n))
+        band = (float(seen.omega[lo]) * to_hz, float(seen.omega[hi]) * to_hz)
+        lines.append(PeriodicLine(centre * to_hz, amplitude, band))
     return lines
+
+
+def with_harmonics(lines: Sequence[PeriodicLine]) -> list[PeriodicLine]:
+    """The same lines, those that are multiples of a lower one marked as its harmonics.
+
+    A frequency is known to `KNOWN_SHARE_OF_BAND` of its band; that a multiple is met so well by accident is the chance that
+    a line anywhere would be, for all the lower lines that were tried.
+
+    Parameters
+    ----------
+    lines : sequence of PeriodicLine
+    """
+    found: list[PeriodicLine] = []
+    for line in sorted(lines, key=lambda x: x.frequency):
+        bases = [b for b in found if not b.fundamental]
+        marked = line
+        for base in bases:
+            order = round(line.frequency / base.frequency)
+            known = KNOWN_SHARE_OF_BAND * float(np.ptp(line.band) + order * np.ptp(base.band))
+            chance = len(bases) * 2.0 * known / base.frequency
+            off = abs(line.frequency - order * base.frequency)
+            if 2 <= order <= MAX_HARMONIC and off < known and chance < MAX_ACCIDENT_PROBABILITY:
+                marked = replace(line, harmonic=order, fundamental=base.frequency)
+                break
+        found.append(marked)
+    return found
 
 
 def is_of(line: PeriodicLine, effects: Sequence[Effect]) -> bool:
