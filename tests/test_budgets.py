@@ -24,17 +24,17 @@ MAG = {"sensors": "gnss_position,gnss_velocity,mag"}
 TARGETS = {("ins15", "p"): 950, ("ins23", "p"): 1400, ("ins15", "ud"): 1060 + 36, ("ins23", "ud"): 1400}
 COVARIANCE = {("ins15", "p"): 924, ("ins23", "p"): 1356, ("ins15", "ud"): 938, ("ins23", "ud"): 1190}
 ROUTINES = {
-    ("ahrs6", "p"): {"predict": 273, "update_accel": 551, "update_mag": 658},
-    ("ahrs6", "ud"): {"predict": 209, "update_accel": 769, "update_mag": 841},
-    ("ins15", "p"): {"predict": 1095, "update_gnss_position": 1156, "update_gnss_velocity": 1156},
-    ("ins15", "ud"): {"predict": 1109, "update_gnss_position": 2113, "update_gnss_velocity": 1915},
+    ("ahrs6", "p"): {"predict": 260, "update_accel": 538, "update_mag": 645},
+    ("ahrs6", "ud"): {"predict": 196, "update_accel": 640, "update_mag": 698},
+    ("ins15", "p"): {"predict": 1064, "update_gnss_position": 1125, "update_gnss_velocity": 1125},
+    ("ins15", "ud"): {"predict": 1078, "update_gnss_position": 2082, "update_gnss_velocity": 1884},
     ("ins23", "p"): {
-        "predict": 1561, "update_gnss_position": 2252, "update_gnss_velocity": 2252,
-        "update_mag": 3570, "update_airspeed": 1133,
+        "predict": 1514, "update_gnss_position": 2205, "update_gnss_velocity": 2205,
+        "update_mag": 3523, "update_airspeed": 1086,
     },
     ("ins23", "ud"): {
-        "predict": 1395, "update_gnss_position": 4313, "update_gnss_velocity": 4115,
-        "update_mag": 4923, "update_airspeed": 1624,
+        "predict": 1348, "update_gnss_position": 4266, "update_gnss_velocity": 4068,
+        "update_mag": 4876, "update_airspeed": 1577,
     },
 }  # fmt: skip
 

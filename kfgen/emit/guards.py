@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import reduce
 
-from kfgen.emit.ir.ir import All, Argument, Compare, Condition, Expr, Num, Ref, add, mul
+from kfgen.emit.ir.ir import All, Argument, Bin, Compare, Condition, Expr, Let, Num, Ref, add, mul
 
 MAX_SUM = 1e30
 """Finite numbers of a filter add up to less, in single precision as well."""
@@ -26,8 +26,14 @@ def sum_of_squares(values: Sequence[Expr]) -> Expr:
     return reduce(add, (mul(v, v) for v in values))
 
 
-def finite(values: Sequence[Expr]) -> Condition:
-    """All are numbers: they add up to one."""
+def finite(values: Sequence[Expr], name: str) -> tuple[Let, Compare]:
+    """Their sum, as a local of that name, and whether all are numbers: it less itself is zero, an infinite one is not."""
+    total = Ref(name)
+    return Let(name, reduce(add, values)), Compare("<=", Bin("-", total, total), Num(0.0))
+
+
+def sensible(values: Sequence[Expr]) -> Condition:
+    """All are numbers, none beyond `MAX_SUM`."""
     total = reduce(add, values)
     return All((Compare("<=", total, Num(MAX_SUM)), Compare(">=", total, Num(-MAX_SUM))))
 

@@ -253,7 +253,8 @@ class Program:
         stores = [Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i)]
         if not guarded or not locals_:
             return [*body, *stores, *then]
-        return [*body, When(finite(locals_), (*stores, *then), (StatusFlag("NOT_FINITE"),))]
+        total, is_finite = finite(locals_, "sum_x")
+        return [*body, total, When(is_finite, (*stores, *then), (StatusFlag("NOT_FINITE"),))]
 
     @cached_property
     def predict(self) -> Routine:
@@ -339,7 +340,8 @@ class Program:
     def covariance_guard(self) -> list[Stmt]:
         """A covariance that is no longer finite is said, and goes back to the priors."""
         lost = (StatusFlag("NOT_FINITE"), *self.supervisor.widen())
-        return [When(finite(self.covariance.diagonal), (), lost)]
+        total, is_finite = finite(self.covariance.diagonal, "sum_P")
+        return [total, When(is_finite, (), lost)]
 
     @cached_property
     def init(self) -> Routine:

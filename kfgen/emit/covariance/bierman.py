@@ -49,6 +49,8 @@ from kfgen.emit.ir.ir import (
 )
 
 ARRAY = "UD"
+MOST_TAKEN_BACK = 12
+"""States up to which a copy of the factors costs less than the covariance of a sample of three rows."""
 
 
 def U(i: int | str, j: int | str) -> Ref:
@@ -106,6 +108,11 @@ class Bierman(CovarianceForm):
 
     ARRAY = ARRAY
     TAKES_EXACT = False
+
+    @property
+    def gates_first(self) -> bool:
+        """Copies grow with the square of the states, a sample's covariance with their number."""
+        return self.n > MOST_TAKEN_BACK
 
     @cached_property
     def at(self) -> dict[int, int]:

@@ -124,6 +124,11 @@ class CovarianceForm:
         raise NotImplementedError
 
     @property
+    def gates_first(self) -> bool:
+        """Whether a sample's covariance is worked out before any of its rows is fused; else a rejected one is taken back."""
+        return True
+
+    @property
     def diagonal(self) -> list[Expr]:
         """The stored diagonal."""
         return [cell(i, i, self.ARRAY) for i in range(self.n)]
