@@ -36,29 +36,29 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
     ("gyro-static", "p"): {"predict": 75, "update_rest": 102, "predict stack": 8, "stack": 8, "text": 1662},
     ("ahrs6", "p"): {
         "predict": 375, "update_accel": 715, "update_mag": 865, "predict stack": 90,
-        "stack": 175, "text": 12356,
+        "stack": 175, "text": 13830,
     },
     ("ahrs6", "ud"): {
         "predict": 310, "update_accel": 987, "update_mag": 1063, "predict stack": 41,
-        "stack": 350, "text": 15400,
+        "stack": 350, "text": 16600,
     },
     ("ins15", "p"): {
         "predict": 1712, "update_gnss_position": 2013, "update_gnss_velocity": 1993,
-        "predict stack": 534, "stack": 534, "text": 28129,
+        "predict stack": 534, "stack": 534, "text": 30300,
     },
     ("ins15", "ud"): {
         "predict": 1636, "update_gnss_position": 3414, "update_gnss_velocity": 3046,
-        "predict stack": 432, "stack": 636, "text": 37844,
+        "predict stack": 432, "stack": 636, "text": 39740,
     },
     ("ins23", "p"): {
         "predict": 2595, "update_gnss_position": 4342, "update_gnss_velocity": 4394,
         "update_mag": 6640, "update_airspeed": 2091, "predict stack": 640, "stack": 824,
-        "text": 90223,
+        "text": 93500,
     },
     ("ins23", "ud"): {
         "predict": 2270, "update_gnss_position": 7316, "update_gnss_velocity": 6936,
         "update_mag": 8007, "update_airspeed": 2624, "predict stack": 599, "stack": 971,
-        "text": 118293,
+        "text": 121500,
     },
 }  # fmt: skip
 
@@ -69,6 +69,8 @@ BARE = {
     ("ins23", "p"): 18917, ("ins23", "ud"): 23813,
 }  # fmt: skip
 MOST_FOR_SUPERVISION = 0.15
+MOST_TO_GATHER = 250
+"""Instructions of a call of align that gathers a sample."""
 
 
 @cache
@@ -125,6 +127,7 @@ def test_costs_are_within_budget(name: str, form: str, verdicts: Callable[..., C
     found = {**cost.instructions, "stack": cost.stack_bytes, "text": cost.text_bytes}
     found["predict stack"] = cost.stacks["predict"]
     found.pop("init")
+    assert found.pop("align", 0) < MOST_TO_GATHER
     assert found.keys() == budget.keys()
     over = {k: (v, budget[k]) for k, v in found.items() if v is None or v > budget[k]}
     assert over == {}
@@ -137,7 +140,7 @@ def test_what_watches_over_a_filter_costs_little(
 ) -> None:
     """Limits, gate, supervisor and settings below 15 % of the instructions of the equations."""
     cost = verdicts(name, "m4f", form).cost.instructions
-    whole = sum(count for routine, count in cost.items() if routine != "init")
+    whole = sum(count for routine, count in cost.items() if routine not in ("init", "align"))
     assert 1.0 < whole / BARE[name, form] <= 1.0 + MOST_FOR_SUPERVISION
 
 
@@ -191,9 +194,9 @@ def test_altered_header_is_found(core: str, kfgen: Callable[..., Any], tmp_path:
     altered(folder / "ahrs6.h", "AHRS6_R_ACCEL_X 0.250400007f", "AHRS6_R_ACCEL_X 0.250400037f")
     done = kfgen("verify", folder, "--core", core, "--json", out)
     assert done.exit_code == 1
-    assert re.search(rf"[1-9]\d* of 33750 values differ on {core}", done.stdout)
+    assert re.search(rf"[1-9]\d* of 44428 values differ on {core}", done.stdout)
     verdict = json.loads(out.read_text())["cores"][core]
-    assert 0 < verdict["differing"] <= verdict["words"] == 33750
+    assert 0 < verdict["differing"] <= verdict["words"] == 44428
     assert verdict["max_ulp"] >= 1
 
 

@@ -17,15 +17,13 @@ import numpy as np
 import sympy as sp
 
 from kfgen.core.errors import InputError
+from kfgen.emit.align import Alignment
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
 from kfgen.emit.covariance.joint import NIS
-from kfgen.emit.covariance.packed import Row
-from kfgen.emit.guards import every, finite, within
+from kfgen.emit.guards import finite
 from kfgen.emit.ir.ir import (
-    All,
     Argument,
-    Compare,
     Expr,
     Let,
     Note,
@@ -40,7 +38,6 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
-from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.settings import MAX_OTHER, settings
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
@@ -115,15 +112,15 @@ class Program:
     @cached_property
     def covariance(self) -> CovarianceForm:
         """How the covariance is stored and worked on."""
-        rows, _ = self._transition
+        rows, _ = self.transition
         names = tuple(s.name for s in self.discrete.model.states)
         Phi = {i: tuple(row) for i, row in rows.items()}
-        return FORMS[self.form](self.n, Phi, names, self.loops, self._slow, self.q_interval)
+        return FORMS[self.form](self.n, Phi, names, self.loops, self.slow, self.q_interval)
 
     @cached_property
-    def _slow(self) -> dict[int, float]:
+    def slow(self) -> dict[int, float]:
         """States that keep their value under white noise alone, with its density, where it may wait."""
-        rows, noise = self._transition
+        rows, noise = self.transition
         mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
         still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
         values = dict(self.discrete.named_noise[1].values())
@@ -133,7 +130,7 @@ class Program:
     @property
     def settling(self) -> int:
         """Predictions until noise that waits has come in; zero where none waits."""
-        return ceil(self.q_interval * self.discrete.rate) if self._slow else 0
+        return ceil(self.q_interval * self.discrete.rate) if self.slow else 0
 
     @property
     def type(self) -> type[np.floating[Any]]:
@@ -212,7 +209,8 @@ class Program:
         return (*self._inputs(), *self.drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
-    def _transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
+    def transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
+        """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd."""
         return transition(self.discrete, self.atoms)
 
     def normalised(
@@ -259,42 +257,9 @@ class Program:
     @cached_property
     def predict(self) -> Routine:
         """State and covariance over one step."""
-        rows, noise = self._transition
-        noise = {key: q for key, q in noise.items() if key[0] not in self._slow}
-        lower = self.lowering()
-        flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
-        used = [*flat, *(self.atoms.of_corrected_inputs(e) for e in self.discrete.step)]
-        body = self.atoms.make(lower, used)
-        values, statements = lower.many(used)
-        body += statements
-        entries: list[Expr] = []
-        for value in values[: len(flat)]:
-            atom, made = lower.let(value, "f")
-            entries.append(atom)
-            body += made
-        stream = iter(entries)
-        Phi: dict[int, Row] = {i: {j: next(stream) for j in row} for i, row in rows.items()}
-        Qd = {key: next(stream) for key in noise}
-        then = [*self.covariance.predict(Phi, Qd), *self.covariance_guard()]
-        body += [Note("state"), *self.normalised(values[len(flat) :], lower, True, then)]
-        arguments = self.motion_arguments([e for row in self._raw for e in row])
-        body = [*self.supervisor.resynchronise(), *self.supervisor.changed(), *body]
-        looked = [c for a in arguments[:-1] for c in within(a, self.input_limit(a.name))]
-        refused = (StatusFlag("BAD_INPUT"), *self.supervisor.missed())
-        known = (When(every(looked), tuple(body), refused),) if looked else tuple(body)
-        step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), Num(self.discrete.max_step))))
-        outer = When(step, (*self.supervisor.elapsed(), *known), (StatusFlag("BAD_STEP"),))
-        return Routine(
-            "predict",
-            "State and covariance over one step.",
-            arguments,
-            tidy((outer,)),
-            self.covariance.predict_scratch,
-        )
+        from kfgen.emit.predict import predict
 
-    @property
-    def _raw(self) -> tuple[Sequence[sp.Expr], ...]:
-        return (list(self.discrete.Phi), list(self.discrete.Qd), self.discrete.step)
+        return predict(self)
 
     @cached_property
     def settings(self) -> dict[str, Constant]:
@@ -321,7 +286,8 @@ class Program:
         """What watches over the filter."""
         model = self.discrete.model
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
-        return Supervisor({s.name: len(s.channels) for s in model.sensors}, tuple(triads), self.settings)
+        rows = {s.name: len(s.channels) for s in model.sensors}
+        return Supervisor(rows, tuple(triads), self.settings, tuple(Alignment(model).places))
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
@@ -367,7 +333,7 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
-        return (*self.routines, self.check, self.supervisor.condition)
+        return (*self.routines, *self.align, self.check, self.supervisor.condition)
 
     @property
     def word_count(self) -> int:
@@ -384,7 +350,15 @@ class Program:
         """What the routines call, and what looks at the whole filter."""
         from kfgen.emit.check import widen
 
-        return (*self.covariance.internals, widen(self), self.check, self.supervisor.condition)
+        watching = (self.check, self.supervisor.condition)
+        return (*self.covariance.internals, widen(self), *self.align, *watching)
+
+    @cached_property
+    def align(self) -> tuple[Routine, ...]:
+        """The first attitude, where there is one to be found."""
+        from kfgen.emit.align_routine import AlignRoutine
+
+        return (AlignRoutine(self).routine(),) if Alignment(self.discrete.model).possible else ()
 
     @cached_property
     def check(self) -> Routine:

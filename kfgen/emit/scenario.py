@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.emit.align import HEADING
 from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
@@ -30,6 +31,8 @@ JUMP = 40.0
 """By how many standard deviations of the innovation."""
 UNKNOWN = range(300, 340)
 """Predictions whose inputs are beyond any sensor."""
+CALLS_AT_REST, SHAKEN, SLOW_STEP_S = 16, 4, 0.1
+"""Calls of the alignment, the one that is shaken, and their step [s]: the others last longer than it takes."""
 SEED = 20261121
 
 
@@ -73,7 +76,23 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
+    for routine in program.align:
+        for inputs in at_rest(program, routine):
+            machine.call(routine.name, split(routine, inputs))
+            calls.append(RecordedCall(routine.name, inputs, machine.words()))
     return tuple(calls)
+
+
+def at_rest(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
+    """Calls of the alignment: a body that lies on its side, is shaken in between, and rests until it is aligned."""
+    dt = float(np.float32(min(program.discrete.max_step, SLOW_STEP_S)))
+    for k in range(CALLS_AT_REST):
+        force = [0.3, -9.7, 1.2 + 0.01 * (k % 3) + 4.0 * (k == SHAKEN)]
+        rate = [0.01 * (k % 2), -0.004, 0.002]
+        rest = {argument("gyro"): rate, "dt": [dt], HEADING: [0.7]}
+        field = [21e-6, 36e-6 + 1e-7 * (k % 5), -11e-6]
+        given = [rest.get(a.name, force if n == 0 else field) for n, a in enumerate(routine.arguments)]
+        yield tuple(float(np.float32(v)) for values in given for v in values)
 
 
 def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ Each is a macro of the C header and a variable of a Python module, with a defaul
 
 from __future__ import annotations
 
+from kfgen.emit.align import Alignment
 from kfgen.emit.targets.names import identifier
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
@@ -41,7 +42,7 @@ SUPERVISION = (
 def settings(discrete: DiscreteModel) -> dict[str, Constant]:
     """Every setting of a filter by name."""
     model = discrete.model
-    found = list(SUPERVISION)
+    found = [*SUPERVISION, *Alignment(model).constants()]
     for i in model.motion.inputs:
         found.append(_limit(i.name, i.unit, i.title, model.limits.get(i.name)))
     units = {n: i.unit for i in model.motion.inputs for n in (i.name, *i.channels)}

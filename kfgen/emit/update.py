@@ -9,8 +9,8 @@ from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import GAIN
 from kfgen.emit.covariance.joint import gated
 from kfgen.emit.covariance.packed import Row
+from kfgen.emit.covariance.rollback import fused_with_rollback, kept
 from kfgen.emit.covariance.scalars import fused
-from kfgen.emit.covariance.taken_back import fused_or_taken_back, kept
 from kfgen.emit.guards import every, sum_of_squares, within
 from kfgen.emit.ir.ir import (
     Argument,
@@ -78,7 +78,7 @@ def update(program: Program, sensor: Sensor) -> Routine:
     if program.covariance.gates_first:
         body += _joint(program, given, gate, inject, after, rejected)
     else:
-        body += fused_or_taken_back(program.covariance, given, gate, [*inject, *after], rejected)
+        body += fused_with_rollback(program.covariance, given, gate, [*inject, *after], rejected)
     z = Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels))
     others = program.sample_arguments(used)
     memory = (*program.covariance.scratch, *kept(program.covariance, H.rows))

@@ -15,7 +15,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter, read_folder
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import REFUSED, scenario
+from kfgen.emit.scenario import REFUSED, at_rest, scenario
 from kfgen.emit.targets.c import header
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.verify.core import Core, CoreVerdict, Words
@@ -205,11 +205,14 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
             for call in scenario(program, most):
                 core.call(call.routine, call.inputs)
+            for routine in program.align:
+                for inputs in at_rest(program, routine):
+                    core.call(routine.name, inputs)
             cost = core.cost()
         said += [
-            f"{CHIPS[name].title}, {routine}: {count} instructions, {cost.stacks[routine]} bytes of stack, "
-            f"{cost.texts[routine]} of code"
-            for routine, count in cost.instructions.items()
+            f"{CHIPS[name].title}, {called}: {count} instructions, {cost.stacks[called]} bytes of stack, "
+            f"{cost.texts[called]} of code"
+            for called, count in cost.instructions.items()
         ]
     return tuple(said)
 

@@ -49,7 +49,7 @@ from kfgen.emit.ir.ir import (
 )
 
 ARRAY = "UD"
-MOST_TAKEN_BACK = 12
+MAX_ROLLBACK_STATES = 12
 """States up to which a copy of the factors costs less than the covariance of a sample of three rows."""
 
 
@@ -112,7 +112,7 @@ class Bierman(CovarianceForm):
     @property
     def gates_first(self) -> bool:
         """Copies grow with the square of the states, a sample's covariance with their number."""
-        return self.n > MOST_TAKEN_BACK
+        return self.n > MAX_ROLLBACK_STATES
 
     @cached_property
     def at(self) -> dict[int, int]:

@@ -138,7 +138,17 @@ def comparisons(condition: Condition) -> tuple[Compare, ...]:
 
 Stmt = Let | Store | When | StatusFlag | Note | For | FunctionCall
 
-STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT", "NOT_FINITE", "DEGRADED", "LOST")
+STATUS = (
+    "OK",
+    "GATED",
+    "NOT_POSITIVE",
+    "BAD_STEP",
+    "BAD_INPUT",
+    "NOT_FINITE",
+    "DEGRADED",
+    "LOST",
+    "ALIGNING",
+)
 """What a routine returns, in order of number and of gravity."""
 
 

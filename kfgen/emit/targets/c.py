@@ -11,6 +11,7 @@ import numpy as np
 import kfgen
 from kfgen.audit.audit import unobservable_directions
 from kfgen.core.errors import InputError
+from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import STATUS, Argument, Compare, Ref, Routine, names_of
@@ -212,6 +213,7 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
         unobservable=unobservable,
         omitted=omitted(program.discrete.model, len(" *   ")),
         status=STATUS,
+        reasons=REASONS,
         states=list(enumerate(program.discrete.model.states)),
         constants=list(enumerate(program.constants)),
         rows=[place(program.n, i, 0) for i in range(program.n)],

@@ -6,6 +6,8 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.emit.align import REASONS
+from kfgen.emit.align_routine import AlignRoutine
 from kfgen.emit.check import MAX_NORM_ERROR, widest
 from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.guards import MAX_SUM
@@ -81,20 +83,30 @@ def _methods(program: Program) -> list[dict[str, str]]:
             (f"_reset_{s}", "", "What comes before its states are widened.", watch.reset(s), ""),
             (f"_accepted_{s}", ", status: Status", "A sample was fused.", watch.accepted(s, gate), "guard"),
         ]
+    made += [
+        ("align", _typed(r.arguments), r.text, list(AlignRoutine(program).body(())), "aligned")
+        for r in program.align
+    ]
     return [_method(program, *m) for m in made]
 
 
 BEFORE = {
+    "aligned": "        status, x, k = Status.OK, self.nominal, [*self.constants, self.gate]\n"
+    "        gain, ahead, spread, tilted, why = [0.0] * len(STATES), [0.0] * 3, [0.0], [0.0], [0.0]\n",
     "status": "        status = Status.OK\n",
     "due": "        due = [0.0]\n",
     "guard": "        nis, k = [self.nis], [*self.constants, self.gate]\n",
 }
 AFTER = {
+    "aligned": "\n        if status is Status.OK:\n"
+    "            self.constants[:] = k[:-1]\n"
+    "            self._known(np.array(gain), spread[0], tilted[0])\n"
+    "        return status",
     "status": "\n        return status",
     "due": "\n        return due[0] > 0.0",
     "guard": "\n        return max(status, self._guarded())",
 }
-RESULT = {"status": "Status", "due": "bool", "guard": "Status"}
+RESULT = {"aligned": "Status", "status": "Status", "due": "bool", "guard": "Status"}
 
 
 def _method(
@@ -193,6 +205,8 @@ def module(program: Program) -> dict[str, str]:
         priors=[program.prior(i).name for i in range(program.n)],
         widest=[sd.name for sd in widest(program)],
         quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
+        errors=AlignRoutine(program).errors if program.align else [],
+        reasons=REASONS,
         norm_error=MAX_NORM_ERROR,
         gate=GATE,
         huge=MAX_SUM,

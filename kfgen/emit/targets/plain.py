@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import kfgen
+from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import STATUS, Routine, names_of
 from kfgen.emit.routines import Program
@@ -80,6 +81,7 @@ def module(program: Program) -> dict[str, str]:
         supervisor=program.supervisor.places,
         rows=[place(program.n, i, 0) for i in range(program.n)],
         status=STATUS,
+        reasons=REASONS,
         methods=[_method(program, r) for r in (*program.routines, *program.helpers)],
     )
     return {f"{program.name}.py": text}

@@ -53,7 +53,7 @@ def _back(form: CovarianceForm) -> Stmt:
     return For("i", 0, form.size, (Store(Ref(form.ARRAY, "i"), Ref(KEPT, "i")),))
 
 
-def fused_or_taken_back(
+def fused_with_rollback(
     form: CovarianceForm,
     rows: Sequence[tuple[str, Row, Expr, Expr]],
     gate: Expr,
