@@ -24,17 +24,17 @@ MAG = {"sensors": "gnss_position,gnss_velocity,mag"}
 TARGETS = {("ins15", "p"): 950, ("ins23", "p"): 1400, ("ins15", "ud"): 1060 + 36, ("ins23", "ud"): 1400}
 COVARIANCE = {("ins15", "p"): 924, ("ins23", "p"): 1356, ("ins15", "ud"): 938, ("ins23", "ud"): 1190}
 ROUTINES = {
-    ("ahrs6", "p"): {"predict": 260, "update_accel": 538, "update_mag": 645},
-    ("ahrs6", "ud"): {"predict": 196, "update_accel": 640, "update_mag": 698},
-    ("ins15", "p"): {"predict": 1064, "update_gnss_position": 1125, "update_gnss_velocity": 1125},
-    ("ins15", "ud"): {"predict": 1078, "update_gnss_position": 2082, "update_gnss_velocity": 1884},
+    ("ahrs6", "p"): {"predict": 263, "update_accel": 492, "update_mag": 571},
+    ("ahrs6", "ud"): {"predict": 199, "update_accel": 642, "update_mag": 700},
+    ("ins15", "p"): {"predict": 1070, "update_gnss_position": 1127, "update_gnss_velocity": 1127},
+    ("ins15", "ud"): {"predict": 1084, "update_gnss_position": 2084, "update_gnss_velocity": 1886},
     ("ins23", "p"): {
-        "predict": 1514, "update_gnss_position": 2205, "update_gnss_velocity": 2205,
-        "update_mag": 3523, "update_airspeed": 1086,
+        "predict": 1520, "update_gnss_position": 2207, "update_gnss_velocity": 2207,
+        "update_mag": 3525, "update_airspeed": 1088,
     },
     ("ins23", "ud"): {
-        "predict": 1348, "update_gnss_position": 4266, "update_gnss_velocity": 4068,
-        "update_mag": 4876, "update_airspeed": 1577,
+        "predict": 1354, "update_gnss_position": 4268, "update_gnss_velocity": 4070,
+        "update_mag": 4878, "update_airspeed": 1579,
     },
 }  # fmt: skip
 

@@ -114,13 +114,17 @@ class Alignment:
 
     @property
     def offset(self) -> list[sp.Expr]:
-        """What the filter knows that the body adds to the field, as far as no attitude is in it [T]."""
+        """What the filter knows that the body adds to the field, as far as states and constants alone say it [T]."""
         assert self.north is not None
         assert self.model.attitude is not None
         clean = self.model.clean(self.north)
         own = [e - c for e, c in zip(self.model.expected(self.north), clean)]
-        turned = set(self.model.attitude.nominal)
-        return [sp.expand(e) if not sp.expand(e).free_symbols & turned else sp.Integer(0) for e in own]
+        known = {n for b in self.model.blocks for n in b.nominal_names} - set(
+            self.model.attitude.nominal_names
+        )
+        known |= {s.name for s in self.model.states} | {c.name for c in self.model.constants}
+        parts = [sp.Add.make_args(sp.expand(e)) for e in own]
+        return [sp.Add(*(t for t in ts if {s.name for s in t.free_symbols} <= known)) for ts in parts]
 
     @property
     def shown_at_rest(self) -> dict[str, tuple[int, float]]:

@@ -11,7 +11,7 @@ MAX_SUM = 1e30
 """Finite numbers of a filter add up to less, in single precision as well."""
 
 
-def within(given: Argument, limit: Num) -> list[Compare]:
+def within(given: Argument, limit: Expr) -> list[Compare]:
     """Each number of an argument is one, and no larger than its limit; by squares, which no sign escapes."""
     return [Compare("<=", mul(v, v), mul(limit, limit)) for v in numbers(given)]
 

@@ -21,6 +21,8 @@ from kfgen.emit.align import Alignment
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
 from kfgen.emit.covariance.joint import NIS
+from kfgen.emit.gather import gather, gathered_inputs
+from kfgen.emit.gather import memory as gathering
 from kfgen.emit.guards import finite
 from kfgen.emit.ir.ir import (
     Argument,
@@ -38,7 +40,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
-from kfgen.emit.settings import MAX_OTHER, settings
+from kfgen.emit.settings import MAX_OTHER, gates, settings
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
 from kfgen.emit.targets.names import argument, check_names, identifier
@@ -48,7 +50,6 @@ from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT
 
-GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
 MAX_WAITING_PREDICTIONS = 2000
 """Predictions for which noise may wait: the proof runs twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
@@ -144,6 +145,7 @@ class Program:
             "x": (len(self.discrete.nominal_names), "state"),
             self.covariance.ARRAY: (self.covariance.size, self.covariance.TITLE),
             SUPERVISOR: (len(self.supervisor.places), "ages, rejections and resets, see the places below"),
+            **gathering(self.discrete.model),
             "k": (len(self.constants), "constants"),
             "innovation": (self.rows, "of the last update, by row"),
             "variance": (self.rows, "of the last innovations"),
@@ -166,8 +168,8 @@ class Program:
 
     @property
     def constants(self) -> tuple[Constant, ...]:
-        """The numbers that firmware may set, the gate last."""
-        return (*self.discrete.model.constants, GATE)
+        """The numbers that may change in flight, the gates of the sensors last."""
+        return (*self.discrete.model.constants, *gates(self.discrete.model))
 
     @property
     def rows(self) -> int:
@@ -333,7 +335,7 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
-        return (*self.routines, *self.align, self.check, self.supervisor.condition)
+        return (*self.routines, *self.align, *self.gather, self.check, self.supervisor.condition)
 
     @property
     def word_count(self) -> int:
@@ -343,7 +345,7 @@ class Program:
     @property
     def compared(self) -> tuple[str, ...]:
         """The arrays that a proof compares, the first of the filter's memory."""
-        return ("x", self.covariance.ARRAY, SUPERVISOR)
+        return ("x", self.covariance.ARRAY, SUPERVISOR, *gathering(self.discrete.model))
 
     @cached_property
     def helpers(self) -> tuple[Routine, ...]:
@@ -351,7 +353,7 @@ class Program:
         from kfgen.emit.check import widen
 
         watching = (self.check, self.supervisor.condition)
-        return (*self.covariance.internals, widen(self), *self.align, *watching)
+        return (*self.covariance.internals, widen(self), *self.align, *self.gather, *watching)
 
     @cached_property
     def align(self) -> tuple[Routine, ...]:
@@ -359,6 +361,11 @@ class Program:
         from kfgen.emit.align_routine import AlignRoutine
 
         return (AlignRoutine(self).routine(),) if Alignment(self.discrete.model).possible else ()
+
+    @cached_property
+    def gather(self) -> tuple[Routine, ...]:
+        """The increments of a prediction, where the filter takes them."""
+        return (gather(self),) if gathered_inputs(self.discrete.model) else ()
 
     @cached_property
     def check(self) -> Routine:

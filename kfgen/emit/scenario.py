@@ -31,6 +31,10 @@ JUMP = 40.0
 """By how many standard deviations of the innovation."""
 UNKNOWN = range(300, 340)
 """Predictions whose inputs are beyond any sensor."""
+FAST_CALLS, FAST_STEP_S = 25, 0.001
+"""Calls with increments, and their step [s]."""
+INCREMENT_SIZES = (2e-3, 1e-3, -4e-3)
+"""Of a triad [rad, m/s]."""
 CALLS_AT_REST, SHAKEN, SLOW_STEP_S = 16, 4, 0.1
 """Calls of the alignment, the one that is shaken, and their step [s]: the others last longer than it takes."""
 SEED = 20261121
@@ -76,8 +80,8 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
-    for routine in program.align:
-        for inputs in at_rest(program, routine):
+    for routine in (*program.align, *program.gather):
+        for inputs in (at_rest if routine.name == "align" else fast)(program, routine):
             machine.call(routine.name, split(routine, inputs))
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
     return tuple(calls)
@@ -151,3 +155,19 @@ def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...]
         out.append(inputs[at : at + a.size] if a.size else inputs[at])
         at += a.size or 1
     return out
+
+
+def fast(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
+    """Increments of a body that cones and is shaken, one of them beyond any sensor.
+
+    Parameters
+    ----------
+    program : Program
+    routine : Routine
+        What gathers them.
+    """
+    for k in range(FAST_CALLS):
+        wave = [np.sin(0.3 * k), np.cos(0.3 * k), 0.5]
+        row = [s * w for _ in routine.arguments[:-1] for w, s in zip(wave, INCREMENT_SIZES)]
+        row[0] += BEYOND * (k == SHAKEN)
+        yield tuple(float(np.float32(v)) for v in (*row, FAST_STEP_S))

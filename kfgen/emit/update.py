@@ -33,6 +33,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.settings import sample_variance, squared_gate
 from kfgen.emit.supervisor import DUE, widened
 from kfgen.emit.targets.names import identifier
 from kfgen.model.parts.sensors import Sensor
@@ -70,7 +71,7 @@ def update(program: Program, sensor: Sensor) -> Routine:
         body += made
     y = _innovation(sensor, values[: H.rows], lower, body)
     R = variances(program, sensor)
-    gate = lower.places["gate"]
+    gate = squared_gate(lower, sensor)
     given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(H.rows)], strict=True))
     after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
     rejected = _rejected(program, sensor, rows, y)
@@ -106,9 +107,9 @@ def variances(program: Program, sensor: Sensor) -> Argument:
             where="--form ud",
             remedy="Give its channel white noise, or use --form p",
         )
-    names = [f"R_{identifier(c).upper()}" for c in sensor.channels]
     text = f"variances of its rows [({sensor.unit})^2]"
-    return Argument("R", len(names), text, tuple(program.setting(n) for n in names))
+    given = tuple(sample_variance(program.discrete, sensor, c) for c in sensor.channels)
+    return Argument("R", len(given), text, given)
 
 
 def _innovation(sensor: Sensor, h: list[Expr], lower: Lowering, body: list[Stmt]) -> list[Expr]:

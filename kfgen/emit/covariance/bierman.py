@@ -49,8 +49,6 @@ from kfgen.emit.ir.ir import (
 )
 
 ARRAY = "UD"
-MAX_ROLLBACK_STATES = 12
-"""States up to which a copy of the factors costs less than the covariance of a sample of three rows."""
 
 
 def U(i: int | str, j: int | str) -> Ref:
@@ -108,11 +106,6 @@ class Bierman(CovarianceForm):
 
     ARRAY = ARRAY
     TAKES_EXACT = False
-
-    @property
-    def gates_first(self) -> bool:
-        """Copies grow with the square of the states, a sample's covariance with their number."""
-        return self.n > MAX_ROLLBACK_STATES
 
     @cached_property
     def at(self) -> dict[int, int]:

@@ -31,6 +31,8 @@ from kfgen.emit.ir.ir import (
     sub,
 )
 
+MAX_ROLLBACK_STATES = 12
+"""States up to which a copy of the covariance costs less than that of a sample of three rows."""
 HELD, ANY_HELD = "held", Ref("any_held", 0)
 """One for each state that is considered but not corrected, else zero; and how many there are."""
 GAIN = "gain"
@@ -126,7 +128,7 @@ class CovarianceForm:
     @property
     def gates_first(self) -> bool:
         """Whether a sample's covariance is worked out before any of its rows is fused; else a rejected one is taken back."""
-        return True
+        return self.n > MAX_ROLLBACK_STATES
 
     @property
     def diagonal(self) -> list[Expr]:

@@ -1,8 +1,8 @@
-"""A sample whose rows go into the factors one by one: beyond the gate, or not positive, all of it is taken back.
+"""A sample of a small filter, fused row by row on the way to its gate: beyond it, or not positive, all is undone.
 
 The squared innovations over their variances, each given the rows before it, add up to ``y' S^-1 y`` of the whole
-sample. Factors show an innovation's variance only on the way through them, so what is looked at beforehand for a
-covariance itself (`kfgen.emit.covariance.joint`) is looked at here on the way, and costs no second way.
+sample. Of few states a copy of the covariance costs less than that of the sample, which
+`kfgen.emit.covariance.joint` works out first for larger filters.
 """
 
 from __future__ import annotations

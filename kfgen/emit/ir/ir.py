@@ -148,6 +148,7 @@ STATUS = (
     "DEGRADED",
     "LOST",
     "ALIGNING",
+    "GATHERING",
 )
 """What a routine returns, in order of number and of gravity."""
 
@@ -162,7 +163,7 @@ class Argument:
     name: str
     size: int
     text: str
-    default: tuple[Num, ...] = ()
+    default: tuple[Expr, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import STATUS, Argument, Compare, Ref, Routine, names_of
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, split
+from kfgen.emit.settings import field_name
 from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
@@ -125,7 +126,7 @@ class CPrinter(Printer):
 
     def setting(self, name: str) -> str:
         """A macro of the header."""
-        return f"{self.program.name.upper()}_{name}"
+        return f"{self.program.name.upper()}_PARAMETER({field_name(name)})"
 
     def comparison(self, c: Compare) -> str:
         """Each side in its own parentheses."""
@@ -214,6 +215,7 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
         omitted=omitted(program.discrete.model, len(" *   ")),
         status=STATUS,
         reasons=REASONS,
+        field_name=field_name,
         states=list(enumerate(program.discrete.model.states)),
         constants=list(enumerate(program.constants)),
         rows=[place(program.n, i, 0) for i in range(program.n)],

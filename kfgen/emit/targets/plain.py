@@ -40,15 +40,16 @@ class NumpyPrinter(PythonPrinter):
 
 
 def _method(program: Program, routine: Routine) -> dict[str, Any]:
-    used = names_of(routine.body)
+    used, printer = names_of(routine.body), NumpyPrinter(program.n)
     return {
         "name": f"_{routine.name}" if routine.internal else routine.name,
         "text": routine.text,
         "internal": routine.internal,
         "arguments": routine.arguments,
+        "defaults": {a.name: [printer.expression(e) for e in a.default] for a in routine.arguments},
         "arrays": [a for a in program.arrays if a in used],
         "scratch": [s for s in routine.scratch if s.name in used],
-        "body": "\n".join(NumpyPrinter(program.n).statements(routine.body, 3)),
+        "body": "\n".join(printer.statements(routine.body, 3)),
     }
 
 

@@ -6,7 +6,7 @@ import textwrap
 
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import AFTER, AT, BEFORE
+from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS
 
 AXES = {"N": "north", "E": "east", "S": "south", "W": "west", "U": "up", "D": "down"}
 
@@ -24,6 +24,7 @@ SAMPLE_OF_A_STEP = {
     AFTER: "the sample at its beginning",
     AT: "the mean of the samples at its beginning and its end",
     BEFORE: "the sample at its end",
+    INCREMENTS: "the increments of angle and velocity over it, by gather (of a log the sample at its end)",
 }
 """Inputs of a step, by what a sample stands for."""
 
