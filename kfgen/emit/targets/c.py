@@ -22,7 +22,7 @@ from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames, omitted
+from kfgen.emit.targets.words import accuracy, frames, omitted
 from kfgen.model.filter import FilterModel
 
 TARGET = "c"
@@ -212,6 +212,7 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
         "c/filter.h.j2",
         **_common(program),
         unobservable=unobservable,
+        accuracy=accuracy(program.discrete, len(" * ")),
         omitted=omitted(program.discrete.model, len(" *   ")),
         status=STATUS,
         reasons=REASONS,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import textwrap
 
 from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.emit.accuracy import step_accuracy
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS
 
@@ -46,6 +48,21 @@ def driver_text(name: str) -> str:
 
 LINE_COLUMNS = 100
 """Columns of a line of generated comments [characters]."""
+
+
+def accuracy(discrete: DiscreteModel, indent: int) -> tuple[str, ...]:
+    """Lines on the order of Phi and Qd and their error at the rate; none where there is no attitude.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+    indent : int
+        Columns that the caller puts before each line.
+    """
+    lines: list[str] = []
+    for sentence in step_accuracy(discrete):
+        lines += textwrap.wrap(sentence, LINE_COLUMNS + 20 - indent)
+    return tuple(lines)
 
 
 def omitted(model: FilterModel, indent: int) -> tuple[str, ...]:
