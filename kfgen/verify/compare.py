@@ -32,7 +32,21 @@ def cores() -> dict[str, str]:
     return {**hosts, **{k: f"emulated {c.title}" for k, c in CHIPS.items()}}
 
 
-def _maker(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+def maker_of(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+    """What makes a core of that name, for a program, the folder of its header and one for scratch files.
+
+    Parameters
+    ----------
+    name : str
+        See `cores`.
+    contract : bool
+        Fused products and sums.
+
+    Raises
+    ------
+    InputError
+        There is no such core.
+    """
     if name in LANGUAGES:
         return lambda program, source, scratch: Host(program, source, scratch, LANGUAGES[name], contract)
     if name in CHIPS:
@@ -154,7 +168,7 @@ def _verdicts(
     emitted: EmittedFilter, names: Sequence[str], contract: bool, played: Replay | None
 ) -> list[CoreVerdict]:
     program = emitted.program
-    makers = [(name, _maker(name, contract)) for name in names]
+    makers = [(name, maker_of(name, contract)) for name in names]
     if emitted.target in MODULES:
         if set(names) - {"host"}:
             raise InputError(
