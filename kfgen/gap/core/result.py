@@ -9,7 +9,7 @@ from typing import ClassVar
 from kfgen.effects import Effect
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.core.noise_scale import NoiseScale
+from kfgen.gap.core.scene import NoiseScale
 from kfgen.gap.core.search import NO_EFFECT, Distinguishability, Refused
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY
 
