@@ -29,7 +29,7 @@ class Fault:
     spoil : callable
         Changes the arrays of a flight: the flight, the steps and the fixes at which the fault is there.
     told_within : float
-        Within which time a status must say it [s]; infinite where it harms nothing, or is none until it has lasted.
+        Within which time a status must say it [s]; infinite where it is none until it has lasted.
     event : str
         What happens to the filter itself at its beginning: ``turned``, ``restored``, or nothing.
     """
@@ -127,7 +127,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("5 s of a dead accelerometer", 5.0, _set("accel", 0.0)),
     Fault("a jump of 1 km for 10 s, and back", 10.0, _jump(1000.0, False)),
     Fault("20 s of GNSS that is 1 s late", 20.0, _late),
-    Fault("10 s of fixes in the wrong order", 10.0, _swapped, NEVER),
+    Fault("10 s of fixes in the wrong order", 10.0, _swapped),
     Fault("a restart from what was stored 2 s before", ONCE, event="restored"),
 )
 """All of them; the flight without one comes with `SOUND`."""
