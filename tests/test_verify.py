@@ -36,7 +36,7 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
     ("gyro-static", "p"): {"predict": 75, "update_rest": 102, "predict stack": 8, "stack": 8, "text": 1662},
     ("ahrs6", "p"): {
         "predict": 375, "update_accel": 737, "update_mag": 852, "predict stack": 90,
-        "stack": 298, "text": 13830,
+        "stack": 298, "text": 14820,
     },
     ("ahrs6", "ud"): {
         "predict": 310, "update_accel": 987, "update_mag": 1063, "predict stack": 41,
