@@ -75,7 +75,7 @@ def flown(
     log = simulate(simulated, manoeuvre, duration, np.random.default_rng(seed))
     x = {n.removeprefix("ref_"): c.values for n, c in log.channels.items() if n.startswith("ref_")}
     kf = getattr(load(p), class_name(p))()
-    kf.gate = np.inf  # what is unlikely counts as well
+    kf.gates = dict.fromkeys(kf.gates, np.inf)  # what is unlikely counts as well
     rng = np.random.default_rng(2000 + seed)
     error = dict(
         zip((s.name for s in model.states), rng.normal(size=p.n) * np.sqrt(np.diag(kf.P)), strict=True)

@@ -131,7 +131,7 @@ def test_a_refused_step_keeps_no_sample() -> None:
 def test_a_backlash_moves_with_the_state_once_it_is_used_up() -> None:
     program = program_of(text_of(SIZES["backlash"]))
     kf, stands, u = filter_of(program), 0.0, pushed(400)
-    kf.gate = 0.0  # the filter looks, and corrects nothing
+    kf.gates = dict.fromkeys(kf.gates, 0.0)  # the filter looks, and corrects nothing
     for k in range(400):
         kf.update_place(z=np.zeros(1))
         stands = min(max(stands, kf.nominal[0] - 0.1), kf.nominal[0] + 0.1)

@@ -205,7 +205,7 @@ def test_an_input_that_does_not_change_is_stuck() -> None:
 def test_an_open_gate_rejects_nothing_and_widens_nothing(name: str) -> None:
     """As `kfgen run` has it: every sample counts, and no reset comes between a log and its innovations."""
     machine = started(name, "p")
-    machine.arrays["k"][-1] = math.inf
+    machine.arrays["k"][-len(machine.program.discrete.model.sensors) :] = math.inf
     routines = {r.name: r for r in machine.program.routines}
     for call in scenario(machine.program)[:300]:
         if call.routine != "predict" or call.inputs[-1] > 0.0:

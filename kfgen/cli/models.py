@@ -31,6 +31,9 @@ COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4
 CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
 LISTED = typer.Argument(metavar="[LOG]", help="A log: say what is inside, with rates, gaps and clocks.")
+FAULTS = typer.Option(
+    "--faults", help="Fly simulated faults, and say what is told and when it is right again."
+)
 REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 
 
@@ -145,14 +148,13 @@ def verify(
     core: Annotated[list[str] | None, CORE] = None,
     contract: Annotated[bool, CONTRACT] = False,
     log: Annotated[Path | None, REPLAYED] = None,
+    faults: Annotated[bool, FAULTS] = False,
     columns: opt.Columns = None,
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
     """Compile, run on host and emulated cores, compare bit patterns, count instructions, stack and code."""
-    from kfgen.emit.folder import read_folder
-    from kfgen.report.proof import verify_answer
-    from kfgen.verify.compare import verify
+    from kfgen.report.proof import folder_answer
 
     data = None if log is None else read(log, None, columns)
-    deliver(verify_answer(verify(read_folder(folder), core or ["host"], data, contract)), json, report)
+    deliver(folder_answer(folder, core or ["host"], data, contract, faults), json, report)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kfgen.emit.covariance.forms import HEALTH
-from kfgen.emit.guards import finite, sum_of_squares
+from kfgen.emit.guards import sensible, sum_of_squares
 from kfgen.emit.ir.ir import All, Compare, Num, Ref, Routine, StatusFlag, Stmt, When
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def check(program: Program) -> Routine:
     spoiled = (StatusFlag("NOT_FINITE"),)
     body: list[Stmt] = [*health.body, When(Compare("<=", HEALTH, Num(MAX_HEALTH)), (), spoiled)]
     if names:
-        body.append(When(finite([Ref("x", i) for i in range(len(names))]), (), spoiled))
+        body.append(When(sensible([Ref("x", i) for i in range(len(names))]), (), spoiled))
     attitude = program.discrete.model.attitude
     if attitude:
         square = sum_of_squares([Ref("x", names.index(n)) for n in attitude.nominal_names])

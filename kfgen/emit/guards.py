@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import reduce
 
-from kfgen.emit.ir.ir import All, Argument, Compare, Condition, Expr, Num, Ref, add, mul
+from kfgen.emit.ir.ir import All, Argument, Bin, Compare, Condition, Expr, Let, Num, Ref, add, mul
 
 MAX_SUM = 1e30
 """Finite numbers of a filter add up to less, in single precision as well."""
 
 
-def within(given: Argument, limit: Num) -> list[Compare]:
+def within(given: Argument, limit: Expr) -> list[Compare]:
     """Each number of an argument is one, and no larger than its limit; by squares, which no sign escapes."""
     return [Compare("<=", mul(v, v), mul(limit, limit)) for v in numbers(given)]
 
@@ -26,8 +26,14 @@ def sum_of_squares(values: Sequence[Expr]) -> Expr:
     return reduce(add, (mul(v, v) for v in values))
 
 
-def finite(values: Sequence[Expr]) -> Condition:
-    """All are numbers: they add up to one."""
+def finite(values: Sequence[Expr], name: str) -> tuple[Let, Compare]:
+    """Their sum, as a local of that name, and whether all are numbers: it less itself is zero, an infinite one is not."""
+    total = Ref(name)
+    return Let(name, reduce(add, values)), Compare("<=", Bin("-", total, total), Num(0.0))
+
+
+def sensible(values: Sequence[Expr]) -> Condition:
+    """All are numbers, none beyond `MAX_SUM`."""
     total = reduce(add, values)
     return All((Compare("<=", total, Num(MAX_SUM)), Compare(">=", total, Num(-MAX_SUM))))
 

@@ -66,7 +66,11 @@ class Machine:
         """
         routine = self.routines[name]
         env: dict[str, Any] = dict(self.arrays)
-        defaults = [[n.value for n in a.default] for a in routine.arguments[len(values) :] if a.default]
+        defaults = [
+            [float(self._value(n, {})) for n in a.default]
+            for a in routine.arguments[len(values) :]
+            if a.default
+        ]
         for argument, value in zip(routine.arguments, [*values, *defaults], strict=True):
             env[argument.name] = np.asarray(value, self.real) if argument.size else self.real(value)  # type: ignore[arg-type]
         with np.errstate(all="ignore"):

@@ -17,15 +17,15 @@ import numpy as np
 import sympy as sp
 
 from kfgen.core.errors import InputError
+from kfgen.emit.align import Alignment
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
 from kfgen.emit.covariance.joint import NIS
-from kfgen.emit.covariance.packed import Row
-from kfgen.emit.guards import every, finite, within
+from kfgen.emit.gather import gather, gathered_inputs
+from kfgen.emit.gather import memory as gathering
+from kfgen.emit.guards import finite
 from kfgen.emit.ir.ir import (
-    All,
     Argument,
-    Compare,
     Expr,
     Let,
     Note,
@@ -40,8 +40,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
-from kfgen.emit.ir.tidy import tidy
-from kfgen.emit.settings import MAX_OTHER, settings
+from kfgen.emit.settings import MAX_OTHER, gates, settings
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
 from kfgen.emit.targets.names import argument, check_names, identifier
@@ -51,7 +50,6 @@ from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT
 
-GATE = Constant("gate", "1", 100.0, "gate: largest squared innovation over its variance")
 MAX_WAITING_PREDICTIONS = 2000
 """Predictions for which noise may wait: the proof runs twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
@@ -115,15 +113,15 @@ class Program:
     @cached_property
     def covariance(self) -> CovarianceForm:
         """How the covariance is stored and worked on."""
-        rows, _ = self._transition
+        rows, _ = self.transition
         names = tuple(s.name for s in self.discrete.model.states)
         Phi = {i: tuple(row) for i, row in rows.items()}
-        return FORMS[self.form](self.n, Phi, names, self.loops, self._slow, self.q_interval)
+        return FORMS[self.form](self.n, Phi, names, self.loops, self.slow, self.q_interval)
 
     @cached_property
-    def _slow(self) -> dict[int, float]:
+    def slow(self) -> dict[int, float]:
         """States that keep their value under white noise alone, with its density, where it may wait."""
-        rows, noise = self._transition
+        rows, noise = self.transition
         mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
         still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
         values = dict(self.discrete.named_noise[1].values())
@@ -133,7 +131,7 @@ class Program:
     @property
     def settling(self) -> int:
         """Predictions until noise that waits has come in; zero where none waits."""
-        return ceil(self.q_interval * self.discrete.rate) if self._slow else 0
+        return ceil(self.q_interval * self.discrete.rate) if self.slow else 0
 
     @property
     def type(self) -> type[np.floating[Any]]:
@@ -147,6 +145,7 @@ class Program:
             "x": (len(self.discrete.nominal_names), "state"),
             self.covariance.ARRAY: (self.covariance.size, self.covariance.TITLE),
             SUPERVISOR: (len(self.supervisor.places), "ages, rejections and resets, see the places below"),
+            **gathering(self.discrete.model),
             "k": (len(self.constants), "constants"),
             "innovation": (self.rows, "of the last update, by row"),
             "variance": (self.rows, "of the last innovations"),
@@ -169,8 +168,8 @@ class Program:
 
     @property
     def constants(self) -> tuple[Constant, ...]:
-        """The numbers that firmware may set, the gate last."""
-        return (*self.discrete.model.constants, GATE)
+        """The numbers that may change in flight, the gates of the sensors last."""
+        return (*self.discrete.model.constants, *gates(self.discrete.model))
 
     @property
     def rows(self) -> int:
@@ -212,7 +211,8 @@ class Program:
         return (*self._inputs(), *self.drivers(used), Argument("dt", 0, "step [s]"))
 
     @cached_property
-    def _transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
+    def transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
+        """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd."""
         return transition(self.discrete, self.atoms)
 
     def normalised(
@@ -253,47 +253,15 @@ class Program:
         stores = [Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i)]
         if not guarded or not locals_:
             return [*body, *stores, *then]
-        return [*body, When(finite(locals_), (*stores, *then), (StatusFlag("NOT_FINITE"),))]
+        total, is_finite = finite(locals_, "sum_x")
+        return [*body, total, When(is_finite, (*stores, *then), (StatusFlag("NOT_FINITE"),))]
 
     @cached_property
     def predict(self) -> Routine:
         """State and covariance over one step."""
-        rows, noise = self._transition
-        noise = {key: q for key, q in noise.items() if key[0] not in self._slow}
-        lower = self.lowering()
-        flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
-        used = [*flat, *(self.atoms.of_corrected_inputs(e) for e in self.discrete.step)]
-        body = self.atoms.make(lower, used)
-        values, statements = lower.many(used)
-        body += statements
-        entries: list[Expr] = []
-        for value in values[: len(flat)]:
-            atom, made = lower.let(value, "f")
-            entries.append(atom)
-            body += made
-        stream = iter(entries)
-        Phi: dict[int, Row] = {i: {j: next(stream) for j in row} for i, row in rows.items()}
-        Qd = {key: next(stream) for key in noise}
-        then = [*self.covariance.predict(Phi, Qd), *self.covariance_guard()]
-        body += [Note("state"), *self.normalised(values[len(flat) :], lower, True, then)]
-        arguments = self.motion_arguments([e for row in self._raw for e in row])
-        body = [*self.supervisor.resynchronise(), *self.supervisor.changed(), *body]
-        looked = [c for a in arguments[:-1] for c in within(a, self.input_limit(a.name))]
-        refused = (StatusFlag("BAD_INPUT"), *self.supervisor.missed())
-        known = (When(every(looked), tuple(body), refused),) if looked else tuple(body)
-        step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), Num(self.discrete.max_step))))
-        outer = When(step, (*self.supervisor.elapsed(), *known), (StatusFlag("BAD_STEP"),))
-        return Routine(
-            "predict",
-            "State and covariance over one step.",
-            arguments,
-            tidy((outer,)),
-            self.covariance.predict_scratch,
-        )
+        from kfgen.emit.predict import predict
 
-    @property
-    def _raw(self) -> tuple[Sequence[sp.Expr], ...]:
-        return (list(self.discrete.Phi), list(self.discrete.Qd), self.discrete.step)
+        return predict(self)
 
     @cached_property
     def settings(self) -> dict[str, Constant]:
@@ -320,7 +288,8 @@ class Program:
         """What watches over the filter."""
         model = self.discrete.model
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
-        return Supervisor({s.name: len(s.channels) for s in model.sensors}, tuple(triads), self.settings)
+        rows = {s.name: len(s.channels) for s in model.sensors}
+        return Supervisor(rows, tuple(triads), self.settings, tuple(Alignment(model).places))
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
@@ -339,7 +308,8 @@ class Program:
     def covariance_guard(self) -> list[Stmt]:
         """A covariance that is no longer finite is said, and goes back to the priors."""
         lost = (StatusFlag("NOT_FINITE"), *self.supervisor.widen())
-        return [When(finite(self.covariance.diagonal), (), lost)]
+        total, is_finite = finite(self.covariance.diagonal, "sum_P")
+        return [total, When(is_finite, (), lost)]
 
     @cached_property
     def init(self) -> Routine:
@@ -365,7 +335,7 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
-        return (*self.routines, self.check, self.supervisor.condition)
+        return (*self.routines, *self.align, *self.gather, self.check, self.supervisor.condition)
 
     @property
     def word_count(self) -> int:
@@ -375,14 +345,27 @@ class Program:
     @property
     def compared(self) -> tuple[str, ...]:
         """The arrays that a proof compares, the first of the filter's memory."""
-        return ("x", self.covariance.ARRAY, SUPERVISOR)
+        return ("x", self.covariance.ARRAY, SUPERVISOR, *gathering(self.discrete.model))
 
     @cached_property
     def helpers(self) -> tuple[Routine, ...]:
         """What the routines call, and what looks at the whole filter."""
         from kfgen.emit.check import widen
 
-        return (*self.covariance.internals, widen(self), self.check, self.supervisor.condition)
+        watching = (self.check, self.supervisor.condition)
+        return (*self.covariance.internals, widen(self), *self.align, *self.gather, *watching)
+
+    @cached_property
+    def align(self) -> tuple[Routine, ...]:
+        """The first attitude, where there is one to be found."""
+        from kfgen.emit.align_routine import AlignRoutine
+
+        return (AlignRoutine(self).routine(),) if Alignment(self.discrete.model).possible else ()
+
+    @cached_property
+    def gather(self) -> tuple[Routine, ...]:
+        """The increments of a prediction, where the filter takes them."""
+        return (gather(self),) if gathered_inputs(self.discrete.model) else ()
 
     @cached_property
     def check(self) -> Routine:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.emit.align import HEADING
 from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
@@ -30,6 +31,12 @@ JUMP = 40.0
 """By how many standard deviations of the innovation."""
 UNKNOWN = range(300, 340)
 """Predictions whose inputs are beyond any sensor."""
+FAST_CALLS, FAST_STEP_S = 25, 0.001
+"""Calls with increments, and their step [s]."""
+INCREMENT_SIZES = (2e-3, 1e-3, -4e-3)
+"""Of a triad [rad, m/s]."""
+CALLS_AT_REST, SHAKEN, SLOW_STEP_S = 16, 4, 0.1
+"""Calls of the alignment, the one that is shaken, and their step [s]: the others last longer than it takes."""
 SEED = 20261121
 
 
@@ -73,7 +80,23 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
+    for routine in (*program.align, *program.gather):
+        for inputs in (at_rest if routine.name == "align" else fast)(program, routine):
+            machine.call(routine.name, split(routine, inputs))
+            calls.append(RecordedCall(routine.name, inputs, machine.words()))
     return tuple(calls)
+
+
+def at_rest(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
+    """Calls of the alignment: a body that lies on its side, is shaken in between, and rests until it is aligned."""
+    dt = float(np.float32(min(program.discrete.max_step, SLOW_STEP_S)))
+    for k in range(CALLS_AT_REST):
+        force = [0.3, -9.7, 1.2 + 0.01 * (k % 3) + 4.0 * (k == SHAKEN)]
+        rate = [0.01 * (k % 2), -0.004, 0.002]
+        rest = {argument("gyro"): rate, "dt": [dt], HEADING: [0.7]}
+        field = [21e-6, 36e-6 + 1e-7 * (k % 5), -11e-6]
+        given = [rest.get(a.name, force if n == 0 else field) for n, a in enumerate(routine.arguments)]
+        yield tuple(float(np.float32(v)) for values in given for v in values)
 
 
 def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tuple[float, ...]:
@@ -132,3 +155,19 @@ def split(routine: Routine, inputs: tuple[float, ...]) -> list[tuple[float, ...]
         out.append(inputs[at : at + a.size] if a.size else inputs[at])
         at += a.size or 1
     return out
+
+
+def fast(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
+    """Increments of a body that cones and is shaken, one of them beyond any sensor.
+
+    Parameters
+    ----------
+    program : Program
+    routine : Routine
+        What gathers them.
+    """
+    for k in range(FAST_CALLS):
+        wave = [np.sin(0.3 * k), np.cos(0.3 * k), 0.5]
+        row = [s * w for _ in routine.arguments[:-1] for w, s in zip(wave, INCREMENT_SIZES)]
+        row[0] += BEYOND * (k == SHAKEN)
+        yield tuple(float(np.float32(v)) for v in (*row, FAST_STEP_S))

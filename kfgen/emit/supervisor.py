@@ -65,11 +65,14 @@ class Supervisor:
         Inputs of three noisy channels, as arguments: one that does not change is stuck.
     settings : dict of str to Constant
         Of the filter.
+    alignment : tuple of (str, str)
+        Places of the alignment, with their meaning.
     """
 
     rows: dict[str, int]
     triads: tuple[str, ...]
     settings: dict[str, Constant]
+    alignment: tuple[tuple[str, str], ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -92,7 +95,7 @@ class Supervisor:
                 *(("LAST", f"_{axis}", "last sample") for axis in "XYZ"),
             )
         ]
-        return (*own, *OF_FILTER.items(), *stuck)
+        return (*own, *OF_FILTER.items(), *stuck, *self.alignment)
 
     @property
     def start(self) -> tuple[float, ...]:
@@ -117,7 +120,7 @@ class Supervisor:
         """Whether each triad of inputs has changed since the last step."""
         body: list[Stmt] = []
         for k, triad in enumerate(self.triads):
-            first = len(self.places) - 4 * (len(self.triads) - k)
+            first = len(self.places) - len(self.alignment) - 4 * (len(self.triads) - k)
             stuck, *last = (Ref(ARRAY, first + i) for i in range(4))
             now = [Ref(triad, i) for i in range(3)]
             same = All(tuple(Compare(op, a, b) for a, b in zip(now, last) for op in ("<=", ">=")))
@@ -204,6 +207,9 @@ class Supervisor:
         for k, (name, _) in enumerate(self.places):
             if name.startswith("STUCK"):
                 body.append(When(Compare(">=", Ref(ARRAY, k), self._setting("STUCK_TIME")), degraded))
+        for k, (name, _) in enumerate(self.places):
+            if name == "ALIGNING":
+                body.append(When(Compare(">", Ref(ARRAY, k), Num(0.0)), (StatusFlag("ALIGNING"),)))
         lost: tuple[Stmt, ...] = (StatusFlag("LOST"),)
         for s in self.sensors:
             lost = (When(Compare(">", self.at("AGE", s), self._setting("LOST_AFTER")), lost),)

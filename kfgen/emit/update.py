@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.forms import GAIN
 from kfgen.emit.covariance.joint import gated
 from kfgen.emit.covariance.packed import Row
+from kfgen.emit.covariance.rollback import fused_with_rollback, kept
 from kfgen.emit.covariance.scalars import fused
 from kfgen.emit.guards import every, sum_of_squares, within
 from kfgen.emit.ir.ir import (
@@ -31,6 +33,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.settings import sample_variance, squared_gate
 from kfgen.emit.supervisor import DUE, widened
 from kfgen.emit.targets.names import identifier
 from kfgen.model.parts.sensors import Sensor
@@ -68,19 +71,24 @@ def update(program: Program, sensor: Sensor) -> Routine:
         body += made
     y = _innovation(sensor, values[: H.rows], lower, body)
     R = variances(program, sensor)
-    noise = [Ref(R.name, i) for i in range(H.rows)]
-    joint, S = program.covariance.innovation_covariance(rows, noise)
-    gate = lower.places["gate"]
-    accepted = _accepted(program, sensor, rows, y, noise, gate)
-    body += [*joint, *gated(S, y, gate, accepted, _rejected(program, sensor, rows, y, S))]
+    gate = squared_gate(lower, sensor)
+    given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(H.rows)], strict=True))
+    after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
+    rejected = _rejected(program, sensor, rows, y)
+    inject = program.inject(guarded=True)
+    if program.covariance.gates_first:
+        body += _joint(program, given, gate, inject, after, rejected)
+    else:
+        body += fused_with_rollback(program.covariance, given, gate, [*inject, *after], rejected)
     z = Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels))
     others = program.sample_arguments(used)
+    memory = (*program.covariance.scratch, *kept(program.covariance, H.rows))
     return Routine(
         f"update_{sensor.name}",
         f"Fuse one sample: {sensor.title}.",
         (z, *others, R),
         tidy(_plausible(program, sensor, (z, *others, R), lower, tuple(body))),
-        (Scratch("dx", program.n), Scratch("fused", 1), Scratch(DUE.name, 1), *program.covariance.scratch),
+        (Scratch("dx", program.n), Scratch(DUE.name, 1), *memory),
     )
 
 
@@ -99,9 +107,9 @@ def variances(program: Program, sensor: Sensor) -> Argument:
             where="--form ud",
             remedy="Give its channel white noise, or use --form p",
         )
-    names = [f"R_{identifier(c).upper()}" for c in sensor.channels]
     text = f"variances of its rows [({sensor.unit})^2]"
-    return Argument("R", len(names), text, tuple(program.setting(n) for n in names))
+    given = tuple(sample_variance(program.discrete, sensor, c) for c in sensor.channels)
+    return Argument("R", len(given), text, given)
 
 
 def _innovation(sensor: Sensor, h: list[Expr], lower: Lowering, body: list[Stmt]) -> list[Expr]:
@@ -118,24 +126,28 @@ def _innovation(sensor: Sensor, h: list[Expr], lower: Lowering, body: list[Stmt]
     return y
 
 
-def _accepted(
-    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref], gate: Expr
+def _joint(
+    program: Program,
+    given: Sequence[tuple[str, Row, Expr, Expr]],
+    gate: Expr,
+    inject: Sequence[Stmt],
+    after: Sequence[Stmt],
+    rejected: Sequence[Stmt],
 ) -> list[Stmt]:
-    """Row by row into covariance and correction, then the correction into the state."""
-    body: list[Stmt] = []
-    for i, channel in enumerate(sensor.channels):
-        body += [Note(channel), *fused(program.covariance, i, rows[i], y[i], R[i])]
-    body.append(When(Compare(">", Ref("fused", 0), Num(0.0)), tuple(program.inject(guarded=True))))
-    return [*body, *program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
-
-
-def _rejected(
-    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], S: dict[tuple[int, int], Expr]
-) -> list[Stmt]:
-    """It is counted; where that has gone on for too long, P widens along each row."""
-    body: list[Stmt] = []
+    """The gate on the covariance of the whole sample, then row by row into covariance and correction."""
+    _, rows, y, noise = zip(*given)
+    before, S = program.covariance.innovation_covariance(rows, noise)
+    accepted: list[Stmt] = []
+    for i, (channel, H, residual, R) in enumerate(given):
+        accepted += [Note(channel), *fused(program.covariance, i, H, residual, R)]
+    kept: list[Stmt] = []
     for i, value in enumerate(y):
-        body += [Store(Ref("innovation", i), value), Store(Ref("variance", i), S[i, i])]
+        kept += [Store(Ref("innovation", i), value), Store(Ref("variance", i), S[i, i])]
+    return [*before, *gated(S, y, gate, [*accepted, *inject, *after], [*kept, *rejected])]
+
+
+def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr]) -> list[Stmt]:
+    """It is counted; where that has gone on for too long, P widens along each row."""
     wide: list[Stmt] = program.supervisor.reset(sensor.name)
     for i, row in enumerate(rows):
         a, projection, c = widened(y[i], row, {j: program.prior(j) for j in row})
@@ -143,7 +155,7 @@ def _rejected(
         along = Ref(f"along_{i}")
         call = FunctionCall("inflate", (Ref(GAIN), c))
         wide += [Let(along.name, projection), When(Compare(">", along, Num(0.0)), (*direction, call))]
-    return [*body, *program.supervisor.rejected(sensor.name), When(Compare(">", DUE, Num(0.0)), tuple(wide))]
+    return [*program.supervisor.rejected(sensor.name), When(Compare(">", DUE, Num(0.0)), tuple(wide))]
 
 
 def _plausible(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from kfgen.core.errors import InputError
+from kfgen.emit.folder import read_folder
+from kfgen.log.log import Log
 from kfgen.report.page import Answer, Page, columns, sentence, table
-from kfgen.verify.compare import Verification
+from kfgen.verify.compare import Verification, verify
+from kfgen.verify.fly import FaultFlights, fly_faults
 from kfgen.verify.rounding import OnLog
 
 
@@ -34,3 +39,45 @@ def verify_answer(found: Verification) -> Answer:
     text = "\n".join([columns([head, *rows]), *words])
     warnings = () if found.on_log is None else found.on_log.warnings
     return Answer(text, found.to_dict(), page, ok=found.ok, warnings=warnings)
+
+
+def faults_answer(found: FaultFlights) -> Answer:
+    """The flights, and which floors they missed."""
+    head, rows = found.short_table()
+    words = [f"{'; '.join(found.summary())}."]
+    page = Page("Flights with faults", (*map(sentence, words), table(head, rows)))
+    return Answer("\n".join([columns([head, *rows]), *words]), found.to_dict(), page, ok=found.ok)
+
+
+def folder_answer(
+    folder: Path, cores: Sequence[str], log: Log | None, contract: bool = False, faults: bool = False
+) -> Answer:
+    """What ``verify`` says of an emitted filter: the comparison, or its flights with faults.
+
+    Parameters
+    ----------
+    folder : Path
+        As `kfgen.emit` wrote it.
+    cores : sequence of str
+        Their names.
+    log : Log, optional
+        Make the calls of it.
+    contract : bool
+        Compile with fused products and sums.
+    faults : bool
+        Fly the faults.
+
+    Raises
+    ------
+    InputError
+        As in `kfgen.verify.compare.verify` and `kfgen.verify.fly.fly_faults`; faults beside a log or fused products.
+    """
+    if not faults:
+        return verify_answer(verify(read_folder(folder), cores, log, contract))
+    if log is not None or contract:
+        raise InputError(
+            "faults are simulated, and flown without fused products",
+            where="--faults",
+            remedy="Leave --log and --contract out",
+        )
+    return faults_answer(fly_faults(read_folder(folder), cores))

@@ -21,7 +21,7 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import AFTER, AT, BEFORE, SAMPLES, Input
+from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS, SAMPLES, Input
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.equations import Equations, Shown
 from kfgen.run.alignment import align_attitude
@@ -224,7 +224,7 @@ def _driver(log: Log, name: str) -> Array:
 def over_steps(values: Array, samples: str) -> Array:
     """What acts from each sample to the next, by what a sample stands for."""
     later = np.concatenate([values[1:], values[-1:]])
-    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0}[samples]
+    own = {AFTER: 1.0, AT: 0.5, BEFORE: 0.0, INCREMENTS: 0.0}[samples]
     return np.asarray(own * values + (1.0 - own) * later)
 
 

@@ -212,7 +212,7 @@ def _played(
     calls = FilterCalls(program, log, start)
     emitted = getattr(load(program), class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
-    kf.gate = calls.GATE
+    kf.gates = dict.fromkeys(kf.gates, calls.GATE)
     kf.nominal[:], kf.constants[:] = calls.start, calls.constants
     names = program.discrete.nominal_names
     estimate = np.empty((log.n, len(names)))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.manoeuvre.rotations import cumulative, exponential, inverse, logarithm, product, rotated
 from kfgen.manoeuvre.truth import PIECE, WEIGHTS, Path, turned
-from kfgen.model.parts.motion import AFTER, AT, BEFORE, Input
+from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS, Input
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def by_convention(means: Array, instants: Array, samples: str) -> Array:
 
 def middle(samples: str) -> float:
     """Where in time the middle of a sample's interval is, in periods from the sample."""
-    return {AFTER: 0.5, AT: 0.0, BEFORE: -0.5}[samples]
+    return {AFTER: 0.5, AT: 0.0, BEFORE: -0.5, INCREMENTS: -0.5}[samples]
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter, read_folder
 from kfgen.emit.routines import Program
-from kfgen.emit.scenario import REFUSED, scenario
+from kfgen.emit.scenario import REFUSED, at_rest, scenario
 from kfgen.emit.targets.c import header
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.verify.core import Core, CoreVerdict, Words
@@ -32,7 +32,21 @@ def cores() -> dict[str, str]:
     return {**hosts, **{k: f"emulated {c.title}" for k, c in CHIPS.items()}}
 
 
-def _maker(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+def maker_of(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+    """What makes a core of that name, for a program, the folder of its header and one for scratch files.
+
+    Parameters
+    ----------
+    name : str
+        See `cores`.
+    contract : bool
+        Fused products and sums.
+
+    Raises
+    ------
+    InputError
+        There is no such core.
+    """
     if name in LANGUAGES:
         return lambda program, source, scratch: Host(program, source, scratch, LANGUAGES[name], contract)
     if name in CHIPS:
@@ -154,7 +168,7 @@ def _verdicts(
     emitted: EmittedFilter, names: Sequence[str], contract: bool, played: Replay | None
 ) -> list[CoreVerdict]:
     program = emitted.program
-    makers = [(name, _maker(name, contract)) for name in names]
+    makers = [(name, maker_of(name, contract)) for name in names]
     if emitted.target in MODULES:
         if set(names) - {"host"}:
             raise InputError(
@@ -205,11 +219,14 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
             for call in scenario(program, most):
                 core.call(call.routine, call.inputs)
+            for routine in program.align:
+                for inputs in at_rest(program, routine):
+                    core.call(routine.name, inputs)
             cost = core.cost()
         said += [
-            f"{CHIPS[name].title}, {routine}: {count} instructions, {cost.stacks[routine]} bytes of stack, "
-            f"{cost.texts[routine]} of code"
-            for routine, count in cost.instructions.items()
+            f"{CHIPS[name].title}, {called}: {count} instructions, {cost.stacks[called]} bytes of stack, "
+            f"{cost.texts[called]} of code"
+            for called, count in cost.instructions.items()
         ]
     return tuple(said)
 

@@ -110,6 +110,9 @@ class Core(Protocol):
         values : sequence of float
         """
 
+    def status(self) -> int:
+        """Number of the status that the last call returned."""
+
     def words(self) -> Words:
         """State, covariance and supervisor as bit patterns."""
 

@@ -262,6 +262,11 @@ class Emulated:
         """Write the first numbers of one of the filter's arrays."""
         self._board.write("kf", np.asarray(values, self._type), place_of(self._program, array))
 
+    def status(self) -> int:
+        """Number of the status that the last call returned."""
+        size = self._board.sizes["status"]
+        return int.from_bytes(self._board.read("status", size), "little")
+
     def words(self) -> Words:
         """State and covariance as bit patterns."""
         return np.frombuffer(self._board.read("kf", self._bytes), f"u{self._type.itemsize}")

@@ -120,6 +120,7 @@ class Host:
         self._words = (word * program.word_count).in_dll(self._library, "kf")
         memory = sum(size for size, _ in program.arrays.values())
         self._memory = (number * memory).in_dll(self._library, "kf")
+        self._status = ctypes.c_int.in_dll(self._library, "status")
         self._program, self._type = program, np.dtype(word)
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:
@@ -131,6 +132,10 @@ class Host:
         """Write the first numbers of one of the filter's arrays."""
         at = place_of(self._program, array)
         self._memory[at : at + len(values)] = list(values)
+
+    def status(self) -> int:
+        """Number of the status that the last call returned."""
+        return self._status.value
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""

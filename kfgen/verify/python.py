@@ -70,7 +70,7 @@ def compare_filterpy(program: Program, folder: Path, played: Replay) -> CoreVerd
     kf = getattr(_module(program, folder), class_name(program))()
     machine, n = Machine(program, np.float64), program.n
     machine.call("init")
-    routines = {r.name: r for r in program.routines}
+    routines = {r.name: r for r in program.entries}
     upper = np.triu_indices(n)
     words = differing = calls = 0
     for call in played.calls:
@@ -110,7 +110,7 @@ def compare_numpy(program: Program, folder: Path, played: Replay) -> CoreVerdict
     kf = getattr(_module(program, folder), class_name(program))()
     for array, start in played.start.items():
         getattr(kf, array)[:] = start
-    routines = {r.name: r for r in program.routines}
+    routines = {r.name: r for r in program.entries}
     words = differing = 0
     for call in played.calls:
         routine = routines[call.routine]

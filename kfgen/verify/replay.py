@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.routines import GATE, Program
+from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, scenario
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.loaded import loaded
@@ -74,10 +74,12 @@ def replay(calls: FilterCalls) -> Replay:
     """The calls of a log, with what the filter must hold after each.
 
     Firmware sets the same before its first call: the aligned state, the constants that the log shows, and here a
-    gate that is open, as in `kfgen.run.run.run`.
+    gates that are open, as in `kfgen.run.run.run`.
     """
-    start = {"x": calls.start, "k": [*calls.constants, calls.GATE]}
-    assert calls.program.constants[-1] is GATE
+    start = {
+        "x": calls.start,
+        "k": [*calls.constants, *[calls.GATE] * len(calls.program.discrete.model.sensors)],
+    }
     reference = _Reference(calls.program)
     reference.put(start)
     ends = []

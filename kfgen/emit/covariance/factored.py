@@ -17,8 +17,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
+import numpy as np
+
 from kfgen.core.errors import InputError
 from kfgen.emit.covariance.bierman import Bierman, U, agee_turner, let
+from kfgen.emit.covariance.forms import Array
 from kfgen.emit.covariance.packed import Noise, Place, Row, at, each, place, total
 from kfgen.emit.ir.ir import (
     Bin,
@@ -243,6 +246,16 @@ class Factored(Bierman):
             rows = [Scratch(f"W{i}", 2 * self.n) for i in range(self.n)]
             return (*rows, Scratch("weight", 2 * self.n), Scratch("g_", 2 * self.n), Scratch("o_", 1))
         return (Scratch("o_", 1), *((Scratch("a_", self.n), Scratch("c_", 1)) if self.loops else ()))
+
+    def variances(self, stored: Array) -> Array:
+        """``sum U_ik^2 D_k``."""
+        n = self.n
+        U = np.zeros((len(stored), n, n))
+        U[(slice(None), *np.triu_indices(n))] = stored
+        D = np.diagonal(U, axis1=1, axis2=2).copy()
+        U[:, range(n), range(n)] = 1.0
+        ordered: Array = np.einsum("mik,mk->mi", U**2, D)
+        return ordered[:, [self.at[i] for i in range(n)]]
 
     def matrix(self, values: Sequence[float]) -> list[list[float]]:
         """``U D U'``."""

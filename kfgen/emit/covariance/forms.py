@@ -9,6 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kfgen.emit.covariance.packed import Noise, Row, cell, packed_size, predict_covariance, total
 from kfgen.emit.ir.ir import (
     Argument,
@@ -31,6 +34,9 @@ from kfgen.emit.ir.ir import (
     sub,
 )
 
+Array = NDArray[np.float64]
+MAX_ROLLBACK_STATES = 12
+"""States up to which a copy of the covariance costs less than that of a sample of three rows."""
 HELD, ANY_HELD = "held", Ref("any_held", 0)
 """One for each state that is considered but not corrected, else zero; and how many there are."""
 GAIN = "gain"
@@ -124,6 +130,11 @@ class CovarianceForm:
         raise NotImplementedError
 
     @property
+    def gates_first(self) -> bool:
+        """Whether a sample's covariance is worked out before any of its rows is fused; else a rejected one is taken back."""
+        return self.n > MAX_ROLLBACK_STATES
+
+    @property
     def diagonal(self) -> list[Expr]:
         """The stored diagonal."""
         return [cell(i, i, self.ARRAY) for i in range(self.n)]
@@ -191,6 +202,10 @@ class CovarianceForm:
 
     def matrix(self, values: Sequence[float]) -> list[list[float]]:
         """The covariance, from the stored numbers."""
+        raise NotImplementedError
+
+    def variances(self, stored: Array) -> Array:
+        """Variances of the states, shape (m, n), from stored numbers, shape (m, size)."""
         raise NotImplementedError
 
 
@@ -370,6 +385,12 @@ class Packed(CovarianceForm):
             ),
         )
         return Routine("check", HEALTH_TEXT, (), body, (Scratch(W, packed_size(n)),))
+
+    def variances(self, stored: Array) -> Array:
+        """As they are stored."""
+        from kfgen.emit.covariance.packed import place
+
+        return stored[:, [place(self.n, i, i) for i in range(self.n)]]
 
     def matrix(self, values: Sequence[float]) -> list[list[float]]:
         """As it is stored."""

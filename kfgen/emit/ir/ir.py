@@ -138,7 +138,18 @@ def comparisons(condition: Condition) -> tuple[Compare, ...]:
 
 Stmt = Let | Store | When | StatusFlag | Note | For | FunctionCall
 
-STATUS = ("OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT", "NOT_FINITE", "DEGRADED", "LOST")
+STATUS = (
+    "OK",
+    "GATED",
+    "NOT_POSITIVE",
+    "BAD_STEP",
+    "BAD_INPUT",
+    "NOT_FINITE",
+    "DEGRADED",
+    "LOST",
+    "ALIGNING",
+    "GATHERING",
+)
 """What a routine returns, in order of number and of gravity."""
 
 
@@ -152,7 +163,7 @@ class Argument:
     name: str
     size: int
     text: str
-    default: tuple[Num, ...] = ()
+    default: tuple[Expr, ...] = ()
 
 
 @dataclass(frozen=True)

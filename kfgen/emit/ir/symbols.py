@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from kfgen.emit.ir.ir import Expr, Let, Num, Ref, Stmt
+from kfgen.emit.ir.ir import Expr, Let, Ref, Stmt
 from kfgen.emit.ir.lower import Lowering
-from kfgen.emit.targets.names import argument, identifier
+from kfgen.emit.settings import input_density
+from kfgen.emit.targets.names import argument
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.register import DT
@@ -42,10 +43,7 @@ def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str
         for k, c in enumerate(i.channels)
     }
     places |= {d: Ref(argument(d)) for d in discrete.model.drivers}
-    places |= {
-        s.name: Num(float(density), f"Q_{identifier(name).upper()}")
-        for name, (s, density) in discrete.named_noise[1].items()
-    }
+    places |= {s.name: input_density(discrete, name) for name, (s, _) in discrete.named_noise[1].items()}
     return Lowering(places | {str(DT): Ref("dt")}, prefix)
 
 

@@ -11,16 +11,18 @@ import numpy as np
 import kfgen
 from kfgen.audit.audit import unobservable_directions
 from kfgen.core.errors import InputError
+from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import STATUS, Argument, Compare, Ref, Routine, names_of
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, split
+from kfgen.emit.settings import field_name
 from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames, omitted
+from kfgen.emit.targets.words import accuracy, frames, omitted
 from kfgen.model.filter import FilterModel
 
 TARGET = "c"
@@ -124,7 +126,7 @@ class CPrinter(Printer):
 
     def setting(self, name: str) -> str:
         """A macro of the header."""
-        return f"{self.program.name.upper()}_{name}"
+        return f"{self.program.name.upper()}_PARAMETER({field_name(name)})"
 
     def comparison(self, c: Compare) -> str:
         """Each side in its own parentheses."""
@@ -210,8 +212,11 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
         "c/filter.h.j2",
         **_common(program),
         unobservable=unobservable,
+        accuracy=accuracy(program.discrete, len(" * ")),
         omitted=omitted(program.discrete.model, len(" *   ")),
         status=STATUS,
+        reasons=REASONS,
+        field_name=field_name,
         states=list(enumerate(program.discrete.model.states)),
         constants=list(enumerate(program.constants)),
         rows=[place(program.n, i, 0) for i in range(program.n)],

@@ -6,11 +6,15 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.emit.align import REASONS
+from kfgen.emit.align_routine import AlignRoutine
 from kfgen.emit.check import MAX_NORM_ERROR, widest
 from kfgen.emit.covariance.forms import Packed
+from kfgen.emit.gather import memory as gathering
 from kfgen.emit.guards import MAX_SUM
 from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
-from kfgen.emit.routines import GATE, Program
+from kfgen.emit.routines import Program
+from kfgen.emit.settings import gates, sample_variance, squared_gate
 from kfgen.emit.supervisor import ARRAY
 from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import PythonPrinter
@@ -48,7 +52,7 @@ def _limits(program: Program, arguments: tuple[Argument, ...]) -> list[tuple[str
 
 def _methods(program: Program) -> list[dict[str, str]]:
     """The supervisor's methods."""
-    watch, gate = program.supervisor, program.lowering().places["gate"]
+    watch, lower = program.supervisor, program.lowering()
     made: list[tuple[str, str, str, list[Stmt], str]] = [
         ("_elapsed", ", dt: float", "A step goes by.", watch.elapsed(), ""),
         ("_missed", ", dt: float", "A step goes by without a prediction.", watch.missed(), ""),
@@ -69,7 +73,8 @@ def _methods(program: Program) -> list[dict[str, str]]:
         ("_lost", "", "All states go back to their priors.", watch.widen(), ""),
         ("supervise", "", watch.condition.text, list(watch.condition.body), "status"),
     ]
-    for s in watch.sensors:
+    for sensor in program.discrete.model.sensors:
+        s, gate = sensor.name, squared_gate(lower, sensor)
         made += [
             (
                 f"_rejected_{s}",
@@ -81,20 +86,32 @@ def _methods(program: Program) -> list[dict[str, str]]:
             (f"_reset_{s}", "", "What comes before its states are widened.", watch.reset(s), ""),
             (f"_accepted_{s}", ", status: Status", "A sample was fused.", watch.accepted(s, gate), "guard"),
         ]
+    made += [
+        ("align", _typed(r.arguments), r.text, list(AlignRoutine(program).body(())), "aligned")
+        for r in program.align
+    ]
+    made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
     return [_method(program, *m) for m in made]
 
 
 BEFORE = {
+    "aligned": "        status, x, k = Status.OK, self.nominal, [*self.constants, *self.gates.values()]\n"
+    "        gain, ahead, spread, tilted, why = [0.0] * len(STATES), [0.0] * 3, [0.0], [0.0], [0.0]\n",
     "status": "        status = Status.OK\n",
     "due": "        due = [0.0]\n",
-    "guard": "        nis, k = [self.nis], [*self.constants, self.gate]\n",
+    "guard": "        nis, k = [self.nis], [*self.constants, *self.gates.values()]\n",
 }
 AFTER = {
+    "gathered": "\n        return status",
+    "aligned": "\n        if status is Status.OK:\n"
+    "            self.constants[:] = k[:len(self.constants)]\n"
+    "            self._known(np.array(gain), spread[0], tilted[0])\n"
+    "        return status",
     "status": "\n        return status",
     "due": "\n        return due[0] > 0.0",
     "guard": "\n        return max(status, self._guarded())",
 }
-RESULT = {"status": "Status", "due": "bool", "guard": "Status"}
+RESULT = {"gathered": "Status", "aligned": "Status", "status": "Status", "due": "bool", "guard": "Status"}
 
 
 def _method(
@@ -103,6 +120,9 @@ def _method(
     """A method on the supervisor's numbers: what it returns is said by how it ends."""
     lines = "\n".join(PythonPrinter(program.n).statements(tuple(body), 2)) or "        pass"
     start = f"        {ARRAY} = self.{ARRAY}\n"
+    if ends == "gathered":
+        start += "        status = Status.OK\n"
+        start += "".join(f"        {a} = self.{a}\n" for a in gathering(program.discrete.model))
     return {
         "name": name,
         "arguments": arguments,
@@ -131,14 +151,14 @@ def files(program: Program) -> dict[str, str]:
 
 def _sensor(program: Program, s: Sensor, arguments: tuple[Argument, ...]) -> dict[str, Any]:
     """A sensor as the template needs it."""
-    share = s.gated_length()[1]
+    share, printer = s.gated_length()[1], PythonPrinter(program.n)
     return {
         "name": s.name,
         "title": s.title,
         "unit": s.unit,
         "channels": s.channels,
         "period": s.period,
-        "R": [f"R_{identifier(c).upper()}" for c in s.channels],
+        "R": [printer.expression(sample_variance(program.discrete, s, c)) for c in s.channels],
         "least": f"MIN_{identifier(s.name).upper()}" if s.min_length else "",
         "share": share,
         "shortest": (1.0 - share) ** 2,
@@ -185,7 +205,7 @@ def module(program: Program) -> dict[str, str]:
         nominal=discrete.nominal_names,
         start=discrete.start,
         states=discrete.model.states,
-        constants=program.constants[:-1],
+        constants=discrete.model.constants,
         settings=program.settings.values(),
         supervisor=program.supervisor.places,
         supervisor_start=program.supervisor.start,
@@ -193,8 +213,11 @@ def module(program: Program) -> dict[str, str]:
         priors=[program.prior(i).name for i in range(program.n)],
         widest=[sd.name for sd in widest(program)],
         quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
+        errors=AlignRoutine(program).errors if program.align else [],
+        reasons=REASONS,
+        gathering={a: size for a, (size, _) in gathering(discrete.model).items()},
         norm_error=MAX_NORM_ERROR,
-        gate=GATE,
+        gates={s.name: g.value for s, g in zip(discrete.model.sensors, gates(discrete.model))},
         huge=MAX_SUM,
         status=STATUS,
         longest=discrete.max_step,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import kfgen
+from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import STATUS, Routine, names_of
 from kfgen.emit.routines import Program
@@ -39,15 +40,16 @@ class NumpyPrinter(PythonPrinter):
 
 
 def _method(program: Program, routine: Routine) -> dict[str, Any]:
-    used = names_of(routine.body)
+    used, printer = names_of(routine.body), NumpyPrinter(program.n)
     return {
         "name": f"_{routine.name}" if routine.internal else routine.name,
         "text": routine.text,
         "internal": routine.internal,
         "arguments": routine.arguments,
+        "defaults": {a.name: [printer.expression(e) for e in a.default] for a in routine.arguments},
         "arrays": [a for a in program.arrays if a in used],
         "scratch": [s for s in routine.scratch if s.name in used],
-        "body": "\n".join(NumpyPrinter(program.n).statements(routine.body, 3)),
+        "body": "\n".join(printer.statements(routine.body, 3)),
     }
 
 
@@ -80,6 +82,7 @@ def module(program: Program) -> dict[str, str]:
         supervisor=program.supervisor.places,
         rows=[place(program.n, i, 0) for i in range(program.n)],
         status=STATUS,
+        reasons=REASONS,
         methods=[_method(program, r) for r in (*program.routines, *program.helpers)],
     )
     return {f"{program.name}.py": text}

@@ -5,8 +5,10 @@ from __future__ import annotations
 import textwrap
 
 from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.emit.accuracy import step_accuracy
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
-from kfgen.model.parts.motion import AFTER, AT, BEFORE
+from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS
 
 AXES = {"N": "north", "E": "east", "S": "south", "W": "west", "U": "up", "D": "down"}
 
@@ -24,6 +26,7 @@ SAMPLE_OF_A_STEP = {
     AFTER: "the sample at its beginning",
     AT: "the mean of the samples at its beginning and its end",
     BEFORE: "the sample at its end",
+    INCREMENTS: "the increments of angle and velocity over it, by gather (of a log the sample at its end)",
 }
 """Inputs of a step, by what a sample stands for."""
 
@@ -45,6 +48,21 @@ def driver_text(name: str) -> str:
 
 LINE_COLUMNS = 100
 """Columns of a line of generated comments [characters]."""
+
+
+def accuracy(discrete: DiscreteModel, indent: int) -> tuple[str, ...]:
+    """Lines on the order of Phi and Qd and their error at the rate; none where there is no attitude.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+    indent : int
+        Columns that the caller puts before each line.
+    """
+    lines: list[str] = []
+    for sentence in step_accuracy(discrete):
+        lines += textwrap.wrap(sentence, LINE_COLUMNS + 20 - indent)
+    return tuple(lines)
 
 
 def omitted(model: FilterModel, indent: int) -> tuple[str, ...]:

@@ -88,11 +88,12 @@ GRAVITY = Constant("g", "m/s^2", STANDARD_GRAVITY, "gravity, positive")
 ATTITUDE_ERROR = Option(
     "attitude_error", "how truth is made of estimate and error", Choice(tuple(conventions())), Phi.name
 )
-AFTER, BEFORE, AT = "after", "before", "at"
+AFTER, BEFORE, AT, INCREMENTS = "after", "before", "at", "increments"
 SAMPLES = Option(
     "samples",
-    "what a sample of the inputs stands for in a log: the interval after it, the one before it, or the instant",
-    Choice((AFTER, BEFORE, AT)),
+    "what a sample of the inputs stands for: in a log the interval after it, the one before it, or the instant; for "
+    "emitted code also increments of angle and velocity before it, gathered for a prediction",
+    Choice((AFTER, BEFORE, AT, INCREMENTS)),
     AFTER,
 )
 LEFT_OUT = Option(
