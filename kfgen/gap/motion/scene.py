@@ -180,6 +180,11 @@ class MotionScene:
         """What triads felt late, as it was computed last: their axes mostly lag alike."""
         return RecentResults(RECENT)
 
+    @cached_property
+    def beside(self) -> RecentResults[tuple[Array, NDArray[np.intp]]]:
+        """Shares of known samples about each one, and the samples with enough of them."""
+        return RecentResults(RECENT)
+
     def left(self, point: ScenePoint) -> list[Array]:
         """What is left of each channel at its own samples [SI], each of shape (rows,)."""
         placed = (*self.own, *point.placed)
@@ -190,10 +195,15 @@ class MotionScene:
 
     def _unknowns_of(self, c: Compared, unknowns: Array) -> tuple[float, ...]:
         """The bias of a channel, or the field in space of a magnetometer."""
-        biased = [b.name for b in self.compared if b.biased]
         if not c.biased:
-            return tuple(map(float, unknowns[len(biased) :]))
-        return tuple(map(float, unknowns[: len(biased)][biased.index(c.name) :][:1]))
+            return tuple(unknowns[len(self.biased) :].tolist())
+        k = self.biased.index(c.name)
+        return tuple(unknowns[k : k + 1].tolist())
+
+    @cached_property
+    def biased(self) -> tuple[str, ...]:
+        """The channels with a bias, in the order of the unknowns."""
+        return tuple(c.name for c in self.compared if c.biased)
 
     def _left(self, c: Compared, here: Sequence[Effect], unknowns: tuple[float, ...]) -> Array:
         """What effects and unknowns of a channel leave of its samples [SI], shape (rows,)."""
@@ -219,11 +229,11 @@ class MotionScene:
             return left
         from scipy.ndimage import uniform_filter1d
 
-        k, width = self.compared.index(c), 2 * BESIDE + 1
+        k = self.compared.index(c)
         noise = self.made_up[k]
         away = np.where(known, left - noise, 0.0)
-        count, mean = (uniform_filter1d(x, width, mode="constant") for x in (known.astype(np.float64), away))
-        near = np.flatnonzero(count > min(BESIDE / width, 0.9 * float(count.max())))
+        count, near = self.beside.recalled(known.tobytes(), lambda: _beside(known))
+        mean = uniform_filter1d(away, 2 * BESIDE + 1, mode="constant")
         level = np.interp(np.arange(left.size), near, mean[near] / count[near])
         if known.size - int(known.sum()) > FEW:
             level = self.whiteners[k].completed(np.where(known, away, level), known)
@@ -358,6 +368,15 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     if not any(scene.moving(c) for c in compared):
         return None
     return replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth))
+
+
+def _beside(known: NDArray[np.bool_]) -> tuple[Array, NDArray[np.intp]]:
+    """Shares of known samples about each one, shape (n,), and which samples have enough of them."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = 2 * BESIDE + 1
+    share = uniform_filter1d(known.astype(np.float64), width, mode="constant")
+    return share, np.flatnonzero(share > min(BESIDE / width, 0.9 * float(share.max())))
 
 
 def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:
