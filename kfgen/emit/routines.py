@@ -293,7 +293,7 @@ class Program:
 
     @property
     def _raw(self) -> tuple[Sequence[sp.Expr], ...]:
-        return (list(self.discrete.Phi), list(self.discrete.Qd), self.discrete.step)
+        return (list(self.discrete.Phi), list(self.discrete.named_noise[0]), self.discrete.step)
 
     @cached_property
     def settings(self) -> dict[str, Constant]:

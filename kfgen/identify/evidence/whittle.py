@@ -20,7 +20,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -66,19 +66,20 @@ class Shapes:
     ) -> None:
         self._compute = compute
         self._factor = factor
-        self._known: dict[Effect, Array] = {}
+        self._known: dict[tuple[Hashable, ...], Array] = {}
 
     def of(self, effect: Effect) -> Array:
         """The function, shape (m,)."""
         sizes = effect.sizes()
         if len(sizes) != 1:
             return self._compute(effect)
-        shape = replace(effect, **{sizes[0]: 1.0})
-        if shape not in self._known:
+        (size,) = sizes
+        key = (type(effect), *(getattr(effect, p.name) for p in effect.parameters() if p.name != size))
+        if key not in self._known:
             if len(self._known) > MAX_KEPT_SHAPES:
                 self._known.clear()
-            self._known[shape] = self._compute(shape)
-        return np.asarray(float(getattr(effect, sizes[0])) ** 2 * self._known[shape])
+            self._known[key] = self._compute(replace(effect, **{size: 1.0}))
+        return np.asarray(float(getattr(effect, size)) ** 2 * self._known[key])
 
     def total(self, effects: Sequence[Effect]) -> Array:
         """The sum over the random effects, positive."""
