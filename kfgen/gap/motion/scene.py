@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.channel_names import acts_on
+from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import axis_faults
@@ -25,7 +26,6 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
-from kfgen.gap.core.cache import RecentResults
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.attitude_convention import misread

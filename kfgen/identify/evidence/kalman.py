@@ -28,7 +28,8 @@ from kfgen.effects import Effect, LinearSystem
 from kfgen.identify.evidence.allan import AllanCurve
 from kfgen.identify.evidence.block_differences import BlockDifferences
 from kfgen.identify.evidence.record import Evidence, Likelihood, Peaks, means_of
-from kfgen.identify.evidence.whittle import Key, Ordinates, SpectralFit, least_squares
+from kfgen.identify.evidence.shapes import Key
+from kfgen.identify.evidence.whittle import Ordinates, SpectralFit, least_squares
 from kfgen.identify.fit.bounds import fisher
 
 Array = NDArray[np.float64]
@@ -39,8 +40,6 @@ TIME_STEPS_PER_PERIOD = 64
 """Times are rounded to this part of a period, so that a jittered record has few different steps."""
 MIN_WHITE_SHARE_OF_VARIANCE = 1e-10
 """Of the variance of a sample: white noise that every model is given, so that factors exist."""
-LOG_STEP_OF_SLOPE = 1e-4
-"""In a logarithm over which the likelihood is differentiated."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.identify.evidence.record import Evidence
-from kfgen.identify.evidence.whittle import Shapes
+from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.fit.fit import Problem
 
 Array = NDArray[np.float64]
