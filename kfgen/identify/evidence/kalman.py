@@ -40,6 +40,8 @@ TIME_STEPS_PER_PERIOD = 64
 """Times are rounded to this part of a period, so that a jittered record has few different steps."""
 MIN_WHITE_SHARE_OF_VARIANCE = 1e-10
 """Of the variance of a sample: white noise that every model is given, so that factors exist."""
+LOG_STEP_OF_SLOPE = 1e-4
+"""In a logarithm over which the likelihood is differentiated."""
 
 
 @dataclass(frozen=True)
@@ -101,10 +103,7 @@ class Chain:
         return SpectralFit(-np.inf, np.zeros(k := self.y.shape[1] - 2), np.zeros((k, k)))
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative of ``ln L`` in the logarithms of parameters, by central differences.
-
-        See `kfgen.identify.evidence.record.Likelihood`.
-        """
+        """Derivative of ``ln L`` in logarithms, by central differences; see `evidence.record.Likelihood`."""
         return np.array([self._slope(effects, key) for key in keys])
 
     def _slope(self, effects: Sequence[Effect], key: Key) -> float:
