@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from kfgen.core.errors import InputError
 from kfgen.log.readers import hdf5
 from kfgen.log.readers.arrays import Named, table_of
+from kfgen.log.readers.mat_elements import check_elements
 from kfgen.log.readers.table import LogTable
 
 SUFFIXES = (".mat",)
@@ -38,6 +40,9 @@ def read(path: Path) -> LogTable:
     from scipy.io import loadmat  # heavy: only for MAT files
 
     try:
+        if head.startswith(MAGIC):
+            with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+                check_elements(data)
         variables = loadmat(
             path, struct_as_record=True, squeeze_me=False, verify_compressed_data_integrity=True
         )
