@@ -289,3 +289,21 @@ def test_the_end_of_a_command_is_one_message(case: str) -> None:
     assert "Errno" not in message
     assert ".kfgen" not in message.replace("--kfgen", "")
     assert "\n" not in message
+
+
+def test_samples_whose_square_is_no_number_are_not_filtered(kfgen: Cli) -> None:
+    y = white()
+    y[700] = 1e300
+    assert "beyond anything that is measured" in refused(kfgen, "denoise", log(y), "--filter", "kf")
+
+
+def test_a_filter_whose_jacobian_is_nothing_over_nothing_at_the_start_is_emitted(kfgen: Cli) -> None:
+    """The derivative of a speed at rest is 0/0; the gate of the emitted code sees to it, and no warning is shown."""
+    text = MODEL.format(
+        "rad", "0", "0.1", "u - theta", "sqrt(theta**2 + 0*theta)", "white_noise", "N", "1e-3"
+    )
+    Path("p.toml").write_text(text, encoding="utf-8")
+    done = kfgen("emit", "p.toml", "--target", "numpy", "-o", "code", "--json", "a.json")
+    assert done.exit_code == 0
+    assert done.stderr == ""
+    assert not NO_NUMBER.search(Path("a.json").read_text("utf-8"))
