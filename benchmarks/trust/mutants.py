@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/trust/mutants.py [--count 300] [--minutes 30] [--seed 0] [--only PART] [--docs]
 
-A change swaps a comparison, an operator, a number, `and` with `or`, `min` with `max`, or turns a condition round. What
+A change swaps a comparison, an operator, a number, `and` with `or`, `min` with `max`, or takes the opposite of a condition. What
 only makes messages, annotations or names is left alone. The tests of the module run in a forked process with the changed
 source; that a test fails, or that they take too long, means that the change was noticed. Survivors are printed with
 their line. ``--docs`` writes the table into the page.
@@ -161,9 +161,7 @@ class Change(ast.NodeTransformer):
 
     def visit_If(self, node: ast.If) -> ast.AST:
         self.generic_visit(node)
-        if not any(isinstance(n, ast.Raise) for n in node.body) and self._here(
-            node, "condition turned round"
-        ):
+        if not any(isinstance(n, ast.Raise) for n in node.body) and self._here(node, "opposite condition"):
             node.test = ast.UnaryOp(ast.Not(), node.test)
         return node
 
