@@ -1,6 +1,6 @@
 """Does ``kfgen gap`` stay silent on a log of the very model? Every library model in every manoeuvre.
 
-Usage: python benchmarks/gap_silence.py [--seeds 20] [--models NAMES] [--manoeuvres NAMES] [--first SEED] [--docs]
+Usage: python benchmarks/gap_silence.py [--seeds 20] [--models NAMES] [--manoeuvres NAMES] [--first SEED] [--minutes M] [--docs]
 
 Each log is simulated from the model's continuous truth for 20 s at 50 Hz, every aiding sensor at its own rate. Whatever
 the gap names in it, and whatever it calls unknown, is a false alarm. ``--docs`` writes the table into the page.
@@ -9,8 +9,10 @@ the gap names in it, and whatever it calls unknown, is a false alarm. ``--docs``
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
+import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -86,6 +88,9 @@ def main() -> None:
     parser.add_argument("--models", default=",".join(LIBRARY))
     parser.add_argument("--manoeuvres", default=",".join(MANOEUVRES))
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, help="stop after so long, with what was asked by then"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table into docs/benchmarks.md")
     wanted = parser.parse_args()
     seeds = range(wanted.first, wanted.first + wanted.seeds)
@@ -93,6 +98,7 @@ def main() -> None:
     for library in ("OPENBLAS", "OMP", "MKL"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
     answers = []
+    started = time.monotonic()
     with ProcessPoolExecutor(wanted.jobs, mp_context=get_context("spawn")) as pool:
         for k, answer in enumerate(pool.map(ask, cases), start=1):
             answers.append(answer)
@@ -102,6 +108,9 @@ def main() -> None:
                     file=sys.stderr,
                     flush=True,
                 )
+            if time.monotonic() - started > 60.0 * wanted.minutes:
+                pool.shutdown(cancel_futures=True)
+                break
     text = table(answers)
     print(text)
     if wanted.docs:

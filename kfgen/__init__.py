@@ -56,6 +56,7 @@ VERBS = {
     "run": "kfgen.run.run",
     "save": "kfgen.model.files",
     "simulate": "kfgen.simulate.simulate_log",
+    "tune": "kfgen.gap.flight.tune",
     "verify": "kfgen.verify.compare",
     "write_log": "kfgen.log.readers",
 }

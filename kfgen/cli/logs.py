@@ -14,6 +14,9 @@ from kfgen.cli.app import app
 DEFAULT_RATE_HZ = 100.0
 """Of a simulated log [Hz]."""
 
+ADAPTIVE = typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
+TUNE = typer.Option("--tune", help="Estimate the filter's noise from its innovations; -o writes the filter.")
+
 
 @app.command()
 def identify(
@@ -121,9 +124,8 @@ def run(
     model: opt.ModelName,
     log: opt.LogPath,
     noise: opt.Noise = None,
-    adaptive: Annotated[
-        str | None, typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
-    ] = None,
+    adaptive: Annotated[str | None, ADAPTIVE] = None,
+    tune: Annotated[bool, TUNE] = False,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
     rate: opt.Rate = None,
@@ -134,14 +136,17 @@ def run(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """The emitted filterpy filter over a log: estimates, innovations, NIS."""
+    """The emitted filterpy filter over a log: estimates, innovations, NIS; with --tune its noise by these."""
     from kfgen.log.readers import write_log
     from kfgen.report.filter import run_answer
+    from kfgen.report.tune import tune_answer
     from kfgen.run.estimates import estimates
     from kfgen.run.run import run
 
-    built = opt.model_of(model, noise, set_, sensor)
-    found = run(built, opt.read(log, rate, columns, topic, instance), adaptive=adaptive)
+    built, data = opt.model_of(model, noise, set_, sensor), opt.read(log, rate, columns, topic, instance)
+    if tune:
+        return opt.deliver(tune_answer(built, data, output), json, report)
+    found = run(built, data, adaptive=adaptive)
     if output:
         write_log(estimates(found, built), output)
     opt.deliver(run_answer(found), json, report)

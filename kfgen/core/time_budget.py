@@ -68,8 +68,9 @@ def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
     outer = _CURRENT.get()
     budget = TimeBudget(SEARCH_SECONDS, FIT_SECONDS)
     if outer is not None:
-        left = max(outer.search_s - outer.spent_s, MIN_SECONDS) / parts
-        budget = TimeBudget(left, left * outer.fit_s / outer.search_s)
+        left = max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
+        longer = outer.fit_s / outer.search_s if outer.search_s > 0.0 else 1.0
+        budget = TimeBudget(left, left * longer)
     token = _CURRENT.set(budget)
     try:
         yield budget

@@ -21,6 +21,7 @@ from kfgen.gap.core.noise_scale import scaled
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
+from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing
@@ -39,7 +40,7 @@ from kfgen.log.log import Log
 from kfgen.log.readers import read_log
 from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
-from kfgen.model.filter_file import FilterFile, is_filter_file
+from kfgen.model.filter_file import is_filter_file
 from kfgen.model.plant.user import FORMAT, UserModel, read_model
 
 Model = NoiseModel | UserModel | FilterModel
@@ -101,7 +102,7 @@ def _found(
         if flown is not None:
             _refuse(others, data[0].source)
             return flown
-    noise, warnings = _common(name, _noise(assumed, data[0]), data[0])
+    noise, warnings = _common(name, assumed_noise(assumed, data[0]), data[0])
     noise = noise.extended_band(data[0].dt, data[0].duration)
     names = list(wanted or noise.channels)
     moving = _moving(replace(noise, channels={n: noise.channel(n) for n in names}), data[0])
@@ -143,15 +144,6 @@ def _is_model_file(model: str | Path) -> bool:
     except (ValueError, RecursionError, OSError):
         return False  # the reader of noise files says what is wrong
     return document.get("format") == FORMAT
-
-
-def _noise(model: NoiseModel | FilterModel, log: Log) -> NoiseModel:
-    """The noise that is assumed about the channels of a log."""
-    if isinstance(model, NoiseModel):
-        return model
-    units = {c: log.channels[c].unit if c in log.channels else u for c, u in model.channel_units.items()}
-    terms = {c: tuple(Term(e) for e in model.noise[c] if e.name != "bias") for c in units if c in model.noise}
-    return NoiseModel({c: ChannelNoise(units[c], t) for c, t in terms.items()})
 
 
 def _common(name: str, noise: NoiseModel, log: Log) -> tuple[NoiseModel, list[str]]:
@@ -210,8 +202,9 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
     gap = scene_gap(found, units_of(log))
-    written = _as_given(model, _noise(model, log))
-    updated = filter_file(model, _with_findings(written, gap, model.channel_units))
+    written = as_given(model, assumed_noise(model, log))
+    sized = with_sizes(written, model, gap.noise_scales)
+    updated = filter_file(model, _with_findings(sized, gap, model.channel_units))
     return _of_scene(log, gap, filter_file(model, written), updated, warnings)
 
 
@@ -227,16 +220,9 @@ def _beside_references(
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
     gap = scene_gap(scene, units_of(log))
-    written = _as_given(model, noise)
+    written = as_given(model, noise)
     updated = filter_file(model, _with_findings(written, gap, model.channel_units))
     return _of_scene(log, gap, filter_file(model, written), updated, warnings)
-
-
-def _as_given(model: FilterModel, noise: NoiseModel) -> NoiseModel:
-    """The noise of a filter's channels, of those that its file describes as it describes them."""
-    given = model.given.noise if isinstance(model.given, FilterFile) else model.given
-    own = given.channels if given is not None else {}
-    return NoiseModel({c: own.get(c, n) for c, n in noise.channels.items()})
 
 
 def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
@@ -297,7 +283,7 @@ def _with_findings(
 def _rescaled(channels: Mapping[str, ChannelNoise], found: SceneGap) -> dict[str, ChannelNoise]:
     """The noise of channels, of the size that was found."""
     out = dict(channels)
-    for s in found.noise_scales:
+    for s in [s for s in found.noise_scales if not s.white]:
         for name in [c for c in out if acts_on(s.channel, c)]:
             terms = tuple(Term(scaled(t.effect, s.times)) for t in out[name].terms)
             out[name] = replace(out[name], terms=terms, covariance=None)
@@ -355,13 +341,13 @@ def _several(
     files = [log.sha256 for log in logs if log.sha256]
     if len(set(files)) < len(files):
         raise InputError("a log is given twice", where=logs[0].source, remedy="Give each log once")
-    assumed, warnings = _common(name, _noise(model, logs[0]), logs[0])
+    assumed, warnings = _common(name, assumed_noise(model, logs[0]), logs[0])
     drives = [drivers_of(log) for log in logs]
     found: dict[str, JointGap] = {}
     for channel in names or assumed.channels:
         noise, parts = assumed.channel(channel), []
         for log, (drive, words) in zip(logs, drives):
-            _common(name, _noise(model, log), log)
+            _common(name, assumed_noise(model, log), log)
             record, stamps, more = regular(log, channel, noise.effects, drive)
             parts.append(Recording(log.source, record, stamps, log.stated))
             warnings += [f"{log.source}: {w}" for w in (*words, *more)]

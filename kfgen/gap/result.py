@@ -199,6 +199,16 @@ class GapResult(Result):
                 s.channel: {"value": s.times, "ci95": list(s.ci95)} for c in every for s in c.noise_scales
             },
             "rms_in_deviations": {n: {"before": a, "after": b} for c in every for n, a, b in c.rms},
+            "outages": [
+                {
+                    "seconds": a.seconds,
+                    "count": a.count,
+                    "drift_before_m": a.metres,
+                    "drift_after_m": b.metres,
+                }
+                for c in every
+                for a, b in c.outages
+            ],
             "unknowns": {n: {"value": v, "unit": u} for c in every for n, (u, v) in c.unknowns.items()},
             "limits": [_limit(c, m) for c in every for m in c.limits],
             "refused": [

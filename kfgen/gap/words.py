@@ -13,7 +13,6 @@ from kfgen.effects.faults.samples import Fault
 from kfgen.effects.inertial.magnetic import SoftIron
 from kfgen.effects.noise_model import Term
 from kfgen.gap.core.battery import Test
-from kfgen.gap.core.noise_scale import NoiseScale
 from kfgen.gap.core.result import (
     BAD_DATA,
     EFFECTS_FOUND,
@@ -24,6 +23,7 @@ from kfgen.gap.core.result import (
     DetectionLimit,
     Finding,
 )
+from kfgen.gap.core.scene import NoiseScale, OutageDrift
 from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2
 
@@ -68,7 +68,19 @@ def verdict_sentence(c: Comparison) -> str:
 def noise_scale_sentence(s: NoiseScale) -> str:
     """Noise of another size in words."""
     lo, hi = s.ci95
-    return f"The noise of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
+    noise = "white noise" if s.white else "noise"
+    return (
+        f"The {noise} of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
+    )
+
+
+def outage_sentence(before: OutageDrift, after: OutageDrift) -> str:
+    """What outages cost before and after."""
+    n = f"{before.count} outages" if before.count > 1 else "one outage"
+    return (
+        f"Without GNSS for {before.seconds:g} s the filter drifts {before.metres:.3g} m as assumed and {after.metres:.3g} m "
+        f"updated ({n} in the last part of the log)"
+    )
 
 
 def finding_sentence(c: Comparison, f: Finding) -> str:
@@ -229,10 +241,7 @@ def refused_sentence(refused: Sequence[Refused]) -> str:
         for r in best[:MAX_REFUSED_SAID]
     ]
     more = f", and {len(best) - len(said)} more" if len(best) > len(said) else ""
-    return (
-        f"{', '.join(said)}{more}: not added, for a model with it is no nearer to data that its fit did not see. "
-        "Log again to see whether it is there"
-    )
+    return f"{', '.join(said)}{more}: not added, for no unseen data prove it. Log again to see whether it is there"
 
 
 def limit_words(m: DetectionLimit) -> tuple[str, str]:

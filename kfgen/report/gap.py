@@ -17,6 +17,7 @@ from kfgen.gap.words import (
     finding_sentence,
     limit_words,
     noise_scale_sentence,
+    outage_sentence,
     parameter_words,
     verdict_sentence,
 )
@@ -97,6 +98,7 @@ def sentences(c: Comparison) -> list[str]:
         *map(noise_scale_sentence, c.noise_scales),
         *along,
         *(finding_sentence(c, f) for f in c.findings),
+        *(outage_sentence(*pair) for pair in c.outages),
     ]
 
 

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 MOST_UNHEARD = 0.2
 """Share of a log that a lag may leave without a truth; a longer memory starts from rest."""
+MAX_NOISE_SIGMAS = 4.0
+"""Standard deviations up to which what is left may be noise, where nobody knows what a lag did."""
 
 
 @dataclass(frozen=True)

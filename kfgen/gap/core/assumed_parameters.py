@@ -13,10 +13,11 @@ import numpy as np
 
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
-from kfgen.gap.core.newton import fitted
+from kfgen.gap.core.newton import SceneFit, fitted
 from kfgen.gap.core.scene import Scene, ScenePoint, Trusting
 from kfgen.gap.core.scene_search import Explained, FittedAddition, explained, with_values
 from kfgen.gap.core.search import Chosen
+from kfgen.gap.core.tempered_scene import TemperedScene
 from kfgen.gap.core.thresholds import MAX_ITERATIONS
 
 
@@ -31,11 +32,24 @@ class Answered:
     written : Scene
         With every number in question as it is written.
     found : Explained
+    tempered : TemperedScene, optional
+        The same scene with the misfit in its noise, in which all was found; None where there is none.
     """
 
     scene: Scene
     written: Scene
     found: Explained
+    tempered: TemperedScene | None = None
+
+    @property
+    def likelihood(self) -> Scene:
+        """The scene by whose noise effects were weighed."""
+        return self.scene if self.tempered is None else self.tempered
+
+    @property
+    def fit(self) -> SceneFit:
+        """With all that was found, residuals in standard deviations of the noise that is assumed."""
+        return self.found.fit if self.tempered is None else self.tempered.untempered(self.found.fit)
 
 
 def answered(scene: Scene) -> Answered:

@@ -29,7 +29,8 @@ NOISE_LEVEL_SD_OF_LOG = 0.1
 """Standard deviation of the logarithm of a channel's noise level."""
 MAX_NEWTON_STEPS = 15
 MAX_LEVEL_STEPS = 30
-LEVEL_TOLERANCE = 1e-12
+LEVEL_TOLERANCE = 1e-14
+"""Step of the logarithm of a noise level at which it is found."""
 GAIN_TOLERANCE_NATS = 3e-3
 """Gain [nats] below which the maximum is reached."""
 GAIN_TOLERANCE_SHARE = 1e-5
@@ -143,20 +144,15 @@ def levels_of(scene: Scene, residual: Array) -> Array:
     """
     out, sd = [], level_sd_of_log(scene)
     for part, n in zip(np.split(residual, np.cumsum(scene.lengths)[:-1]), scene.lengths):
-        out.append(_level_of(float(part @ part), n, sd))
+        power, s = float(part @ part), 1.0
+        for _ in range(MAX_LEVEL_STEPS):  # Newton's in ln s of n ln s + power / 2 s^2 + (ln s)^2 / 2 sd^2
+            slope = n - power / s**2 + math.log(s) / sd**2
+            step = -slope / (2.0 * power / s**2 + 1.0 / sd**2)
+            s *= math.exp(min(max(step, -1.0), 1.0))
+            if abs(step) < LEVEL_TOLERANCE:
+                break
+        out.append(s)
     return np.array(out)
-
-
-def _level_of(power: float, n: int, sd: float) -> float:
-    """By Newton's steps in ``x = ln s`` of ``n x + power / 2 s^2 + x^2 / 2 sd^2``, until rounding decides."""
-    x = 0.0
-    for _ in range(MAX_LEVEL_STEPS):
-        scaled = power * math.exp(-2.0 * x)
-        step = -(n - scaled + x / sd**2) / (2.0 * scaled + 1.0 / sd**2)
-        x += min(max(step, -1.0), 1.0)
-        if abs(step) < LEVEL_TOLERANCE:
-            break
-    return math.exp(x)
 
 
 def log_posterior(scene: Scene, residual: Array, unknowns: Array) -> float:

@@ -1,4 +1,4 @@
-"""Noise of another size than assumed: in which channel, how many times as much.
+"""Noise of another size than assumed, as the residuals of a scene show it: in which channel, how many times as much.
 
 Of ``m`` degrees of freedom the power is ``s^2`` times a chi-square; so is the interval of ``s``.
 """
@@ -6,7 +6,7 @@ Of ``m`` degrees of freedom the power is ``s^2`` times a chi-square; so is the i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +14,10 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect
 from kfgen.gap.core.battery import FALSE_ALARM_RATE, chance_of
 from kfgen.gap.core.newton import SceneFit
-from kfgen.gap.core.scene import Scene
+from kfgen.gap.core.scene import NoiseScale, Scene
 from kfgen.gap.core.screen import basis
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class NoiseScale:
-    """The noise of a channel, `times` as large as assumed, with its interval of 95 %."""
-
-    channel: str
-    times: float
-    ci95: tuple[float, float]
 
 
 def noise_scales_in(scene: Scene, fit: SceneFit) -> tuple[NoiseScale, ...]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 from kfgen.effects import Effect
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.core.noise_scale import NoiseScale
+from kfgen.gap.core.scene import NoiseScale, OutageDrift
 from kfgen.gap.core.search import NO_EFFECT, Distinguishability, Refused
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY
 
@@ -156,6 +156,8 @@ class Comparison:
         Inputs of a plant that never change.
     refused : tuple of Refused
         Effects that were not added in spite of their evidence.
+    outages : tuple of (OutageDrift, OutageDrift)
+        How far a filter drifts where its receiver is silent, as assumed and updated; outages in the last part of the log.
     """
 
     is_at_rest: ClassVar[bool] = False
@@ -175,6 +177,7 @@ class Comparison:
     unknowns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     constant_inputs: tuple[str, ...] = ()
     refused: tuple[Refused, ...] = ()
+    outages: tuple[tuple[OutageDrift, OutageDrift], ...] = ()
 
     @property
     def is_updated(self) -> bool:

@@ -82,6 +82,47 @@ class ScenePoint:
     unknowns: Array
 
 
+@dataclass(frozen=True)
+class NoiseScale:
+    """The noise of a channel of another size than assumed.
+
+    Parameters
+    ----------
+    channel : str
+        Or the sensor, where all its channels have one size.
+    times : float
+        Standard deviation over the assumed one.
+    ci95 : (float, float)
+        Its interval.
+    white : bool
+        Whether it is the size of the white noise alone, and not of every noise of the channel.
+    """
+
+    channel: str
+    times: float
+    ci95: tuple[float, float]
+    white: bool = False
+
+
+@dataclass(frozen=True)
+class OutageDrift:
+    """How far a filter is from the first fix after outages.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of each outage [s].
+    metres : float
+        Root mean square distance [m].
+    count : int
+        Outages.
+    """
+
+    seconds: float
+    metres: float
+    count: int
+
+
 class Scene(Protocol):
     """A world: channels of a log against what is assumed about them."""
 
@@ -192,6 +233,32 @@ class HasOwnNoiseLevels(Protocol):
     @property
     def noise_level_sd_of_log(self) -> float:
         """Standard deviation of the logarithm of each channel's noise level before the log."""
+
+
+@runtime_checkable
+class HasNoiseSizes(Protocol):
+    """A world in which noises are not readings by themselves: a filter weighs its readings by their sizes."""
+
+    @property
+    def log_widths(self) -> Array:
+        """Logarithms of the standard deviations by which readings were divided, channels one after the other, each in
+        the order of time, shape (sum of lengths,).
+        """
+
+    @property
+    def noise_scales(self) -> tuple[NoiseScale, ...]:
+        """The noises whose size was estimated and is not as assumed."""
+
+    def tuned(self, point: ScenePoint) -> Scene:
+        """The same world, about no effect, with noises of the sizes that are most likely beside those of a point."""
+
+
+@runtime_checkable
+class HasOutages(Protocol):
+    """A world of a filter from which aiding readings can be kept away."""
+
+    def drifts(self, share: float) -> tuple[OutageDrift, ...]:
+        """How far it drifts in outages in a share of the log, its end."""
 
 
 @runtime_checkable

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.time_budget import time_budget
 from kfgen.gap.core.assumed_parameters import Answered, answered
 from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
-from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.holdout import HELD_OUT_SHARE, Gap
 from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed
-from kfgen.gap.core.noise_scale import NoiseScale, levels_in, noise_scales_in
+from kfgen.gap.core.noise_scale import levels_in, noise_scales_in
 from kfgen.gap.core.result import (
     BAD_DATA,
     EFFECTS_FOUND,
@@ -22,11 +23,26 @@ from kfgen.gap.core.result import (
     DetectionLimit,
     Finding,
 )
-from kfgen.gap.core.scene import HasInputs, Inspected, Placed, Scene, ScenePoint, Telling, Trusting, Undecided
+from kfgen.gap.core.scene import (
+    HasInputs,
+    HasNoiseSizes,
+    HasOutages,
+    Inspected,
+    NoiseScale,
+    OutageDrift,
+    Placed,
+    Scene,
+    ScenePoint,
+    Telling,
+    Trusting,
+    Undecided,
+)
 from kfgen.gap.core.scene_holdout import band_edges, held_out
-from kfgen.gap.core.scene_search import Explained, FittedAddition, limits
+from kfgen.gap.core.scene_search import FittedAddition, limits
 from kfgen.gap.core.screen import basis
 from kfgen.gap.core.search import Chosen
+from kfgen.gap.core.under_misfit import under_misfit
+from kfgen.gap.core.unevenness import unevenness
 from kfgen.gap.core.whitener import Whitener
 
 Array = NDArray[np.float64]
@@ -72,7 +88,13 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
         Units of what is found.
     """
     faults = scene.faults() if isinstance(scene, Inspected) else ()
-    return _spoilt(scene, faults, unit_of) if faults else _gap_of(answered(scene), unit_of)
+    if faults:
+        return _spoilt(scene, faults, unit_of)
+    with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
+        answer = answered(scene)
+    if any(t.significant for t in _updated_tests(answer)[0]):
+        answer = under_misfit(answer)
+    return _gap_of(answer, unit_of)
 
 
 def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
@@ -126,16 +148,18 @@ def _rms(scene: Scene, before: SceneFit, after: SceneFit) -> tuple[tuple[str, fl
 
 def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     """The answer where effects were looked for."""
-    scene, found = answer.scene, answer.found
+    scene, found, fit = answer.scene, answer.found, answer.fit
     before = tests_of(scene, found.assumed)
-    after, noise_scales = _updated_tests(scene, found.fit)
+    after, noise_scales = _updated_tests(answer)
     levels = levels_in(scene, noise_scales)
+    sizes = (*noise_scales, *(scene.noise_scales if isinstance(scene, HasNoiseSizes) else ()))
+    sd = _deviations(answer)
     said = scene.said if isinstance(scene, Telling) else ()
     findings = (
         *(_fault_finding(f, unit_of) for f in said),
-        *(_finding(scene, a, i, found, unit_of) for i, a in enumerate(found.added)),
+        *(_finding(answer, a, i, sd, unit_of) for i, a in enumerate(found.added)),
     )
-    verdict = EFFECTS_FOUND if findings or noise_scales else NO_GAP
+    verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
     if any(t.significant for t in after):
         verdict = UNKNOWN_EFFECT
     constant_inputs = scene.constant_inputs if isinstance(scene, HasInputs) else ()
@@ -155,22 +179,30 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         after=tuple(after),
         gap=held_out(answer, levels != 1.0),
         span_s=scene.span,
-        limits=_limits(scene, found.fit, unit_of),
-        noise_scales=noise_scales,
-        rms=tuple(
-            (c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, found.fit), levels.tolist())
-        ),
-        unknowns=_unknowns(scene, found.fit),
+        limits=_limits(answer.likelihood, found.fit, unit_of),
+        noise_scales=sizes,
+        rms=tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist())),
+        unknowns=_unknowns(scene, fit),
         constant_inputs=constant_inputs,
         refused=found.refused,
+        outages=_outages(answer) if findings or sizes else (),
         scene=scene,
         assumed=found.assumed,
-        fit=found.fit,
+        fit=fit,
     )
 
 
-def _updated_tests(scene: Scene, fit: SceneFit) -> tuple[list[Test], tuple[NoiseScale, ...]]:
+def _outages(answer: Answered) -> tuple[tuple[OutageDrift, OutageDrift], ...]:
+    """Drifts of the filter as assumed and updated, in outages in the part of the log that is held out elsewhere."""
+    before, after = answer.written, answer.scene
+    if not isinstance(before, HasOutages) or not isinstance(after, HasOutages):
+        return ()
+    return tuple(zip(before.drifts(HELD_OUT_SHARE), after.drifts(HELD_OUT_SHARE)))
+
+
+def _updated_tests(answer: Answered) -> tuple[list[Test], tuple[NoiseScale, ...]]:
     """The tests on what the updated model leaves; noise of another size is in it where that explains all."""
+    scene, fit = answer.scene, answer.fit
     after = tests_of(scene, fit)
     if not any(t.significant for t in after):
         return after, ()
@@ -180,13 +212,21 @@ def _updated_tests(scene: Scene, fit: SceneFit) -> tuple[list[Test], tuple[Noise
     return (after, ()) if any(t.significant for t in anew) else (anew, noise_scales)
 
 
+def _deviations(answer: Answered) -> Array:
+    """Standard deviations of what was fitted: where something is left, by the scatter over the log if that is larger."""
+    fit = answer.found.fit
+    variances = np.maximum(np.diag(fit.covariance), 0.0)
+    return np.asarray(
+        np.sqrt(variances if answer.tempered is None else variances * unevenness(answer.tempered, fit))
+    )
+
+
 def _finding(
-    scene: Scene, added: Chosen[FittedAddition], index: int, found: Explained, unit_of: UnitOf
+    answer: Answered, added: Chosen[FittedAddition], index: int, deviation: Array, unit_of: UnitOf
 ) -> Finding:
     """With 95 % intervals from the last fit."""
-    fit, x = found.fit, coordinates(found.fit.point)
-    placed = fit.point.placed[index]
-    deviation = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    scene, fit = answer.scene, answer.found.fit
+    x, placed = coordinates(fit.point), fit.point.placed[index]
     ci95 = {}
     for i, (at, name) in enumerate(fit.keys):
         if at == index:

@@ -26,7 +26,7 @@ from kfgen.gap.core.assumed_parameters import Answered
 from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
 from kfgen.gap.core.newton import SceneFit, fitted, level_sd_of_log
-from kfgen.gap.core.scene import Placed, Scene, ScenePoint, Unknown
+from kfgen.gap.core.scene import HasNoiseSizes, Placed, Scene, ScenePoint, Unknown
 from kfgen.gap.core.scene_proof import series
 from kfgen.gap.core.screen import basis, orthogonal_part
 
@@ -148,25 +148,34 @@ def held_out(answer: Answered, rescaled: Mask | None = None) -> Gap:
     rescaled : ndarray of bool, shape (channels,), optional
         Channels whose noise is of another size.
     """
-    scene, found = answer.scene, answer.found
-    cut = _cut(scene, found.fit)
+    scene, found, fit = answer.scene, answer.found, answer.fit
+    cut = _cut(scene, fit)
     if any(b - a < MIN_STRETCH_SAMPLES for blocks in cut.stretches for a, b in blocks):
         return Gap(0.0, 0.0, 0.0, (0.0, 0.0), "nothing: a part of the log is too little")
-    learnt, trained, after = _predicted(scene, cut, found.fit)
-    before = _predicted(answer.written, cut, found.assumed)[2]
+    learnt, trained, after = _predicted(scene, cut, fit, answer.likelihood)
+    before = _predicted(answer.written, cut, found.assumed, answer.written)[2]
     levels = np.ones(len(scene.channels))
-    if not found.fit.point.placed and (rescaled is None or not rescaled.any()):
+    same = scene is answer.written or not isinstance(scene, HasNoiseSizes)
+    if same and not fit.point.placed and (rescaled is None or not rescaled.any()):
         after = before  # nothing was updated
     if rescaled is not None and rescaled.any():
         split = np.split(trained.residual, np.cumsum(learnt.lengths)[:-1])
         levels = np.where(rescaled, [np.sqrt(np.mean(z**2)) for z in split], 1.0)
-    return _gap(cut, before, after, levels)
+    wider = _log_widths(scene, cut) - _log_widths(answer.written, cut)
+    return _gap(cut, before, after, levels, wider)
 
 
-def _predicted(scene: Scene, cut: Cut, fit: SceneFit) -> tuple[ScenePart, SceneFit, SceneFit]:
-    """What is seen, the fit to it, and the fit to the rest of where things start: all else is as it was seen."""
+def _log_widths(scene: Scene, cut: Cut) -> float:
+    """Of all readings that are held out, by how much the likelihood is lower for their standard deviations [nats]."""
+    return float(scene.log_widths[cut.rows].sum()) if isinstance(scene, HasNoiseSizes) else 0.0
+
+
+def _predicted(
+    scene: Scene, cut: Cut, fit: SceneFit, likelihood: Scene
+) -> tuple[ScenePart, SceneFit, SceneFit]:
+    """What is seen, the fit to it by a likelihood, and the fit to the rest of where things start: all else is as it was seen."""
     seen = tuple(~m for m in cut.unseen)
-    learnt = ScenePart(scene, seen, fit.point.unknowns, _shown(scene, seen, fit))
+    learnt = ScenePart(likelihood, seen, fit.point.unknowns, _shown(scene, seen, fit))
     trained = learnt.fitted(fit.point.placed)
     values = learnt.whole(trained.point.unknowns)
     once = np.array([u.once for u in scene.unknowns], dtype=bool)
@@ -200,8 +209,8 @@ def _cut(scene: Scene, fit: SceneFit) -> Cut:
     return blocks if (shown < MIN_TAIL_POWER_SHARE * power).any() else last
 
 
-def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
-    """See the head of the module."""
+def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array, wider: float) -> Gap:
+    """See the head of the module; by `wider` nats the updated model expects the readings less."""
     P0, m0 = _powers(cut, before)
     P1, m1 = _powers(cut, after)
     loss0 = loss1 = 0.0
@@ -218,7 +227,7 @@ def _gap(cut: Cut, before: SceneFit, after: SceneFit, levels: Array) -> Gap:
     away = noise * float(np.linalg.norm(before.residual - after.residual))
     size = np.array([(s**2 - 1.0) * np.sqrt(0.5 * f.sum()) for s, f in zip(levels, m1)])
     moved = float(np.hypot(away, np.linalg.norm(size)))
-    return gap_of(np.concatenate(r), np.concatenate(m), loss0 - loss1, moved, cut.words)
+    return gap_of(np.concatenate(r), np.concatenate(m), loss0 - loss1 - wider, moved, cut.words)
 
 
 def gap_of(r: Array, m: Array, gain: float, deviation: float, words: str) -> Gap:

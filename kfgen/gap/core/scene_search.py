@@ -30,7 +30,9 @@ from kfgen.gap.core.search import (
     refused_of,
     searched,
 )
+from kfgen.gap.core.tempered_scene import TemperedScene
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS, SearchLimits
+from kfgen.gap.core.unevenness import unevenness
 from kfgen.gap.rest.evidence import TIME_LIMITS
 
 Array = NDArray[np.float64]
@@ -290,6 +292,7 @@ def ranked(
     trials = []
     if known is not None:
         gain = evidence(scene, known.fit) - reference - _cost(known.placed, every)
+        gain -= _uneven_part(scene, base, known.fit)
         trials.append(replace(known, gain=gain))
     for o in others[: FITTED_ADDITIONS if known is None else FITTED_ADDITIONS // 2]:
         if o.gain < MIN_SCREEN_GAIN_NATS:
@@ -299,9 +302,19 @@ def ranked(
         fit = _itself(scene, fitted(scene, ScenePoint((*base.point.placed, o.start), base.point.unknowns)))
         if _blind(base, fit) or unreached(scene, fit):
             continue
-        value = evidence(scene, fit) - reference - _cost(o.start, every)
+        value = evidence(scene, fit) - reference - _cost(o.start, every) - _uneven_part(scene, base, fit)
         trials.append(FittedAddition(fit.point.placed[-1], fit, value, o.direction))
     return sorted(trials, key=lambda t: -t.gain)
+
+
+def _uneven_part(scene: Scene, base: SceneFit, fit: SceneFit) -> float:
+    """What of a gain a misfit gives that is larger at some times than at others [nats]; nothing where none is left."""
+    if not isinstance(scene, TemperedScene):
+        return 0.0
+    last = len(fit.point.placed) - 1
+    own = [c for c, (i, _) in enumerate(fit.keys) if i == last]
+    wider = float(np.mean(unevenness(scene, fit)[own])) if own else 1.0
+    return (1.0 - 1.0 / wider) * max(fit.value - base.value, 0.0)
 
 
 def _cost(placed: Placed, every: Sequence[Placed]) -> float:

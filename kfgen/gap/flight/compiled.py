@@ -205,3 +205,69 @@ def smooth(  # noqa: PLR0913, PLR0917
             x[:] = fresh
         for i in range(n):
             out[k, i] = x[i]
+
+
+@compiled(
+    "void(float64[:,::1], int64[::1], int64[::1], float64[:,:,::1], int64[::1], int64[::1], int64[::1], float64[:,::1],"
+    " float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1])"
+)
+def scores(  # noqa: PLR0913, PLR0917
+    Phi: Any, Pi: Any, Pj: Any, parts: Any, Qi: Any, Qj: Any, row_at: Any, H: Any, e: Any, S: Any, K: Any,
+    of_rows: Any, of_parts: Any,
+) -> None:  # fmt: skip
+    """Derivatives of the log-likelihood in the logarithm of every noise's standard deviation, in one backward pass.
+
+    With ``u = e/S - K'r`` and ``D = 1/S + K'NK`` of the disturbance smoother, that of a reading of variance R is
+    ``R (u^2 - D)``, that of a process noise of covariance Q is ``r'Qr - tr(QN)``, see [3]_.
+
+    Parameters
+    ----------
+    Phi, Pi, Pj, Qi, Qj, row_at, H, e, S, K
+        As of `forward`.
+    parts : ndarray, shape (parts, n, entries)
+        Entries of the process noise of each input alone.
+    of_rows : ndarray, shape (rows,)
+        ``u^2 - D``; written.
+    of_parts : ndarray, shape (parts,)
+        ``r'Qr - tr(QN)``; added to.
+    """
+    n, steps = H.shape[1], Phi.shape[0]
+    r, back, g = np.zeros(n), np.zeros(n), np.zeros(n)
+    N, T = np.zeros((n, n)), np.zeros((n, n))
+    at = row_at.size - 1
+    for k in range(steps - 1, -1, -1):
+        while at >= 0 and row_at[at] == k:
+            u, D = e[at] / S[at], 1.0 / S[at]
+            for i in range(n):
+                u -= K[at, i] * r[i]
+                total = 0.0
+                for j in range(n):
+                    total += N[i, j] * K[at, j]
+                g[i] = total
+                D += K[at, i] * total
+            of_rows[at] = u * u - D
+            for i in range(n):
+                r[i] += H[at, i] * u
+                for j in range(n):
+                    N[i, j] += H[at, i] * H[at, j] * D - H[at, i] * g[j] - g[i] * H[at, j]
+            at -= 1
+        if k == 0:
+            break
+        for p in range(parts.shape[0]):
+            total = 0.0
+            for z in range(Qi.size):
+                total += parts[p, k - 1, z] * (r[Qi[z]] * r[Qj[z]] - N[Qi[z], Qj[z]])
+            of_parts[p] += total
+        back[:] = 0.0
+        T[:] = 0.0
+        for z in range(Pi.size):
+            v = Phi[k - 1, z]
+            back[Pj[z]] += v * r[Pi[z]]
+            for j in range(n):
+                T[Pj[z], j] += v * N[Pi[z], j]
+        N[:] = 0.0
+        for z in range(Pi.size):
+            v = Phi[k - 1, z]
+            for i in range(n):
+                N[i, Pj[z]] += v * T[i, Pi[z]]
+        r[:] = back

@@ -132,6 +132,18 @@ class FlightEquations:
         return self._sparse(self.discrete.Qd)
 
     @cached_property
+    def input_noise(self) -> dict[str, SparseRows]:
+        """What the noise of each input alone gives to ``Qd``, entries where `process_noise` has them."""
+        Qd, named = self.discrete.named_noise
+        places = self.process_noise
+        at = list(zip(places.rows.tolist(), places.columns.tolist()))
+        out = {}
+        for name, (symbol, density) in named.items():
+            made = self.tape([density * sp.diff(Qd[i, j], symbol) for i, j in at])
+            out[name] = SparseRows(made, places.rows, places.columns, places.shape)
+        return out
+
+    @cached_property
     def input_errors(self) -> SparseRows:
         """By how much an error of each input moves the error state in a step, shape (n, inputs)."""
         model = self.discrete.model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ class LinearFlight:
     H : ndarray, shape (rows, states)
     y : ndarray, shape (rows,)
         Readings less what the path says.
+    R : ndarray, shape (rows,)
+        Variances of the readings.
     e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
     """
 
@@ -38,6 +40,7 @@ class LinearFlight:
     x0: Array
     H: Array
     y: Array
+    R: Array
     e: Array
     S: Array
     K: Array
@@ -57,6 +60,55 @@ class LinearFlight:
         """Of the innovations, up to a constant [nats]; minus infinity where they are no numbers."""
         value = -0.5 * float(np.sum(self.e**2 / self.S + np.log(self.S)))
         return value if np.isfinite(value) else -np.inf
+
+    def until(self, stop: int | None) -> LinearFlight:
+        """The same with the readings before a step alone; with all where there is none.
+
+        Parameters
+        ----------
+        stop : int, optional
+            First step whose readings are left out.
+        """
+        if stop is None:
+            return self
+        kept = int(np.searchsorted(self.rows.at, stop))
+        rows = replace(self.rows, **{n: getattr(self.rows, n)[:kept] for n in ("at", "t", "z", "R", "index")})
+        cut = {n: getattr(self, n)[:kept] for n in ("H", "y", "R", "e", "S", "K")}
+        return replace(self, rows=rows, **cut)
+
+    def scores(self, parts: Array) -> tuple[Array, Array]:
+        """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.compiled.scores`.
+
+        Parameters
+        ----------
+        parts : ndarray, shape (parts, n, entries)
+            Of the process noise.
+
+        Returns
+        -------
+        tuple of ndarray, shape (rows,) and (parts,)
+            Of every reading by itself, of every part.
+        """
+        from kfgen.gap.flight.compiled import scores
+
+        of_rows, of_parts = np.zeros(self.y.size), np.zeros(parts.shape[0])
+        Phi, Pi, Pj, _, Qi, Qj = self._entries
+        scores(
+            Phi,
+            Pi,
+            Pj,
+            np.ascontiguousarray(parts),
+            Qi,
+            Qj,
+            self.rows.at,
+            self.H,
+            self.e,
+            self.S,
+            self.K,
+            of_rows,
+            of_parts,
+        )
+        return self.R * of_rows, of_parts
 
     def columns(self, du: Array, dz: Array) -> Array:
         """What the normalised innovations lose by errors of the readings, shape (rows, m).

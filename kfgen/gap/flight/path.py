@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from kfgen.gap.flight.first_flight import first_flight
 from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear_flight import LinearFlight
+from kfgen.gap.flight.noise_sizes import NoiseSizes
 from kfgen.gap.flight.rows import Rows, rows_of
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ STEP_SHARES = (1.0, 0.5, 0.25, 0.1)
 """Of a step that are tried until the innovations are not far less likely."""
 MAX_LOSS_NATS = 20.0
 """Loss of log-likelihood up to which a step is taken: a filter about its own first path fits its noise."""
+SILENCED_VARIANCE_FACTOR = 1e12
+"""Of a reading that says nothing."""
 ARRIVED_NATS = 0.01
 """Change of log-likelihood below which a path has arrived."""
 
@@ -42,6 +45,10 @@ class FlownPath:
         Errors of the inputs that are subtracted [SI].
     dz : ndarray, shape (rows,)
         Errors of the other readings that are subtracted [SI].
+    sizes : NoiseSizes
+        Of the noise, over what the filter assumes.
+    silenced : ndarray of bool, shape (rows,), optional
+        Readings that the filter is not given, though the path was smoothed with them.
     """
 
     log: FlightLog
@@ -49,6 +56,8 @@ class FlownPath:
     x: Array
     du: Array
     dz: Array
+    sizes: NoiseSizes = field(default_factory=NoiseSizes)
+    silenced: NDArray[np.bool_] | None = None
 
     @cached_property
     def rows(self) -> Rows:
@@ -100,6 +109,11 @@ class FlownPath:
                 at = rows.of(name)
                 H[at] = J[rows.at[at], k]
         y = rows.z - self.dz - self.expected()
+        R = rows.R * self.sizes.of_rows(rows) ** 2
+        if self.silenced is not None:
+            R = np.where(self.silenced, SILENCED_VARIANCE_FACTOR * R, R)
+        for name, size in self.sizes.inputs.items():
+            Qd = Qd + (size**2 - 1.0) * self.input_noise[name]
         P0 = start_covariance(self.log, eq)
         x0 = eq.difference(x[:1], self.log.start[None, :])[0]
         e, S, K = np.empty(y.size), np.empty(y.size), np.empty((y.size, eq.n))
@@ -117,12 +131,18 @@ class FlownPath:
             rows.at,
             H,
             y,
-            rows.R,
+            R,
             e,
             S,
             K,
         )
-        return LinearFlight(eq, rows, Phi, Qd, B, c, P0, x0, H, y, e, S, K)
+        return LinearFlight(eq, rows, Phi, Qd, B, c, P0, x0, H, y, R, e, S, K)
+
+    @cached_property
+    def input_noise(self) -> dict[str, Array]:
+        """What the noise of each input gives to the process noise, entries of each step, shape (n, entries)."""
+        n = self.x.shape[0]
+        return {name: m.entries(self.given, n) for name, m in self.equations.input_noise.items()}
 
     def smoothed(self, rounds: int = GAUSS_NEWTON_ROUNDS) -> FlownPath:
         """The path moved to where all readings want it (Gauss and Newton), by shorter steps where whole ones fail.

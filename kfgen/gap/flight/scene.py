@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,11 @@ from kfgen.effects import Effect
 from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
-from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.core.scene import NoiseScale, OutageDrift, Placed, ScenePoint, Unknown
 from kfgen.gap.flight.flight_truth import flight_truth
+from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.flight.tuned import TunedSize, tuned
 from kfgen.gap.motion.candidates import MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
@@ -38,6 +40,10 @@ CONSTANT_STEP_SHARE = 1e-4
 """Change of a constant, as a share of it, by which readings are differentiated."""
 SHORT_DELAY_S = 2e-3
 """Delay by which the readings' rates are had along the path [s]; longer ones are in proportion, until the path is theirs."""
+NODE_LOG_STEP = 0.25
+"""Step of the logarithm of a corner or a time constant between which responses are interpolated."""
+REMEMBERED_UNITS = 4096
+"""Effects whose sums are kept."""
 MOVED_SHARE = 1e-9
 """Relative variation of what a channel should have read from which on it moves."""
 
@@ -51,12 +57,15 @@ class FlightScene:
     path : FlownPath
         Smoothed with the effects `subtracted` subtracted from its readings.
     subtracted : tuple of Placed
+    sizes : tuple of TunedSize
+        Of noises, where they were estimated.
     memory : dict
         Responses of the innovations that were computed before.
     """
 
     path: FlownPath
     subtracted: tuple[Placed, ...] = ()
+    sizes: tuple[TunedSize, ...] = ()
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
@@ -182,7 +191,33 @@ class FlightScene:
         """The same flight about the path that is smoothed with the effects of a point subtracted."""
         du, dz = self.errors(point.placed)
         constants = dict(zip((u.name for u in self.unknowns), point.unknowns.tolist()))
-        return FlightScene(self.path.without(du, dz, constants), point.placed)
+        return FlightScene(self.path.without(du, dz, constants), point.placed, self.sizes)
+
+    @cached_property
+    def log_widths(self) -> Array:
+        """See `kfgen.gap.core.scene.HasNoiseSizes`."""
+        logs = 0.5 * np.log(self.path.linear.S)
+        return np.concatenate([logs[self.path.rows.of(c)] for c in self.channels])
+
+    @property
+    def noise_scales(self) -> tuple[NoiseScale, ...]:
+        """The noises whose size this flight shows, and that is not as assumed."""
+        away = [s for s in self.sizes if s.is_shown and not s.ci95[0] <= 1.0 <= s.ci95[1]]
+        return tuple(
+            NoiseScale(c, s.times, s.ci95, white=True)
+            for s in away
+            for c in (*s.group.inputs, *s.group.channels)
+        )
+
+    def drifts(self, share: float) -> tuple[OutageDrift, ...]:
+        """See `kfgen.gap.flight.outages`."""
+        return outage_drifts(self.path, share)
+
+    def tuned(self, point: ScenePoint) -> FlightScene:
+        """The flight about no effect, its noises of the sizes that are most likely beside the effects of a point."""
+        found = tuned(self.about(point).path)
+        clean = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
+        return FlightScene(clean.smoothed(), (), found.sizes)
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""
@@ -233,15 +268,38 @@ class FlightScene:
         return away, seen if seen.any() else ~seen
 
 
-def _units(placed: Placed) -> list[tuple[Placed, float]]:
-    """An effect as a sum of effects of unit size and their sizes, where it is linear in all that is free in it, or short."""
+@lru_cache(maxsize=REMEMBERED_UNITS)
+def _units(placed: Placed) -> tuple[tuple[Placed, float], ...]:
+    """An effect as a sum of effects with their weights, which serve other values of it as well.
+
+    What is linear in its coefficients is a sum of effects of unit size, what is short is in proportion. One that has a
+    corner or a time constant besides is interpolated between neighbours in its logarithm.
+    """
     if isinstance(placed.effect, TimeDelay):
         short = replace(placed, effect=replace(placed.effect, delay=SHORT_DELAY_S))
-        return [(short, float(placed.effect.delay) / SHORT_DELAY_S)]
-    names = [p.name for p in free(placed.effect)]
-    signed = all(p.kind == "signed" for p in placed.effect.parameters() if p.name in names)
-    if not names or not signed or isinstance(placed.effect, Lag):
-        return [(placed, 1.0)]
-    bare = Placed(replace(placed.effect, **dict.fromkeys(names, 0.0)), placed.where)
-    sizes = {n: float(getattr(placed.effect, n)) for n in names}
-    return [(replace(bare, effect=replace(bare.effect, **{n: 1.0})), s) for n, s in sizes.items()]
+        return ((short, float(placed.effect.delay) / SHORT_DELAY_S),)
+    names = {p.name for p in free(placed.effect)}
+    positive = [p.name for p in placed.effect.parameters() if p.name in names and p.kind != "signed"]
+    signed = [p.name for p in placed.effect.parameters() if p.name in names and p.kind == "signed"]
+    if len(positive) > 1 or not names or (positive and signed and isinstance(placed.effect, Lag)):
+        return ((placed, 1.0),)
+    sizes = {n: float(getattr(placed.effect, n)) for n in signed}
+    bare = Placed(replace(placed.effect, **dict.fromkeys(signed, 0.0)), placed.where)
+    linear = [(replace(bare, effect=replace(bare.effect, **{n: 1.0})), s) for n, s in sizes.items()]
+    if not positive:
+        return tuple(linear)
+    nodes = _nodes(float(getattr(placed.effect, positive[0])))
+    return tuple(
+        (replace(p, effect=replace(p.effect, **{positive[0]: x})), size * w)
+        for p, size in (linear or [(bare, 1.0)])
+        for x, w in nodes
+    )
+
+
+def _nodes(value: float) -> list[tuple[float, float]]:
+    """Neighbours of a positive number, evenly in the logarithm, and their weights: a cubic through four of them."""
+    at = np.log(max(value, 1e-300)) / NODE_LOG_STEP
+    first = int(np.floor(at)) - 1
+    s, k = at - first, np.arange(4)
+    weights = [float(np.prod([(s - j) / (i - j) for j in k if j != i])) for i in k]
+    return [(float(np.exp((first + i) * NODE_LOG_STEP)), w) for i, w in zip(k, weights)]

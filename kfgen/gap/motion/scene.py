@@ -24,7 +24,7 @@ from kfgen.effects.faults.axes import axis_faults
 from kfgen.effects.faults.reference import OtherMotion
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
-from kfgen.effects.inertial.lag import Lag, unheard
+from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.core.whitener import Whitener
@@ -219,7 +219,15 @@ class MotionScene:
             )
         )
         left = c.y - with_errors(felt, c.axis, here, self.drive) - bias
-        known = self.good & c.there & ~unheard(self.truth.t, here)
+        known = self.good & c.there
+        unknown = unheard(self.truth.t, lags)
+        if unknown.any():
+            # There a lag neither gains nor loses: what is left without it, where that may be noise.
+            others = [e for e in here if not isinstance(e, Lag)]
+            plain = c.y - with_errors(self.truth.signals(c.sensor, m_n), c.axis, others, self.drive) - bias
+            sd = float(np.std(self.made_up[self.compared.index(c)]))
+            left = np.where(unknown, plain, left)
+            known = known & ~(unknown & (np.abs(plain) > MAX_NOISE_SIGMAS * sd))
         left = self._assumed_where(c, left[c.at], known[c.at])
         return self._assumed_within(c, left, edges_of(here))
 

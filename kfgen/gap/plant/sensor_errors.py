@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from kfgen.core.channel_names import AXES, acts_on, sensor_and_axis
 from kfgen.effects import Effect
 from kfgen.effects.inertial.felt import Signals
-from kfgen.effects.inertial.lag import unheard
+from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.core.scene import Placed, ScenePoint
@@ -87,12 +87,20 @@ class SensorErrors:
         return out
 
     def _read(self, name: str, shown: Mapping[str, Array], effects: Sequence[Effect]) -> Array:
-        """What one channel reads, shape (n,); where its lag reaches before the record, what was measured."""
+        """What one channel reads, shape (n,); where its lag reaches before the record, what it reads without it if that may
+        be, else what was measured.
+        """
         sensor, axis = sensor_and_axis(name)
         felt = delayed(self._signals(sensor, shown), effects)
         y = with_errors(felt, axis, effects, self._drive)
         unknown = unheard(felt.t, effects)
-        return np.where(unknown, self._measured(name), y) if unknown.any() else y
+        if not unknown.any():
+            return y
+        others = [e for e in effects if not isinstance(e, Lag)]
+        plain = with_errors(self._signals(sensor, shown), axis, others, self._drive)
+        away = np.abs(np.nan_to_num(self.log.channels[name].values) - plain)
+        there = np.where(away > MAX_NOISE_SIGMAS * self.noise[name], self._measured(name), plain)
+        return np.where(unknown, there, y)
 
     def _measured(self, name: str) -> Array:
         """What was measured less assumed noise, always the same, shape (n,)."""

@@ -1,0 +1,57 @@
+"""How much wider an estimate scatters over the parts of a log than its likelihood says: the block jackknife.
+
+Without block b of B, of score ``s_b`` and information ``A_b`` at the best point of information H, the estimate moves by
+
+    d_b = -(H - A_b)^-1 s_b,     and its variance is     C = (B - 1) / B sum (d_b - mean d) (d_b - mean d)'
+
+whatever the noise is, as long as blocks are independent ([1]_, [2]_). Where the noise is as the likelihood has it, C is
+about ``H^-1``; where it is not, evidence is in proportion to their ratio ([3]_).
+
+References
+----------
+.. [1] M. H. Quenouille, Notes on bias in estimation, Biometrika 43, 1956.
+.. [2] H. R. Kuensch, The jackknife and the bootstrap for general stationary observations, Annals of Statistics 17(3), 1989.
+.. [3] F. Pauli, W. Racugno, L. Ventura, Bayesian composite marginal likelihoods, Statistica Sinica 21(1), 2011.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.core.newton import SceneFit, over_levels
+from kfgen.gap.core.scene import Scene
+from kfgen.gap.core.scene_proof import series
+
+Array = NDArray[np.float64]
+
+BLOCKS = 16
+"""Of equal time, each of which is left out once."""
+MIN_LEFT_SHARE = 1e-3
+"""Share of the information on a number that is taken to be left where a block has all of it."""
+
+
+def unevenness(scene: Scene, fit: SceneFit) -> Array:
+    """Variance of each coordinate by the scatter of blocks over that by the likelihood, at least one, shape (p,).
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    """
+    if min(scene.lengths) < BLOCKS or not fit.jacobian.shape[1]:
+        return np.ones(fit.jacobian.shape[1])
+    residual = series(scene, over_levels(scene, fit.residual, fit.levels))
+    J, H = series(scene, fit.jacobian), fit.information
+    block = np.concatenate([np.arange(n) * BLOCKS // n for n in scene.lengths])
+    moved = np.array([_moved(H, J[block == b], residual[block == b]) for b in range(BLOCKS)])
+    scattered = (BLOCKS - 1) * moved.var(axis=0)
+    return np.asarray(np.maximum(scattered / np.maximum(np.diag(fit.covariance), 1e-300), 1.0))
+
+
+def _moved(H: Array, J: Array, residual: Array) -> Array:
+    """By how much an estimate moves without some readings, shape (p,)."""
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    left = (H - J.T @ J) / np.outer(scale, scale) + MIN_LEFT_SHARE * np.eye(scale.size)
+    return np.asarray(np.linalg.lstsq(left, (J.T @ residual) / scale, rcond=1e-9)[0] / scale)
