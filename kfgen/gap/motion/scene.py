@@ -30,7 +30,7 @@ from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.candidates import MotionCandidates, offers
-from kfgen.gap.motion.compared_channel import Compared, compared_of, sound_samples
+from kfgen.gap.motion.compared_channel import Compared, compared_of, known_beside, sound_samples
 from kfgen.gap.motion.likeness import MAX_UNEXPLAINED_SHARE, Likeness, combination, likeness
 from kfgen.gap.motion.placed_effects import delayed, edges_of, is_motion, needs_of, with_errors
 from kfgen.gap.motion.reference import heard, references
@@ -240,7 +240,7 @@ class MotionScene:
         k = self.compared.index(c)
         noise = self.made_up[k]
         away = np.where(known, left - noise, 0.0)
-        count, near = self.beside.recalled(known.tobytes(), lambda: _beside(known))
+        count, near = self.beside.recalled(known.tobytes(), lambda: known_beside(known, BESIDE))
         mean = uniform_filter1d(away, 2 * BESIDE + 1, mode="constant")
         level = np.interp(np.arange(left.size), near, mean[near] / count[near])
         if known.size - int(known.sum()) > FEW:
@@ -376,15 +376,6 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     if not any(scene.moving(c) for c in compared):
         return None
     return replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth))
-
-
-def _beside(known: NDArray[np.bool_]) -> tuple[Array, NDArray[np.intp]]:
-    """Shares of known samples about each one, shape (n,), and which samples have enough of them."""
-    from scipy.ndimage import uniform_filter1d
-
-    width = 2 * BESIDE + 1
-    share = uniform_filter1d(known.astype(np.float64), width, mode="constant")
-    return share, np.flatnonzero(share > min(BESIDE / width, 0.9 * float(share.max())))
 
 
 def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:
