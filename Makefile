@@ -3,7 +3,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-quick test-long test-lowest lint clean
+.PHONY: demo test test-quick test-long test-lowest prove lint clean
 demo: $(VENV)/installed
 	$(BIN)/kfgen demo --out out/demo
 
@@ -16,11 +16,19 @@ test-quick: $(VENV)/installed
 test-long: $(VENV)/installed
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
-# The lowest versions that are declared, in an environment of their own.
+# The lowest versions that are declared, of every extra that is tested, in an environment of their own.
 test-lowest:
 	sh tools/venv.sh .venv-lowest
-	.venv-lowest/bin/python -m pip install -q --disable-pip-version-check pytest hypothesis -e . $$($(BIN)/python tools/lowest.py)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-lowest/bin/python -m pytest -m "quick and not long"
+	.venv-lowest/bin/python -m pip install -q --disable-pip-version-check pytest pytest-xdist hypothesis allantools pymavlink -e . \
+		$$(.venv-lowest/bin/python tools/lowest.py arma fast pil px4 ros zstd hdf5 parquet)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-lowest/bin/python -m pytest -n 2 --dist worksteal -m "lowest and not long"
+
+# An hour: hostile inputs, kills, memory, changes of the code; the figures go into docs/trust.md.
+prove: $(VENV)/installed
+	$(BIN)/python benchmarks/trust/fuzz.py --docs
+	$(BIN)/python benchmarks/trust/kills.py --docs
+	$(BIN)/python benchmarks/trust/memory.py --docs
+	$(BIN)/python benchmarks/trust/mutants.py --docs
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports

@@ -23,16 +23,22 @@ QUICK = {
         "test_user_model",
     ),
     *("test_straight_line", "test_words", "test_gap_search", "test_memory", "test_simulate", "test_readers"),
-    *("test_effects", "test_every_effect"),
+    *("test_effects", "test_every_effect", "test_core_formulas"),
 }
 """Modules that `make test-quick` runs: a part of every layer, within a minute on two cores."""
 
 
+LIBRARIES = ("test_reader", "test_arma", "test_contents")
+"""How modules begin whose tests lean on the libraries of extras."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is quick."""
+    """Mark what is quick, and what the lowest versions must pass."""
     for item in items:
         if item.path.stem in QUICK:
             item.add_marker(pytest.mark.quick)
+        if item.path.stem in QUICK or item.path.stem.startswith(LIBRARIES):
+            item.add_marker(pytest.mark.lowest)
 
 
 @pytest.fixture(scope="session")

@@ -468,10 +468,8 @@ def process(*words: object) -> subprocess.CompletedProcess[str]:
 
 PROCESS = {
     "missing file": ["identify", "gone.csv", "-o", "noise.toml"],
-    "empty file": ["identify", "empty.csv", "-o", "noise.toml"],
     "word in a cell": ["identify", "word.csv", "-o", "noise.toml"],
     "nan in a channel": ["gap", "nan.csv", "--model", "walk.toml", "-o", "better.toml"],
-    "rate zero": ["identify", "log.csv", "--rate", 0, "-o", "noise.toml"],
     "no such output folder": ["simulate", "gyro-static", "--duration", 1, "-o", "nowhere/sim.npz"],
     "output is a folder": ["simulate", "gyro-static", "--duration", 1, "-o", "taken.csv"],
     "other files": ["emit", "gyro-static", "--target", "c", "-o", "."],

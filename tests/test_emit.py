@@ -62,11 +62,21 @@ FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
 
 @cache
 def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> Program:
+    """Of one model all forms share what does not depend on the form: the transition in symbols, which is slow."""
+    made = Program(discrete(name, order), form, loops=loops)
+    if (form, loops) != FORMS[0]:
+        first = program(name, order)
+        first.covariance  # noqa: B018  computes it
+        vars(made).update({k: vars(first)[k] for k in ("atoms", "_transition")})
+    return made
+
+
+@cache
+def discrete(name: str, order: int) -> DiscreteModel:
     if name == "pendulum":
-        return Program(DiscreteModel(pendulum(), order=order), form, loops=loops)
+        return DiscreteModel(pendulum(), order=order)
     if name in ERRORS:
-        model = build("ins15", None, {"attitude_error": name})
-        return Program(DiscreteModel(model, order=order), form, loops=loops)
+        return DiscreteModel(build("ins15", None, {"attitude_error": name}), order=order)
     model = build(name.removesuffix(" loaded"))
     for channel in ("gyro_x", "accel_y", "mag_z", "gnss_v_N") if "loaded" in name else ():
         if channel in model.channel_units:
@@ -79,7 +89,7 @@ def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> 
                 model = model.augment(channel, e)
     if name not in ("ahrs6", "ins15"):
         model = replace(model, limits={"mag": 10.0})  # random states of a field are of the order of one tesla
-    return Program(DiscreteModel(model, order=order), form, loops=loops)
+    return DiscreteModel(model, order=order)
 
 
 def pendulum() -> FilterModel:

@@ -29,12 +29,13 @@ CHANNELS = {
 }
 
 
-def gap_beside(channel: str, unit: str, coefficient: float, seed: int) -> ChannelGap:
+def gap_beside(channel: str | list[str], unit: str, coefficient: float, seed: int) -> ChannelGap:
     """White noise and a share of a driver, whose own noise is a twentieth of its swing."""
     rng = np.random.default_rng(seed)
     y = SD * rng.standard_normal(N) + coefficient * COURSE
     driver = 3.0 + COURSE + 0.05 * rng.standard_normal(N)
-    log = Log(T, {"gyro_x": Channel.of(y, "rad/s"), channel: Channel.of(driver, unit)})
+    columns = [channel] if isinstance(channel, str) else channel
+    log = Log(T, {"gyro_x": Channel.of(y, "rad/s"), **{c: Channel.of(driver, unit) for c in columns}})
     record, stamps, _ = regular(log, "gyro_x", drive=drivers_of(log)[0])
     assumed = ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),))
     return channel_gap("gyro_x", record, assumed, stamps)
@@ -99,9 +100,12 @@ def test_another_sensor_is_no_driver() -> None:
     assert next(t for t in gap.before if t.other == "gyro_y").significant
 
 
-@pytest.mark.parametrize("name", ["a b", "x */ int evil; /*", 'x"""', "x;y", "1x"])
+COULD_BE_CODE = ["a b", "x */ int evil; /*", 'x"""', "x;y", "1x"]
+
+
+@pytest.mark.parametrize("name", COULD_BE_CODE)
 def test_a_name_that_could_be_code_is_refused(name: str) -> None:
-    """It would stand in emitted code; a column of such a name drives nothing."""
+    """It would stand in emitted code."""
     text = f"""format = "kfgen-noise-1"
 [gyro_x]
 unit = "deg/s"
@@ -109,5 +113,9 @@ effects = [ {{ effect = '{"coupling:" + name}', coefficient = "0.1 deg/s" }} ]
 """
     with pytest.raises(InputError, match="letters"):
         parse_noise(text, "hostile.toml")
+
+
+def test_a_column_whose_name_could_be_code_drives_nothing() -> None:
+    """All of them at once beside a channel that follows them; of a name that is one see the test above."""
     c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD
-    assert not any("coupling" in f.effect.name for f in gap_beside(name, "m", c, seed=16).findings)
+    assert not any("coupling" in f.effect.name for f in gap_beside(COULD_BE_CODE, "m", c, seed=16).findings)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from test_gap_edges import DT, N, T, attitude, names, rate, table
 
 from kfgen.core.errors import InputError
+from kfgen.core.recent_results import RecentResults
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
-from kfgen.gap.core.cache import RecentResults
 from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.reference import heard

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hostile import MODEL, NO_NUMBER
 from typer.testing import Result
 
 from kfgen.core.errors import InputError
@@ -23,22 +23,7 @@ from kfgen.core.terminal import ending_of, json_text, printable
 from kfgen.core.units import parse_unit
 
 Cli = Callable[..., Result]
-NO_NUMBER = re.compile(r"(?<![\w.])[-+]?(nan|inf|infinity)(?!\w)", re.I)
 NOISE = 'format = "kfgen-noise-1"\n[gyro_x]\nunit = "deg/s"\neffects = [{effect="white_noise", N=1e-3}]\n'
-MODEL = """
-format = "kfgen-model-1"
-name = "pendulum"
-[states]
-theta = {{ unit = "rad", initial = "0 rad", sd = "0.1 rad" }}
-[inputs]
-u = "rad/s"
-[dynamics]
-theta = "{}"
-[measurements.angle]
-unit = "rad"
-expression = "theta"
-effects = [ {{ effect = "white_noise", N = "0.2 mrad/sqrt(Hz)" }} ]
-"""
 MANOEUVRE = 'format = "kfgen-manoeuvre-1"\nname = "x"\n[[segment]]\nduration = "2 s"\n{}\n'
 T = np.arange(1500) / 100.0
 
@@ -182,7 +167,10 @@ def test_a_short_audit_says_no_infinite_number(kfgen: Cli) -> None:
     ["u - theta**0.5", "u - log(theta)", "u - sqrt(theta - 1)", "u - 2**2**2**2**2**(9*theta+1)", "u/theta"],
 )
 def test_an_equation_without_a_derivative_at_the_start(formula: str, kfgen: Cli) -> None:
-    Path("p.toml").write_text(MODEL.format(formula), encoding="utf-8")
+    Path("p.toml").write_text(
+        MODEL.format("rad", "0", "0.1", formula, "theta", "white_noise", "N", '"0.2 mrad/sqrt(Hz)"'),
+        encoding="utf-8",
+    )
     done = kfgen("audit", "p.toml")
     assert done.exit_code in (0, 2)
     assert not NO_NUMBER.search(done.stdout)
@@ -301,3 +289,21 @@ def test_the_end_of_a_command_is_one_message(case: str) -> None:
     assert "Errno" not in message
     assert ".kfgen" not in message.replace("--kfgen", "")
     assert "\n" not in message
+
+
+def test_samples_whose_square_is_no_number_are_not_filtered(kfgen: Cli) -> None:
+    y = white()
+    y[700] = 1e300
+    assert "beyond anything that is measured" in refused(kfgen, "denoise", log(y), "--filter", "kf")
+
+
+def test_a_filter_whose_jacobian_is_nothing_over_nothing_at_the_start_is_emitted(kfgen: Cli) -> None:
+    """The derivative of a speed at rest is 0/0; the gate of the emitted code sees to it, and no warning is shown."""
+    text = MODEL.format(
+        "rad", "0", "0.1", "u - theta", "sqrt(theta**2 + 0*theta)", "white_noise", "N", "1e-3"
+    )
+    Path("p.toml").write_text(text, encoding="utf-8")
+    done = kfgen("emit", "p.toml", "--target", "numpy", "-o", "code", "--json", "a.json")
+    assert done.exit_code == 0
+    assert done.stderr == ""
+    assert not NO_NUMBER.search(Path("a.json").read_text("utf-8"))

@@ -6,6 +6,8 @@ Twins of recordings in NPZ are other people's conversions; everything else is wr
 from __future__ import annotations
 
 import json
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from placed import placed
 
 from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers import read_log
+from kfgen.log.readers.arrays.mat_elements import check_elements
 from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
 
 Find = Callable[[str], Path]
@@ -239,3 +242,42 @@ def test_the_library_that_is_missing_is_named(
     path.write_bytes({"h5": b"\x89HDF\r\n\x1a\n", "parquet": b"PAR1"}[kind])
     with pytest.raises(MissingExtra, match=r"pip install"):
         read_log(path)
+
+
+TAGS = {
+    "a type that does not exist": (128, b"\xff\x7f\x00\x00"),
+    "more bytes than there are": (132, b"\xff\xff\xff\x7f"),
+    "no flags": (136, b"\x09\x00\x00\x00"),
+    "a type that does not exist, inside": (136 + 16 + 16, b"\x1e\x00\x00\x00"),
+    "no order of bytes": (126, b"XX"),
+}
+
+
+@pytest.mark.parametrize("case", TAGS)
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_damaged_mat_file_does_not_end_the_process(case: str, compressed: bool, tmp_path: Path) -> None:
+    """scipy's compiled reader ends the interpreter by SIGSEGV on some of these."""
+    scipy_io = pytest.importorskip("scipy.io")
+    path = tmp_path / "log.mat"
+    scipy_io.savemat(path, {"t": np.arange(40) * 0.01, "gyr": np.ones((40, 3))}, do_compression=False)
+    data = bytearray(path.read_bytes())
+    at, new = TAGS[case]
+    data[at : at + len(new)] = new
+    if compressed:
+        packed = zlib.compress(bytes(data[128:]))
+        data[128:] = struct.pack("<II", 15, len(packed)) + packed
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="no MAT file that can be read"):
+        read_log(path)
+
+
+def test_objects_of_matlab_beside_the_samples_are_passed_over(tmp_path: Path) -> None:
+    """An opaque element has names and no sizes: its tags are in order."""
+
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    flags = element(6, struct.pack("<II", 17, 0))
+    check_elements(
+        bytes(124) + b"\x00\x01IM" + element(14, flags + element(1, b"when") + element(1, b"MCOS"))
+    )

@@ -219,3 +219,10 @@ def test_a_wrong_line_of_a_replay_is_named(tmp_path: Path) -> None:
         read_log(path)
     cut = text(tmp_path, "\n".join(lines) + "\n1200000,im", "cut.csv")
     assert read_log(cut).n == 300
+
+
+def test_a_row_that_is_commented_out_is_no_header(tmp_path: Path) -> None:
+    """It ended in a traceback: a line of numbers between header and rows, none of them a word."""
+    path = tmp_path / "log.csv"
+    path.write_text("t [s],gyro_x [deg/s]\n#0.00,1\n0.01,2\n0.02,3\n", encoding="utf-8")
+    assert read_log(path).values("gyro_x") == pytest.approx(np.radians([2.0, 3.0]))

@@ -20,6 +20,7 @@ from kfgen.arma.estimate import estimate, sample_autocovariance
 from kfgen.arma.library import statsmodels
 from kfgen.arma.process import Arma
 from kfgen.core.errors import InputError
+from kfgen.core.units import MAX_QUANTITY
 
 Array = NDArray[np.float64]
 
@@ -104,7 +105,7 @@ def series_tests(y: Array) -> SeriesTests:
     Raises
     ------
     InputError
-        It is too short, never changes, or is no number.
+        It is too short, never changes, is no number, or has a size whose square is none.
     """
     from scipy import stats
 
@@ -114,6 +115,8 @@ def series_tests(y: Array) -> SeriesTests:
         )
     if not np.isfinite(y).all() or not np.ptp(y) > 0.0:
         raise InputError("the series never changes, or is no number", remedy="Check the channel")
+    if np.abs(y).max() > MAX_QUANTITY:
+        raise InputError("the series is beyond anything that is measured", remedy="Check its unit")
     runs = statsmodels("sandbox.stats.runs")
     segments = np.array_split(y, POWER_SEGMENTS)
     means = np.array([s.mean() for s in segments])

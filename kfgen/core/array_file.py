@@ -7,6 +7,7 @@ reserves memory for the other. Nothing that is pickled is ever loaded.
 from __future__ import annotations
 
 import math
+import warnings
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -94,7 +95,10 @@ def mapped(path: Path) -> NDArray[Any]:
     ValueError
         It is no plain array with elements, or cut off.
     """
-    with path.open("rb") as file:
+    with path.open("rb") as file, warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore", UserWarning
+        )  # of numpy, on headers that Python 2 wrote: they are read
         header = ArrayHeader.read(file, path.stat().st_size)
     if header.count * header.dtype.itemsize == 0:
         return np.empty(header.shape, header.dtype)

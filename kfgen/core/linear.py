@@ -81,6 +81,8 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     norm = float(np.abs(A).sum(axis=1).max()) * dt
     if not np.isfinite(norm).all():
         return (np.full((*dt.shape, n, n), np.nan),) * 2
+    if n == 1:
+        return _of_one_state(A[0, 0] * dt, W[0, 0] * dt)
     doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
     Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
@@ -89,6 +91,13 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
         Qd = np.where(more, Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Qd)
         Phi = np.where(more, Phi @ Phi, Phi)
     return Phi, 0.5 * (Qd + np.swapaxes(Qd, -1, -2))
+
+
+def _of_one_state(decay: Array, driven: Array) -> tuple[Array, Array]:
+    """The same in closed form, ``exp(A h)`` and ``W h (exp(2 A h) - 1) / 2 A h``, each of shape (..., 1, 1)."""
+    twice = np.where(decay == 0.0, 1.0, 2.0 * decay)
+    share = np.where(decay == 0.0, 1.0, np.expm1(twice) / twice)
+    return np.exp(decay)[..., None, None], (driven * share)[..., None, None]
 
 
 def _terms(norm: float) -> int:
@@ -114,6 +123,8 @@ def stationary_covariance(A: Array, W: Array) -> Array:
         ``P`` with ``A P + P A' + W = 0`` when every eigenvalue of A is stable, else zero
         (a random walk starts at zero: where it stood before the record is a constant).
     """
+    if A.shape[0] == 1:
+        return W / (-2.0 * A) if A[0, 0] < 0.0 else np.zeros_like(A)
     decay = -np.linalg.eigvals(A).real if A.shape[0] else np.zeros(1)
     if decay.min() <= np.finfo(float).eps * np.abs(decay).max():  # at that, rounding decides
         return np.zeros_like(A)

@@ -200,9 +200,13 @@ def mean(form: LinearSystem, t: Array) -> Array:
     if k == 0:
         return np.zeros(n)
     A, W = _matrices(form)
-    dt = float(t[-1] - t[0]) / (n - 1) if n > 1 else 0.0
-    (before, Phi), _ = linear.van_loan(A, W, np.array([float(t[0]), dt]))
-    X = linear.propagate(Phi, before @ np.array(form.x0 or (0.0,) * k, dtype=np.float64), n)
+    x0 = np.array(form.x0 or (0.0,) * k, dtype=np.float64)
+    if A.any():
+        dt = float(t[-1] - t[0]) / (n - 1) if n > 1 else 0.0
+        (before, Phi), _ = linear.van_loan(A, W, np.array([float(t[0]), dt]))
+        X = linear.propagate(Phi, before @ x0, n)
+    else:  # a constant
+        X = np.broadcast_to(x0, (n, k))
     return sum(
         (np.broadcast_to(np.asarray(c, float), (n,)) * X[:, i] for i, c in enumerate(form.C)), np.zeros(n)
     )

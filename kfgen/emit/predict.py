@@ -33,7 +33,7 @@ def predict(program: Program) -> Routine:
     Qd = {key: next(stream) for key in noise}
     then = [*program.covariance.predict(Phi, Qd), *program.covariance_guard()]
     body += [Note("state"), *program.normalised(values[len(flat) :], lower, True, then)]
-    raw = (list(program.discrete.Phi), list(program.discrete.Qd), program.discrete.step)
+    raw = (list(program.discrete.Phi), list(program.discrete.named_noise[0]), program.discrete.step)
     arguments = program.motion_arguments([e for row in raw for e in row])
     body = [*program.supervisor.resynchronise(), *program.supervisor.changed(), *body]
     looked = [c for a in arguments[:-1] for c in within(a, program.input_limit(a.name))]

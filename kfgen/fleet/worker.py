@@ -10,7 +10,6 @@ from typing import Any
 from kfgen.core.errors import KfgenError
 from kfgen.fleet.answer import LogAnswer, answer_of_gap, answer_of_identification
 from kfgen.fleet.result import Outcome
-from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Log
 from kfgen.log.readers import ColumnMap, read_log, read_long
@@ -77,6 +76,8 @@ def _identified(task: LogTask) -> tuple[str, LogAnswer, tuple[str, ...]]:
 
 
 def _compared(task: LogTask) -> tuple[str, LogAnswer, tuple[str, ...]]:
+    from kfgen.gap.find_gap import find_gap
+
     log = task.read(read_log)
     found = find_gap(log, task.model, channels=task.channels)
     return log.sha256, answer_of_gap(found.to_dict()), found.warnings

@@ -21,7 +21,6 @@ from kfgen.gap.core.noise_scale import scaled
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.core.scene import Placed
 from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
-from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
@@ -194,6 +193,8 @@ def _plant(assumed: UserModel, log: Log) -> GapResult:
 
 def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     """Of a filter by its innovations, without a reference; None where the log has no aiding sensor of the filter."""
+    from kfgen.gap.flight.flight_scene import flight_scene
+
     found = flight_scene(log, model)
     if found is None:
         return None

@@ -129,17 +129,19 @@ class DiscreteModel:
             max_step = min(LONGEST_STEP, max(1.0 / fastest, 1.05 / rate if rate > 0.0 else 0.0))
         return DiscreteModel(model, order, max_step, rate, rates or {})
 
-    @cached_property
-    def _matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
-        return self._discretised(self.model.W)
-
-    @cached_property
+    @property
     def named_noise(self) -> tuple[sp.Matrix, dict[str, tuple[sp.Symbol, sp.Expr]]]:
         """Process noise of a step with a symbol for the density of each input; symbol and density [SI^2/Hz] by input.
 
         An input whose channels have one density has one symbol, else each channel its own; a density that depends on a
         driver or the step, or whose noise is shared with another channel, stays as it is.
         """
+        _, Qd, named = self._matrices
+        return Qd, named
+
+    @cached_property
+    def _matrices(self) -> tuple[sp.Matrix, sp.Matrix, dict[str, tuple[sp.Symbol, sp.Expr]]]:
+        """Transition, `named_noise` and its symbols: what emission needs, and the dearest of it only once."""
         W, first = self.model.W.copy(), 0
         named: dict[str, tuple[sp.Symbol, sp.Expr]] = {}
         for i in self.model.motion.inputs:
@@ -152,7 +154,7 @@ class DiscreteModel:
                     name = i.name if same else channel
                     symbol, _ = named.setdefault(name, (sp.Symbol(f"Q__{name}", positive=True), W[k, k]))
                     W[k, k] = symbol
-        return (self._discretised(W)[1], named) if named else (self.Qd, named)
+        return *self._discretised(W), named
 
     def _discretised(self, W: sp.Matrix) -> tuple[sp.Matrix, sp.Matrix]:
         """Transition and process noise of a step, for densities W of the model's noises."""
@@ -252,10 +254,11 @@ class DiscreteModel:
         """Transition of the error, shape (n, n)."""
         return self._matrices[0]
 
-    @property
+    @cached_property
     def Qd(self) -> sp.Matrix:
         """Process noise covariance of a step, shape (n, n)."""
-        return self._matrices[1]
+        _, Qd, named = self._matrices
+        return self._discretised(self.model.W)[1] if named else Qd
 
     @cached_property
     def hash(self) -> str:

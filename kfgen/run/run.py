@@ -20,7 +20,6 @@ from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 from kfgen.run.adaptive.rules import rule_named
-from kfgen.run.adaptive.wrapper import adapted
 from kfgen.run.filter_calls import FilterCalls, rates_in
 
 Array = NDArray[np.float64]
@@ -194,6 +193,8 @@ def run(
     log = log_of(log)
     program = model if isinstance(model, Program) else program_over(model, log, noise)
     if adaptive is not None:
+        from kfgen.run.adaptive.wrapper import adapted
+
         rule = rule_named(adaptive, "--adaptive")
         wrap = lambda emitted: adapted(emitted, rule)  # noqa: E731
     return _with_reference(_played(program, log, wrap, start or {}), log)

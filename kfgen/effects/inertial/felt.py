@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ class Felt:
         """The running variance of the specific force; raises `InputError` where it is unknown."""
         return self._known(self.power, "the power of the vibration")
 
-    @property
+    @cached_property
     def angular_acceleration(self) -> tuple[Any, ...]:
         """The derivative of the body rate, by a spline over times where it is not given.
 
@@ -127,7 +128,7 @@ class Signals:
     warmth: Array | None = None
     arm_order: int = 2
 
-    @property
+    @cached_property
     def felt(self) -> Felt:
         """The same by components, as expressions of errors take it."""
 

@@ -160,3 +160,25 @@ def sound_samples(c: Compared, truth: Truth) -> tuple[Compared, list[Placed], li
             there &= side * should < side * limit - NEAR_A_LIMIT * abs(limit)
     said, spoilt = ([Placed(f.effect, c.name) for f in faults if f.spoils is bad] for bad in (False, True))
     return replace(c, there=there), said, spoilt
+
+
+def known_beside(known: NDArray[np.bool_], reach: int) -> tuple[Array, NDArray[np.intp]]:
+    """Shares of known samples about each one, and which samples have enough of them.
+
+    Parameters
+    ----------
+    known : ndarray of bool, shape (n,)
+    reach : int
+        Samples to either side.
+
+    Returns
+    -------
+    share : ndarray, shape (n,)
+    near : ndarray, shape (m,)
+        Indices.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    width = 2 * reach + 1
+    share = uniform_filter1d(known.astype(np.float64), width, mode="constant")
+    return share, np.flatnonzero(share > min(reach / width, 0.9 * float(share.max())))

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.channel_names import acts_on
+from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import axis_faults
@@ -25,12 +26,11 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
-from kfgen.gap.core.cache import RecentResults
 from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.candidates import MotionCandidates, offers
-from kfgen.gap.motion.compared_channel import Compared, compared_of, sound_samples
+from kfgen.gap.motion.compared_channel import Compared, compared_of, known_beside, sound_samples
 from kfgen.gap.motion.likeness import MAX_UNEXPLAINED_SHARE, Likeness, combination, likeness
 from kfgen.gap.motion.placed_effects import delayed, edges_of, is_motion, needs_of, with_errors
 from kfgen.gap.motion.reference import heard, references
@@ -180,6 +180,11 @@ class MotionScene:
         """What triads felt late, as it was computed last: their axes mostly lag alike."""
         return RecentResults(RECENT)
 
+    @cached_property
+    def beside(self) -> RecentResults[tuple[Array, NDArray[np.intp]]]:
+        """Shares of known samples about each one, and the samples with enough of them."""
+        return RecentResults(RECENT)
+
     def left(self, point: ScenePoint) -> list[Array]:
         """What is left of each channel at its own samples [SI], each of shape (rows,)."""
         placed = (*self.own, *point.placed)
@@ -190,10 +195,15 @@ class MotionScene:
 
     def _unknowns_of(self, c: Compared, unknowns: Array) -> tuple[float, ...]:
         """The bias of a channel, or the field in space of a magnetometer."""
-        biased = [b.name for b in self.compared if b.biased]
         if not c.biased:
-            return tuple(map(float, unknowns[len(biased) :]))
-        return tuple(map(float, unknowns[: len(biased)][biased.index(c.name) :][:1]))
+            return tuple(unknowns[len(self.biased) :].tolist())
+        k = self.biased.index(c.name)
+        return tuple(unknowns[k : k + 1].tolist())
+
+    @cached_property
+    def biased(self) -> tuple[str, ...]:
+        """The channels with a bias, in the order of the unknowns."""
+        return tuple(c.name for c in self.compared if c.biased)
 
     def _left(self, c: Compared, here: Sequence[Effect], unknowns: tuple[float, ...]) -> Array:
         """What effects and unknowns of a channel leave of its samples [SI], shape (rows,)."""
@@ -227,11 +237,11 @@ class MotionScene:
             return left
         from scipy.ndimage import uniform_filter1d
 
-        k, width = self.compared.index(c), 2 * BESIDE + 1
+        k = self.compared.index(c)
         noise = self.made_up[k]
         away = np.where(known, left - noise, 0.0)
-        count, mean = (uniform_filter1d(x, width, mode="constant") for x in (known.astype(np.float64), away))
-        near = np.flatnonzero(count > min(BESIDE / width, 0.9 * float(count.max())))
+        count, near = self.beside.recalled(known.tobytes(), lambda: known_beside(known, BESIDE))
+        mean = uniform_filter1d(away, 2 * BESIDE + 1, mode="constant")
         level = np.interp(np.arange(left.size), near, mean[near] / count[near])
         if known.size - int(known.sum()) > FEW:
             level = self.whiteners[k].completed(np.where(known, away, level), known)

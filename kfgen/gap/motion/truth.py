@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,10 +119,16 @@ class Truth:
     def signals(self, sensor: str, m_n: Array | None = None) -> Signals:
         """What a triad should have felt; a magnetometer under an attitude needs its field in space."""
         if sensor in self.read:
-            y = self.read[sensor]
-        else:
-            assert self.R_bn is not None
-            y = self.R_bn @ np.asarray(m_n)
+            return self._known[sensor]
+        assert self.R_bn is not None
+        return self._felt_by(sensor, self.R_bn @ np.asarray(m_n))
+
+    @cached_property
+    def _known(self) -> dict[str, Signals]:
+        """Signals that no fit changes, with what is computed from them."""
+        return {sensor: self._felt_by(sensor, y) for sensor, y in self.read.items()}
+
+    def _felt_by(self, sensor: str, y: Array) -> Signals:
         order, R_bn = self.antennas.get(sensor, (2, self.R_bn))
         return Signals(self.t, y, self.omega_b, self.f_b, R_bn, self.down, self.power, self.warmth, order)
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.identify.evidence.record import Likelihood
-from kfgen.identify.evidence.whittle import Key, Shapes, SpectralFit
+from kfgen.identify.evidence.shapes import Key, Shapes
+from kfgen.identify.evidence.whittle import SpectralFit
 
 Array = NDArray[np.float64]
 

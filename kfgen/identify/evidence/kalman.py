@@ -28,7 +28,8 @@ from kfgen.effects import Effect, LinearSystem
 from kfgen.identify.evidence.allan import AllanCurve
 from kfgen.identify.evidence.block_differences import BlockDifferences
 from kfgen.identify.evidence.record import Evidence, Likelihood, Peaks, means_of
-from kfgen.identify.evidence.whittle import Key, Ordinates, SpectralFit, least_squares
+from kfgen.identify.evidence.shapes import Key
+from kfgen.identify.evidence.whittle import Ordinates, SpectralFit, least_squares
 from kfgen.identify.fit.bounds import fisher
 
 Array = NDArray[np.float64]
@@ -102,10 +103,7 @@ class Chain:
         return SpectralFit(-np.inf, np.zeros(k := self.y.shape[1] - 2), np.zeros((k, k)))
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Derivative of ``ln L`` in the logarithms of parameters, by central differences.
-
-        See `kfgen.identify.evidence.record.Likelihood`.
-        """
+        """Derivative of ``ln L`` in logarithms, by central differences; see `evidence.record.Likelihood`."""
         return np.array([self._slope(effects, key) for key in keys])
 
     def _slope(self, effects: Sequence[Effect], key: Key) -> float:

@@ -20,9 +20,9 @@ from kfgen.effects.series import DetectedFault, adc_step
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
 from kfgen.identify.evidence.left_out import LeftOut
 from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks
+from kfgen.identify.evidence.shapes import Key
 from kfgen.identify.evidence.whittle import (
     BINS_PER_DECADE,
-    Key,
     Ordinates,
     SpectralFit,
     block_means,

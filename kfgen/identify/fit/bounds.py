@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks, split_edges
-from kfgen.identify.evidence.whittle import Key, density_of_differences
+from kfgen.identify.evidence.shapes import Key
+from kfgen.identify.evidence.whittle import density_of_differences
 
 Array = NDArray[np.float64]
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.fit.fit import Problem
 
 Array = NDArray[np.float64]
@@ -118,11 +119,10 @@ def _weighted(problem: Problem, whiten: Array) -> CurveFit:
 
     curve = problem.record.octaves
     seen = 2.0 * np.log(curve.deviation)
+    shapes = Shapes(lambda effect: effect.allan_variance(curve.tau))
 
     def residual(point: Array) -> Array:
-        effects = [e for e in problem.at(point) if not e.coefficients()]
-        expected = sum((e.allan_variance(curve.tau) for e in effects), np.zeros(seen.size))
-        return np.asarray(whiten @ (np.log(expected) - seen))
+        return np.asarray(whiten @ (np.log(shapes.total(problem.at(point))) - seen))
 
     lo, hi = np.array(problem.bounds).T
     start = np.clip(problem.start(), lo + 1e-6, hi - 1e-6)

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.arma import state_space
 from kfgen.arma.loops import compiled
 from kfgen.core.errors import InputError
 from kfgen.identify.evidence.record import Evidence
@@ -97,6 +96,8 @@ def run_ekf(y: Array, dt: float, start: Parameters) -> EkfRun:
     InputError
         The filter diverges.
     """
+    from kfgen.arma import state_space
+
     scale = float(np.std(y))
     p = start.scaled(1.0 / scale)
     box = (SLOWEST / (dt * y.size), FASTEST / dt)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kfgen.log.readers.arrays import hdf5
+from kfgen.log.readers.arrays.mat_elements import check_elements
 from kfgen.log.readers.arrays.named_arrays import Named, table_of
 from kfgen.log.readers.tables.library import reading
 from kfgen.log.readers.tables.table import LogTable
@@ -38,6 +40,9 @@ def read(path: Path) -> LogTable:
     from scipy.io import loadmat  # heavy: only for MAT files
 
     with reading("MAT file", path, "Write it with save(..., '-v7')"):
+        if head.startswith(MAGIC):
+            with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+                check_elements(data)
         variables = loadmat(
             path, struct_as_record=True, squeeze_me=False, verify_compressed_data_integrity=True
         )

@@ -169,7 +169,9 @@ def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[l
             line = re.sub(r"\s+\[", "[", line)
         cells = _cells(line, separator)
         if len(cells) == width and any(_is_number(c) for c in cells):
-            bad = next(k for k, c in enumerate(cells) if c and not _is_number(c))
+            bad = next((k for k, c in enumerate(cells) if c and not _is_number(c)), None)
+            if bad is None:
+                continue  # a row that is commented out
             raise InputError(
                 f"'{cells[bad]}' is not a number",
                 where=f"{path}: line {index + 1}, column {bad + 1}",

@@ -23,7 +23,20 @@ class RecentResults(Generic[Result]):
     known: OrderedDict[Hashable, Result] = field(default_factory=OrderedDict, compare=False, repr=False)
 
     def recalled(self, key: Hashable, compute: Callable[[], Result]) -> Result:
-        """The result of a key, computed where it is not known."""
+        """The result of a key, computed where it is not known.
+
+        Parameters
+        ----------
+        key : hashable
+            All that the result depends on.
+        compute : callable
+            Takes nothing, gives the result; what it raises is raised.
+
+        Returns
+        -------
+        Result
+            The very object that is kept: nobody changes it.
+        """
         if key not in self.known:
             self.known[key] = compute()
         self.known.move_to_end(key)

@@ -1,0 +1,87 @@
+"""The memory of one process that identifies a large log.
+
+Usage: python benchmarks/trust/memory.py [--gigabytes 1 4] [--docs]
+
+The log is an NPY file of float32, white noise with a random walk, written in pieces to the folder for temporary files.
+It is mapped: pages of the file that the system keeps for itself and can drop are not counted (RssAnon of Linux).
+``--docs`` writes the table into the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
+
+from docs_table import write_table  # noqa: E402
+
+PIECE = 10_000_000
+RATE_HZ = 200.0
+N = 0.05
+"""Density of the white noise [rad/s/sqrt(Hz)]."""
+
+
+def written(path: Path, n: int) -> None:
+    """A record of `n` samples as NPY."""
+    rng, last = np.random.default_rng(0), 0.0
+    out = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=(n,))
+    for begin in range(0, n, PIECE):
+        size = min(PIECE, n - begin)
+        walk = last + np.cumsum(rng.standard_normal(size)) * 1e-5
+        out[begin : begin + size] = N * np.sqrt(RATE_HZ) * rng.standard_normal(size) + walk
+        last = float(walk[-1])
+        out.flush()
+
+
+def measured(path: Path) -> tuple[float, float, float]:
+    """Peak [MB] of the memory that is the process's own, time [s] and the N that was found."""
+    answer = path.with_suffix(".json")
+    words = ["identify", str(path), "--rate", str(RATE_HZ), "--columns", "gyro_x=#1 [rad/s]"]
+    begun, peak = time.monotonic(), 0.0
+    program = [sys.executable, "-c", "from kfgen.cli import main; main()", *words, "--json", str(answer)]
+    process = subprocess.Popen(program, stdout=subprocess.DEVNULL)
+    while process.poll() is None:
+        with contextlib.suppress(OSError, IndexError):
+            status = Path(f"/proc/{process.pid}/status").read_text("utf-8")
+            peak = max(peak, float(status.partition("RssAnon:")[2].split()[0]) / 1024.0)
+        time.sleep(0.02)
+    if process.returncode:
+        raise SystemExit(f"kfgen identify ended with {process.returncode}")
+    channel = json.loads(answer.read_text("utf-8"))["channels"]["gyro_x"]
+    found = next(e for e in channel["effects"] if e["effect"] == "white_noise")["parameters"]["N"]["value"]
+    return peak, time.monotonic() - begun, found
+
+
+def main() -> int:
+    """Write, identify, remove."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--gigabytes", type=float, nargs="*", default=[1.0, 4.0])
+    parser.add_argument("--docs", action="store_true")
+    given = parser.parse_args()
+    rows = ["| file | samples | peak memory | time | N found over N |", "|---|---|---|---|---|"]
+    for size in given.gigabytes:
+        n = int(size * 1e9 / 4)
+        with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as folder:
+            path = Path(folder) / "log.npy"
+            written(path, n)
+            peak, seconds, found = measured(path)
+        rows.append(f"| {size:g} GB | {n:,} | {peak:.0f} MB | {seconds:.0f} s | {found / N:.4f} |")
+        print(rows[-1], flush=True)
+    if given.docs:
+        write_table("trust.md", "memory", "\n".join(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

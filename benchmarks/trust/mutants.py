@@ -1,0 +1,328 @@
+"""Do the fast tests notice when a core module computes something else? Small changes of its code, one at a time.
+
+Usage: python benchmarks/trust/mutants.py [--count 300] [--minutes 30] [--seed 0] [--only PART] [--docs]
+
+A change swaps a comparison, an operator, a number, `and` with `or`, `min` with `max`, or takes the opposite of a condition. What
+only makes messages, annotations or names is left alone. The tests of the module run in a forked process with the changed
+source; that a test fails, or that they take too long, means that the change was noticed. Survivors are printed with
+their line. ``--docs`` writes the table into the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import contextlib
+import importlib.abc
+import importlib.util
+import io
+import os
+import random
+import signal
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from types import ModuleType
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
+
+from docs_table import write_table  # noqa: E402
+
+LIMIT_S = 60
+"""Seconds of the processor after which a change counts as noticed: it never ends."""
+PARTS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "core": (("kfgen/core/linear.py", "tests/test_linear.py tests/test_core_formulas.py", ""), ("kfgen/core/units.py", "tests/test_units.py tests/test_core_formulas.py", "")),
+    "effects": (
+        ("kfgen/effects/linear_system.py", "tests/test_effects.py tests/test_core_formulas.py", ""),
+        ("kfgen/effects/process/stochastic.py", "tests/test_effects.py tests/test_core_formulas.py", ""),
+    ),
+    "identify": (
+        ("kfgen/identify/evidence/whittle.py", "tests/test_identify.py tests/test_core_formulas.py", "sine_transform or ordinates_are or bound_is or information or looked_at or constant_offset or bins or band"),
+        ("kfgen/identify/evidence/shapes.py", "tests/test_identify.py tests/test_core_formulas.py", "bound_is or information or constant_offset or shape"),
+        ("kfgen/identify/evidence/allan.py", "tests/test_allan.py", ""),
+        ("kfgen/identify/evidence/kalman.py", "tests/test_kalman.py", ""),
+    ),
+    "gap/core": (
+        ("kfgen/gap/core/newton.py", "tests/test_gap_engine.py tests/test_gap_search.py", ""),
+        ("kfgen/gap/core/search.py", "tests/test_gap_search.py", ""),
+        ("kfgen/gap/core/screen.py", "tests/test_gap_engine.py", ""),
+        ("kfgen/gap/core/whitener.py", "tests/test_gap_engine.py tests/test_whitened.py", ""),
+    ),
+    "discretise": (("kfgen/model/discretise.py", "tests/test_discretise.py tests/test_core_formulas.py", ""),),
+    "emit": (
+        ("kfgen/emit/update.py", "tests/test_emit.py", "batch_kalman and (gyro-static or ahrs6-1)"),
+        ("kfgen/emit/covariance/packed.py", "tests/test_emit.py", "(batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
+        ("kfgen/emit/ir/lower.py", "tests/test_emit.py", "dense_formula and p-False and (gyro-static or ahrs6-1)"),
+    ),
+    "run": (
+        ("kfgen/run/adaptive/rules.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or nis_returns or q_follows or knows_is_best or calm"),
+        ("kfgen/run/adaptive/loop.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or filterpys or nis_returns or q_follows"),
+    ),
+}  # fmt: skip
+"""Modules with the tests that are theirs, and which of them."""
+SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
+    **{
+        ast.Lt: ast.LtE,
+        ast.LtE: ast.Lt,
+        ast.Gt: ast.GtE,
+        ast.GtE: ast.Gt,
+        ast.Eq: ast.NotEq,
+        ast.NotEq: ast.Eq,
+    },
+    **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
+    **{
+        ast.And: ast.Or,
+        ast.Or: ast.And,
+        ast.In: ast.NotIn,
+        ast.NotIn: ast.In,
+        ast.Is: ast.IsNot,
+        ast.IsNot: ast.Is,
+    },
+}
+RENAMED = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A change: which node of the module's tree, in words."""
+
+    path: str
+    node: int
+    line: int
+    words: str
+
+
+class Change(ast.NodeTransformer):
+    """Counts the places of a tree where something can be changed, and changes one of them."""
+
+    def __init__(self, wanted: int = -1) -> None:
+        self.wanted, self.at = wanted, -1
+        self.found: list[tuple[int, str]] = []
+
+    def _here(self, node: ast.AST, words: str) -> bool:
+        self.at += 1
+        self.found.append((getattr(node, "lineno", 0), words))
+        return self.at == self.wanted
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:
+        return node  # a message
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
+        return node
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
+        node.body = [self.visit(n) if isinstance(n, ast.FunctionDef | ast.ClassDef) else n for n in node.body]
+        return node
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        node.body = [self.visit(n) for n in node.body]
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        node.value = self.visit(node.value) if node.value else None
+        return node
+
+    def visit_Module(self, node: ast.Module) -> ast.AST:
+        node.body = [self.visit(n) if isinstance(n, ast.FunctionDef | ast.ClassDef) else n for n in node.body]
+        return node
+
+    def visit_Compare(self, node: ast.Compare) -> ast.AST:
+        self.generic_visit(node)
+        new = SWAPPED.get(type(node.ops[0]))
+        if new and self._here(node, f"{type(node.ops[0]).__name__} -> {new.__name__}"):
+            node.ops[0] = new()  # type: ignore[assignment]
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        new = SWAPPED.get(type(node.op))
+        text = isinstance(node.left, ast.JoinedStr) or isinstance(node.right, ast.JoinedStr)
+        if new and not text and self._here(node, f"{type(node.op).__name__} -> {new.__name__}"):
+            node.op = new()  # type: ignore[assignment]
+        return node
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
+        self.generic_visit(node)
+        new = SWAPPED[type(node.op)]
+        if self._here(node, f"{type(node.op).__name__} -> {new.__name__}"):
+            node.op = new()  # type: ignore[assignment]
+        return node
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.op, ast.USub | ast.Not) and self._here(node, f"without {type(node.op).__name__}"):
+            return node.operand
+        return node
+
+    def visit_If(self, node: ast.If) -> ast.AST:
+        self.generic_visit(node)
+        if not any(isinstance(n, ast.Raise) for n in node.body) and self._here(node, "opposite condition"):
+            node.test = ast.UnaryOp(ast.Not(), node.test)
+        return node
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        number = isinstance(node.value, int | float) and not isinstance(node.value, bool)
+        if number and self._here(node, f"{node.value} -> {node.value + 1}"):
+            return ast.copy_location(ast.Constant(node.value + 1), node)
+        if isinstance(node.value, bool) and self._here(node, f"{node.value} -> {not node.value}"):
+            return ast.copy_location(ast.Constant(not node.value), node)
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        name = node.func
+        word = name.id if isinstance(name, ast.Name) else name.attr if isinstance(name, ast.Attribute) else ""
+        if word in RENAMED and self._here(node, f"{word} -> {RENAMED[word]}"):
+            if isinstance(name, ast.Name):
+                name.id = RENAMED[word]
+            elif isinstance(name, ast.Attribute):
+                name.attr = RENAMED[word]
+        return node
+
+
+def mutants_of(path: str) -> list[Mutant]:
+    """Every change of a module."""
+    change = Change()
+    change.visit(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+    return [Mutant(path, k, line, words) for k, (line, words) in enumerate(change.found)]
+
+
+class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds one module with its change in it."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        self.mutant = mutant
+        self.name = mutant.path.removesuffix(".py").replace("/", ".")
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> object:
+        """The changed module by its name."""
+        if fullname != self.name:
+            return None
+        return importlib.util.spec_from_file_location(fullname, ROOT / self.mutant.path, loader=self)
+
+    def create_module(self, spec: object) -> None:
+        """As usual."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run the changed source."""
+        path = ROOT / self.mutant.path
+        tree = Change(self.mutant.node).visit(ast.parse(path.read_text(encoding="utf-8")))
+        exec(compile(ast.fix_missing_locations(tree), str(path), "exec"), module.__dict__)
+
+
+def started(mutant: Mutant | None, tests: str, which: str) -> int:
+    """A forked process, kfgen not yet imported, in which the tests run with a change; it ends with 0 if they pass."""
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            import pytest
+
+            signal.setitimer(signal.ITIMER_PROF, LIMIT_S)  # SIGPROF ends the process
+            if mutant is not None:
+                sys.meta_path.insert(0, Changed(mutant))
+            for stream in (1, 2):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+            words = [str(ROOT / t) for t in tests.split() if (ROOT / t).is_file()]
+            words += [
+                "-q",
+                "-x",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:xdist",
+                "-m",
+                "not long",
+                *(["-k", which] if which else []),
+            ]
+            with contextlib.redirect_stdout(io.StringIO()):
+                os._exit(int(pytest.main(words)))
+        os._exit(1)
+    return child
+
+
+def rounds(
+    parts: dict[str, tuple[tuple[str, str, str], ...]], seed: int
+) -> Iterator[tuple[str, Mutant, str, str]]:
+    """Mutants in an order by chance, each part in turn."""
+    order: dict[str, list[tuple[Mutant, str, str]]] = {}
+    for part, modules in parts.items():
+        each = [(m, tests, which) for path, tests, which in modules for m in mutants_of(path)]
+        order[part] = random.Random(seed).sample(each, len(each))
+    while any(order.values()):
+        for part, left in order.items():
+            if left:
+                yield part, *left.pop()
+
+
+def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: float) -> dict[str, list[int]]:
+    """How many changes were tried in each part and how many noticed; survivors are printed."""
+    seen: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    until, running = time.monotonic() + 60.0 * minutes, {}
+    while True:
+        while len(running) < jobs and time.monotonic() < until and (one := next(order, None)):
+            running[started(*one[1:])] = one
+        if not running:
+            return seen
+        child, status = os.wait()
+        part, mutant, _, _ = running.pop(child)
+        seen[part][0] += 1
+        seen[part][1] += status != 0
+        if status == 0:
+            print(f"survives: {mutant.path}:{mutant.line}: {mutant.words}", flush=True)
+
+
+def table(seen: dict[str, list[int]], of: dict[str, int]) -> str:
+    """Markdown: by part how many were tried, and how many noticed."""
+    rows = ["| part | changes possible | tried | noticed by the fast tests |", "|---|---|---|---|"]
+    for part, (tried, killed) in seen.items():
+        rows.append(f"| {part} | {of[part]} | {tried} | {100 * killed / max(tried, 1):.0f} % |")
+    tried, killed = (sum(v[k] for v in seen.values()) for k in (0, 1))
+    return "\n".join(
+        [*rows, f"| all | {sum(of.values())} | {tried} | {100 * killed / max(tried, 1):.0f} % |"]
+    )
+
+
+def main() -> int:
+    """Try changes until there are enough, or the time is over."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", default="", help="one part")
+    parser.add_argument("--docs", action="store_true")
+    given = parser.parse_args()
+    os.chdir(ROOT)
+    for heavy in (
+        "numpy",
+        "scipy.stats",
+        "scipy.optimize",
+        "scipy.signal",
+        "sympy",
+        "hypothesis",
+        "pytest",
+        "filterpy.kalman",
+        "typer.testing",
+    ):
+        importlib.import_module(heavy)
+    parts = {p: m for p, m in PARTS.items() if not given.only or p == given.only}
+    for modules in parts.values():
+        for path, tests, which in modules:
+            if os.waitpid(started(None, tests, which), 0)[1]:
+                print(f"the tests of {path} fail without a change: {tests} -k '{which}'", flush=True)
+                return 2
+    seen = tried(islice(rounds(parts, given.seed), given.count), given.jobs, given.minutes)
+    of = {p: sum(len(mutants_of(path)) for path, _, _ in m) for p, m in parts.items()}
+    print(table(seen, of))
+    if given.docs:
+        write_table("trust.md", "mutants", table(seen, of))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

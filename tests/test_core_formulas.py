@@ -1,0 +1,119 @@
+"""Proves numbers of core modules one by one, in closed form: what changes of single operators left unnoticed before."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kfgen.core import linear
+from kfgen.core.errors import InputError
+from kfgen.core.recent_results import RecentResults
+from kfgen.core.units import derived_unit
+from kfgen.effects import make
+from kfgen.identify.evidence.shapes import Shapes
+from kfgen.identify.evidence.whittle import SINGLE_ORDINATES, ordinates
+from kfgen.model.discretise import LONGEST_STEP, DiscreteModel
+from kfgen.model.library import build
+from kfgen.run.adaptive.rules import Factors, Seen, rule_named
+
+
+def test_one_state_keeps_half_its_drive_over_its_decay() -> None:
+    """``2 a P = W``."""
+    P = linear.stationary_covariance(np.array([[-0.25]]), np.array([[3.0]]))
+    assert pytest.approx(np.array([[6.0]])) == P
+
+
+@pytest.mark.parametrize("a", [0.0, -1e-12, -0.7, 0.3])
+def test_one_state_is_that_of_a_pair_of_which_the_other_does_nothing(a: float) -> None:
+    """The closed form of one state against the series of two, over steps of six decades."""
+    dt = np.geomspace(1e-3, 30.0, 7)
+    Phi, Qd = linear.van_loan(np.array([[a]]), np.array([[2.0]]), dt)
+    both, driven = linear.van_loan(np.diag([a, 0.0]), np.diag([2.0, 0.0]), dt)
+    np.testing.assert_allclose(Phi[:, 0, 0], both[:, 0, 0], rtol=1e-13)
+    np.testing.assert_allclose(Qd[:, 0, 0], driven[:, 0, 0], rtol=1e-12)
+
+
+def test_the_mean_of_one_sample_is_the_value_at_its_time() -> None:
+    warm = make("warm_up", size=2.0, tau=5.0)
+    whole = warm.mean(np.arange(8) * 0.5)
+    assert warm.mean(np.array([1.5])) == pytest.approx(whole[3:4])
+
+
+def test_the_longest_step_is_that_of_the_fastest_effect() -> None:
+    """A time constant of 20 ms allows 20 ms; none, a tenth of a second; the period of the rate is always allowed."""
+    plain = build("ahrs6")
+    fast = plain.augment("gyro_x", make("gauss_markov", sigma=1e-3, tau=0.02))
+    assert DiscreteModel.at_rate(plain, 100.0).max_step == LONGEST_STEP == 0.1
+    assert DiscreteModel.at_rate(fast, 100.0).max_step == pytest.approx(0.02)
+    assert DiscreteModel.at_rate(fast, 20.0).max_step == pytest.approx(1.05 / 20.0)
+
+
+def test_a_second_order_takes_steps_up_to_half_a_time_constant() -> None:
+    model = build("gyro-static").augment("gyro_x", make("gauss_markov", sigma=1e-3, tau=0.2))
+    assert DiscreteModel(model, order=2, max_step=0.1).Phi.rows
+    with pytest.raises(InputError, match="half of the shortest time constant"):
+        DiscreteModel(model, order=2, max_step=0.101).Phi  # noqa: B018
+
+
+def test_bins_stand_alone_and_then_forty_eight_to_a_decade() -> None:
+    """Two decades above the 96 that stand alone: 96 and twice 48."""
+    n = 100 * SINGLE_ORDINATES
+    coefficients = np.random.default_rng(0).standard_normal(n)
+    found = ordinates([coefficients], 0.01, 1)
+    assert found.n == n
+    assert found.count[:SINGLE_ORDINATES].tolist() == [1] * SINGLE_ORDINATES
+    assert found.count.size == SINGLE_ORDINATES + 2 * 48
+    assert found.gram.sum() == pytest.approx(coefficients @ coefficients)
+
+
+def test_a_band_that_is_skipped_leaves_no_power() -> None:
+    """Of 50 Hz in 1,000 ordinates those from 10 Hz to 20 Hz are 201; the rest keeps its own."""
+    coefficients = np.random.default_rng(1).standard_normal(1000)
+    omega = np.arange(1, 1001) * np.pi / 1001
+    beyond = (omega / (2.0 * np.pi * 0.01) < 10.0) | (omega / (2.0 * np.pi * 0.01) > 20.0)
+    found = ordinates([coefficients], 0.01, 1, skip=((10.0, 20.0),))
+    assert found.gram.sum() == pytest.approx(np.sum(coefficients[beyond] ** 2))
+
+
+def test_the_gyro_that_is_calm_is_not_held_to_fade() -> None:
+    """Innovations below what chance makes leave every factor of the second stage at one."""
+    calm = Seen(500.0, 0.1, 0.1, 2.0, 1.0, 1.5)
+    found = rule_named("shafkf-p").adapt(calm, Factors(1.0, 1.0, 1.0, 1.0), 0.97)
+    assert (found.fade, found.once, found.q) == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("template", "unit", "derived"),
+    [
+        ("U/sqrt(Hz)", "deg/s", "deg/s/sqrt(Hz)"),
+        ("1/(U)", "", ""),
+        ("U*s", "rad/s", "rad"),
+        ("U", "m/s^2", "m/s^2"),
+    ],
+)
+def test_units_that_follow_from_a_channels(template: str, unit: str, derived: str) -> None:
+    assert derived_unit(template, unit) == derived
+
+
+def test_a_shape_is_computed_once_for_all_sizes() -> None:
+    """Of one size: four times the size is sixteen times the density; another time constant is another shape."""
+    seen: list[float] = []
+
+    def density(effect: object) -> np.ndarray:
+        seen.append(effect.tau)  # type: ignore[attr-defined]
+        return effect.density(np.array([0.1, 1.0]))  # type: ignore[attr-defined]
+
+    shapes = Shapes(density)
+    one, four = (make("gauss_markov", sigma=s, tau=3.0) for s in (0.5, 2.0))
+    assert shapes.of(four) == pytest.approx(16.0 * shapes.of(one))
+    assert shapes.of(four) == pytest.approx(four.density(np.array([0.1, 1.0])))
+    shapes.of(make("gauss_markov", sigma=0.5, tau=4.0))
+    assert seen == [3.0, 4.0]
+
+
+def test_recent_results_forget_what_was_not_asked_for_longest() -> None:
+    made: list[int] = []
+    recent = RecentResults[int](2)
+    for k in (1, 2, 1, 3, 1, 2):
+        assert recent.recalled(k, lambda k=k: made.append(k) or 10 * k) == 10 * k
+    assert made == [1, 2, 3, 2]
