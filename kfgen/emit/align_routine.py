@@ -21,7 +21,7 @@ from kfgen.emit.align import (
     WHY,
     Alignment,
 )
-from kfgen.emit.covariance.forms import GAIN
+from kfgen.emit.covariance.correction import GAIN
 from kfgen.emit.guards import every, sum_of_squares, within
 from kfgen.emit.ir.ir import (
     All,

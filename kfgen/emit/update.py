@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from kfgen.core.errors import InputError
-from kfgen.emit.covariance.forms import GAIN
+from kfgen.emit.covariance.correction import GAIN
 from kfgen.emit.covariance.joint import gated
 from kfgen.emit.covariance.packed import Row
 from kfgen.emit.covariance.rollback import fused_with_rollback, kept

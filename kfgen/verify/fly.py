@@ -238,6 +238,7 @@ class _Record:
     finite: bool
 
     def verdict(self, core: str) -> FaultVerdict:
+        """Against the truth of the flight, on that core."""
         end = START_S + self.fault.seconds
         judged = self.t > SETTLED_S
         wrong = judged & ~(self.error**2 <= SIGMAS**2 * self.trace)

@@ -13,16 +13,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
+from kfgen.emit.covariance.correction import GAIN, corrected
 from kfgen.emit.covariance.forms import (
     ANY_HELD,
-    GAIN,
     HEALTH,
     HEALTH_TEXT,
     HELD,
     INFLATE_TEXT,
     CovarianceForm,
     Fusion,
-    corrected,
     inflate_arguments,
     smaller,
 )

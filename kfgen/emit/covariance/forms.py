@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.emit.covariance.correction import GAIN, corrected
 from kfgen.emit.covariance.packed import Noise, Row, cell, packed_size, predict_covariance, total
 from kfgen.emit.ir.ir import (
     Argument,
@@ -39,8 +40,6 @@ MAX_ROLLBACK_STATES = 12
 """States up to which a copy of the covariance costs less than that of a sample of three rows."""
 HELD, ANY_HELD = "held", Ref("any_held", 0)
 """One for each state that is considered but not corrected, else zero; and how many there are."""
-GAIN = "gain"
-"""Scratch of an update: what a call takes of the gain."""
 
 
 @dataclass(frozen=True)
@@ -216,27 +215,6 @@ def smaller(value: Expr) -> list[Stmt]:
     """The health becomes a value where that is smaller; one that is not positive is flagged."""
     worse = When(Compare("<", value, HEALTH), (Store(HEALTH, value),))
     return [worse, When(Compare(">", value, Num(0.0)), (), (StatusFlag("NOT_POSITIVE"),))]
-
-
-def corrected(n: int, y: Expr, loops: bool, order: Sequence[int] = ()) -> list[Stmt]:
-    """The correction gathers gain times innovation, the gain from its array, in an order of the states.
-
-    Parameters
-    ----------
-    n : int
-        States.
-    y : Expr
-        The innovation.
-    loops : bool
-        In a loop where the order is that of the states.
-    order : sequence of int, optional
-        The state of each element of the gain; their own order where left out.
-    """
-    if loops and list(order) in ([], list(range(n))):
-        dx = Ref("dx", "i")
-        return [For("i", 0, n, (Store(dx, add(dx, mul(Ref(GAIN, "i"), y))),))]
-    places = [(k, Ref("dx", s)) for k, s in enumerate(order or range(n))]
-    return [Store(dx, add(dx, mul(Ref(GAIN, k), y))) for k, dx in places]
 
 
 class Packed(CovarianceForm):
