@@ -1,6 +1,6 @@
 """Proves the supervisor in flight: emitted C, S-turns at 20 m/s with GNSS at 10 Hz, one fault at a time.
 
-The flights and the list of faults are those of ``kfgen verify --faults``. For each fault: it is told within a second,
+The flights and the list of faults are those of ``kfgen verify --faults``. For each fault: it is reported within a second,
 the position is within three standard deviations again within ten seconds of the fault's end and stays there, no number
 is ever infinite or none, and the filter is never wrong while it says OK for longer than a second.
 """
@@ -23,7 +23,7 @@ from kfgen.emit.routines import Program
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.report.proof import faults_answer
-from kfgen.verify.faults import FAULTS, RIGHT_WITHIN_S, SOUND, TOLD_WITHIN_S, Fault
+from kfgen.verify.faults import FAULTS, REPORTED_WITHIN_S, RIGHT_WITHIN_S, SOUND, Fault
 from kfgen.verify.flight import flight
 from kfgen.verify.fly import FaultVerdict, fly_faults
 
@@ -55,13 +55,13 @@ def emitted(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., EmittedFi
 
 def test_the_list_has_twenty_faults_with_floors() -> None:
     assert len(BY_TITLE) == len(FAULTS) >= 20
-    assert sum(f.told_within <= TOLD_WITHIN_S for f in FAULTS) >= 18
+    assert sum(f.reported_within <= REPORTED_WITHIN_S for f in FAULTS) >= 18
 
 
 def test_without_a_fault_nothing_is_told(emitted: Callable[..., EmittedFilter]) -> None:
     for seed in range(1, 4):
         (v,) = fly_faults(emitted(), faults=[SOUND], seed=seed)
-        assert (v.told, v.right, v.wrong, v.finite) == (np.inf, 0.0, 0.0, True)
+        assert (v.reported, v.right, v.wrong, v.finite) == (np.inf, 0.0, 0.0, True)
         assert v.worst < 5.0
 
 
@@ -106,22 +106,27 @@ def test_the_core_that_is_counted_flies_the_same(emitted: Callable[..., EmittedF
     host, core = fly_faults(emitted(), ["host", "m4f"], [fault])
     assert core.core == "m4f"
     assert core.missed == ()
-    assert (core.told, core.right, core.wrong, core.worst) == (host.told, host.right, host.wrong, host.worst)
+    assert (core.reported, core.right, core.wrong, core.worst) == (
+        host.reported,
+        host.right,
+        host.wrong,
+        host.worst,
+    )
 
 
 def test_what_a_floor_is() -> None:
-    def verdict(fault: Fault, told: float = 0.5, right: float = 1.0, wrong: float = 0.0) -> FaultVerdict:
-        return FaultVerdict(fault, "host", told, right, wrong, 1.0, True)
+    def verdict(fault: Fault, reported: float = 0.5, right: float = 1.0, wrong: float = 0.0) -> FaultVerdict:
+        return FaultVerdict(fault, "host", reported, right, wrong, 1.0, True)
 
     usual = FAULTS[0]
     assert verdict(usual).missed == ()
-    assert "told after" in verdict(usual, told=TOLD_WITHIN_S + 0.1).missed[0]
+    assert "reported after" in verdict(usual, reported=REPORTED_WITHIN_S + 0.1).missed[0]
     assert "right after" in verdict(usual, right=RIGHT_WITHIN_S + 0.1).missed[0]
     assert "while it says OK" in verdict(usual, wrong=1.1).missed[0]
-    assert verdict(SOUND, told=np.inf).missed == ()
+    assert verdict(SOUND, reported=np.inf).missed == ()
 
 
-def test_every_fault_is_told_and_the_filter_recovers(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+def test_every_fault_is_reported_and_the_filter_recovers(kfgen: Callable[..., Any], tmp_path: Path) -> None:
     """On the command line: exit status 0, the table, the JSON and the page."""
     need_compiler()
     folder, out, page = tmp_path / "f", tmp_path / "v.json", tmp_path / "p.html"
@@ -132,7 +137,7 @@ def test_every_fault_is_told_and_the_filter_recovers(kfgen: Callable[..., Any], 
     data = json.loads(out.read_text())
     assert (data["format"], data["ok"]) == ("kfgen-faults-1", True)
     assert [f["fault"] for f in data["flights"]] == [f.title for f in FAULTS]
-    assert all(f["finite"] and f["told_after_s"] is not None and not f["missed"] for f in data["flights"])
+    assert all(f["finite"] and f["reported_after_s"] is not None and not f["missed"] for f in data["flights"])
     for f in FAULTS:
         assert f.title in done.stdout
         assert f.title in page.read_text()

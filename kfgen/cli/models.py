@@ -32,7 +32,7 @@ CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; r
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
 LISTED = typer.Argument(metavar="[LOG]", help="A log: say what is inside, with rates, gaps and clocks.")
 FAULTS = typer.Option(
-    "--faults", help="Fly simulated faults, and say what is told and when it is right again."
+    "--faults", help="Fly simulated faults, and say what is reported and when it is right again."
 )
 REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 

@@ -1,4 +1,4 @@
-"""The faults that a filter is flown through, each declared once: what it does to a flight, and what must be told."""
+"""The faults that a filter is flown through, each declared once: what it does to a flight, and what must be reported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kfgen.verify.flight import FIX_RATE, START_S, Flight
 
 Mask = NDArray[np.bool_]
 NOTHING = ""
-TOLD_WITHIN_S, RIGHT_WITHIN_S, WRONG_WITHIN_S = 1.0, 10.0, 1.0
+REPORTED_WITHIN_S, RIGHT_WITHIN_S, WRONG_WITHIN_S = 1.0, 10.0, 1.0
 """Floors: until a status says it, until the position is right after the fault's end, wrong while a status says OK."""
 
 
@@ -28,7 +28,7 @@ class Fault:
         How long it lasts [s].
     spoil : callable
         Changes the arrays of a flight: the flight, the steps and the fixes at which the fault is there.
-    told_within : float
+    reported_within : float
         Within which time a status must say it [s]; infinite where it is none until it has lasted.
     event : str
         What happens to the filter itself at its beginning: ``turned``, ``restored``, or nothing.
@@ -37,7 +37,7 @@ class Fault:
     title: str
     seconds: float
     spoil: Callable[[Flight, Mask, Mask], None] = lambda flight, steps, fixes: None
-    told_within: float = TOLD_WITHIN_S
+    reported_within: float = REPORTED_WITHIN_S
     event: str = NOTHING
 
 
@@ -131,7 +131,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("a restart from what was stored 2 s before", ONCE, event="restored"),
 )
 """All of them; the flight without one comes with `SOUND`."""
-SOUND = Fault("no fault", ONCE, told_within=NEVER)
+SOUND = Fault("no fault", ONCE, reported_within=NEVER)
 
 
 def spoiled(flight: Flight, fault: Fault) -> Flight:

@@ -33,7 +33,7 @@ class Flight:
     t : ndarray, shape (n,)
         Beginnings of the steps [s].
     dt : ndarray, shape (n,)
-        What the filter is told of their lengths [s].
+        What the filter is reported of their lengths [s].
     accel, gyro : ndarray, shape (n, 3)
         Means over the steps [m/s^2, rad/s], body axes.
     called : ndarray of bool, shape (n,)

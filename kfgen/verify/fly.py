@@ -1,4 +1,4 @@
-"""Flights of an emitted filter through every fault: told after, right after, how wrong, and whether the floors hold."""
+"""Flights of an emitted filter through every fault: reported after, right after, how wrong, and whether the floors hold."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class FaultVerdict:
     ----------
     fault : Fault
     core : str
-    told : float
+    reported : float
         Until a status said it [s]; infinite: never.
     right : float
         From the fault's end until the position was right for good [s].
@@ -56,7 +56,7 @@ class FaultVerdict:
 
     fault: Fault
     core: str
-    told: float
+    reported: float
     right: float
     wrong: float
     worst: float
@@ -66,8 +66,8 @@ class FaultVerdict:
     def missed(self) -> tuple[str, ...]:
         """The floors that were missed, in words."""
         found = []
-        if self.told > self.fault.told_within:
-            found.append(f"told after {self.told:.3g} s")
+        if self.reported > self.fault.reported_within:
+            found.append(f"reported after {self.reported:.3g} s")
         if self.right > RIGHT_WITHIN_S:
             found.append(f"right after {self.right:.3g} s")
         if self.wrong > WRONG_WITHIN_S:
@@ -77,12 +77,12 @@ class FaultVerdict:
     @property
     def row(self) -> list[str]:
         """For a table."""
-        told = "not" if np.isinf(self.told) else f"{self.told:.1f} s"
+        reported = "not" if np.isinf(self.reported) else f"{self.reported:.1f} s"
         floors = "; ".join(self.missed) or "held"
-        return [self.fault.title, self.core, told, f"{self.right:.1f} s", f"{self.worst:.3g} m", floors]
+        return [self.fault.title, self.core, reported, f"{self.right:.1f} s", f"{self.worst:.3g} m", floors]
 
 
-HEAD = ("fault", "core", "told after", "right after", "worst error", "floors")
+HEAD = ("fault", "core", "reported after", "right after", "worst error", "floors")
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,7 +113,7 @@ class FaultFlights(Result):
         if wrong:
             return [f"{v.fault.title} on {v.core}: {'; '.join(v.missed)}" for v in wrong]
         return [
-            f"All {len(self.verdicts)} flights hold the floors: what shows at once is told within 1 s, the position is within "
+            f"All {len(self.verdicts)} flights hold the floors: what shows at once is reported within 1 s, the position is within "
             f"{SIGMAS:g} standard deviations {RIGHT_WITHIN_S:g} s after its end, and never beyond them for "
             f"{WRONG_WITHIN_S:g} s while the filter says OK"
         ]
@@ -133,7 +133,7 @@ class FaultFlights(Result):
                 {
                     "fault": v.fault.title,
                     "core": v.core,
-                    "told_after_s": None if np.isinf(v.told) else v.told,
+                    "reported_after_s": None if np.isinf(v.reported) else v.reported,
                     "right_after_s": v.right,
                     "wrong_while_ok_s": v.wrong,
                     "worst_error_m": v.worst,
@@ -234,7 +234,7 @@ class _Record:
     error: Array
     trace: Array
     status: NDArray[np.int64]
-    told: float
+    reported: float
     finite: bool
 
     def verdict(self, core: str) -> FaultVerdict:
@@ -249,7 +249,9 @@ class _Record:
             run = run + step if bad else 0.0
             longest = max(longest, run)
         worst = float(np.max(self.error[judged], initial=0.0))
-        return FaultVerdict(self.fault, core, self.told, max(last - end, 0.0), longest, worst, self.finite)
+        return FaultVerdict(
+            self.fault, core, self.reported, max(last - end, 0.0), longest, worst, self.finite
+        )
 
 
 class _Pilot:
@@ -270,7 +272,7 @@ class _Pilot:
         self.nx = len(self.names)
         sensors = {s.name for s in program.discrete.model.sensors}
         self.given = {f"update_{n}": getattr(flight, a) for n, a in ROUTINES.items() if n in sensors}
-        self.told = np.inf
+        self.reported = np.inf
         self.worst = 0
 
     def _call(self, routine: str, inputs: Sequence[float], t: float) -> None:
@@ -279,7 +281,7 @@ class _Pilot:
         if status:
             self.worst = max(self.worst, status)
             if t >= START_S - 1e-9:
-                self.told = min(self.told, max(t - START_S, 0.0))
+                self.reported = min(self.reported, max(t - START_S, 0.0))
 
     def _place(self, values: dict[str, float]) -> None:
         """Numbers of the state, by name."""
@@ -348,4 +350,4 @@ class _Pilot:
         trace = variances[:, [states.index(n) for n in ("p_N", "p_E", "p_D")]].sum(axis=1)
         estimate = words[:, : self.nx + form.size]
         finite = bool(np.isfinite(estimate).all())
-        return _Record(self.fault, f.t[f.fixes], error, trace, status, self.told, finite)
+        return _Record(self.fault, f.t[f.fixes], error, trace, status, self.reported, finite)

@@ -1,4 +1,4 @@
-"""What a filter file says that an autopilot can be told: delays, arms, offsets, noise of samples, by a name each.
+"""What a filter file says that an autopilot has settings for: delays, arms, offsets, noise of samples, by a name each.
 
 The file's options hold what was assumed, its effects what was found beyond it; an autopilot wants the sum.
 """
