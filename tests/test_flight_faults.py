@@ -23,7 +23,7 @@ from kfgen.emit.routines import Program
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 from kfgen.report.proof import faults_answer
-from kfgen.verify.faults import FAULTS, REPORTED_WITHIN_S, RIGHT_WITHIN_S, SOUND, Fault
+from kfgen.verify.faults import FAULTS, REPORTED_WITHIN_S, RIGHT_WITHIN_S, SOUND, FlightFault
 from kfgen.verify.flight import flight
 from kfgen.verify.fly import FaultVerdict, fly_faults
 
@@ -115,7 +115,9 @@ def test_the_core_that_is_counted_flies_the_same(emitted: Callable[..., EmittedF
 
 
 def test_what_a_floor_is() -> None:
-    def verdict(fault: Fault, reported: float = 0.5, right: float = 1.0, wrong: float = 0.0) -> FaultVerdict:
+    def verdict(
+        fault: FlightFault, reported: float = 0.5, right: float = 1.0, wrong: float = 0.0
+    ) -> FaultVerdict:
         return FaultVerdict(fault, "host", reported, right, wrong, 1.0, True)
 
     usual = FAULTS[0]

@@ -13,7 +13,7 @@ from kfgen.calibrate.coverage import covered_share, missing_turn
 from kfgen.calibrate.ellipsoid import MIN_READINGS, ellipsoid
 from kfgen.calibrate.fit import Fitted, fitted
 from kfgen.calibrate.known_turns import turn_scene
-from kfgen.calibrate.parameters import Entry, entries_of, placed
+from kfgen.calibrate.parameters import CalibratedNumber, entries_of, placed
 from kfgen.calibrate.result import CalibratedSensor, Calibration
 from kfgen.calibrate.turns import turns_between_rests
 from kfgen.core.channel_names import AXES
@@ -226,7 +226,9 @@ def _by_length(log: Log, noise: NoiseModel, scene: NormScene, length: float) -> 
     )
 
 
-def _start(log: Log, sensor: str, y: Array, entries: Sequence[Entry], length: float) -> tuple[Array, float]:
+def _start(
+    log: Log, sensor: str, y: Array, entries: Sequence[CalibratedNumber], length: float
+) -> tuple[Array, float]:
     """Where the fit begins: the ellipsoid of the readings, where there are enough; and the size of what is read."""
     if len(y) < MIN_READINGS:
         return np.zeros(len(entries)), length
@@ -252,7 +254,7 @@ def _start(log: Log, sensor: str, y: Array, entries: Sequence[Entry], length: fl
 
 
 def _refuse_open(
-    log: Log, sensor: str, entries: Sequence[Entry], fit: Fitted, u: Array, scale: Array
+    log: Log, sensor: str, entries: Sequence[CalibratedNumber], fit: Fitted, u: Array, scale: Array
 ) -> None:
     """Refuse numbers that the readings leave open."""
     wide = fit.half_widths / scale
@@ -280,7 +282,7 @@ def _by_turns(log: Log, noise: NoiseModel, known: Known) -> CalibratedSensor:
             "with --turn",
         )
     scene = turn_scene(log, noise, [t for t in turns if t.axis in axes], sd)
-    entries = tuple(Entry("scale_factor", f"gyro_{AXES[i]}", "coefficient") for i in axes)
+    entries = tuple(CalibratedNumber("scale_factor", f"gyro_{AXES[i]}", "coefficient") for i in axes)
 
     def residual(x: Array) -> Array:
         point = ScenePoint(placed(entries, x[: len(entries)]), x[len(entries) :])

@@ -17,7 +17,7 @@ TRIANGLE = ("xy", "xz", "yz")
 
 
 @dataclass(frozen=True)
-class Entry:
+class CalibratedNumber:
     """One number: the effect that has it, where that acts, and its name there."""
 
     effect: str
@@ -30,7 +30,7 @@ class Entry:
         return f"{self.where} {self.effect} {self.parameter}"
 
 
-def entries_of(sensor: str, readings: int, *, known_length: bool) -> tuple[Entry, ...]:
+def entries_of(sensor: str, readings: int, *, known_length: bool) -> tuple[CalibratedNumber, ...]:
     """What is fitted of a triad of which the length of what it should read is constant.
 
     Parameters
@@ -45,25 +45,25 @@ def entries_of(sensor: str, readings: int, *, known_length: bool) -> tuple[Entry
     if sensor == "mag":
         diagonal = ("xx", "yy", "zz") if known_length else ("xx", "yy")
         return (
-            *(Entry("hard_iron", "mag", a) for a in AXES),
-            *(Entry("soft_iron", "mag", e) for e in (*diagonal, *TRIANGLE)),
+            *(CalibratedNumber("hard_iron", "mag", a) for a in AXES),
+            *(CalibratedNumber("soft_iron", "mag", e) for e in (*diagonal, *TRIANGLE)),
         )
     axes = [f"{sensor}_{a}" for a in AXES]
     found = [
-        *(Entry("bias", a, "value") for a in axes),
-        *(Entry("scale_factor", a, "coefficient") for a in axes),
+        *(CalibratedNumber("bias", a, "value") for a in axes),
+        *(CalibratedNumber("scale_factor", a, "coefficient") for a in axes),
     ]
     if readings >= MIN_POSES_OF_ANGLES:
-        found += [Entry("misalignment", f"{sensor}_{e[0]}", e) for e in TRIANGLE]
+        found += [CalibratedNumber("misalignment", f"{sensor}_{e[0]}", e) for e in TRIANGLE]
     return tuple(found)
 
 
-def placed(entries: Sequence[Entry], values: Iterable[float]) -> tuple[Placed, ...]:
+def placed(entries: Sequence[CalibratedNumber], values: Iterable[float]) -> tuple[Placed, ...]:
     """The effects with their values [SI], each where it acts.
 
     Parameters
     ----------
-    entries : sequence of Entry
+    entries : sequence of CalibratedNumber
     values : iterable of float
         Of the entries.
     """

@@ -10,7 +10,7 @@ from typing import Any
 
 import kfgen
 from kfgen.calibrate.fit import Fitted
-from kfgen.calibrate.parameters import Entry, placed
+from kfgen.calibrate.parameters import CalibratedNumber, placed
 from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import effect_named
@@ -34,7 +34,7 @@ class CalibratedSensor:
         ``accel``, ``mag`` or ``gyro``.
     unit : str
         Of its channels, as the user gave it.
-    entries : tuple of Entry
+    entries : tuple of CalibratedNumber
         What was fitted.
     fit : Fitted
         Their values first [SI].
@@ -54,7 +54,7 @@ class CalibratedSensor:
 
     sensor: str
     unit: str
-    entries: tuple[Entry, ...]
+    entries: tuple[CalibratedNumber, ...]
     fit: Fitted
     noise: NoiseModel
     readings: int
@@ -96,13 +96,13 @@ class CalibratedSensor:
             f"{after} {unit} after"
         )
 
-    def unit_of(self, entry: Entry) -> str:
+    def unit_of(self, entry: CalibratedNumber) -> str:
         """The unit in which an entry is shown."""
         template = {p.name: p.unit for p in effect_named(entry.effect).parameters()}[entry.parameter]
         return derived_unit(template, display_unit(self.unit))
 
-    def rows(self) -> list[tuple[Entry, float, float, float, str]]:
-        """Entry, value and the ends of its 95 % interval in its unit, and the unit."""
+    def rows(self) -> list[tuple[CalibratedNumber, float, float, float, str]]:
+        """CalibratedNumber, value and the ends of its 95 % interval in its unit, and the unit."""
         out = []
         for entry, value, half in zip(self.entries, self.fit.values.tolist(), self.fit.half_widths.tolist()):
             unit = self.unit_of(entry)

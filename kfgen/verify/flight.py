@@ -25,7 +25,7 @@ POSITION_SD, VELOCITY_SD, FIELD_SD = 1.5, 0.1, 2e-7
 
 
 @dataclass(frozen=True)
-class Flight:
+class TrialFlight:
     """What the filter is given, and the truth.
 
     Parameters
@@ -66,12 +66,12 @@ class Flight:
     attitude: Array
     start: Array
 
-    def copy(self) -> Flight:
+    def copy(self) -> TrialFlight:
         """With arrays of its own."""
         return replace(self, **{k: np.array(v) for k, v in vars(self).items()})
 
 
-def flight(rate: float, seconds: float, field: Array, rng: np.random.Generator) -> Flight:
+def flight(rate: float, seconds: float, field: Array, rng: np.random.Generator) -> TrialFlight:
     """A flight without a fault.
 
     Parameters
@@ -98,7 +98,7 @@ def flight(rate: float, seconds: float, field: Array, rng: np.random.Generator) 
     each = max(round(rate / FIX_RATE), 1)
     fixes = np.arange(each - 1, n, each)
     noise = rng.normal(size=(3, fixes.size, 3))
-    return Flight(
+    return TrialFlight(
         t[:-1],
         np.full(n, dt),
         accel,

@@ -19,8 +19,8 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets import c
 from kfgen.model.parts.motion import NED
 from kfgen.verify.core import Core
-from kfgen.verify.faults import FAULTS, RIGHT_WITHIN_S, WRONG_WITHIN_S, Fault, spoiled
-from kfgen.verify.flight import AFTER_S, START_S, Flight, flight
+from kfgen.verify.faults import FAULTS, RIGHT_WITHIN_S, WRONG_WITHIN_S, FlightFault, spoiled
+from kfgen.verify.flight import AFTER_S, START_S, TrialFlight, flight
 
 Array = NDArray[np.float64]
 SETTLED_S = 20.0
@@ -40,7 +40,7 @@ class FaultVerdict:
 
     Parameters
     ----------
-    fault : Fault
+    fault : FlightFault
     core : str
     reported : float
         Until a status said it [s]; infinite: never.
@@ -54,7 +54,7 @@ class FaultVerdict:
         Whether every number stayed one.
     """
 
-    fault: Fault
+    fault: FlightFault
     core: str
     reported: float
     right: float
@@ -148,7 +148,7 @@ class FaultFlights(Result):
 def fly_faults(
     emitted: EmittedFilter,
     cores: Sequence[str] = ("host",),
-    faults: Sequence[Fault] = FAULTS,
+    faults: Sequence[FlightFault] = FAULTS,
     seed: int = 1,
 ) -> FaultFlights:
     """Fly a filter in C through faults, on each core.
@@ -159,7 +159,7 @@ def fly_faults(
         In C, with accelerometers, gyros, and position and velocity of GNSS in north, east, down.
     cores : sequence of str
         Names of cores, see `kfgen.list_all`.
-    faults : sequence of Fault
+    faults : sequence of FlightFault
         All of them where left out.
     seed : int
         Of biases and noise.
@@ -229,7 +229,7 @@ def _check(emitted: EmittedFilter) -> None:
 class _Record:
     """What a flight left: at each fix its time [s], error [m], trace of the position's covariance [m^2], status, finite."""
 
-    fault: Fault
+    fault: FlightFault
     t: Array
     error: Array
     trace: Array
@@ -261,12 +261,12 @@ class _Pilot:
     ----------
     program : Program
     core : Core
-    flight : Flight
+    flight : TrialFlight
         With the fault in it.
-    fault : Fault
+    fault : FlightFault
     """
 
-    def __init__(self, program: Program, core: Core, flight: Flight, fault: Fault) -> None:
+    def __init__(self, program: Program, core: Core, flight: TrialFlight, fault: FlightFault) -> None:
         self.program, self.core, self.flight, self.fault = program, core, flight, fault
         self.names = program.discrete.nominal_names
         self.nx = len(self.names)

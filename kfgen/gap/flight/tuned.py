@@ -91,7 +91,7 @@ class TunedSize:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class TunedFlight:
     """A flight whose noises have the size that its innovations ask for.
 
     Parameters
@@ -120,7 +120,7 @@ def groups_of(path: FlownPath) -> tuple[NoiseGroup, ...]:
     return tuple(out)
 
 
-def tuned(path: FlownPath) -> Tuning:
+def tuned(path: FlownPath) -> TunedFlight:
     """A flight with the sizes of its noises that are most likely.
 
     Parameters
@@ -138,7 +138,7 @@ def tuned(path: FlownPath) -> Tuning:
         x = y
         if settled:
             break
-    return Tuning(path, _with_intervals(_SizeLikelihood(path, groups), x))
+    return TunedFlight(path, _with_intervals(_SizeLikelihood(path, groups), x))
 
 
 def sizes_of_part(path: FlownPath, stop: int) -> NoiseSizes:

@@ -114,10 +114,10 @@ def adapted(
     if window < 1 or not 0.0 < forgetting < 1.0:
         raise InputError(f"a window of {window} and a forgetting factor of {forgetting:g} are none")
 
-    def fuse(self: Any, z: Array, h: Array, H: Array, variances: list[float]) -> Any:
+    def fuse(self: Any, z: Array, h: Array, H: Array, variances: list[float], gate: float) -> Any:
         """As emitted; ``nis`` is that of the scaled covariances, of all rows together."""
         self.adapted_nis = 0.0
-        status = vars(emitted)["_fuse"](self, z, h, H, variances)
+        status = vars(emitted)["_fuse"](self, z, h, H, variances, gate)
         self.nis = self.adapted_nis
         return status
 
