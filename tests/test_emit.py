@@ -67,7 +67,7 @@ def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> 
     if (form, loops) != FORMS[0]:
         first = program(name, order)
         first.covariance  # noqa: B018  computes it
-        vars(made).update({k: vars(first)[k] for k in ("atoms", "_transition")})
+        vars(made).update({k: vars(first)[k] for k in ("atoms", "transition")})
     return made
 
 

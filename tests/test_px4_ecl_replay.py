@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 
 
 def test_states_are_within_three_standard_deviations(
@@ -22,7 +22,7 @@ def test_states_are_within_three_standard_deviations(
     if shutil.which(os.environ.get("CC") or "cc") is None:
         pytest.skip("there is no C compiler on this machine")
     monkeypatch.setattr(sys, "path", [str(EXAMPLES), *sys.path])
-    example = runpy.run_path(str(EXAMPLES / "px4_ecl_replay.py"))
+    example = runpy.run_path(str(EXAMPLES / "px4_ecl.py"))
     given = example["replay"](folder)
     flying = example["differences"](given, example["TOUCH_DOWN_S"])
     landed = example["differences"](given)

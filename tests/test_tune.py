@@ -122,7 +122,7 @@ def test_noise_of_a_whole_sensor_is_split_where_one_axis_changes() -> None:
         NoiseModel({"gnss_p": whole}), model(), [NoiseScale("gnss_p_D", 2.0, (1.9, 2.1), True)]
     )
     white = {
-        c: [e.values[0] for e in n.effects if e.name == "sample_noise"] for c, n in found.channels.items()
+        c: [vars(e)["sd"] for e in n.effects if e.name == "sample_noise"] for c, n in found.channels.items()
     }
     assert white == {"gnss_p": [], "gnss_p_N": [2.0], "gnss_p_E": [2.0], "gnss_p_D": [4.0]}
     assert [e.name for e in found.channels["gnss_p"].effects] == ["rate_random_walk"]

@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from recordings.ecl_replay import Array, Replay, replay
+from ecl_replay import Array, Replay, replay
 from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
@@ -26,7 +26,7 @@ from kfgen.model.library import build
 from kfgen.verify.host import Host
 
 DATA = (
-    Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data") / "flights"
+    Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data") / "flights"
 )
 RATE = 1.0 / 0.00487
 """Mean rate of the inertial samples [Hz]."""
