@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import kfgen as kf
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.words import finding_sentence
+from kfgen.gap.words import finding_sentence, noise_scale_sentence, outage_sentence
 from kfgen.log.log import Channel, Log
 from kfgen.report.gap import gap_answer
 
@@ -53,10 +53,13 @@ def recorded(file: Path) -> Log:
 
 
 def walk(file: Path) -> Case:
-    """The receiver's velocity is smoothed, and the antenna's place is found to a centimetre."""
+    """The receiver's velocity is smoothed, the antenna's place is found to a centimetre, fixes are half as noisy as assumed."""
     found = kf.find_gap(recorded(file), kf.build("ins15", noise=NOISE))
     (gap,) = found.comparisons
     said = [f"{finding_sentence(gap, f).split('. ')[0]} ({100 * f.probability:.0f} %)" for f in gap.findings]
+    said += [noise_scale_sentence(s) for s in gap.noise_scales] + [
+        outage_sentence(*pair) for pair in gap.outages
+    ]
     return [f"verdict {gap.verdict}", *said, f"{100 * gap.gap.closed:.0f} % of the gap closed"], gap_answer(
         found
     )
