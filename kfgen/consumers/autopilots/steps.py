@@ -17,7 +17,7 @@ from kfgen.core.errors import InputError
 
 IN_FLIGHT = (
     "a log at rest has neither vibration nor scale errors. Take it as the least, keep the default until test ratios in "
-    "flight stay far below one, or measure what a flight needs: kfgen gap FLIGHT --model FILTER"
+    "flight stay far below one, or measure what a flight needs: kfgen run FILTER FLIGHT --tune"
 )
 """What is to be known of noise from a bench in a filter that flies."""
 MUCH_SMALLER = 0.5
