@@ -73,7 +73,9 @@ def table(answers: list[Answer]) -> str:
     n = sum(asked.values())
     lines += [f"| all | {n} | | {len(alarms)} ({100 * len(alarms) / max(n, 1):.1f} %) |"]
     lines += [f"\n`{a.model}`, {a.manoeuvre}, seed {a.seed}: {a.said}." for a in alarms]
-    lines += [f"\n`{model}`, {count} logs {said}" for (model, said), count in refused.items()]
+    lines += [
+        f"\n`{model}`, {count} logs {said.partition('. ')[0]}." for (model, said), count in refused.items()
+    ]
     return "\n".join(lines)
 
 
