@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from kfgen.core.files.whole_file import write_text
 from kfgen.core.units import STANDARD_GRAVITY
-from kfgen.core.whole_file import write_text
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.emit.routines import Program

@@ -72,8 +72,8 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
     """A driven pendulum at 100 Hz with hidden dry friction."""
     from scipy.integrate import solve_ivp
 
-    from kfgen.gap.core.scene_gap import scene_gap
     from kfgen.gap.plant.scene import PlantScene
+    from kfgen.gap.scene.scene_gap import scene_gap
     from kfgen.model.plant.file import parse_model
 
     rng = np.random.default_rng(2)
@@ -96,8 +96,8 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
 
 def motion(n: int = 100_000) -> tuple[int, list[str], float]:
     """Gyros, accelerometers and magnetometers on a moving body at 100 Hz, references of each; a hidden misalignment."""
-    from kfgen.gap.core.scene_gap import scene_gap
     from kfgen.gap.motion.scene import motion_scene
+    from kfgen.gap.scene.scene_gap import scene_gap
 
     rng = np.random.default_rng(3)
     t = np.arange(n) / 100.0

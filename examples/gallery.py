@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from kfgen.core.whole_file import write_text
+from kfgen.core.files.whole_file import write_text
 from kfgen.identify.identify_log import identify
 from kfgen.log.readers import ColumnMap, read_log
 from kfgen.report.identify import one_line, panel

@@ -15,8 +15,8 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.record_faults import is_outlier, noise_change, roll_off
 from kfgen.identify.identify import Identified, identify
+from kfgen.identify.screening.record_faults import is_outlier, noise_change, roll_off
 
 RATE, SECONDS = 100.0, 300.0
 T = np.arange(int(RATE * SECONDS)) / RATE

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from kfgen.effects.noise_model import read_noise
 from kfgen.effects.series import adc_step
-from kfgen.identify.evidence.cleaning import cleaned, heavy_tailed
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.shocks import bridged, shocks
 from kfgen.identify.identify import Identified, identify
+from kfgen.identify.screening.cleaning import cleaned, heavy_tailed
+from kfgen.identify.screening.shocks import bridged, shocks
 
 Array = NDArray[np.float64]
 Find = Callable[[str], Path]

@@ -18,14 +18,14 @@ import pytest
 import kfgen as kf
 from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.result import GapResult
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.gap.words import outage_sentence
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel

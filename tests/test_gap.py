@@ -209,9 +209,9 @@ def burst(rng: np.random.Generator) -> Array:
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that gives up early: of what no list of effects explains, a long list takes minutes."""
-    limits = replace(explanation.LIMITS, max_effects=2)
-    monkeypatch.setattr("kfgen.gap.rest.channel_gap.LIMITS", limits)
-    monkeypatch.setattr("kfgen.gap.rest.checks.LIMITS", limits)
+    limits = replace(explanation.search_limits(), max_effects=2)
+    monkeypatch.setattr("kfgen.gap.rest.channel_gap.search_limits", lambda channels=1: limits)
+    monkeypatch.setattr("kfgen.gap.rest.checks.search_limits", lambda channels=1: limits)
 
 
 def test_a_line_is_named() -> None:

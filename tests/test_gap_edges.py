@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.gap.motion.truth import body_rate
+from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import OF_A_COEFFICIENT
-from kfgen.gap.core.newton import NOISE_LEVEL_SD_OF_LOG, coordinates, fitted, levels_of, log_posterior, moved
-from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
-from kfgen.gap.core.scene_evidence import evidence
-from kfgen.gap.core.scene_gap import scene_gap
-from kfgen.gap.core.scene_search import explained, ranked
-from kfgen.gap.core.screen import screen
 from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.scene.evidence import evidence
+from kfgen.gap.scene.explanation import explained, ranked
+from kfgen.gap.scene.newton import NOISE_LEVEL_SD_OF_LOG, coordinates, fitted, levels_of, log_posterior, moved
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.scene_gap import scene_gap
+from kfgen.gap.scene.screen import screen
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
 from kfgen.effects import make
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import Placed, Scene, ScenePoint
-from kfgen.gap.core.scene_gap import scene_gap
-from kfgen.gap.core.tempered_scene import tempered
-from kfgen.gap.core.unevenness import unevenness
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
+from kfgen.gap.scene.scene_gap import scene_gap
+from kfgen.gap.scene.tempered_scene import tempered
+from kfgen.gap.scene.unevenness import unevenness
 
 Array = NDArray[np.float64]
 N = 2048

@@ -19,11 +19,11 @@ from kfgen.core.recent_results import RecentResults
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
-from kfgen.gap.core.scene import Placed, ScenePoint
-from kfgen.gap.core.scene_gap import SceneGap, scene_gap
 from kfgen.gap.motion.reference import heard
 from kfgen.gap.motion.scene import motion_scene
 from kfgen.gap.rest.faults import spotted_moving
+from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

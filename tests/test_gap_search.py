@@ -12,7 +12,6 @@ from math import exp
 
 import pytest
 
-from kfgen.gap.core import scene_search
 from kfgen.gap.core.search import (
     NO_EFFECT,
     Chosen,
@@ -29,8 +28,9 @@ from kfgen.gap.core.search import (
 )
 from kfgen.gap.core.thresholds import SearchLimits
 from kfgen.gap.rest import explanation
+from kfgen.gap.scene import explanation as scene_explanation
 
-LIMITS = explanation.LIMITS
+LIMITS = explanation.search_limits()
 """Those of a channel at rest."""
 
 
@@ -132,8 +132,9 @@ def names(table: Table) -> list[str]:
 
 def test_the_thresholds_of_the_worlds() -> None:
     """Those with which the rates of false alarms were measured."""
-    assert SearchLimits(8, 0.3, 3.0, 1.0, 3) == LIMITS
-    assert SearchLimits(10, 3.0, 3.0, 1.0, 3) == scene_search.LIMITS
+    assert SearchLimits(8, 1.0, 3.0, 1.0, 3) == LIMITS
+    assert explanation.search_limits(6).min_first_evidence_nats == pytest.approx(2.7918, abs=1e-4)
+    assert SearchLimits(10, 3.0, 3.0, 1.0, 3) == scene_explanation.LIMITS
 
 
 @pytest.mark.parametrize(("evidence", "found"), [(0.29, []), (0.31, ["a"]), (5.0, ["a"])])

@@ -14,11 +14,11 @@ from kfgen.core import time_budget
 from kfgen.effects.effect import Effect
 from kfgen.effects.plant.sensor import Backlash
 from kfgen.effects.plant.terms import CoulombFriction, InputDeadZone, Saturation
-from kfgen.gap.core.scene import Placed
 from kfgen.gap.core.unseen import LinearFit, parts_of, tail_of, unseen_gain
 from kfgen.gap.find_gap import find_gap
 from kfgen.gap.plant.reach import unreached
 from kfgen.gap.result import GapResult
+from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
 

@@ -19,10 +19,10 @@ from scipy.stats import chi2
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.noise_scale import scaled
-from kfgen.gap.core.scene_gap import SceneGap, scene_gap
-from kfgen.gap.core.scene_holdout import band_edges, every_other, gap_of, tail
 from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.scene.holdout import band_edges, every_other, gap_of, tail
+from kfgen.gap.scene.noise_scale import scaled
+from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

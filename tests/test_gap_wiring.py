@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from kfgen.gap.core.scene_gap import scene_gap
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.rest.faults import by_chance, stuck_spans
+from kfgen.gap.scene.scene_gap import scene_gap
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
 

@@ -14,7 +14,7 @@ from kfgen.calibrate.known_turns import Turn, TurnScene, turn_scene
 from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.scene import Placed, ScenePoint
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

@@ -18,8 +18,8 @@ from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.motion.known_length import NormScene, norm_scene, poses
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

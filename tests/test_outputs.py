@@ -21,11 +21,11 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
-from kfgen.core import whole_file
 from kfgen.core.errors import InputError
-from kfgen.core.outputs import READ_BY_NAME, WRITTEN
-from kfgen.core.temporary import temporary_file
-from kfgen.core.whole_file import all_or_none, publish, write_text, write_whole, write_whole_folder
+from kfgen.core.files import whole_file
+from kfgen.core.files.outputs import READ_BY_NAME, WRITTEN
+from kfgen.core.files.temporary import temporary_file
+from kfgen.core.files.whole_file import all_or_none, publish, write_text, write_whole, write_whole_folder
 
 Cli = Callable[..., Result]
 NOISE = 'format = "kfgen-noise-1"\n[gyro_x]\nunit = "deg/s"\neffects = [{effect="white_noise", N=1e-3}]\n'
@@ -87,7 +87,7 @@ def test_no_output_takes_an_input_or_another_output(case: str, kfgen: Cli) -> No
 
 
 def test_every_path_of_a_command_is_an_input_or_an_output() -> None:
-    """A new one must be named in `kfgen.core.outputs`: what its parameter holds depends on the version of typer."""
+    """A new one must be named in `kfgen.core.files.outputs`: what its parameter holds depends on the version of typer."""
     from kfgen.cli.app import app
 
     paths = {
@@ -219,7 +219,7 @@ def test_a_name_of_any_length_that_the_system_allows(kfgen: Cli) -> None:
 
 def test_what_a_killed_run_left_is_removed_by_the_next_and_what_lives_stays() -> None:
     script = (
-        "import sys, time; from kfgen.core.whole_file import *\n"
+        "import sys, time; from kfgen.core.files.whole_file import *\n"
         "with write_whole('a.json') as f, write_whole_folder('code'):\n"
         " f.write_text('half'); print('.', flush=True); time.sleep(60)"
     )

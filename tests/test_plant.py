@@ -20,10 +20,10 @@ from scipy.integrate import solve_ivp
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, catalogue, make
 from kfgen.effects.plant.terms import PlantEffect, StateTerm
-from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.plant.candidates import moving
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.updated_model import updated_model
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import model_text, parse_model
 from kfgen.model.plant.plant import Batch, Plant, simulate

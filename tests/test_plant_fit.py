@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from kfgen.effects.plant.terms import InputDelay, InputLag
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.plant.scene import PlantScene
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
 

@@ -10,12 +10,12 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects.plant.sensor import SensorLag
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import Placed, ScenePoint
-from kfgen.gap.core.scene_search import ranked
-from kfgen.gap.core.screen import Screened
 from kfgen.gap.plant.recorded_channel import check_near
 from kfgen.gap.plant.scene import PlantScene
+from kfgen.gap.scene.explanation import ranked
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.screen import Screened
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
 

@@ -16,9 +16,9 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.series import WhiteSeries
-from kfgen.gap.core.scene import Placed, ScenePoint
 from kfgen.gap.find_gap import find_gap
 from kfgen.gap.motion.known_length import MAX_RESIDUAL, NormScene, norm_scene
+from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identify_log import identify as identify_log
 from kfgen.log.log import Channel, Log

@@ -17,7 +17,7 @@ from kfgen.cli.app import app
 from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.scene import NoiseScale
+from kfgen.gap.core.result import NoiseScale
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.noise_file import with_sizes
 from kfgen.gap.flight.tune import Tuning

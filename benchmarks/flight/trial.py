@@ -70,9 +70,9 @@ def _model() -> Any:
 def _sized(case: Case) -> Effect:
     """The effect in a random direction of its parameters, as large as its strength asks for."""
     from kfgen.effects import make
-    from kfgen.gap.core.scene import Placed, ScenePoint
-    from kfgen.gap.core.screen import basis, orthogonal_part
     from kfgen.gap.flight.flight_scene import flight_scene
+    from kfgen.gap.scene.scene import Placed, ScenePoint
+    from kfgen.gap.scene.screen import basis, orthogonal_part
 
     scene = flight_scene(log_of(case, []), _model())
     start = np.array([u.value for u in scene.unknowns])

@@ -48,9 +48,9 @@ PARTS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("kfgen/identify/evidence/kalman.py", "tests/test_kalman.py", ""),
     ),
     "gap/core": (
-        ("kfgen/gap/core/newton.py", "tests/test_gap_engine.py tests/test_gap_search.py", ""),
+        ("kfgen/gap/scene/newton.py", "tests/test_gap_engine.py tests/test_gap_search.py", ""),
         ("kfgen/gap/core/search.py", "tests/test_gap_search.py", ""),
-        ("kfgen/gap/core/screen.py", "tests/test_gap_engine.py", ""),
+        ("kfgen/gap/scene/screen.py", "tests/test_gap_engine.py", ""),
         ("kfgen/gap/core/whitener.py", "tests/test_gap_engine.py tests/test_whitened.py", ""),
     ),
     "discretise": (("kfgen/model/discretise.py", "tests/test_discretise.py tests/test_core_formulas.py", ""),),

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.result import Comparison, Finding
-from kfgen.gap.core.scene import Scene
-from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.find_gap import find_gap, units_of
 from kfgen.gap.result import GapResult, LogSource
+from kfgen.gap.scene.scene import Scene
+from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.words import finding_sentence
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify

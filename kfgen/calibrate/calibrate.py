@@ -22,8 +22,8 @@ from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
-from kfgen.gap.core.scene import ScenePoint
 from kfgen.gap.motion.known_length import MIN_POSES, NormScene, norm_scene, poses
+from kfgen.gap.scene.scene import ScenePoint
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
 

@@ -18,7 +18,7 @@ from kfgen.effects.inertial.errors import ScaleAsymmetry, ScaleFactor
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.noise_model import NoiseModel
-from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class TurnScene:
-    """Integrals of rates against known angles; see `kfgen.gap.core.scene.Scene`.
+    """Integrals of rates against known angles; see `kfgen.gap.scene.scene.Scene`.
 
     Parameters
     ----------

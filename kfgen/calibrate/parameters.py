@@ -8,7 +8,7 @@ from typing import Any
 
 from kfgen.core.channel_names import AXES
 from kfgen.effects import make
-from kfgen.gap.core.scene import Placed
+from kfgen.gap.scene.scene import Placed
 
 MIN_POSES_OF_ANGLES = 9
 """Poses from which the angles between the axes are fitted beside bias and scale."""

@@ -41,7 +41,7 @@ class Guarded(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Prove the outputs, then run the command."""
-        from kfgen.core.outputs import GivenParameter, outputs_together
+        from kfgen.core.files.outputs import GivenParameter, outputs_together
 
         given = [GivenParameter(str(p.name), p.opts[0], ctx.params.get(str(p.name))) for p in self.params]
         with outputs_together(given), elapsed_time(ctx.command_path):

@@ -32,7 +32,7 @@ def gap(
     report: Report = None,
 ) -> None:
     """Where model and record disagree, the missing effect by name, the updated model, before and after."""
-    from kfgen.core.whole_file import write_text
+    from kfgen.core.files.whole_file import write_text
     from kfgen.gap.core.result import NO_GAP
     from kfgen.gap.find_gap import find_gap
     from kfgen.report.gap import gap_answer

@@ -44,7 +44,7 @@ def convert(
 ) -> None:
     """Noise parameters in the file and the convention of a program that consumes them."""
     from kfgen.consumers import convert
-    from kfgen.core.whole_file import write_text
+    from kfgen.core.files.whole_file import write_text
     from kfgen.report.convert import convert_answer
 
     made = convert(noise, to, rate=rate, safety=safety)

@@ -61,8 +61,8 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
 
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     """Print an answer, write what was asked for, and exit with 1 when a check failed."""
+    from kfgen.core.files.whole_file import publish, write_text
     from kfgen.core.terminal import json_text, printable
-    from kfgen.core.whole_file import publish, write_text
     from kfgen.report.page import write_page
 
     for warning in answer.warnings:

@@ -15,8 +15,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
-from kfgen.core.destination import reason_of
 from kfgen.core.errors import InputError, KfgenError
+from kfgen.core.files.destination import reason_of
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 _TEMPORARY = re.compile(r"\.([^/]+)\.[a-z0-9_]{8}\.kfgen(-old)?")

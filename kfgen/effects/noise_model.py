@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from kfgen.core.errors import InputError
-from kfgen.core.toml_document import document_of, text_of
+from kfgen.core.files.toml_document import document_of, text_of
+from kfgen.core.files.whole_file import write_text
 from kfgen.core.units import derived_unit, from_si, parse_quantity, parse_unit
-from kfgen.core.whole_file import write_text
 from kfgen.effects import Effect, effect_named
 from kfgen.effects.driven.proportional import is_plain
 from kfgen.effects.filter_role import KNOWN, STATE, Use

@@ -9,8 +9,8 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.core.files.whole_file import sha256_of, write_whole_folder
 from kfgen.core.result import Result, ShortTable
-from kfgen.core.whole_file import sha256_of, write_whole_folder
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program

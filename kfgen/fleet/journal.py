@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import kfgen
-from kfgen.core.destination import Destination
+from kfgen.core.files.destination import Destination
 from kfgen.core.numbers import finite
 from kfgen.fleet.answer import Estimated, FoundEffect, Frequencies, LogAnswer
 from kfgen.fleet.result import Outcome

@@ -17,10 +17,7 @@ from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise
-from kfgen.gap.core.noise_scale import scaled
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
-from kfgen.gap.core.scene import Placed
-from kfgen.gap.core.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
@@ -35,6 +32,9 @@ from kfgen.gap.rest.even_record import drivers_of, regular
 from kfgen.gap.rest.second_recording import gap_on, happens_once
 from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
 from kfgen.gap.result import GapResult, LogSource, ModelFile, Proof, RecordingGap
+from kfgen.gap.scene.noise_scale import scaled
+from kfgen.gap.scene.scene import Placed
+from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.words import refused_sentence
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
@@ -302,7 +302,7 @@ def _at_rest(
         record, stamps, words = regular(log, name, noise.effects, drive)
         warnings += [w for w in words if w not in warnings]
         with time_budget(parts=len(names) - k):
-            gaps[name] = channel_gap(name, record, noise, stamps, log.stated)
+            gaps[name] = channel_gap(name, record, noise, stamps, log.stated, len(names))
     gaps = with_pairs(gaps)
     proofs = tuple(p for other in others for p in _proofs(gaps, other))
     updated = _updated(assumed, gaps)
@@ -344,14 +344,15 @@ def _several(
     assumed, warnings = _common(name, assumed_noise(model, logs[0]), logs[0])
     drives = [drivers_of(log) for log in logs]
     found: dict[str, JointGap] = {}
-    for channel in names or assumed.channels:
+    compared = names or list(assumed.channels)
+    for channel in compared:
         noise, parts = assumed.channel(channel), []
         for log, (drive, words) in zip(logs, drives):
             _common(name, assumed_noise(model, log), log)
             record, stamps, more = regular(log, channel, noise.effects, drive)
             parts.append(Recording(log.source, record, stamps, log.stated))
             warnings += [f"{log.source}: {w}" for w in (*words, *more)]
-        found[channel] = joint_gap(channel, parts, noise)
+        found[channel] = joint_gap(channel, parts, noise, len(compared))
     alone = tuple(
         RecordingGap(log.source, tuple(j.alone[k][1] for j in found.values())) for k, log in enumerate(logs)
     )

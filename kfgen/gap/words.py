@@ -22,8 +22,9 @@ from kfgen.gap.core.result import (
     Comparison,
     DetectionLimit,
     Finding,
+    NoiseScale,
+    OutageDrift,
 )
-from kfgen.gap.core.scene import NoiseScale, OutageDrift
 from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2
 

@@ -17,12 +17,12 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, ParameterCovariance, Term, write_noise
-from kfgen.identify.evidence.left_out import LeftOut
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine
 from kfgen.identify.identify import Identified, records_within
+from kfgen.identify.screening.left_out import LeftOut
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]

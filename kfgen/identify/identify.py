@@ -11,20 +11,12 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
-from kfgen.identify.evidence.cleaning import cleaned, outliers_said
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.long import Long, Stream, condense
 from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
-from kfgen.identify.evidence.record_faults import (
-    amplitude_faults,
-    is_outlier,
-    noise_change,
-    roll_off,
-)
-from kfgen.identify.evidence.shocks import bridged, shocks, shocks_said
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.fit.estimate import Estimate
 from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
@@ -33,6 +25,14 @@ from kfgen.identify.fit.interval import intervals95, stretched
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
 from kfgen.identify.methods.likelihood import METHODS, covariance
+from kfgen.identify.screening.cleaning import cleaned, outliers_said
+from kfgen.identify.screening.record_faults import (
+    amplitude_faults,
+    is_outlier,
+    noise_change,
+    roll_off,
+)
+from kfgen.identify.screening.shocks import bridged, shocks, shocks_said
 
 Array = NDArray[np.float64]
 

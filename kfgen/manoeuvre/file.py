@@ -15,7 +15,7 @@ import sympy as sp
 
 from kfgen.core.errors import InputError
 from kfgen.core.expression import Expression, read_expression
-from kfgen.core.toml_document import document_of, text_of
+from kfgen.core.files.toml_document import document_of, text_of
 from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.manoeuvre.library import LIBRARY
 from kfgen.manoeuvre.manoeuvre import (

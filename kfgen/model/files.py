@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from kfgen.core.errors import InputError
-from kfgen.core.toml_document import text_of
+from kfgen.core.files.toml_document import text_of
 from kfgen.effects.noise_model import FORMAT as NOISE_FORMAT
 from kfgen.effects.noise_model import NoiseModel, parse_noise, write_noise
 from kfgen.model.filter_file import FORMAT as FILTER_FORMAT

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from kfgen.core.errors import InputError
-from kfgen.core.toml_document import document_of, text_of
+from kfgen.core.files.toml_document import document_of, text_of
+from kfgen.core.files.whole_file import write_text
 from kfgen.core.units import parse_quantity, parse_unit
-from kfgen.core.whole_file import write_text
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, entry_text, quoted, read_channel, read_noise
 
 FORMAT = "kfgen-filter-1"

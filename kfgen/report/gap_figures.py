@@ -12,9 +12,9 @@ from kfgen.core.units import parse_unit
 from kfgen.effects import Effect
 from kfgen.gap.core.battery import bands
 from kfgen.gap.core.result import Comparison, Finding
-from kfgen.gap.core.scene_gap import SceneGap
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.comparison import ChannelGap
+from kfgen.gap.scene.scene_gap import SceneGap
 from kfgen.identify.evidence.allan import overlapping_variance
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means, residual_ratio

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import kfgen
+from kfgen.core.files.whole_file import write_text
 from kfgen.core.terminal import command_line
-from kfgen.core.whole_file import write_text
 from kfgen.emit.targets.templates import render
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from kfgen.audit.result import Audited
 from kfgen.core.errors import InputError
+from kfgen.core.files.whole_file import write_text
 from kfgen.core.result import Result
 from kfgen.core.units import display_unit
-from kfgen.core.whole_file import write_text
 from kfgen.gap.result import GapResult
 from kfgen.identify.identification import Identification
 from kfgen.identify.plan import RecordPlan

@@ -14,7 +14,7 @@ from kfgen.audit.audit import in_log
 from kfgen.audit.degree import Horizon
 from kfgen.audit.result import Audited, WantedAccuracy
 from kfgen.core.errors import InputError
-from kfgen.core.whole_file import hashes
+from kfgen.core.files.whole_file import hashes
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.manoeuvre.file import manoeuvre
 from kfgen.manoeuvre.manoeuvre import Manoeuvre

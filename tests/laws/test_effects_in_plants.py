@@ -15,9 +15,9 @@ from strong_effects import PLANT, Strong
 import kfgen as kf
 from kfgen.effects import catalogue
 from kfgen.effects.plant.terms import PlantEffect
-from kfgen.gap.core.scene import Placed
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.result import GapResult
+from kfgen.gap.scene.scene import Placed
 from kfgen.model.plant.file import model_text, parse_model
 
 RATE_HZ = 20.0

@@ -9,7 +9,6 @@ from typing import ClassVar
 from kfgen.effects import Effect
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.core.scene import NoiseScale, OutageDrift
 from kfgen.gap.core.search import NO_EFFECT, Distinguishability, Refused
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY
 
@@ -123,6 +122,47 @@ class Checks:
     seen: Mapping[str, bool]
     found_again: tuple[str, ...] | None
     named: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NoiseScale:
+    """The noise of a channel of another size than assumed.
+
+    Parameters
+    ----------
+    channel : str
+        Or the sensor, where all its channels have one size.
+    times : float
+        Standard deviation over the assumed one.
+    ci95 : (float, float)
+        Its interval.
+    white : bool
+        Whether it is the size of the white noise alone, and not of every noise of the channel.
+    """
+
+    channel: str
+    times: float
+    ci95: tuple[float, float]
+    white: bool = False
+
+
+@dataclass(frozen=True)
+class OutageDrift:
+    """How far a filter is from the first fix after outages.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of each outage [s].
+    metres : float
+        Root mean square distance [m].
+    count : int
+        Outages.
+    """
+
+    seconds: float
+    metres: float
+    count: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,9 +56,14 @@ class LinearFlight:
         return np.asarray(self.e / np.sqrt(self.S))
 
     @property
+    def nats_of_readings(self) -> Array:
+        """Log-likelihood of every reading given those before it, up to a constant, shape (rows,)."""
+        return np.asarray(-0.5 * (self.e**2 / self.S + np.log(self.S)))
+
+    @property
     def log_likelihood(self) -> float:
         """Of the innovations, up to a constant [nats]; minus infinity where they are no numbers."""
-        value = -0.5 * float(np.sum(self.e**2 / self.S + np.log(self.S)))
+        value = float(np.sum(self.nats_of_readings))
         return value if np.isfinite(value) else -np.inf
 
     def until(self, stop: int | None) -> LinearFlight:

@@ -8,8 +8,8 @@ from dataclasses import replace
 from kfgen.core.channel_names import acts_on
 from kfgen.effects import make
 from kfgen.effects.noise_model import SAMPLED, WHITE, ChannelNoise, NoiseModel, Term
-from kfgen.gap.core.noise_scale import scaled
-from kfgen.gap.core.scene import NoiseScale
+from kfgen.gap.core.result import NoiseScale
+from kfgen.gap.scene.noise_scale import scaled
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import FilterFile

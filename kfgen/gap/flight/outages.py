@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.core.scene import OutageDrift
+from kfgen.gap.core.result import OutageDrift
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
 

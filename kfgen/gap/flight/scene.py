@@ -19,14 +19,15 @@ from kfgen.effects import Effect
 from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
-from kfgen.gap.core.scene import NoiseScale, OutageDrift, Placed, ScenePoint, Unknown
+from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.flight.tuned import TunedSize, tuned
+from kfgen.gap.flight.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.motion.candidates import MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ MOVED_SHARE = 1e-9
 
 @dataclass(frozen=True)
 class FlightScene:
-    """See `kfgen.gap.core.scene.Scene`.
+    """See `kfgen.gap.scene.scene.Scene`.
 
     Parameters
     ----------
@@ -195,19 +196,14 @@ class FlightScene:
 
     @cached_property
     def log_widths(self) -> Array:
-        """See `kfgen.gap.core.scene.HasNoiseSizes`."""
+        """See `kfgen.gap.scene.scene.HasNoiseSizes`."""
         logs = 0.5 * np.log(self.path.linear.S)
         return np.concatenate([logs[self.path.rows.of(c)] for c in self.channels])
 
     @property
     def noise_scales(self) -> tuple[NoiseScale, ...]:
         """The noises whose size this flight shows, and that is not as assumed."""
-        away = [s for s in self.sizes if s.is_shown and not s.ci95[0] <= 1.0 <= s.ci95[1]]
-        return tuple(
-            NoiseScale(c, s.times, s.ci95, white=True)
-            for s in away
-            for c in (*s.group.inputs, *s.group.channels)
-        )
+        return shown_scales([s for s in self.sizes if not s.ci95[0] <= 1.0 <= s.ci95[1]])
 
     def drifts(self, share: float) -> tuple[OutageDrift, ...]:
         """See `kfgen.gap.flight.outages`."""

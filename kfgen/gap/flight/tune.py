@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,15 +9,15 @@ import numpy as np
 
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import NoiseScale, ScenePoint
-from kfgen.gap.core.scene_search import relinearised
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.flight.noise_sizes import NoiseSizes
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.scene import FlightScene
-from kfgen.gap.flight.tuned import TunedSize
+from kfgen.gap.flight.tuned import TunedSize, shown_scales, sizes_of_part
+from kfgen.gap.scene.explanation import relinearised
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import ScenePoint
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, filter_file, filter_of
 from kfgen.model.filter_file import FilterFile
@@ -120,19 +119,10 @@ def tune(model: ModelSource, log: LogOrPath) -> Tuning:
     assert isinstance(start, FlightScene)  # a flight about another path is one
     found = start.tuned(fit.point)
     written = as_given(built, assumed_noise(built, data))
-    improved = filter_file(built, with_sizes(written, built, _shown(found.sizes)))
+    improved = filter_file(built, with_sizes(written, built, shown_scales(found.sizes)))
     known = {u.name: u.value for u in found.unknowns}
     judged = _unseen(start.path.without(start.path.du, start.path.dz, known), found.path)
     return Tuning(built.name, data.source, found.sizes, _nis(start.path, found.path), judged, improved)
-
-
-def _shown(sizes: Sequence[TunedSize]) -> list[NoiseScale]:
-    return [
-        NoiseScale(c, s.times, s.ci95, white=True)
-        for s in sizes
-        if s.is_shown
-        for c in (*s.group.inputs, *s.group.channels)
-    ]
 
 
 def _nis(before: FlownPath, after: FlownPath) -> dict[str, tuple[float, float]]:
@@ -146,14 +136,10 @@ def _nis(before: FlownPath, after: FlownPath) -> dict[str, tuple[float, float]]:
 
 def _unseen(before: FlownPath, after: FlownPath) -> tuple[float, float]:
     """Nats of a reading of the last part, with the assumed sizes and with those that the first part asks for."""
-    from kfgen.gap.flight.tuned import sizes_of_part
-
     first = int(before.rows.at[int(LEARNT_SHARE * before.rows.at.size)])
     sizes = sizes_of_part(after, first)
     last = before.rows.at >= first
     nats = []
     for path in (replace(before, sizes=NoiseSizes()), replace(before, sizes=sizes)):
-        linear = path.linear
-        each = -0.5 * (linear.e**2 / linear.S + np.log(linear.S))
-        nats.append(float(each[last].mean()))
+        nats.append(float(path.linear.nats_of_readings[last].mean()))
     return nats[0], nats[1]

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.gap.core.result import NoiseScale
 from kfgen.gap.flight.noise_sizes import NoiseSizes
 from kfgen.gap.flight.path import FlownPath
 
@@ -103,6 +104,21 @@ class TunedFlight:
 
     path: FlownPath
     sizes: tuple[TunedSize, ...]
+
+
+def shown_scales(sizes: Sequence[TunedSize]) -> tuple[NoiseScale, ...]:
+    """The sizes that a flight shows, of each input and channel.
+
+    Parameters
+    ----------
+    sizes : sequence of TunedSize
+    """
+    return tuple(
+        NoiseScale(c, s.times, s.ci95, white=True)
+        for s in sizes
+        if s.is_shown
+        for c in (*s.group.inputs, *s.group.channels)
+    )
 
 
 def groups_of(path: FlownPath) -> tuple[NoiseGroup, ...]:

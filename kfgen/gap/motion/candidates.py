@@ -29,10 +29,10 @@ from kfgen.effects.inertial.errors import (
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
-from kfgen.gap.core.scene import Placed
-from kfgen.gap.core.screen import MIN_OWN_SHARE
 from kfgen.gap.motion.on_off_times import best_span
 from kfgen.gap.motion.truth import Truth
+from kfgen.gap.scene.scene import Placed
+from kfgen.gap.scene.screen import MIN_OWN_SHARE
 
 Array = NDArray[np.float64]
 

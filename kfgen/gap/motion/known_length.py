@@ -28,7 +28,7 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError, free
 from kfgen.effects.inertial.magnetic import HardIron, SoftIron
 from kfgen.effects.noise_model import NoiseModel
-from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ MAX_RESIDUAL = 1e6
 
 @dataclass(frozen=True)
 class NormScene:
-    """Readings whose true length is constant; see `kfgen.gap.core.scene.Scene`.
+    """Readings whose true length is constant; see `kfgen.gap.scene.scene.Scene`.
 
     Parameters
     ----------

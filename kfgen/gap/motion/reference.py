@@ -15,7 +15,7 @@ from kfgen.core.channel_names import AXES
 from kfgen.core.errors import InputError
 from kfgen.effects.faults.reference import HeldReference, StuckReference
 from kfgen.effects.series import noise_of
-from kfgen.gap.core.scene import Placed
+from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]

@@ -26,7 +26,6 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
-from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.candidates import MotionCandidates, offers
@@ -37,6 +36,7 @@ from kfgen.gap.motion.reference import heard, references
 from kfgen.gap.motion.rounded_reference import rounded
 from kfgen.gap.motion.truth import Truth, held, truth_of
 from kfgen.gap.rest.even_record import recorded
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ RECENT = 4
 
 @dataclass(frozen=True)
 class MotionScene:
-    """Moving sensors against their truth; see `kfgen.gap.core.scene.Scene`.
+    """Moving sensors against their truth; see `kfgen.gap.scene.scene.Scene`.
 
     Parameters
     ----------

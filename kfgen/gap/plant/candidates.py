@@ -25,8 +25,8 @@ from kfgen.effects.plant.terms import (
     Saturation,
     StateTerm,
 )
-from kfgen.gap.core.scene import Placed
 from kfgen.gap.plant.sensor_errors import SENSORS
+from kfgen.gap.scene.scene import Placed
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]

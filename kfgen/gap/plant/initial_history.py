@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange
-from kfgen.gap.core.scene import ScenePoint
 from kfgen.gap.plant.recorded_channel import RecordedChannel
+from kfgen.gap.scene.scene import ScenePoint
 from kfgen.model.plant.plant import Batch
 
 Array = NDArray[np.float64]

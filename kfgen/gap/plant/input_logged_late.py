@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from kfgen.effects.faults.samples import TooEarly
 from kfgen.effects.plant.terms import InputDelay
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import Placed, ScenePoint
-from kfgen.gap.core.scene_search import ranked
-from kfgen.gap.core.screen import screen
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import Shooting
+from kfgen.gap.scene.explanation import ranked
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.screen import screen
 from kfgen.log.log import Channel
 
 Array = NDArray[np.float64]

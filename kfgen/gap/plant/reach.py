@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.plant.sensor import Backlash
 from kfgen.effects.plant.terms import CoulombFriction, InputDeadZone, Saturation
-from kfgen.gap.core.scene import Placed
+from kfgen.gap.scene.scene import Placed
 
 Array = NDArray[np.float64]
 

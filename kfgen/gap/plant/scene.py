@@ -22,7 +22,6 @@ from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
-from kfgen.gap.core.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.plant.candidates import additions
 from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
 from kfgen.gap.plant.reach import rms, unreached
@@ -30,6 +29,7 @@ from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness, segments, shortest
 from kfgen.gap.rest.trust import MAX_SHIFT_SD
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.equations import unknown_deviation
 from kfgen.model.plant.plant import Batch, Plant, Run, stacked
@@ -49,7 +49,7 @@ Kinds = tuple[tuple[str, type[PlantEffect]], ...]
 
 @dataclass(frozen=True)
 class PlantScene:
-    """See `kfgen.gap.core.scene.Scene`.
+    """See `kfgen.gap.scene.scene.Scene`.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class PlantScene:
         return replace(scene, initial=initial, hidden=(False,) * len(model.states))
 
     def faults(self) -> tuple[Placed, ...]:
-        """See `kfgen.gap.core.scene.Inspected`."""
+        """See `kfgen.gap.scene.scene.Inspected`."""
         return self.spoilt
 
     @property
@@ -178,12 +178,12 @@ class PlantScene:
 
     @property
     def constant_inputs(self) -> tuple[str, ...]:
-        """See `kfgen.gap.core.scene.Driven`."""
+        """See `kfgen.gap.scene.scene.Driven`."""
         return tuple(n for n, u in self.inputs.items() if not np.ptp(u) > 0.0)
 
     @property
     def follows_nowhere(self) -> bool:
-        """See `kfgen.gap.core.scene.Driven`."""
+        """See `kfgen.gap.scene.scene.Driven`."""
         return len(self.starts) > 1 and len(self.starts) > ASTRAY * self.log.n / shortest(self.log.n)
 
     @cached_property
@@ -215,7 +215,7 @@ class PlantScene:
         return self.model.unit_at(placed.where, placed.effect)
 
     def held(self, names: Collection[str]) -> PlantScene:
-        """See `kfgen.gap.core.scene.Trusting`."""
+        """See `kfgen.gap.scene.scene.Trusting`."""
         parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
         doubted = tuple(n for n in self.model.states if n in names)
         model = replace(self.model, parameters=parameters)
@@ -229,7 +229,7 @@ class PlantScene:
         return scene
 
     def stated(self, where: str) -> float:
-        """See `kfgen.gap.core.scene.Trusting`."""
+        """See `kfgen.gap.scene.scene.Trusting`."""
         found = self.model.parameters.get(where)
         return self.model.states[where].initial if found is None else found.value
 
@@ -361,7 +361,7 @@ class PlantScene:
         return independent(found)
 
     def spread(self, point: ScenePoint) -> float:
-        """See `kfgen.gap.core.scene.Integrating`."""
+        """See `kfgen.gap.scene.scene.Integrating`."""
         inside = without_sensor_errors(point)
         columns = self._begun(self._shown([inside]), [inside])
         return 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
@@ -376,7 +376,7 @@ class PlantScene:
         return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
 
     def unreached(self, placed: Placed) -> str:
-        """See `kfgen.gap.core.scene.Reaching`."""
+        """See `kfgen.gap.scene.scene.Reaching`."""
         return unreached(placed, self.inputs, {n: r.values for n, r in self.recorded.items()})
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:

@@ -9,7 +9,7 @@ from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import Term
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
-from kfgen.gap.core.scene import Placed
+from kfgen.gap.scene.scene import Placed
 from kfgen.model.plant.user import Acting, Measurement, UserModel
 
 

@@ -27,11 +27,11 @@ from kfgen.effects.faults.samples import (
     runs,
 )
 from kfgen.effects.plant.terms import PlantEffect
-from kfgen.gap.core.scene import Placed
 from kfgen.gap.plant.input_logged_late import logged_late
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness
 from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
+from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.user import UserModel
 

@@ -18,7 +18,7 @@ from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.rest.checks import checks_of
 from kfgen.gap.rest.comparison import ChannelGap, span_of
 from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
-from kfgen.gap.rest.explanation import LIMITS, ChannelExplanation
+from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
 from kfgen.gap.rest.second_recording import lasts
 from kfgen.gap.rest.trust import check, merged, moved, priors_of, without_assumed_terms
@@ -59,7 +59,12 @@ class Prepared:
 
 
 def channel_gap(
-    channel: str, record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
+    channel: str,
+    record: Record,
+    noise: ChannelNoise,
+    stamps: Array | None = None,
+    stated: float = 0.0,
+    channels: int = 1,
 ) -> ChannelGap:
     """Compare one channel at rest with the noise that is assumed about it.
 
@@ -73,6 +78,8 @@ def channel_gap(
         The time stamps as they were logged [s], where the record's are not.
     stated : float
         How long the log's header says that it lasted [s]; zero where it does not.
+    channels : int
+        That are compared in this log.
 
     Returns
     -------
@@ -93,7 +100,7 @@ def channel_gap(
     at = prepared(record, noise)
     raw, random = at.raw, at.random
     before = tests_of(channel, as_written(raw, random.effects))
-    search = searched(at.search, LIMITS)
+    search = searched(at.search, search_limits(channels))
     base = search.base
     after = tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)

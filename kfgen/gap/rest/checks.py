@@ -16,7 +16,7 @@ from kfgen.effects import Effect
 from kfgen.gap.core.result import Checks
 from kfgen.gap.core.search import grown
 from kfgen.gap.rest.evidence import RETUNE
-from kfgen.gap.rest.explanation import LIMITS, ChannelExplanation
+from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.identify.evidence.joint import JointRecord, records_of
 from kfgen.identify.evidence.record import Evidence, Record
 
@@ -46,7 +46,8 @@ def checks_of(
         seen[name] = seen.get(name, False) or lo > 0.0 or hi < 0.0
     again = None
     if search.record.n <= MAX_SIMULATED_SAMPLES:
-        found = grown(replace(search, record=_simulated_again(search, effects), chosen=(), known=()), LIMITS)
+        simulated = replace(search, record=_simulated_again(search, effects), chosen=(), known=())
+        found = grown(simulated, search_limits())
         again = tuple(c.name for c in found.chosen if c.name != RETUNE)
     named = tuple(c.name for c in search.chosen if c.name != RETUNE)
     return Checks(_nested(search, effects), seen, again, named)

@@ -20,7 +20,7 @@ from kfgen.gap.core.battery import Test
 from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Finding
 from kfgen.gap.core.search import NO_EFFECT
 from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.explanation import LIMITS
+from kfgen.gap.rest.explanation import search_limits
 
 
 def with_pairs(gaps: Mapping[str, ChannelGap]) -> dict[str, ChannelGap]:
@@ -33,6 +33,7 @@ def with_pairs(gaps: Mapping[str, ChannelGap]) -> dict[str, ChannelGap]:
         and not (_assumes(gaps[a].updated) and _assumes(gaps[b].updated))
     ]
     cost = float(np.log(len(catalogue()) + 1) + np.log(max(len(pairs), 1)))
+    limits = search_limits()  # the cost counts the pairs
     for a, b in pairs:
         x, y = gaps[a].white, gaps[b].white
         n = x.size
@@ -42,9 +43,9 @@ def with_pairs(gaps: Mapping[str, ChannelGap]) -> dict[str, ChannelGap]:
         evidence += 0.5 * float(np.log(2.0 * np.pi)) + float(np.log(max(sd, 1e-300))) - cost
         evidence -= float(np.log(OF_A_COEFFICIENT * max(abs(r), sd)))
         if evidence > (
-            LIMITS.min_evidence_nats
+            limits.min_evidence_nats
             if gaps[a].findings or gaps[b].findings
-            else LIMITS.min_first_evidence_nats
+            else limits.min_first_evidence_nats
         ):
             out[a] = _with(out[a], r, sd, evidence, named=True)
             out[b] = _with(out[b], r, sd, evidence, named=False)

@@ -15,9 +15,9 @@ from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
-from kfgen.identify.evidence.noise_free import refuse_noise_free
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
+from kfgen.identify.screening.noise_free import refuse_noise_free
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,8 +26,8 @@ from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Key, Prior, Problem, maximise
 
-LIMITS = SearchLimits(max_effects=8, min_first_evidence_nats=0.3)
-"""Of 200 records without a gap one reached 1.43 nats for a first effect, one 0.11, all others less than zero."""
+MIN_FIRST_EVIDENCE_NATS = 1.0
+"""Of a first effect in one channel: of 200 records without a gap one reached 1.43 nats, one 0.11, all others less than zero."""
 UNRIVALLED_PROBABILITY = 0.9999
 """Probability of a name that had no rival."""
 UNRIVALLED_EVIDENCE_NATS = 40.0
@@ -38,6 +39,17 @@ ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
 """Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
 SHAPE_MIN_PROBABILITY = 1e-12
 """Probability of a shape beside slow noise below which it is not followed."""
+
+
+def search_limits(channels: int = 1) -> SearchLimits:
+    """The limits of a search at rest: of several channels each may raise a false alarm, so that each needs more evidence.
+
+    Parameters
+    ----------
+    channels : int
+        That are compared in one log.
+    """
+    return SearchLimits(max_effects=8, min_first_evidence_nats=MIN_FIRST_EVIDENCE_NATS + math.log(channels))
 
 
 @dataclass(frozen=True)

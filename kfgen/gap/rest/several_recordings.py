@@ -33,7 +33,7 @@ from kfgen.gap.rest.channel_gap import (
 )
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.evidence import Candidate
-from kfgen.gap.rest.explanation import LIMITS
+from kfgen.gap.rest.explanation import search_limits
 from kfgen.gap.rest.second_recording import lasts
 from kfgen.gap.rest.trust import merged, moved
 from kfgen.identify.evidence.joint import JointRecord
@@ -81,7 +81,9 @@ class JointGap:
     alone: tuple[tuple[str, ChannelGap], ...]
 
 
-def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise) -> JointGap:
+def joint_gap(
+    channel: str, recordings: Sequence[Recording], noise: ChannelNoise, channels: int = 1
+) -> JointGap:
     """Compare several recordings of one channel with the noise that is assumed about it.
 
     Parameters
@@ -89,6 +91,8 @@ def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise
     channel : str
     recordings : sequence of Recording
     noise : ChannelNoise
+    channels : int
+        That are compared in these recordings.
 
     Returns
     -------
@@ -99,7 +103,9 @@ def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise
     InputError
         No recording can be used, or as of `channel_gap`.
     """
-    alone = [(r.name, channel_gap(channel, r.record, noise, r.stamps, r.stated)) for r in recordings]
+    alone = [
+        (r.name, channel_gap(channel, r.record, noise, r.stamps, r.stated, channels)) for r in recordings
+    ]
     good = [(r, g) for r, (_, g) in zip(recordings, alone) if g.verdict != BAD_DATA]
     if not good:
         raise InputError(
@@ -110,7 +116,7 @@ def joint_gap(channel: str, recordings: Sequence[Recording], noise: ChannelNoise
     ready = [
         prepared(_steady(r.record, g), noise.extended_band(r.record.dt, r.record.duration)) for r, g in good
     ]
-    return JointGap(_of_all(channel, ready, good[0][1], noise), tuple(alone))
+    return JointGap(_of_all(channel, ready, good[0][1], noise, channels), tuple(alone))
 
 
 def _steady(record: Record, found: ChannelGap) -> Record:
@@ -122,13 +128,15 @@ def _steady(record: Record, found: ChannelGap) -> Record:
     return replace(clean, y=clean.y - clean.drift([e for e in sure if e.coefficients()]), block=1)
 
 
-def _of_all(channel: str, ready: Sequence[Prepared], first: ChannelGap, noise: ChannelNoise) -> ChannelGap:
+def _of_all(
+    channel: str, ready: Sequence[Prepared], first: ChannelGap, noise: ChannelNoise, channels: int
+) -> ChannelGap:
     joint = JointRecord(tuple(p.raw for p in ready))
     at = ready[0]
     passing = frozenset(name for name, cls in catalogue().items() if not lasts(cls))
     start = replace(at.search, record=joint, without=at.search.without | passing)
     before = tests_of(channel, as_written(joint, at.random.effects))
-    search = searched(start, LIMITS)
+    search = searched(start, search_limits(channels))
     base = search.base
     after = tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, at.random.effects)

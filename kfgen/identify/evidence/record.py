@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, Look
 from kfgen.effects.series import DetectedFault, adc_step
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
-from kfgen.identify.evidence.left_out import LeftOut
 from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks
 from kfgen.identify.evidence.shapes import Key
 from kfgen.identify.evidence.whittle import (
@@ -30,6 +29,7 @@ from kfgen.identify.evidence.whittle import (
     ordinates,
     transform,
 )
+from kfgen.identify.screening.left_out import LeftOut
 
 Array = NDArray[np.float64]
 Peaks = tuple[SpectralPeak, ...]

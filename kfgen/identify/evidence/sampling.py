@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
-from kfgen.identify.evidence.noise_free import refuse_noise_free
 from kfgen.identify.evidence.record import Evidence, Record
+from kfgen.identify.screening.noise_free import refuse_noise_free
 
 Array = NDArray[np.float64]
 

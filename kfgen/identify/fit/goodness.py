@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from kfgen.effects.process.stochastic import WhiteNoise
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.record import Evidence, Record
-from kfgen.identify.evidence.shocks import away_from_neighbours
 from kfgen.identify.evidence.whittle import Ordinates, residual_ratio
 from kfgen.identify.fit.fit import Fit, Key, inverse
+from kfgen.identify.screening.shocks import away_from_neighbours
 
 Array = NDArray[np.float64]
 

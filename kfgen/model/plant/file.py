@@ -10,9 +10,9 @@ from typing import Any
 
 from kfgen.core.errors import InputError
 from kfgen.core.expression import FUNCTIONS, Expression, read_expression
-from kfgen.core.toml_document import document_of
+from kfgen.core.files.toml_document import document_of
+from kfgen.core.files.whole_file import write_text
 from kfgen.core.units import from_si, parse_quantity, parse_unit
-from kfgen.core.whole_file import write_text
 from kfgen.effects.noise_model import ChannelNoise, entry_text, quoted, read_channel, read_term
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import PlantEffect

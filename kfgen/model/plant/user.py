@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from kfgen.core.errors import InputError
 from kfgen.core.expression import Expression
-from kfgen.core.toml_document import text_of
+from kfgen.core.files.toml_document import text_of
 from kfgen.core.units import parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, Term

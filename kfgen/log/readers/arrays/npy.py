@@ -10,8 +10,8 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
-from kfgen.core.array_file import mapped
 from kfgen.core.errors import InputError
+from kfgen.core.files.array_file import mapped
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 SUFFIXES = (".npy",)

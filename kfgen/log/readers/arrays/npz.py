@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.array_file import archived
 from kfgen.core.errors import InputError
+from kfgen.core.files.array_file import archived
+from kfgen.core.files.whole_file import write_whole
 from kfgen.core.units import from_si
-from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
 from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate
 

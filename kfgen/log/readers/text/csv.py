@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.files.whole_file import write_whole
 from kfgen.core.units import from_si
-from kfgen.core.whole_file import write_whole
 from kfgen.log.log import Log
 from kfgen.log.readers.flight.ecl_replay import is_answer, is_replay, read_answer, read_replay
 from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate, stated_samples

@@ -10,9 +10,9 @@ from glob import glob
 from itertools import combinations
 from pathlib import Path
 
-from kfgen.core.destination import Destination
 from kfgen.core.errors import InputError
-from kfgen.core.whole_file import all_or_none
+from kfgen.core.files.destination import Destination
+from kfgen.core.files.whole_file import all_or_none
 
 WRITTEN = ("output", "out", "json", "report")
 """Parameters of commands that say what is written."""

@@ -9,11 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.time_budget import time_budget
-from kfgen.gap.core.assumed_parameters import Answered, answered
 from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.core.holdout import HELD_OUT_SHARE, Gap
-from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed
-from kfgen.gap.core.noise_scale import levels_in, noise_scales_in
 from kfgen.gap.core.result import (
     BAD_DATA,
     EFFECTS_FOUND,
@@ -22,14 +19,21 @@ from kfgen.gap.core.result import (
     Comparison,
     DetectionLimit,
     Finding,
+    NoiseScale,
+    OutageDrift,
 )
-from kfgen.gap.core.scene import (
+from kfgen.gap.core.search import Chosen
+from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.scene.assumed_parameters import Answered, answered
+from kfgen.gap.scene.explanation import FittedAddition, limits
+from kfgen.gap.scene.holdout import band_edges, held_out
+from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
+from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
+from kfgen.gap.scene.scene import (
     HasInputs,
     HasNoiseSizes,
     HasOutages,
     Inspected,
-    NoiseScale,
-    OutageDrift,
     Placed,
     Scene,
     ScenePoint,
@@ -37,13 +41,9 @@ from kfgen.gap.core.scene import (
     Trusting,
     Undecided,
 )
-from kfgen.gap.core.scene_holdout import band_edges, held_out
-from kfgen.gap.core.scene_search import FittedAddition, limits
-from kfgen.gap.core.screen import basis
-from kfgen.gap.core.search import Chosen
-from kfgen.gap.core.under_misfit import under_misfit
-from kfgen.gap.core.unevenness import unevenness
-from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.scene.screen import basis
+from kfgen.gap.scene.under_misfit import under_misfit
+from kfgen.gap.scene.unevenness import unevenness
 
 Array = NDArray[np.float64]
 

@@ -22,13 +22,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.core.assumed_parameters import Answered
 from kfgen.gap.core.battery import BANDS_PER_DECADE, FALSE_ALARM_RATE
 from kfgen.gap.core.holdout import BLOCKS, HELD_OUT_SHARE, INTERVAL_DRAWS, MIN_TAIL_POWER_SHARE, Gap, lost
-from kfgen.gap.core.newton import SceneFit, fitted, level_sd_of_log
-from kfgen.gap.core.scene import HasNoiseSizes, Placed, Scene, ScenePoint, Unknown
-from kfgen.gap.core.scene_proof import series
-from kfgen.gap.core.screen import basis, orthogonal_part
+from kfgen.gap.scene.assumed_parameters import Answered
+from kfgen.gap.scene.newton import SceneFit, fitted, level_sd_of_log
+from kfgen.gap.scene.proof import series
+from kfgen.gap.scene.scene import HasNoiseSizes, Placed, Scene, ScenePoint, Unknown
+from kfgen.gap.scene.screen import basis, orthogonal_part
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

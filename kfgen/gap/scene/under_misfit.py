@@ -1,16 +1,16 @@
-"""Effects looked for again with what the best explanation leaves in the noise, see `kfgen.gap.core.tempered_scene`."""
+"""Effects looked for again with what the best explanation leaves in the noise, see `kfgen.gap.scene.tempered_scene`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from kfgen.core.time_budget import search_is_over
-from kfgen.gap.core.assumed_parameters import Answered
-from kfgen.gap.core.newton import fitted
-from kfgen.gap.core.scene import HasNoiseSizes, Linearised, ReadingByReading
-from kfgen.gap.core.scene_search import Explained, explained
 from kfgen.gap.core.search import Label, Refused
-from kfgen.gap.core.tempered_scene import TemperedScene, tempered
+from kfgen.gap.scene.assumed_parameters import Answered
+from kfgen.gap.scene.explanation import Explained, explained
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading
+from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
 
 MAX_SEARCHES = 3
 """With the misfit that the one before left."""

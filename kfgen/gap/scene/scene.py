@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
+from kfgen.gap.core.result import NoiseScale, OutageDrift
 
 Array = NDArray[np.float64]
 
@@ -80,47 +81,6 @@ class ScenePoint:
 
     placed: tuple[Placed, ...]
     unknowns: Array
-
-
-@dataclass(frozen=True)
-class NoiseScale:
-    """The noise of a channel of another size than assumed.
-
-    Parameters
-    ----------
-    channel : str
-        Or the sensor, where all its channels have one size.
-    times : float
-        Standard deviation over the assumed one.
-    ci95 : (float, float)
-        Its interval.
-    white : bool
-        Whether it is the size of the white noise alone, and not of every noise of the channel.
-    """
-
-    channel: str
-    times: float
-    ci95: tuple[float, float]
-    white: bool = False
-
-
-@dataclass(frozen=True)
-class OutageDrift:
-    """How far a filter is from the first fix after outages.
-
-    Parameters
-    ----------
-    seconds : float
-        Length of each outage [s].
-    metres : float
-        Root mean square distance [m].
-    count : int
-        Outages.
-    """
-
-    seconds: float
-    metres: float
-    count: int
 
 
 class Scene(Protocol):

@@ -1,7 +1,7 @@
 """A scene as the search sees it: screen every addition, fit the promising ones, weigh them by their evidence.
 
 The currency is that of `kfgen.gap.rest.evidence`: marginal likelihood by Laplace's method with the same
-priors. What is promising says the screen, see `kfgen.gap.core.screen`.
+priors. What is promising says the screen, see `kfgen.gap.scene.screen`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,6 @@ from numpy.typing import NDArray
 
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.gap.core.newton import SceneFit, coordinates, fitted, is_signed, keys_of
-from kfgen.gap.core.scene import Linearised, Placed, Scene, ScenePoint
-from kfgen.gap.core.scene_evidence import evidence, time_limits
-from kfgen.gap.core.scene_proof import unproven, unreached
-from kfgen.gap.core.screen import MIN_OWN_SHARE, Screened, basis, new_columns, orthogonal_part, screen
 from kfgen.gap.core.search import (
     Chosen,
     Contest,
@@ -30,10 +25,15 @@ from kfgen.gap.core.search import (
     refused_of,
     searched,
 )
-from kfgen.gap.core.tempered_scene import TemperedScene
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS, SearchLimits
-from kfgen.gap.core.unevenness import unevenness
 from kfgen.gap.rest.evidence import TIME_LIMITS
+from kfgen.gap.scene.evidence import evidence, time_limits
+from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed, keys_of
+from kfgen.gap.scene.proof import unproven, unreached
+from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint
+from kfgen.gap.scene.screen import MIN_OWN_SHARE, Screened, basis, new_columns, orthogonal_part, screen
+from kfgen.gap.scene.tempered_scene import TemperedScene
+from kfgen.gap.scene.unevenness import unevenness
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ class SceneExplanation:
         return ranked(self.scene, self.fit, self.others)
 
     def objection(self, addition: FittedAddition) -> str:
-        """Why an addition is not to be added, see `kfgen.gap.core.scene_proof`."""
+        """Why an addition is not to be added, see `kfgen.gap.scene.proof`."""
         return unproven(self.scene, self.fit, addition.fit)
 
     def refusing(self, refused: Sequence[Refused]) -> SceneExplanation:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from kfgen.core.errors import InputError
-from kfgen.core.temporary import discard, old_name, temporary_file
+from kfgen.core.files.temporary import discard, old_name, temporary_file
 
 _OPEN_FILE = re.compile(r"/dev/(stdout|stderr|fd/(\d+))|/proc/self/fd/(\d+)")
 

@@ -14,8 +14,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kfgen.core.destination import Destination, reason_of
-from kfgen.core.temporary import discard, temporary_file, temporary_folder
+from kfgen.core.files.destination import Destination, reason_of
+from kfgen.core.files.temporary import discard, temporary_file, temporary_folder
 
 
 @dataclass

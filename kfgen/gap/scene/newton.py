@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.gap.core.scene import HasOwnNoiseLevels, Placed, Scene, ScenePoint
+from kfgen.gap.scene.scene import HasOwnNoiseLevels, Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 

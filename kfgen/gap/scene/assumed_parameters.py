@@ -13,12 +13,12 @@ import numpy as np
 
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
-from kfgen.gap.core.newton import SceneFit, fitted
-from kfgen.gap.core.scene import Scene, ScenePoint, Trusting
-from kfgen.gap.core.scene_search import Explained, FittedAddition, explained, with_values
 from kfgen.gap.core.search import Chosen
-from kfgen.gap.core.tempered_scene import TemperedScene
 from kfgen.gap.core.thresholds import MAX_ITERATIONS
+from kfgen.gap.scene.explanation import Explained, FittedAddition, explained, with_values
+from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting
+from kfgen.gap.scene.tempered_scene import TemperedScene
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from kfgen.effects.samples.event import Outliers
 from kfgen.effects.samples.mixture import Mixture
 from kfgen.effects.series import Detection, adc_step
-from kfgen.identify.evidence.left_out import LeftOut
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.record_faults import interpolated, is_outlier
-from kfgen.identify.evidence.shocks import (
+from kfgen.identify.screening.left_out import LeftOut
+from kfgen.identify.screening.record_faults import interpolated, is_outlier
+from kfgen.identify.screening.shocks import (
     MAX_TIMES_SAID,
     away_from_neighbours,
     bridged,

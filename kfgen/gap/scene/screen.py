@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.core.newton import SceneFit, derivative, first_steps, over_levels
-from kfgen.gap.core.scene import Placed, Scene, ScenePoint
+from kfgen.gap.scene.newton import SceneFit, derivative, first_steps, over_levels
+from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
 
 Array = NDArray[np.float64]
 

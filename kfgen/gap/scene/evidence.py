@@ -12,9 +12,9 @@ import numpy as np
 
 from kfgen.effects import Effect
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
-from kfgen.gap.core.newton import SceneFit, coordinates, is_signed, keys_of, log_posterior
-from kfgen.gap.core.scene import Integrating, Placed, Scene
 from kfgen.gap.rest.evidence import TIME_LIMITS
+from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed, keys_of, log_posterior
+from kfgen.gap.scene.scene import Integrating, Placed, Scene
 
 
 def evidence(scene: Scene, fit: SceneFit) -> float:

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange
-from kfgen.gap.core.newton import SceneFit, coordinates, is_signed, over_levels
-from kfgen.gap.core.scene import Placed, Reaching, ReadingByReading, Scene
-from kfgen.gap.core.scene_evidence import parameter_width
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS, LinearFit, parts_of, tail_of, unseen_gain
 from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.scene.evidence import parameter_width
+from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed, over_levels
+from kfgen.gap.scene.scene import Placed, Reaching, ReadingByReading, Scene
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect
 from kfgen.gap.core.battery import FALSE_ALARM_RATE, chance_of
-from kfgen.gap.core.newton import SceneFit
-from kfgen.gap.core.scene import NoiseScale, Scene
-from kfgen.gap.core.screen import basis
+from kfgen.gap.core.result import NoiseScale
+from kfgen.gap.scene.newton import SceneFit
+from kfgen.gap.scene.scene import Scene
+from kfgen.gap.scene.screen import basis
 
 Array = NDArray[np.float64]
 

@@ -19,13 +19,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.core.newton import SceneFit, level_sd_of_log
-from kfgen.gap.core.scene import Integrating, Linearised, Placed, Reaching, Scene, ScenePoint, Unknown
-from kfgen.gap.core.screen import basis
+from kfgen.gap.scene.newton import SceneFit, level_sd_of_log
+from kfgen.gap.scene.scene import Integrating, Linearised, Placed, Reaching, Scene, ScenePoint, Unknown
+from kfgen.gap.scene.screen import basis
 
 Array = NDArray[np.float64]
 
 MISFIT_BANDS_PER_DECADE = 5
+"""Of the spectrum that is left."""
 MIN_BAND_ORDINATES = 6
 """Of a band whose misfit is estimated; the lowest bands are wide enough to have them."""
 PRIOR_FREEDOM = 2.0

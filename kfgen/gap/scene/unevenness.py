@@ -19,9 +19,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.core.newton import SceneFit, over_levels
-from kfgen.gap.core.scene import Scene
-from kfgen.gap.core.scene_proof import series
+from kfgen.gap.scene.newton import SceneFit, over_levels
+from kfgen.gap.scene.proof import series
+from kfgen.gap.scene.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Inputs and outputs on disk: checked before they are read, written whole or not at all."""
