@@ -137,7 +137,7 @@ def test_the_thresholds_of_the_worlds() -> None:
     assert SearchLimits(10, 3.0, 3.0, 1.0, 3) == scene_explanation.LIMITS
 
 
-@pytest.mark.parametrize(("evidence", "found"), [(0.29, []), (0.31, ["a"]), (5.0, ["a"])])
+@pytest.mark.parametrize(("evidence", "found"), [(0.99, []), (1.01, ["a"]), (5.0, ["a"])])
 def test_a_first_effect_needs_the_evidence_that_its_world_asks_for(evidence: float, found: list[str]) -> None:
     assert names(grown(Table({"a": "1"}, {"1": evidence}), LIMITS)) == found
 
