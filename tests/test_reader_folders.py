@@ -15,8 +15,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import Result
 
-from kfgen.core.ellipsoid import local_metres
 from kfgen.core.errors import InputError
+from kfgen.core.wgs84 import local_metres
 from kfgen.log.contents import contents
 from kfgen.log.readers import read_log
 

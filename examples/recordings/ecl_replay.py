@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.ellipsoid import local_metres
+from kfgen.core.wgs84 import local_metres
 
 Array = NDArray[np.float64]
 GAUSS = 1e-4

@@ -17,7 +17,14 @@ from __future__ import annotations
 import sys
 
 from kfgen.consumers.autopilots.settable_values import SettableValues
-from kfgen.consumers.autopilots.settings import VALUE_THAT_FLEW, Setting, autopilot_file, noise_of, on_axes
+from kfgen.consumers.autopilots.settings import (
+    VALUE_THAT_FLEW,
+    Setting,
+    autopilot_file,
+    iron_settings,
+    noise_of,
+    on_axes,
+)
 from kfgen.consumers.autopilots.steps import Step
 from kfgen.consumers.base import Converted, Imu
 
@@ -56,16 +63,7 @@ SETTINGS = {
         "mag.current",
         Setting((), "mG/A", -1000.0, 1000.0, -1.0, said=VALUE_THAT_FLEW[2:], needs={"COMPASS_MOTCT": 2}),
     ),
-    **{
-        f"COMPASS_DIA_{a.upper()}": Setting(
-            (f"mag.distortion.{a}{a}",), "1", 0.2, 5.0, base=1.0, said=VALUE_THAT_FLEW[2:]
-        )
-        for a in "xyz"
-    },
-    **{
-        f"COMPASS_ODI_{name}": Setting((f"mag.distortion.{entry}",), "1", -1.0, 1.0, said=VALUE_THAT_FLEW[2:])
-        for name, entry in (("X", "xy"), ("Y", "xz"), ("Z", "yz"))
-    },
+    **iron_settings("COMPASS_DIA_{of}", "COMPASS_ODI_{of}", 0.2, 5.0),
     **on_axes(
         "INS_ACCSCAL_{axis}", "accel.scale", Setting((), "1", 0.8, 1.2, base=1.0, said=VALUE_THAT_FLEW[2:])
     ),

@@ -16,7 +16,14 @@ from __future__ import annotations
 import sys
 
 from kfgen.consumers.autopilots.settable_values import SettableValues
-from kfgen.consumers.autopilots.settings import VALUE_THAT_FLEW, Setting, autopilot_file, noise_of, on_axes
+from kfgen.consumers.autopilots.settings import (
+    VALUE_THAT_FLEW,
+    Setting,
+    autopilot_file,
+    iron_settings,
+    noise_of,
+    on_axes,
+)
 from kfgen.consumers.autopilots.steps import Step
 from kfgen.consumers.base import Converted, Imu
 
@@ -60,18 +67,7 @@ SETTINGS = {
         "mag.current",
         Setting((), "gauss/kA", -1e3, 1e3, -1.0, said=_SENSOR_AXES, needs={"CAL_MAG_COMP_TYP": 2}),
     ),
-    **{
-        f"CAL_MAG0_{a.upper()}SCALE": Setting(
-            (f"mag.distortion.{a}{a}",), "1", 0.1, 3.0, base=1.0, said=VALUE_THAT_FLEW[2:]
-        )
-        for a in "xyz"
-    },
-    **{
-        f"CAL_MAG0_{name}ODIAG": Setting(
-            (f"mag.distortion.{entry}",), "1", -1.0, 1.0, said=VALUE_THAT_FLEW[2:]
-        )
-        for name, entry in (("X", "xy"), ("Y", "xz"), ("Z", "yz"))
-    },
+    **iron_settings("CAL_MAG0_{of}SCALE", "CAL_MAG0_{of}ODIAG", 0.1, 3.0),
     **on_axes(
         "CAL_ACC0_{axis}SCALE", "accel.scale", Setting((), "1", 0.1, 3.0, base=1.0, said=VALUE_THAT_FLEW[2:])
     ),

@@ -74,6 +74,30 @@ def on_axes(name: str, of: str, setting: Setting) -> dict[str, Setting]:
     return {name.format(axis=a.upper()): Setting((f"{of}.{a}",), **shared) for a in AXES}
 
 
+def iron_settings(diagonal: str, symmetric: str, lo: float, hi: float) -> dict[str, Setting]:
+    """The six entries of a compass' soft iron.
+
+    Parameters
+    ----------
+    diagonal, symmetric : str
+        With ``{of}``, which is X, Y, Z; and X, Y, Z for the entries xy, xz, yz.
+    lo, hi : float
+        Range of the diagonal.
+
+    Returns
+    -------
+    dict of str to Setting
+    """
+    said = VALUE_THAT_FLEW[2:]
+    found = {
+        diagonal.format(of=a.upper()): Setting((f"mag.distortion.{a}{a}",), "1", lo, hi, base=1.0, said=said)
+        for a in AXES
+    }
+    for name, entry in (("X", "xy"), ("Y", "xz"), ("Z", "yz")):
+        found[symmetric.format(of=name)] = Setting((f"mag.distortion.{entry}",), "1", -1.0, 1.0, said=said)
+    return found
+
+
 def noise_of(*channels: str) -> tuple[str, ...]:
     """The names of the noise of channels."""
     return tuple(f"{c}.noise" for c in channels)

@@ -14,7 +14,7 @@ import math
 
 import sympy as sp
 
-from kfgen.core.ellipsoid import ECCENTRICITY2, FLATTENING, SEMI_MAJOR
+from kfgen.core.wgs84 import ECCENTRICITY2, FLATTENING, SEMI_MAJOR
 
 EARTH_RATE = 7.292115e-5
 """Rotation of the Earth [rad/s]."""

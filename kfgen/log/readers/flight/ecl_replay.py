@@ -7,7 +7,8 @@ its velocity.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from kfgen.log.readers.tables.streams import LogRecording, LogStream
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
 Array = NDArray[np.float64]
+Parsed = TypeVar("Parsed")
 
 LINE = re.compile(
     r"\s*(\d+(?:\.\d+)?)\s*,\s*(imu|mag|baro|gps|airspeed|range|flow|landed|vio|unknown)\s*,(.*)$"
@@ -73,19 +75,14 @@ def read_answer(source: str, lines: Sequence[str]) -> LogTable:
         A line is damaged: with its number; only a last line that is cut off is left out.
     """
     names = [name.strip() for name in lines[0].split(",")]
-    rows: list[list[float]] = []
-    for k, line in enumerate(lines[1:], 2):
-        try:
-            row = [float(c) for c in line.split(",")[: len(names)]]
-            if len(row) < len(names):
-                raise ValueError
-        except ValueError:
-            if not line.strip() or k == len(lines):
-                continue
-            raise InputError(
-                "it is no line of numbers", where=f"{source}: line {k}", remedy="Correct or remove it"
-            ) from None
-        rows.append(row)
+
+    def numbers(line: str) -> list[float]:
+        cells = line.split(",")[: len(names)]
+        if len(cells) < len(names):
+            raise ValueError
+        return [float(c) for c in cells]
+
+    rows = list(_parsed(source, lines[1:], 2, numbers, "line of numbers"))
     raw = {n: TableColumn(v) for n, v in zip(names, np.array(rows).reshape(-1, len(names)).T, strict=True)}
     columns = {"t": TableColumn(raw["Timestamp"].values, "us")}
     for k, (channel, unit) in enumerate(_STATES):
@@ -113,21 +110,8 @@ def read_replay(source: str, lines: Sequence[str]) -> LogTable:
         A line is no sample: with its number; only a last line that is cut off is left out.
     """
     rows: dict[str, list[list[float]]] = {}
-    for k, line in enumerate(lines, 1):
-        match = LINE.match(line)
-        try:
-            if match is None:
-                raise ValueError
-            values = [float(c) for c in match.group(3).split(",")]
-        except ValueError:
-            if not line.strip() or k == len(lines):
-                continue
-            raise InputError(
-                "it is no sample 'time,sensor,values'",
-                where=f"{source}: line {k}",
-                remedy="Correct or remove it",
-            ) from None
-        rows.setdefault(match.group(2), []).append([float(match.group(1)), *values])
+    for sensor, sample in _parsed(source, lines, 1, _sample, "sample 'time,sensor,values'"):
+        rows.setdefault(sensor, []).append(sample)
     tables = {name: _table(samples) for name, samples in rows.items()}
     streams = [_stream(name, tables[name]) for name in _FIELDS if name in tables]
     gnss, said = _gnss(tables.get("gps"))
@@ -136,6 +120,29 @@ def read_replay(source: str, lines: Sequence[str]) -> LogTable:
     return LogRecording(
         source, [*streams, *gnss], clocks, tuple(w for w in (said, zero) if w), "before"
     ).table()
+
+
+def _sample(line: str) -> tuple[str, list[float]]:
+    """The sensor, and its time and values."""
+    match = LINE.match(line)
+    if match is None:
+        raise ValueError
+    return match.group(2), [float(match.group(1)), *(float(c) for c in match.group(3).split(","))]
+
+
+def _parsed(
+    source: str, lines: Sequence[str], first: int, parse: Callable[[str], Parsed], wanted: str
+) -> Iterator[Parsed]:
+    """Every line parsed; empty ones, and a last one that is cut off, are left out, another that is damaged is refused."""
+    for k, line in enumerate(lines):
+        try:
+            yield parse(line)
+        except ValueError:
+            if not line.strip() or k == len(lines) - 1:
+                continue
+            raise InputError(
+                f"it is no {wanted}", where=f"{source}: line {first + k}", remedy="Correct or remove it"
+            ) from None
 
 
 def _table(samples: Sequence[Sequence[float]]) -> Array:

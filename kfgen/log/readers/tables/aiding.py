@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.ellipsoid import local_metres
+from kfgen.core.wgs84 import local_metres
 from kfgen.log.readers.tables.streams import LogStream
 from kfgen.log.readers.tables.table import TableColumn
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kfgen.core.ellipsoid import local_metres
+from kfgen.core.wgs84 import local_metres
 
 
 def test_metres_are_those_of_earth_fixed_axes() -> None:
