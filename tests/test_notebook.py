@@ -95,6 +95,12 @@ def test_frame_has_numbers_where_all_cells_are() -> None:
     assert found.to_frame().shape == np.shape(found.short_table()[1])
 
 
+def test_a_log_is_shown_in_one_line() -> None:
+    assert repr(bench()) == "bench: 6000 samples, t = 0 to 119.98 s; gyro_x"
+    wide = bench(names=tuple(f"c{k}" for k in range(14)))
+    assert repr(wide).endswith("c11 and 2 more")
+
+
 def test_without_pandas_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingExtra, match=r'pip install "kfgen\[pandas\]"'):

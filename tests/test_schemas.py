@@ -92,7 +92,7 @@ BROKEN = [
     ("model", '"viscous_friction"', '"white_noise"', "an effect of a channel in the dynamics"),
     ("filter", 'model = "ins15"', 'model = "ins16"', "an unknown model"),
     ("filter", "[limits]", "[limit]", "an unknown table"),
-    ("filter", 'value = "30 deg", ', "", "an initial sd without a value"),
+    ("filter", 'value = "0 deg", ', "", "an initial sd without a value"),
     ("manoeuvre", "rate = [0, 0, ", "rate = [0, ", "two of three axes"),
     ("manoeuvre", 'duration = "10 s"\n', "", "no duration"),
     ("manoeuvre", "velocity", "speed", "an unknown key"),
@@ -106,7 +106,7 @@ def test_a_broken_file_does_not_hold_and_is_refused(kind: str, old: str, new: st
     assert good.count(old) >= 1
     bad = good.replace(old, new, 1)
     assert not holds(kind, tomllib.loads(bad))
-    if what not in ("an unknown model", "an effect of a channel in the dynamics"):  # said when it is built
+    if what != "an unknown model":  # said when it is built
         with pytest.raises(InputError):
             READERS[kind](bad, "bad.toml")
 

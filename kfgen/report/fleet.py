@@ -206,10 +206,10 @@ def _figure(s: PooledNumber, names: Mapping[str, str]) -> PagePart:
     )
 
 
-def fleet_pictures(fleet: FleetResult) -> dict[str, Picture]:
-    """Each number of each sensor with its interval, by channel and number."""
+def fleet_pictures(fleet: FleetResult) -> list[tuple[str, Picture]]:
+    """Each number of each sensor with its interval, titled by channel and number."""
     names = short_names([o.log for o in (*fleet.done, *fleet.failed)])
-    return {f"{s.number.channel}: {s.number.label}": _dots(s, names) for s in fleet.numbers}
+    return [(f"{s.number.channel}: {s.number.label}", _dots(s, names)) for s in fleet.numbers]
 
 
 def _dots(s: PooledNumber, names: Mapping[str, str]) -> Picture:

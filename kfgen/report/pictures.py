@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from functools import singledispatch
 from typing import Any
 
@@ -25,8 +25,8 @@ from kfgen.report.plots import Picture, panels_picture
 from kfgen.run.adaptive.denoise_log import DenoisedLog
 from kfgen.run.run import FilterRun
 
-Pictures = Mapping[str, Picture]
-"""Pictures by title."""
+Pictures = Iterable[tuple[str, Picture]]
+"""Titles, and the picture of each."""
 
 
 def opened(result: Result) -> list[Any]:
@@ -45,7 +45,7 @@ def opened(result: Result) -> list[Any]:
     InputError
         It has no picture.
     """
-    return [ax for title, picture in pictures_of(result).items() for ax in picture.open(title)]
+    return [ax for title, picture in pictures_of(result) for ax in picture.open(title)]
 
 
 @singledispatch
@@ -67,11 +67,11 @@ def _none(what: str, remedy: str = "Look at its table, or at to_dict()") -> Inpu
 @pictures_of.register
 def _(result: Audited) -> Pictures:
     name = result.first.model.name
-    drawn = {
-        f"Standard deviations of {name} along {a.manoeuvre.name}": audit_picture(a, a.degree)
+    drawn = [
+        (f"Standard deviations of {name} along {a.manoeuvre.name}", audit_picture(a, a.degree))
         for a in result.audits
         if a.degree is not None
-    }
+    ]
     if not drawn:
         raise _none(
             f"the audit of {name} has no picture: it says what can be seen, not how well over time",
@@ -84,39 +84,39 @@ def _(result: Audited) -> Pictures:
 def _(result: FilterRun) -> Pictures:
     if not result.updated:
         raise _none(f"the run of {result.model} has no innovations to draw: no sensor updated it")
-    return {f"Innovations of {name}": run_picture(result, name) for name in result.updated}
+    return [(f"Innovations of {name}", run_picture(result, name)) for name in result.updated]
 
 
 @pictures_of.register
 def _(result: DenoisedLog) -> Pictures:
     units = {name: display_unit(result.raw.channel(name).unit) for name in result.channels}
-    return {
-        f"Allan deviation of {name}": denoise_picture(one, name, units[name])
+    return [
+        (f"Allan deviation of {name}", denoise_picture(one, name, units[name]))
         for name, one in result.channels.items()
-    }
+    ]
 
 
 @pictures_of.register
 def _(result: RecordPlan) -> Pictures:
-    return {
-        f"{name}: Cramér-Rao bound against the length of the record": plan_picture(bounds, name)
+    return [
+        (f"{name}: Cramér-Rao bound against the length of the record", plan_picture(bounds, name))
         for name, bounds in result.channels.items()
-    }
+    ]
 
 
 @pictures_of.register
 def _(result: Identification) -> Pictures:
     panels = [panel(channel, name) for name, channel in result.channels.items()]
-    return {"Allan deviation with the identified model": panels_picture(panels, "allan")}
+    return [("Allan deviation with the identified model", panels_picture(panels, "allan"))]
 
 
 @pictures_of.register
 def _(result: GapResult) -> Pictures:
-    drawn = {
-        f"{', '.join(c.channels)}: {part.caption}": part.picture
+    drawn = [
+        (f"{c.channels[0]}: {part.caption}" if len(c.channels) == 1 else part.caption, part.picture)
         for c in result.comparisons
         for part in figures(c)
-    }
+    ]
     if not drawn:
         raise _none(f"this comparison has no picture: {'; '.join(result.summary()[:1])}")
     return drawn
