@@ -115,7 +115,8 @@ def test_every_effect_holds_as_it_is_written() -> None:
     """An entry with all parameters, of every effect: where the schema is stricter than the reader it is wrong."""
     check = validator("model")
     base = {"format": "kfgen-model-1", "name": "a"}
-    for name, cls in catalogue().items():
+    own = {n: c for n, c in catalogue().items() if c.__module__.startswith("kfgen.")}
+    for name, cls in own.items():
         entry = {"effect": name} | {p.name: 1.0 for p in cls.parameters()}
         on_channel = {"unit": "rad/s", "expression": "x", "effects": [entry]}
         places = ({"measurements": {"y": on_channel}}, {"dynamics_effects": {"x": [entry]}})

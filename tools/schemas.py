@@ -102,7 +102,8 @@ def entry(cls: type[Effect], name: Schema) -> Schema:
 
 def effect_entries(plant: bool) -> list[Schema]:
     """An entry for every effect that acts on a channel, or inside a plant."""
-    known = catalogue()
+    # Effects of the package alone, in an order that does not hang on what was imported first.
+    known = {n: c for n, c in sorted(catalogue().items()) if c.__module__.startswith("kfgen.")}
     inside = {n for n, c in known.items() if issubclass(c, PlantEffect) and not issubclass(c, SensorChange)}
     chosen = {n: c for n, c in known.items() if (n in inside) == plant}
     found = [entry(c, {"const": n}) for n, c in chosen.items()]
@@ -193,7 +194,7 @@ def filter_file() -> Schema:
         "oneOf": [*one["oneOf"], {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 1}]
     }
     words: dict[str, list[str]] = {}
-    for name, title in option_rows():
+    for name, title in sorted(option_rows()):
         words.setdefault(name, []).append(title)
     start = {"oneOf": [QUANTITY_REF, table({"value": QUANTITY_REF, "sd": QUANTITY_REF}, ["value"])]}
     channel = CHANNEL | {"required": []}
@@ -202,7 +203,7 @@ def filter_file() -> Schema:
         "name": TEXT | {"minLength": 1},
         "title": TEXT,
         "model": {"enum": list(LIBRARY), "description": "A library model, see kfgen list"},
-        "sensors": {"type": "array", "items": {"enum": list(sensors())}},
+        "sensors": {"type": "array", "items": {"enum": sorted(sensors())}},
         "options": table({n: {"description": "; or ".join(t), **value} for n, t in words.items()}),
         "limits": named(QUANTITY_REF, "What a sensor can physically give"),
         "initial": named(start, "By the name of a stored state, or heading"),
