@@ -47,11 +47,17 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("temperature", "gyro_y", ("coefficient",)),
     ("rate_ramp", "gyro_z", ("R",)),
     ("hard_iron", "mag", ("x", "y", "z")),
-    ("soft_iron", "mag", ("xx", "yy", "zz", "xy", "xz", "yz")),
+    (
+        "soft_iron",
+        "mag",
+        ("xx", "yy", "xy", "xz", "yz"),
+    ),  # the common scale is that of the field, which nobody knows
 )
 EXCITED_BY = {
     ("", "accel_x"): ("wing", "car"),
     ("", "accel_y"): ("car",),
+    ("misalignment", "accel_x"): ("car",),
+    ("misalignment", "accel_z"): ("wing", "car"),
     ("g_sensitivity", "gyro_x"): ("wing", "car"),
     ("g_sensitivity", "gyro_z"): ("car",),
 }

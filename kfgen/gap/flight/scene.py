@@ -24,10 +24,11 @@ from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.tuned import TunedSize, shown_scales, tuned
-from kfgen.gap.motion.candidates import MotionCandidates, offers
+from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.model.parts.motion import NED
 
 Array = NDArray[np.float64]
 
@@ -250,7 +251,8 @@ class FlightScene:
             places.append((c, sensor, axis))
         mag, seen = self._mag
         drive = self.path.log.drive
-        return MotionCandidates(self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive)
+        field = tuple(NED.index(u.name[-1]) for u in self.unknowns if u.name.startswith(FIELD_PREFIX))
+        return MotionCandidates(self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive, field)
 
     @cached_property
     def _mag(self) -> tuple[Array, NDArray[np.bool_]]:
