@@ -64,12 +64,16 @@ def _inertial(
                 w[:, k] += e.values["coefficient"] * drive["temperature"]
             elif e.name == "rate_ramp":
                 w[:, k] += e.values["R"] * truth.t
+            elif e.name == "bias_step":
+                w[:, k] += e.values["size"] * (truth.t >= e.values["time"])
         elif e.where.startswith("accel"):
             k = AXES.index(e.where[-1])
             if e.name == "scale_factor":
                 a[:, k] += e.values["coefficient"] * f[:, k]
             elif e.name == "misalignment":
                 a[:, k] += f @ _matrix(e.values)[k]
+            elif e.name == "bias_step":
+                a[:, k] += e.values["size"] * (truth.t >= e.values["time"])
     both = np.hstack([_means(a), _means(w)])
     noise = rng.standard_normal(both.shape) * np.sqrt(IMU_HZ) * np.repeat([ACCEL_N, GYRO_N], 3)
     return np.asarray(both + noise)
@@ -82,6 +86,11 @@ def _late(truth: Motion, times: Array, late_s: float) -> NDArray[np.intp]:
 
 def _sum(effects: list[Effect], name: str, places: tuple[str, ...], key: str) -> float:
     return sum(e.values[key] for e in effects if e.name == name and e.where in places)
+
+
+def _stepped(effects: list[Effect], channel: str, t: Array) -> Array:
+    steps = [e.values for e in effects if e.name == "bias_step" and e.where == channel]
+    return np.asarray(sum((v["size"] * (t >= v["time"]) for v in steps), np.zeros(t.size)))
 
 
 def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Array]:
@@ -167,7 +176,8 @@ def fly(
         noisy = values + SD[sensor] * rng.standard_normal(values.shape)
         for k, a in enumerate(axes):
             channels[f"{sensor}_{a}"] = np.full(n, np.nan)
-            channels[f"{sensor}_{a}"][at] = noisy[:, k]
+            channels[f"{sensor}_{a}"][at] = noisy[:, k] + _stepped(effects, f"{sensor}_{a}", t[at])
+    height = height + _stepped(effects, "baro", t[rows["baro"]])
     channels["baro"] = np.full(n, np.nan)
     channels["baro"][rows["baro"]] = height + SD["baro"] * rng.standard_normal(height.size)
     channels["temperature"] = 293.15 + warm[:: int(FINE_HZ / IMU_HZ)][:n] + 0.02 * rng.standard_normal(n)

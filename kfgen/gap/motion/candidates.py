@@ -47,6 +47,8 @@ IN_TIME = ("rate_ramp", "warm_up")
 
 DRIFT_ALONE = 3.0
 """Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
+FIELD_PREFIX = "mag_"
+"""How the constants of a filter are called that are the magnetic field in space: ``mag_N``."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,8 @@ class MotionCandidates:
     field : ndarray, shape (3,), optional
         The field in space, where an attitude alone is known.
     drive : mapping of str to ndarray
+    unknown_field : tuple of int
+        The axes in space along which nobody knows the magnetic field.
     """
 
     truth: Truth
@@ -78,6 +82,7 @@ class MotionCandidates:
     spread: float
     field: Array | None
     drive: Mapping[str, Array]
+    unknown_field: tuple[int, ...] = ()
 
     def axes(self, sensor: str) -> list[int]:
         """The axes of a sensor that moved."""
@@ -236,8 +241,8 @@ def _distinguishable(bench: MotionCandidates, entries: Sequence[str]) -> list[st
     some = some[:: max(1, some.size // SOME)]
     u, every = bench.truth.signals("mag", bench.field).y[some], bench.every("mag")
     columns: list[Array] = []
-    if "mag" not in bench.truth.read and bench.truth.R_bn is not None:
-        columns = [bench.truth.R_bn[some][:, every, k].ravel() for k in range(3)]
+    if bench.truth.R_bn is not None:
+        columns = [bench.truth.R_bn[some][:, every, k].ravel() for k in bench.unknown_field]
     kept = []
     for e in entries:
         column = np.zeros((some.size, 3))
