@@ -24,7 +24,8 @@ from kfgen.manoeuvre.file import SEGMENT_KEYS
 from kfgen.manoeuvre.file import TOP_KEYS as MANOEUVRE_KEYS
 from kfgen.model.filter_file import FORMAT as FILTER
 from kfgen.model.filter_file import KEYS as FILTER_KEYS
-from kfgen.model.library import LIBRARY, option_rows
+from kfgen.model.library import LIBRARY, declared_options
+from kfgen.model.option import Names
 from kfgen.model.parts.sensors import sensors
 from kfgen.model.plant.file import MEASUREMENT_KEYS, PARAMETER_KEYS, STATE_KEYS
 from kfgen.model.plant.file import TOP_KEYS as MODEL_KEYS
@@ -193,9 +194,10 @@ def filter_file() -> Schema:
     value = {
         "oneOf": [*one["oneOf"], {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 1}]
     }
-    words: dict[str, list[str]] = {}
-    for name, title in sorted(option_rows()):
-        words.setdefault(name, []).append(title)
+    words: dict[str, set[str]] = {}
+    for _, o in declared_options():
+        values = "" if isinstance(o.kind, Names) else f": {o.kind.words}"  # names of sensors are listed above
+        words.setdefault(o.name, set()).add(o.title + values)
     start = {"oneOf": [QUANTITY_REF, table({"value": QUANTITY_REF, "sd": QUANTITY_REF}, ["value"])]}
     channel = CHANNEL | {"required": []}
     keys = {
@@ -204,7 +206,9 @@ def filter_file() -> Schema:
         "title": TEXT,
         "model": {"enum": list(LIBRARY), "description": "A library model, see kfgen list"},
         "sensors": {"type": "array", "items": {"enum": sorted(sensors())}},
-        "options": table({n: {"description": "; or ".join(t), **value} for n, t in words.items()}),
+        "options": table(
+            {n: {"description": "; or ".join(sorted(words[n])), **value} for n in sorted(words)}
+        ),
         "limits": named(QUANTITY_REF, "What a sensor can physically give"),
         "initial": named(start, "By the name of a stored state, or heading"),
         "noise": {"oneOf": [TEXT, named(channel, "As in a noise file")]},
