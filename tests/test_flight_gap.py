@@ -272,13 +272,13 @@ def gap_of(vehicle: str, name: str, where: str, values: Values) -> GapResult:
     [pytest.param(*h, marks=[] if h[1] == "lever_arm" else pytest.mark.long) for h in HIDDEN],
 )
 def test_what_a_flight_hides_is_named(vehicle: str, name: str, where: str, values: Values) -> None:
-    """Its interval widened by half holds the truth (0.3 % of the seeds for each number)."""
+    """Twice its interval holds the truth (0.01 % of the seeds for each number); `benchmarks/flight` measures how often it does."""
     found = gap_of(vehicle, name, where, values)
     assert [(f.name, f.where) for f in found.findings] == [(name, where)]
     finding = found.findings[0]
     for n, value in values:
         lo, hi = finding.ci95[n]
-        assert abs(value - 0.5 * (lo + hi)) < 1.5 * 0.5 * (hi - lo)
+        assert abs(value - 0.5 * (lo + hi)) < 2.0 * 0.5 * (hi - lo)
     assert found.gap.after < found.gap.before
 
 
