@@ -8,7 +8,7 @@ import numpy as np
 
 from kfgen.identify.plan import RECORD_HOURS, ParameterBound, RecordPlan, hours_text
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, table
-from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bound_picture
+from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Picture, bound_picture
 
 LINE_COLORS = (AFTER, BEFORE, MEASURED, "#7a8794", "#3d8b5f", "#8a5fb0")
 
@@ -48,7 +48,7 @@ def _percent(value: float) -> str:
     return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
 
 
-def plan_picture(bounds: Mapping[str, ParameterBound], name: str) -> str:
+def plan_picture(bounds: Mapping[str, ParameterBound], name: str) -> Picture:
     """The bounds of a channel against the length of the record.
 
     Parameters
