@@ -38,6 +38,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     *(("scale_factor", f"gyro_{a}", ("coefficient",)) for a in AXES),
     *(("scale_factor", f"accel_{a}", ("coefficient",)) for a in AXES),
     ("scale_factor", "baro", ("coefficient",)),
+    ("static_pressure_error", "baro", ("coefficient",)),
     ("misalignment", "gyro_x", ("xz",)),
     ("misalignment", "gyro_y", ("yx",)),
     ("misalignment", "accel_x", ("xy",)),
@@ -48,6 +49,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("rate_ramp", "gyro_z", ("R",)),
     *(("bias_step", c, ("size",)) for c in ("gyro_y", "accel_x", "baro", "gnss_p_E", "mag_x")),
     ("hard_iron", "mag", ("x", "y", "z")),
+    ("declination", "mag", ("angle",)),
     (
         "soft_iron",
         "mag",

@@ -108,7 +108,9 @@ def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Ar
 
 def _mag(truth: Motion, times: Array, effects: list[Effect]) -> Array:
     at = _late(truth, times, _sum(effects, "time_delay", ("mag",), "delay"))
-    m = truth.R_nb[at].inv().apply(FIELD_NED_T)
+    east = _sum(effects, "declination", ("mag",), "angle")
+    turn = np.array([[np.cos(east), -np.sin(east), 0.0], [np.sin(east), np.cos(east), 0.0], [0.0, 0.0, 1.0]])
+    m = truth.R_nb[at].inv().apply(turn @ FIELD_NED_T)
     out = m.copy()
     for e in effects:
         if e.where == "mag" and e.name == "hard_iron":
@@ -164,6 +166,8 @@ def fly(
     late = _sum(effects, "time_delay", ("baro",), "delay")
     height = -truth.p[_late(truth, t[rows["baro"]], late), 2]
     height = height * (1.0 + _sum(effects, "scale_factor", ("baro",), "coefficient"))
+    speed2 = np.sum(truth.v[_late(truth, t[rows["baro"]], late)] ** 2, axis=1)
+    height = height + _sum(effects, "static_pressure_error", ("baro",), "coefficient") * speed2
     if unlisted == "sine_baro":
         height = height + 1.5 * np.sin(2.0 * np.pi * t[rows["baro"]] / 7.0)
     height = height + 3.0 * rng.standard_normal()
