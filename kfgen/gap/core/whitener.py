@@ -23,11 +23,6 @@ Array = NDArray[np.float64]
 DENSITY_GRID_POINTS = 512
 """Frequencies at which a density is computed; between them it is interpolated."""
 
-MAX_GRADIENT_STEPS = 12
-"""Conjugate gradients that complete a series at most."""
-SLOPE_TOLERANCE = 1e-6
-"""Of the squared slope, at which a series is complete."""
-
 
 @dataclass(frozen=True)
 class Whitener:
@@ -72,34 +67,6 @@ class Whitener:
     def series(self, x: Array) -> Array:
         """The whitened series in time, shape (n, ...)."""
         return self.back(self.ordinates(x))
-
-    def completed(self, x: Array, known: NDArray[np.bool_]) -> Array:
-        """The most probable series that has the known samples of `x`, shape (n,).
-
-        Conjugate gradients on the unknown samples, from those of `x`; white noise takes one step.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            With anything where it is not known.
-        known : ndarray of bool, shape (n,)
-        """
-
-        def slope(z: Array) -> Array:
-            return np.where(known, 0.0, self.back(self.ordinates(z) * self.weight))
-
-        z, left = x.copy(), -slope(x)
-        way, size = left, float(left @ left)
-        enough = SLOPE_TOLERANCE * size
-        for _ in range(MAX_GRADIENT_STEPS):
-            if size <= enough:
-                break
-            uphill = slope(way)
-            pace = size / float(way @ uphill)
-            z, left = z + pace * way, left - pace * uphill
-            size, before = float(left @ left), size
-            way = left + size / before * way
-        return z
 
     @staticmethod
     def back(ordinates: Array) -> Array:

@@ -26,6 +26,7 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.effects.noise_model import NoiseModel
+from kfgen.gap.core.completion import Completion
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.candidates import MotionCandidates, offers
@@ -185,6 +186,11 @@ class MotionScene:
         """Shares of known samples about each one, and the samples with enough of them."""
         return RecentResults(RECENT)
 
+    @cached_property
+    def completions(self) -> RecentResults[Completion]:
+        """What completes the samples of a channel that have no truth."""
+        return RecentResults(RECENT)
+
     def left(self, point: ScenePoint) -> list[Array]:
         """What is left of each channel at its own samples [SI], each of shape (rows,)."""
         placed = (*self.own, *point.placed)
@@ -244,7 +250,10 @@ class MotionScene:
         mean = uniform_filter1d(away, 2 * BESIDE + 1, mode="constant")
         level = np.interp(np.arange(left.size), near, mean[near] / count[near])
         if known.size - int(known.sum()) > FEW:
-            level = self.whiteners[k].completed(np.where(known, away, level), known)
+            completion = self.completions.recalled(
+                (k, known.tobytes()), lambda: Completion.of(self.whiteners[k], known)
+            )
+            level = completion.completed(np.where(known, away, level))
         return np.where(known, left, noise + level)
 
     def _assumed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:

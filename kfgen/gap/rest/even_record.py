@@ -12,6 +12,7 @@ from kfgen.effects import Effect, catalogue
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
+from kfgen.gap.core.completion import Completion
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
@@ -191,4 +192,4 @@ def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], d
     amplitude = np.divide(1.0, white.weight, out=np.zeros(y.size), where=white.weight > 0.0)
     noise = Whitener.back(np.random.default_rng(0).standard_normal(y.size) * amplitude)
     away = np.where(known, y - mean - noise, 0.0)
-    return np.where(known, y, mean + noise + white.completed(away, known))
+    return np.where(known, y, mean + noise + Completion.of(white, known).completed(away))
