@@ -11,9 +11,7 @@ from kfgen.cli.options import Json, NoisePath, Output, Report, SampleRate, deliv
 
 Wanted = Annotated[float, typer.Option(help="The relative standard deviation that is asked for.")]
 Consumer = Annotated[str, typer.Option(help="The program that takes the parameters, see 'kfgen list'.")]
-ConsumerRate = Annotated[
-    float | None, typer.Option(help="The rate [Hz] on which the consumer's numbers depend.")
-]
+ConsumerRate = Annotated[float | None, typer.Option(help="The rate [Hz] on which its numbers depend.")]
 Safety = Annotated[float, typer.Option(help="A factor on every size.")]
 
 
