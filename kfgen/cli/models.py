@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -121,20 +121,10 @@ def emit(
     from kfgen.report.filter import emit_answer
     from kfgen.verify.compare import costs
 
-    emitted = emit(
-        model_of(model, noise, set_, sensor),
-        output,
-        target,
-        form,
-        real,
-        rate=rate,
-        order=order,
-        max_step=max_step,
-        loops=loops,
-        q_interval=q_interval,
-        costs=partial(costs, names=core) if core else None,
-        force=force,
-    )
+    how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops, "q_interval": q_interval}
+    counted = partial(costs, names=core) if core else None
+    built = model_of(model, noise, set_, sensor)
+    emitted = emit(built, output, target, form, real, costs=counted, force=force, **how)
     deliver(emit_answer(emitted), json, report)
 
 

@@ -11,6 +11,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.files.whole_file import write_text
 from kfgen.core.result import Result
 from kfgen.core.units import display_unit
+from kfgen.gap.plan_between import BetweenPlan
 from kfgen.gap.result import GapResult
 from kfgen.identify.identification import Identification
 from kfgen.identify.plan import RecordPlan
@@ -20,7 +21,7 @@ from kfgen.report.filter import run_picture
 from kfgen.report.gap_figures import figures
 from kfgen.report.identify import panel
 from kfgen.report.page import Page, figure, page_html
-from kfgen.report.plan import plan_picture
+from kfgen.report.plan import between_picture, plan_picture
 from kfgen.report.plots import panels_picture
 from kfgen.run.adaptive.denoise_log import DenoisedLog
 from kfgen.run.run import FilterRun
@@ -93,6 +94,11 @@ def _(result: DenoisedLog) -> Picture:
 def _(result: RecordPlan) -> Picture:
     drawn = {name: plan_picture(bounds, name) for name, bounds in result.channels.items()}
     return Picture("Cramér-Rao bound against the length of the record", drawn)
+
+
+@picture_of.register
+def _(result: BetweenPlan) -> Picture:
+    return Picture("Expected nats between two effects", {"Nats of each manoeuvre": between_picture(result)})
 
 
 @picture_of.register
