@@ -14,7 +14,7 @@ from kfgen.core.numbers import finite, is_sampling_rate
 from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import display_unit
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.gap.flight.distinguish import expected_nats
+from kfgen.gap.flight.distinguish import after_memory, expected_nats
 from kfgen.gap.flight.expected_flight import ExpectedFlights
 from kfgen.gap.flight.flight_scene import MIN_INERTIAL_RATE_HZ
 from kfgen.gap.flight.named_effect import placed_effect
@@ -232,7 +232,7 @@ def plan_between(
     wide = [(n, courses[n].extent) for n in known if n not in near]
 
     def said(m: ManoeuvreOnCourse) -> ManoeuvreNats:
-        scene = flights.scene(m.manoeuvre)
+        scene = after_memory(flights.scene(m.manoeuvre), (first, second))
         nats = [expected_nats(scene, *pair) for pair in ((first, second), (second, first))]
         a, b = (n if n > NEGLIGIBLE_NATS else 0.0 for n in nats)
         return ManoeuvreNats(m.manoeuvre.name, m.manoeuvre.title, m.manoeuvre.length, m.course.extent, a, b)

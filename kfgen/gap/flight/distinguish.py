@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.inertial.lag import MOST_UNHEARD, Lag
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.scene.newton import coordinates, derivative, first_steps, is_signed, keys_of, moved
 from kfgen.gap.scene.scene import Placed, ScenePoint
@@ -104,6 +105,21 @@ class ExpectedResiduals:
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """None."""
         return []
+
+
+def after_memory(scene: FlightScene, placed: Sequence[Placed]) -> FlightScene:
+    """A flight without the first readings, where lags depend on what was before it: that would pass for a difference.
+
+    Parameters
+    ----------
+    scene : FlightScene
+    placed : sequence of Placed
+        Effects, lags among them.
+    """
+    memory = max((p.effect.memory()[0] for p in placed if isinstance(p.effect, Lag)), default=0.0)
+    first, last = scene.span
+    unheard = scene.path.rows.t < first + min(memory, MOST_UNHEARD * (last - first))
+    return replace(scene, path=replace(scene.path, silenced=unheard), memory={})
 
 
 def expected_nats(scene: FlightScene, true: Placed, other: Placed) -> float:
