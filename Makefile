@@ -1,11 +1,16 @@
 # make demo   environment, install, the main job; ends with the path of a report page
+# make docs   environment, the pages as a site with the notebooks executed; ends with the path of its first page
 # make test   environment, install, every test; make test-quick a part of them in a minute, make test-long the long ones too
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-quick test-long test-lowest prove lint clean
+.PHONY: demo docs test test-quick test-long test-lowest prove lint clean
 demo: $(VENV)/installed
 	$(BIN)/kfgen demo --out out/demo
+
+docs: $(VENV)/installed-docs
+	$(BIN)/python -m sphinx -q -W --keep-going -E -b html -d build/doctrees docs out/docs
+	@echo "out/docs/index.html"
 
 test: $(VENV)/installed
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "not long"
@@ -13,7 +18,7 @@ test: $(VENV)/installed
 test-quick: $(VENV)/installed
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "quick and not long"
 
-test-long: $(VENV)/installed
+test-long: $(VENV)/installed-docs
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 # The lowest versions that are declared, of every extra that is tested, in an environment of their own.
@@ -36,6 +41,10 @@ lint: $(VENV)/installed
 $(VENV)/installed: pyproject.toml constraints.txt tools/venv.sh
 	sh tools/venv.sh $(VENV)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $@
+
+$(VENV)/installed-docs: $(VENV)/installed
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	touch $@
 
 clean:

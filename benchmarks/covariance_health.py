@@ -199,8 +199,8 @@ def main() -> None:
         )
         lines.append(Line(name, t, np.maximum(least, -0.2), color))
     if picture:
-        svg = series_picture(lines, "smallest normalised eigenvalue", "covariance-health", "time [min]")
-        write_text(picture, svg)
+        drawn = series_picture(lines, "smallest normalised eigenvalue", "covariance-health", "time [min]")
+        write_text(picture, drawn.svg)
         print(f"picture: {picture}")
 
 

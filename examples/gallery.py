@@ -43,4 +43,4 @@ for file, (columns, rate) in FILES.items():
         print(f"| {Path(file).stem} | {name} | {one_line(channel)} |")
     if len(sys.argv) > 1:
         panels = [panel(channel, name) for name, channel in found.channels.items()]
-        write_text(Path(sys.argv[1]) / f"{Path(file).stem}.svg", panels_picture(panels, Path(file).stem))
+        write_text(Path(sys.argv[1]) / f"{Path(file).stem}.svg", panels_picture(panels, Path(file).stem).svg)

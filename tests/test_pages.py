@@ -18,6 +18,7 @@ import pytest
 from typer.testing import Result
 
 from kfgen.report.page import Page, code, figure, heading, page_html, sentence, table, write_page
+from kfgen.report.plots import bars_picture
 
 Cli = Callable[..., Result]
 CHROMIUM = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
@@ -152,7 +153,15 @@ def test_the_date_is_that_of_the_build_where_it_is_given(
 def test_names_that_look_like_markup_stay_text() -> None:
     evil = "<script>alert(1)</script>"
     parts = (heading(evil), sentence(evil), table((evil,), [[evil]], evil, True), code(evil, evil, True))
-    text = page_html(Page(evil, (*parts, figure("<svg></svg>", f'"{evil}')), (evil,), True, ((evil, evil),)))
+    text = page_html(
+        Page(
+            evil,
+            (*parts, figure(bars_picture([evil], [1.0], evil, evil), f'"{evil}')),
+            (evil,),
+            True,
+            ((evil, evil),),
+        )
+    )
     assert text.count("<script>") == 1
     assert "alert(1)</script>" not in text
 

@@ -84,7 +84,7 @@ CODE = sorted(
 )
 PAGES = [
     *(ROOT / n for n in ("README.md", "CONTRIBUTING.md")),
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "templates").rglob("*.j2")),
 ]
 TERMS = (

@@ -15,7 +15,7 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -38,6 +38,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     *(("scale_factor", f"gyro_{a}", ("coefficient",)) for a in AXES),
     *(("scale_factor", f"accel_{a}", ("coefficient",)) for a in AXES),
     ("scale_factor", "baro", ("coefficient",)),
+    ("static_pressure_error", "baro", ("coefficient",)),
     ("misalignment", "gyro_x", ("xz",)),
     ("misalignment", "gyro_y", ("yx",)),
     ("misalignment", "accel_x", ("xy",)),
@@ -46,12 +47,20 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("g_sensitivity", "gyro_z", ("zy",)),
     ("temperature", "gyro_y", ("coefficient",)),
     ("rate_ramp", "gyro_z", ("R",)),
+    *(("bias_step", c, ("size",)) for c in ("gyro_y", "accel_x", "baro", "gnss_p_E", "mag_x")),
     ("hard_iron", "mag", ("x", "y", "z")),
-    ("soft_iron", "mag", ("xx", "yy", "zz", "xy", "xz", "yz")),
+    ("declination", "mag", ("angle",)),
+    (
+        "soft_iron",
+        "mag",
+        ("xx", "yy", "xy", "xz", "yz"),
+    ),  # the common scale is that of the field, which nobody knows
 )
 EXCITED_BY = {
     ("", "accel_x"): ("wing", "car"),
     ("", "accel_y"): ("car",),
+    ("misalignment", "accel_x"): ("car",),
+    ("misalignment", "accel_z"): ("wing", "car"),
     ("g_sensitivity", "gyro_x"): ("wing", "car"),
     ("g_sensitivity", "gyro_z"): ("car",),
 }
@@ -69,7 +78,9 @@ def cases(count: int, strengths: Sequence[float], nulls: int, seed: int, duratio
             for i, (name, where, parameters) in enumerate(HIDDEN):
                 able = EXCITED_BY.get((name, where), EXCITED_BY.get(("", where), tuple(vehicles)))
                 vehicle = able[(i + k) % len(able)]
-                out.append(Case(vehicle, int(rng.integers(2**31)), duration_s, X, name, where, parameters))
+                fixed = (("time", duration_s * float(rng.uniform(0.3, 0.7))),) if name == "bias_step" else ()
+                case = Case(vehicle, int(rng.integers(2**31)), duration_s, X, name, where, parameters)
+                out.append(replace(case, fixed=fixed))
     every = list(VEHICLES)
     out += [Case(every[k % len(every)], int(rng.integers(2**31)), duration_s) for k in range(nulls)]
     for k in range(3 * count):

@@ -64,12 +64,16 @@ def _inertial(
                 w[:, k] += e.values["coefficient"] * drive["temperature"]
             elif e.name == "rate_ramp":
                 w[:, k] += e.values["R"] * truth.t
+            elif e.name == "bias_step":
+                w[:, k] += e.values["size"] * (truth.t >= e.values["time"])
         elif e.where.startswith("accel"):
             k = AXES.index(e.where[-1])
             if e.name == "scale_factor":
                 a[:, k] += e.values["coefficient"] * f[:, k]
             elif e.name == "misalignment":
                 a[:, k] += f @ _matrix(e.values)[k]
+            elif e.name == "bias_step":
+                a[:, k] += e.values["size"] * (truth.t >= e.values["time"])
     both = np.hstack([_means(a), _means(w)])
     noise = rng.standard_normal(both.shape) * np.sqrt(IMU_HZ) * np.repeat([ACCEL_N, GYRO_N], 3)
     return np.asarray(both + noise)
@@ -82,6 +86,11 @@ def _late(truth: Motion, times: Array, late_s: float) -> NDArray[np.intp]:
 
 def _sum(effects: list[Effect], name: str, places: tuple[str, ...], key: str) -> float:
     return sum(e.values[key] for e in effects if e.name == name and e.where in places)
+
+
+def _stepped(effects: list[Effect], channel: str, t: Array) -> Array:
+    steps = [e.values for e in effects if e.name == "bias_step" and e.where == channel]
+    return np.asarray(sum((v["size"] * (t >= v["time"]) for v in steps), np.zeros(t.size)))
 
 
 def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Array]:
@@ -99,7 +108,9 @@ def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Ar
 
 def _mag(truth: Motion, times: Array, effects: list[Effect]) -> Array:
     at = _late(truth, times, _sum(effects, "time_delay", ("mag",), "delay"))
-    m = truth.R_nb[at].inv().apply(FIELD_NED_T)
+    east = _sum(effects, "declination", ("mag",), "angle")
+    turn = np.array([[np.cos(east), -np.sin(east), 0.0], [np.sin(east), np.cos(east), 0.0], [0.0, 0.0, 1.0]])
+    m = truth.R_nb[at].inv().apply(turn @ FIELD_NED_T)
     out = m.copy()
     for e in effects:
         if e.where == "mag" and e.name == "hard_iron":
@@ -155,6 +166,8 @@ def fly(
     late = _sum(effects, "time_delay", ("baro",), "delay")
     height = -truth.p[_late(truth, t[rows["baro"]], late), 2]
     height = height * (1.0 + _sum(effects, "scale_factor", ("baro",), "coefficient"))
+    speed2 = np.sum(truth.v[_late(truth, t[rows["baro"]], late)] ** 2, axis=1)
+    height = height + _sum(effects, "static_pressure_error", ("baro",), "coefficient") * speed2
     if unlisted == "sine_baro":
         height = height + 1.5 * np.sin(2.0 * np.pi * t[rows["baro"]] / 7.0)
     height = height + 3.0 * rng.standard_normal()
@@ -167,7 +180,8 @@ def fly(
         noisy = values + SD[sensor] * rng.standard_normal(values.shape)
         for k, a in enumerate(axes):
             channels[f"{sensor}_{a}"] = np.full(n, np.nan)
-            channels[f"{sensor}_{a}"][at] = noisy[:, k]
+            channels[f"{sensor}_{a}"][at] = noisy[:, k] + _stepped(effects, f"{sensor}_{a}", t[at])
+    height = height + _stepped(effects, "baro", t[rows["baro"]])
     channels["baro"] = np.full(n, np.nan)
     channels["baro"][rows["baro"]] = height + SD["baro"] * rng.standard_normal(height.size)
     channels["temperature"] = 293.15 + warm[:: int(FINE_HZ / IMU_HZ)][:n] + 0.02 * rng.standard_normal(n)

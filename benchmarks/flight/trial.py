@@ -33,6 +33,7 @@ class Case:
     where: str = ""
     parameters: tuple[str, ...] = ()
     unlisted: str = ""
+    fixed: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -80,14 +81,16 @@ def _sized(case: Case) -> Effect:
     columns = []
     for name in case.parameters:
         step = small.get(name, 1e-3)
-        placed = Placed(make(case.effect, **{name: step}), case.where)
+        placed = Placed(make(case.effect, **{name: step}, **dict(case.fixed)), case.where)
         found = scene.residuals([ScenePoint((), start), ScenePoint((placed,), start)])
         columns.append((found[:, 0] - found[:, 1]) / step)
     J = orthogonal_part(np.column_stack(columns), basis(scene.of_constants))
     direction = np.random.default_rng([case.seed, 7]).standard_normal(len(columns))
     direction /= np.linalg.norm(J, axis=0)
     size = np.sqrt(2.0 * case.strength) / np.linalg.norm(J @ direction)
-    return Effect(case.effect, case.where, dict(zip(case.parameters, (size * direction).tolist())))
+    return Effect(
+        case.effect, case.where, dict(zip(case.parameters, (size * direction).tolist())) | dict(case.fixed)
+    )
 
 
 def run(case: Case) -> Score:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
-from kfgen.core.errors import MissingExtra
+from kfgen.core.optional_library import optional_library
 
 
 def statsmodels(module: str) -> Any:
@@ -16,10 +15,4 @@ def statsmodels(module: str) -> Any:
     MissingExtra
         It is not installed.
     """
-    try:
-        return importlib.import_module(f"statsmodels.{module}")
-    except ImportError:
-        raise MissingExtra(
-            "time series need statsmodels, which is not installed",
-            remedy="Install it with: pip install 'kfgen[arma]'",
-        ) from None
+    return optional_library(f"statsmodels.{module}", "arma", "time series need")

@@ -1,4 +1,4 @@
-"""`Result`: what every verb gives back, and how it is shown: a few lines, a short table, the JSON, a picture."""
+"""`Result`: what every verb gives back, and how it is shown: a few lines, a short table, the JSON, pictures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import importlib
 from collections.abc import Sequence
 from html import escape
 from typing import Any
+
+from kfgen.core.optional_library import optional_library
 
 ShortTable = tuple[Sequence[str], Sequence[Sequence[str]]]
 """Heads of the columns, and rows of texts."""
@@ -30,16 +32,59 @@ class Result:
         return "\n".join(self.summary())
 
     def _repr_html_(self) -> str:
-        """The first line and the short table, for a notebook."""
+        """The lines of the summary and the short table, for a notebook; it asks for nothing beside itself."""
         head, rows = self.short_table()
-        title, *rest = (f"<p>{escape(line)}</p>" for line in repr(self).splitlines())
-        if not rows:
-            return "".join([title, *rest])
-        cells = ["".join(f"<th>{escape(h)}</th>" for h in head)]
-        cells += ["".join(f"<td>{escape(c)}</td>" for c in row) for row in rows]
-        return f"{title}<table>{''.join(f'<tr>{c}</tr>' for c in cells)}</table>"
+        lines = "".join(f"<p>{escape(line)}</p>" for line in repr(self).splitlines())
+        return lines + _html_table(head, rows) if rows else lines
 
-    def plot(self) -> Any:
-        """The picture of the report, `kfgen.report.pictures.Picture`; raises `InputError` where there is none."""
+    def to_frame(self) -> Any:
+        """The short table as a data frame of pandas; a column of nothing but numbers holds numbers.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each row of the table, a column for each head; empty where there is no table.
+
+        Raises
+        ------
+        MissingExtra
+            pandas is not installed.
+        """
+        pandas = optional_library("pandas", "pandas", "data frames are made by")
+        head, rows = self.short_table()
+        columns = {name: _numbers_or_texts([row[k] for row in rows]) for k, name in enumerate(head)}
+        return pandas.DataFrame(columns)
+
+    def plot(self) -> list[Any]:
+        """The pictures of the report on axes of matplotlib, which a notebook shows by itself.
+
+        Returns
+        -------
+        list of matplotlib.axes.Axes
+            Of one figure of pyplot or more, in order.
+
+        Raises
+        ------
+        InputError
+            There is no picture of this kind of result, or nothing to show in this one.
+        """
         # By name, for the report stands above every layer and is the only one that draws.
-        return importlib.import_module("kfgen.report.pictures").picture_of(self)
+        opened: list[Any] = importlib.import_module("kfgen.report.pictures").opened(self)
+        return opened
+
+
+def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of escaped texts."""
+    lines = ["".join(f"<th>{escape(h)}</th>" for h in head)]
+    lines += ["".join(f"<td>{escape(c)}</td>" for c in row) for row in rows]
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+
+
+def _numbers_or_texts(cells: Sequence[str]) -> list[float] | list[int] | list[str]:
+    """Cells as numbers, where each of them is one."""
+    for kind in (int, float):
+        try:
+            return [kind(c) for c in cells]
+        except ValueError:
+            continue
+    return list(cells)

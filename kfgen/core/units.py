@@ -84,6 +84,10 @@ def parse_unit(text: str) -> Unit:
     return Unit(text.strip(), unit.factor, unit.exponents, offset)
 
 
+QUANTITY = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.])(.*)$"
+"""A quantity as text: the number, and what follows it."""
+
+
 def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool = True) -> float:
     """Read a value of a file: a number is SI, a string carries its unit.
 
@@ -117,7 +121,7 @@ def parse_quantity(value: object, si_unit: str, *, where: str = "", offset: bool
         except OverflowError:
             raise InputError("the number is too large", where=where) from None
     else:
-        match = re.match(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\d.])(.*)$", value, re.S)
+        match = re.match(QUANTITY, value, re.S)
         if match is None:
             raise InputError(
                 f"'{value}' does not begin with a number",

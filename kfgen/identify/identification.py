@@ -324,12 +324,16 @@ class Identification(Result):
         return lines if len(lines) <= 5 else [*lines[:4], f"... and {len(lines) - 4} more channels"]
 
     def short_table(self) -> ShortTable:
-        """The parameters with their intervals, in SI."""
+        """The parameters with their intervals, in the unit of the noise file."""
         rows = []
         for name, channel in self.channels.items():
+            unit = display_unit(channel.unit)
             for effect in channel.effects:
-                for p, entry in effect.to_dict(channel.si)["parameters"].items():
-                    lo, hi = ("open" if v is None else f"{v:.3g}" for v in entry["ci95"])
-                    value = f"{entry['value']:.3g} {entry['unit']}"
-                    rows.append([name, f"{effect.name} {p}", value, f"{lo} to {hi}"])
+                for p in effect.effect.estimated():
+                    u = derived_unit(p.unit, unit)
+                    lo, hi = (
+                        f"{from_si(v, u):.4g}" if np.isfinite(v) else "open" for v in effect.ci95[p.name]
+                    )
+                    value = quantity(effect.values[p.name], u)
+                    rows.append([name, f"{effect.name} {p.name}", value, f"{lo} to {hi}"])
         return ("channel", "parameter", "value", "95 % interval"), rows

@@ -71,7 +71,11 @@ class Channel:
         return parse_unit(self.unit).si
 
 
-@dataclass(frozen=True)
+MAX_NAMES_SHOWN = 12
+"""Channels that the short text of a log names."""
+
+
+@dataclass(frozen=True, repr=False)
 class Log:
     """Time and named channels.
 
@@ -125,6 +129,12 @@ class Log:
                     where=self.source,
                     remedy="Give every channel one sample for each time",
                 )
+
+    def __repr__(self) -> str:
+        names = list(self.channels)
+        more = f" and {len(names) - MAX_NAMES_SHOWN} more" if len(names) > MAX_NAMES_SHOWN else ""
+        axis = f"{self.n} samples, {self.axis} = {self.t[0]:.6g} to {self.t[-1]:.6g} s"
+        return f"{self.source}: {axis}; {', '.join(names[:MAX_NAMES_SHOWN])}{more}"
 
     def _check_time(self) -> None:
         bad = np.flatnonzero(~np.isfinite(self.t))

@@ -375,12 +375,16 @@ def build_filter(file: FilterFile, options: Mapping[str, str] = NOTHING) -> Filt
     return replace(built, name=file.name, initial=file.initial, unchecked=unchecked, limits=limits)
 
 
+def declared_options() -> list[tuple[str, Option]]:
+    """Every option of every model and sensor, with whose it is."""
+    declared = [(n, o) for n, e in LIBRARY.items() for texts in e.variants() for o in e.options(texts)]
+    return declared + [(n, o) for n, s in sensors().items() for o in s.options]
+
+
 def option_rows() -> list[tuple[str, str]]:
     """Every option of every model and sensor with its meaning, its values, its default, and whose it is."""
     owners: dict[tuple[str, str, str], dict[str, list[str]]] = {}
-    declared = [(n, o) for n, e in LIBRARY.items() for texts in e.variants() for o in e.options(texts)]
-    declared += [(n, o) for n, s in sensors().items() for o in s.options]
-    for owner, o in declared:
+    for owner, o in declared_options():
         by_default = owners.setdefault((o.name, o.title, o.kind.words), {})
         others = by_default.setdefault(o.default, [])
         if owner not in others:

@@ -13,7 +13,7 @@ from kfgen.audit.result import Audit, Audited, ManoeuvreTable, WantedAccuracy
 from kfgen.audit.words import amount
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table, text
-from kfgen.report.plots import Line, curves_picture, thin
+from kfgen.report.plots import Line, Picture, curves_picture, thin
 
 AT_ONCE = 6
 """Manoeuvres beside each other on a terminal."""
@@ -138,7 +138,7 @@ def _reached(a: Audit, run: Degree, w: WantedAccuracy) -> str:
     return f"{a.names[k]} reaches {w.written} after {seconds / 60:.3g} min"
 
 
-def audit_picture(a: Audit, run: Degree) -> str:
+def audit_picture(a: Audit, run: Degree) -> Picture:
     """Standard deviations against time, a panel for each unit; hidden states are dashed.
 
     Parameters

@@ -19,7 +19,17 @@ from kfgen.report.page import (
     table,
     text,
 )
-from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Panel, panels_picture, series_picture, thin
+from kfgen.report.plots import (
+    AFTER,
+    BEFORE,
+    MEASURED,
+    Line,
+    Panel,
+    Picture,
+    panels_picture,
+    series_picture,
+    thin,
+)
 from kfgen.run.adaptive.cost import HIDDEN, STEP
 from kfgen.run.adaptive.denoise import Denoised
 from kfgen.run.adaptive.denoise_log import DenoisedLog
@@ -108,7 +118,7 @@ def _parts(log: Log, name: str, one: Denoised, unit: str) -> list[PagePart]:
     ]
 
 
-def denoise_picture(one: Denoised, name: str, unit: str) -> str:
+def denoise_picture(one: Denoised, name: str, unit: str) -> Picture:
     """The Allan deviation of a channel before and after.
 
     Parameters
@@ -122,7 +132,7 @@ def denoise_picture(one: Denoised, name: str, unit: str) -> str:
     return panels_picture([Panel(c, [], unit, factor, title) for c, title in curves], f"denoise-{name}")
 
 
-def _correlations(one: Denoised, name: str) -> str:
+def _correlations(one: Denoised, name: str) -> Picture:
     c = one.rest.correlations
     lag = np.arange(1.0, c.acf.size)
     band = np.full(lag.size, c.band)

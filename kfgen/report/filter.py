@@ -8,7 +8,7 @@ import kfgen
 from kfgen.emit.folder import EmittedFilter
 from kfgen.log.log import Log
 from kfgen.report.page import Answer, Page, PagePart, code, columns, figure, heading, sentence, table
-from kfgen.report.plots import AFTER, MEASURED, Line, series_picture, thin
+from kfgen.report.plots import AFTER, MEASURED, Line, Picture, series_picture, thin
 from kfgen.run.run import FilterRun
 
 INNOVATION_COLORS = (AFTER, MEASURED, "#c4452f", "#7a8794")
@@ -70,7 +70,7 @@ def run_answer(result: FilterRun) -> Answer:
     return Answer("\n".join(lines), result.to_dict(), page)
 
 
-def run_picture(result: FilterRun, name: str) -> str:
+def run_picture(result: FilterRun, name: str) -> Picture:
     """The innovations of a sensor over time.
 
     Parameters

@@ -19,7 +19,7 @@ from kfgen.fleet.result import (
     shown_unit,
 )
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, table, text
-from kfgen.report.plots import Dot, dots_picture
+from kfgen.report.plots import Dot, Picture, dots_picture
 
 MAX_LOG_SPREAD_SAID_IN_PER_CENT = 0.3
 """Spread in logarithms up to which it is said in per cent, beyond as a factor."""
@@ -200,6 +200,19 @@ def _which(kind: str, logs: Sequence[str], names: Mapping[str, str]) -> str:
 
 
 def _figure(s: PooledNumber, names: Mapping[str, str]) -> PagePart:
+    return figure(
+        _dots(s, names),
+        f"{s.number.label} of each sensor with its 95 % interval; grey, the 95 % prediction interval of a new sensor.",
+    )
+
+
+def fleet_pictures(fleet: FleetResult) -> list[tuple[str, Picture]]:
+    """Each number of each sensor with its interval, titled by channel and number."""
+    names = short_names([o.log for o in (*fleet.done, *fleet.failed)])
+    return [(f"{s.number.channel}: {s.number.label}", _dots(s, names)) for s in fleet.numbers]
+
+
+def _dots(s: PooledNumber, names: Mapping[str, str]) -> Picture:
     unit = shown_unit(s.unit)
 
     def shown(value: float) -> float:
@@ -216,7 +229,4 @@ def _figure(s: PooledNumber, names: Mapping[str, str]) -> PagePart:
         band = (shown(s.value(s.population.next95[0])), shown(s.value(s.population.next95[1])))
     key = f"fleet-{s.number.channel}-{s.number.label}"
     label = f"{s.number.label} [{unit}]"
-    return figure(
-        dots_picture(dots, band, label, key, s.number.positive),
-        f"{s.number.label} of each sensor with its 95 % interval; grey, the 95 % prediction interval of a new sensor.",
-    )
+    return dots_picture(dots, band, label, key, s.number.positive)

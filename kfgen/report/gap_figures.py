@@ -24,6 +24,7 @@ from kfgen.report.plots import (
     BEFORE,
     MEASURED,
     Line,
+    Picture,
     allan_picture,
     bars_picture,
     series_picture,
@@ -75,7 +76,7 @@ def _scene_figures(c: SceneGap) -> list[PagePart]:
     ]
 
 
-def _residuals(c: SceneGap, channel: str, before: Array, after: Array) -> str:
+def _residuals(c: SceneGap, channel: str, before: Array, after: Array) -> Picture:
     block = max(1, before.size // RESIDUAL_BLOCKS)
     t = np.linspace(*c.span_s, before.size)
     lines = [Line(ASSUMED, *_blocks(t, before, block), BEFORE)]
@@ -112,7 +113,7 @@ def _without(record: Record, effects: Sequence[Effect]) -> Array:
     )
 
 
-def _allan(g: ChannelGap) -> str:
+def _allan(g: ChannelGap) -> Picture:
     lines = [_model_line(ASSUMED, g.assumed, g, BEFORE)]
     if g.is_updated:
         lines.append(_model_line(UPDATED, g.updated.effects, g, AFTER))
@@ -135,7 +136,7 @@ def _model_line(label: str, effects: Sequence[Effect], g: ChannelGap, color: str
     return Line(label, tau, np.sqrt(total), color)
 
 
-def _spectrum(g: ChannelGap) -> str:
+def _spectrum(g: ChannelGap) -> Picture:
     ratios = []
     for effects, record in ((g.assumed, g.record), (g.updated.effects, g.clean or g.record)):
         data = record.ordinates(effects)
@@ -149,7 +150,7 @@ def _spectrum(g: ChannelGap) -> str:
     return spectrum_picture(f, ratios[0], ratios[1], f"gap-spectrum-{g.channel}")
 
 
-def _near_line(g: ChannelGap, f: Finding) -> str:
+def _near_line(g: ChannelGap, f: Finding) -> Picture:
     """White power of the record beside a line, with it and without."""
     record, effects = g.record, g.updated.effects
     whitener = Whitener.of(effects, record.n, record.dt)
@@ -169,7 +170,7 @@ def _near_line(g: ChannelGap, f: Finding) -> str:
     return series_picture(lines, "power over noise", f"line-{g.channel}-{at}", "frequency [Hz]")
 
 
-def _driven(g: ChannelGap, f: Finding) -> str:
+def _driven(g: ChannelGap, f: Finding) -> Picture:
     block, factor = max(1, g.record.y.size // RECORD_BLOCKS), parse_unit(g.unit).factor
     t = block_means(g.record.t, block)
     part = f.effect.mean(g.record.elapsed, g.record.drive)

@@ -15,6 +15,7 @@ import kfgen
 from kfgen.core.files.whole_file import write_text
 from kfgen.core.terminal import command_line
 from kfgen.emit.targets.templates import render
+from kfgen.report.plots import Picture
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,13 @@ class PagePart:
     @property
     def drawn(self) -> Any:
         """Its content; a picture is drawn now."""
-        return self.content() if callable(self.content) else self.content
+        return self.picture.svg if self.kind == "figure" else self.content
+
+    @property
+    def picture(self) -> Picture:
+        """The picture of a figure, made now where it was not yet."""
+        made: Picture = self.content() if callable(self.content) else self.content
+        return made
 
 
 @dataclass(frozen=True)
@@ -172,9 +179,9 @@ def table(
     return PagePart("table", [list(r) for r in rows], tuple(head), caption, folded)
 
 
-def figure(svg: str | Callable[[], str], caption: str) -> PagePart:
-    """A picture as inline SVG; given what draws it, it is drawn when the page is written, if ever."""
-    return PagePart("figure", svg, caption=caption)
+def figure(picture: Picture | Callable[[], Picture], caption: str) -> PagePart:
+    """A picture, which is drawn when the page is written, if ever; so is what makes one."""
+    return PagePart("figure", picture, caption=caption)
 
 
 def math(markup: str, caption: str = "") -> PagePart:

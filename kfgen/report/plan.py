@@ -12,7 +12,7 @@ from kfgen.gap.plan_between import BetweenPlan, plan_between
 from kfgen.identify.plan import RECORD_HOURS, ParameterBound, RecordPlan, hours_text, plan
 from kfgen.model.filter import FilterModel
 from kfgen.report.page import Answer, Page, PagePart, columns, figure, heading, sentence, table
-from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, bars_picture, bound_picture
+from kfgen.report.plots import AFTER, BEFORE, MEASURED, Line, Picture, bars_picture, bound_picture
 
 USUAL_WANTED = 0.2
 """Relative standard deviation that a record is to reach, where none is said."""
@@ -96,7 +96,7 @@ def between_answer(
     )
 
 
-def between_picture(found: BetweenPlan) -> str:
+def between_picture(found: BetweenPlan) -> Picture:
     """Nats of each manoeuvre, whichever of the effects is there, up to twice what is wanted.
 
     Parameters
@@ -145,7 +145,7 @@ def _percent(value: float) -> str:
     return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
 
 
-def plan_picture(bounds: Mapping[str, ParameterBound], name: str) -> str:
+def plan_picture(bounds: Mapping[str, ParameterBound], name: str) -> Picture:
     """The bounds of a channel against the length of the record.
 
     Parameters

@@ -1,10 +1,11 @@
-"""Pictures as SVG: the only place that knows matplotlib."""
+"""`Picture`: drawn into a page as SVG, or on axes of pyplot; the only place that knows matplotlib."""
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,19 +32,61 @@ class Line:
     dashed: bool = False
 
 
-def _figure(width: float, height: float, count: int = 1, rows: int = 1) -> tuple[Any, list[Any]]:
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
+@dataclass(frozen=True)
+class Picture:
+    """A picture that is drawn when it is wanted: into a page, or into a notebook.
 
-    with mpl.rc_context({"font.size": 9.5}):
-        fig = Figure(figsize=(width, height), layout="constrained")
-        axes = fig.subplots(rows, count, squeeze=False).ravel().tolist()
-    for ax in axes:
-        ax.grid(True, which="major", color="#e6ebf0", linewidth=0.8)
-        ax.set_axisbelow(True)
-        for side in ("top", "right"):
-            ax.spines[side].set_visible(False)
-    return fig, axes
+    Parameters
+    ----------
+    key : str
+        Begins the inner names of the SVG: pictures share a page.
+    draw : callable
+        Draws on the axes that it is given.
+    size : (float, float)
+        Width and height [inch].
+    grid : (int, int)
+        Rows and columns of axes.
+    """
+
+    key: str
+    draw: Callable[[list[Any]], None]
+    size: tuple[float, float]
+    grid: tuple[int, int] = (1, 1)
+
+    @property
+    def svg(self) -> str:
+        """As text for a page."""
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+
+        with mpl.rc_context({"font.size": 9.5}):
+            fig = Figure(figsize=self.size, layout="constrained")
+            self._drawn(fig)
+        return _svg(fig, self.key)
+
+    def open(self, title: str) -> list[Any]:
+        """The axes of a figure of pyplot, which a notebook shows by itself and a script by ``plt.show()``."""
+        import matplotlib.pyplot as plt
+
+        with plt.rc_context({"font.size": 9.5}):
+            fig = plt.figure(figsize=self.size, layout="constrained")
+            axes = self._drawn(fig)
+            lines = textwrap.fill(title, round(TITLE_SIGNS_PER_INCH * self.size[0]))
+            fig.suptitle(lines, fontsize=10, parse_math=False)
+        return [ax for ax in axes if ax.get_visible()]
+
+    def _drawn(self, fig: Any) -> list[Any]:
+        axes: list[Any] = fig.subplots(*self.grid, squeeze=False).ravel().tolist()
+        for ax in axes:
+            ax.grid(True, which="major", color="#e6ebf0", linewidth=0.8)
+            ax.set_axisbelow(True)
+            for side in ("top", "right"):
+                ax.spines[side].set_visible(False)
+        self.draw(axes)
+        return axes
+
+
+TITLE_SIGNS_PER_INCH = 12
 
 
 def _svg(fig: Any, key: str) -> str:
@@ -72,24 +115,26 @@ class Panel:
     title: str = ""
 
 
-def allan_picture(curve: AllanCurve, models: Sequence[Line], unit: str, factor: float, key: str) -> str:
+def allan_picture(curve: AllanCurve, models: Sequence[Line], unit: str, factor: float, key: str) -> Picture:
     """Allan deviation with its 95 % band and model curves, in the user's unit."""
     return panels_picture([Panel(curve, models, unit, factor)], key)
 
 
-def panels_picture(panels: Sequence[Panel], key: str) -> str:
+def panels_picture(panels: Sequence[Panel], key: str) -> Picture:
     """Allan deviations side by side, three to a row."""
     alone = len(panels) == 1
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     size = (7.4, 4.2) if alone else (3.6 * columns, 2.9 * rows)
-    fig, axes = _figure(*size, columns, rows)
-    for ax, p in zip(axes, panels):
-        _allan_axes(ax, p)
-    for ax in axes[len(panels) :]:
-        ax.set_visible(False)
-    axes[0].legend(frameon=False, fontsize=8.5 if alone else 7)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        for ax, p in zip(axes, panels):
+            _allan_axes(ax, p)
+        for ax in axes[len(panels) :]:
+            ax.set_visible(False)
+        axes[0].legend(frameon=False, fontsize=8.5 if alone else 7)
+
+    return Picture(key, draw, size, (rows, columns))
 
 
 def _allan_axes(ax: Any, p: Panel) -> None:
@@ -106,77 +151,91 @@ def _allan_axes(ax: Any, p: Panel) -> None:
     ax.set_ylim(lo / 3.0, hi * 3.0)
 
 
-def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) -> str:
+def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) -> Picture:
     """Residual power over its expectation, before and after."""
-    fig, (ax,) = _figure(7.4, 3.0)
-    ax.axhline(1.0, color=MEASURED, linewidth=0.8)
-    ax.plot(frequency, before, color=BEFORE, linewidth=1.2, marker=".", label="assumed model")
-    ax.plot(frequency, after, color=AFTER, linewidth=1.2, marker=".", label="updated model")
-    ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="residual power / expected")
-    ax.legend(frameon=False, fontsize=8.5)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        (ax,) = axes
+        ax.axhline(1.0, color=MEASURED, linewidth=0.8)
+        ax.plot(frequency, before, color=BEFORE, linewidth=1.2, marker=".", label="assumed model")
+        ax.plot(frequency, after, color=AFTER, linewidth=1.2, marker=".", label="updated model")
+        ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="residual power / expected")
+        ax.legend(frameon=False, fontsize=8.5)
+
+    return Picture(key, draw, (7.4, 3.0))
 
 
-def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "time [s]") -> str:
+def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "time [s]") -> Picture:
     """Curves over time, with bands."""
-    fig, (ax,) = _figure(7.4, 3.0)
-    for line in lines:
-        if line.lo is not None and line.hi is not None:
-            ax.fill_between(line.x, line.lo, line.hi, color=line.color, alpha=0.2, linewidth=0)
-        ax.plot(
-            line.x,
-            line.y,
-            color=line.color,
-            linewidth=1.1,
-            label=line.label,
-            linestyle="--" if line.dashed else "-",
-        )
-    ax.set(xlabel=xlabel, ylabel=ylabel)
-    ax.legend(frameon=False, fontsize=8.5)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        (ax,) = axes
+        for line in lines:
+            if line.lo is not None and line.hi is not None:
+                ax.fill_between(line.x, line.lo, line.hi, color=line.color, alpha=0.2, linewidth=0)
+            ax.plot(
+                line.x,
+                line.y,
+                color=line.color,
+                linewidth=1.1,
+                label=line.label,
+                linestyle="--" if line.dashed else "-",
+            )
+        ax.set(xlabel=xlabel, ylabel=ylabel)
+        ax.legend(frameon=False, fontsize=8.5)
+
+    return Picture(key, draw, (7.4, 3.0))
 
 
-def curves_picture(panels: Sequence[tuple[str, Sequence[Line]]], key: str) -> str:
+def curves_picture(panels: Sequence[tuple[str, Sequence[Line]]], key: str) -> Picture:
     """Curves over time on logarithmic scales, a panel for each label of an axis, two to a row."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
-    fig, axes = _figure(3.7 * columns, 2.5 * rows, columns, rows)
-    for ax, (ylabel, lines) in zip(axes, panels):
-        for line in lines:
-            style = "--" if line.dashed else "-"
-            ax.plot(line.x, line.y, linewidth=1.3, linestyle=style, label=line.label)
-        ax.set(xlabel="time [s]", ylabel=ylabel, yscale="log")
-        ax.legend(frameon=False, fontsize=7, ncols=-(-len(lines) // 6))
-    for ax in axes[len(panels) :]:
-        ax.set_visible(False)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        for ax, (ylabel, lines) in zip(axes, panels):
+            for line in lines:
+                style = "--" if line.dashed else "-"
+                ax.plot(line.x, line.y, linewidth=1.3, linestyle=style, label=line.label)
+            ax.set(xlabel="time [s]", ylabel=ylabel, yscale="log")
+            ax.legend(frameon=False, fontsize=7, ncols=-(-len(lines) // 6))
+        for ax in axes[len(panels) :]:
+            ax.set_visible(False)
+
+    return Picture(key, draw, (3.7 * columns, 2.5 * rows), (rows, columns))
 
 
-def bound_picture(lines: Sequence[Line], key: str) -> str:
+def bound_picture(lines: Sequence[Line], key: str) -> Picture:
     """Relative bounds against hours of record."""
-    fig, (ax,) = _figure(7.4, 3.4)
-    shown = [line for line in lines if (np.isfinite(line.y) & (line.y > 0.0)).any()]
-    for line in shown:
-        ax.plot(line.x, 100.0 * line.y, color=line.color, marker=".", label=line.label)
-    ax.set(
-        xscale="log" if shown else "linear",
-        yscale="log" if shown else "linear",
-        xlabel="length of the record [h]",
-        ylabel="bound [%]",
-    )
-    if shown:
-        ax.legend(frameon=False, fontsize=8.5)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        (ax,) = axes
+        shown = [line for line in lines if (np.isfinite(line.y) & (line.y > 0.0)).any()]
+        for line in shown:
+            ax.plot(line.x, 100.0 * line.y, color=line.color, marker=".", label=line.label)
+        ax.set(
+            xscale="log" if shown else "linear",
+            yscale="log" if shown else "linear",
+            xlabel="length of the record [h]",
+            ylabel="bound [%]",
+        )
+        if shown:
+            ax.legend(frameon=False, fontsize=8.5)
+
+    return Picture(key, draw, (7.4, 3.4))
 
 
-def bars_picture(names: Sequence[str], values: Sequence[float], xlabel: str, key: str) -> str:
+def bars_picture(names: Sequence[str], values: Sequence[float], xlabel: str, key: str) -> Picture:
     """Horizontal bars, the first on top."""
-    fig, (ax,) = _figure(7.4, 0.6 + 0.3 * len(names))
-    ax.barh(range(len(names)), values, color=AFTER, height=0.62)
-    ax.set_yticks(range(len(names)), names)
-    ax.invert_yaxis()
-    ax.set(xlabel=xlabel)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        (ax,) = axes
+        ax.barh(range(len(names)), values, color=AFTER, height=0.62)
+        ax.set_yticks(range(len(names)), names)
+        ax.invert_yaxis()
+        ax.set(xlabel=xlabel)
+
+    return Picture(key, draw, (7.4, 0.6 + 0.3 * len(names)))
 
 
 @dataclass(frozen=True)
@@ -189,16 +248,18 @@ class Map:
     values: Array
 
 
-def maps_picture(maps: Sequence[Map], xlabel: str, ylabel: str, key: str) -> str:
+def maps_picture(maps: Sequence[Map], xlabel: str, ylabel: str, key: str) -> Picture:
     """Contour maps side by side."""
-    fig, axes = _figure(3.9 * len(maps), 3.5, len(maps))
-    for ax, m in zip(axes, maps):
-        drawn = ax.contourf(m.x, m.y, m.values, levels=12, cmap="Blues")
-        lines = ax.contour(m.x, m.y, m.values, levels=drawn.levels[::2], colors=MEASURED, linewidths=0.6)
-        ax.clabel(lines, fontsize=7)
-        ax.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
-        ax.set_title(m.title, fontsize=9.5)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        for ax, m in zip(axes, maps):
+            drawn = ax.contourf(m.x, m.y, m.values, levels=12, cmap="Blues")
+            lines = ax.contour(m.x, m.y, m.values, levels=drawn.levels[::2], colors=MEASURED, linewidths=0.6)
+            ax.clabel(lines, fontsize=7)
+            ax.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
+            ax.set_title(m.title, fontsize=9.5)
+
+    return Picture(key, draw, (3.9 * len(maps), 3.5), (1, len(maps)))
 
 
 def thin(x: Array, most: int = 1500) -> slice:
@@ -219,20 +280,23 @@ class Dot:
 
 def dots_picture(
     dots: Sequence[Dot], band: tuple[float, float], xlabel: str, key: str, logarithmic: bool = False
-) -> str:
+) -> Picture:
     """Values with intervals below each other, over the band where the next one is expected."""
-    fig, (ax,) = _figure(7.4, 0.9 + 0.24 * len(dots))
-    if np.isfinite(band).all():
-        ax.axvspan(*band, color=BAND, alpha=0.35, linewidth=0)
-    for k, d in enumerate(dots):
-        color = BEFORE if d.outlier else AFTER
-        if np.isfinite([d.lo, d.hi]).all():
-            ax.plot([d.lo, d.hi], [k, k], color=color, linewidth=1.6)
-        ax.plot([d.value], [k], ".", color=color, markersize=7)
-    ax.set_yticks(range(len(dots)), [d.name for d in dots])
-    ax.invert_yaxis()
-    values = [d.value for d in dots]
-    if logarithmic and max(values) > 10.0 * min(values):
-        ax.set_xscale("log")
-    ax.set(xlabel=xlabel)
-    return _svg(fig, key)
+
+    def draw(axes: list[Any]) -> None:
+        (ax,) = axes
+        if np.isfinite(band).all():
+            ax.axvspan(*band, color=BAND, alpha=0.35, linewidth=0)
+        for k, d in enumerate(dots):
+            color = BEFORE if d.outlier else AFTER
+            if np.isfinite([d.lo, d.hi]).all():
+                ax.plot([d.lo, d.hi], [k, k], color=color, linewidth=1.6)
+            ax.plot([d.value], [k], ".", color=color, markersize=7)
+        ax.set_yticks(range(len(dots)), [d.name for d in dots])
+        ax.invert_yaxis()
+        values = [d.value for d in dots]
+        if logarithmic and max(values) > 10.0 * min(values):
+            ax.set_xscale("log")
+        ax.set(xlabel=xlabel)
+
+    return Picture(key, draw, (7.4, 0.9 + 0.24 * len(dots)))

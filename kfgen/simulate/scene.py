@@ -20,6 +20,7 @@ from kfgen.manoeuvre.truth import Path, fine_times, level_at, numeric
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.motion import AFTER, Input
+from kfgen.model.parts.reading import speed_squared
 from kfgen.model.parts.sensors import Sensor
 from kfgen.simulate.interval import FORCE, RATE, by_convention, interval_samples, middle
 from kfgen.simulate.rates import rows_of
@@ -205,7 +206,9 @@ class TrueScene:
         wide[:, : y.shape[1]] = y
         warmth = self.drive.get("temperature")
         R_bn = self._level(part) if self.model.attitude is not None else None
-        return Signals(t, wide, omega, force, R_bn, 1.0, power, None if warmth is None else warmth[rows])
+        speed2 = speed_squared(self.model, self.values(t))
+        warm = None if warmth is None else warmth[rows]
+        return Signals(t, wide, omega, force, R_bn, 1.0, power, warm, speed_squared=speed2)
 
     def _level(self, part: Part) -> Array:
         """North-east-down to body axes in the middle of what a part's samples stand for, shape (samples, 3, 3)."""

@@ -92,6 +92,8 @@ INERTIAL = (
     strong("bandwidth", *TRIADS, corner=5.0),
     strong("hard_iron", "mag", x=5e-6, y=-3e-6, z=2e-6),
     strong("soft_iron", "mag", xx=0.05, xy=0.02),
+    strong("declination", "mag", angle=0.1),
+    strong("static_pressure_error", "baro", coefficient=0.05),
     strong("magnetic_disturbance", "mag", x=5e-6, y=-3e-6, z=2e-6, time=10.0, duration=20.0),
 )
 FAULTS = (

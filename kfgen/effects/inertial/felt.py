@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Felt:
         Times [s], where there are any.
     alpha : tuple of 3, optional
         Derivative of the body rate [rad/s^2]; from the rate over times where it is not given.
+    speed_squared : array or symbol, optional
+        Of the velocity over ground [m^2/s^2].
     """
 
     u: tuple[Any, ...]
@@ -47,6 +50,7 @@ class Felt:
     temperature: Any = None
     t: Any = None
     alpha: tuple[Any, ...] | None = None
+    speed_squared: Any = None
 
     @property
     def rate(self) -> tuple[Any, ...]:
@@ -73,6 +77,11 @@ class Felt:
         """The running variance of the specific force; raises `InputError` where it is unknown."""
         return self._known(self.power, "the power of the vibration")
 
+    @property
+    def squared_speed(self) -> Any:
+        """The square of the speed; raises `InputError` where it is unknown."""
+        return self._known(self.speed_squared, "the speed")
+
     @cached_property
     def angular_acceleration(self) -> tuple[Any, ...]:
         """The derivative of the body rate, by a spline over times where it is not given.
@@ -86,7 +95,7 @@ class Felt:
         return tuple(CubicSpline(self.t, w)(self.t, 1) for w in self.rate)
 
     @staticmethod
-    def _known(value: tuple[Any, ...] | None, what: str) -> tuple[Any, ...]:
+    def _known(value: T | None, what: str) -> T:
         if value is None:
             raise InputError(
                 f"{what} is unknown here, and an effect needs it", remedy="Take the effect out there"
@@ -116,6 +125,8 @@ class Signals:
         Temperature [K].
     arm_order : int
         Derivative of a place that the sensor measures: 0 of a position, 1 of a velocity, 2 of a specific force.
+    speed_squared : ndarray, shape (n,), optional
+        Of the velocity over ground [m^2/s^2].
     """
 
     t: Array
@@ -127,6 +138,7 @@ class Signals:
     power: Array | None = None
     warmth: Array | None = None
     arm_order: int = 2
+    speed_squared: Array | None = None
 
     @cached_property
     def felt(self) -> Felt:
@@ -150,6 +162,7 @@ class Signals:
             columns(self.power),
             self.warmth,
             self.t,
+            speed_squared=self.speed_squared,
         )
 
     @property

@@ -115,6 +115,25 @@ class MagneticDisturbance(InertialError):
         return super().sentence(channel, unit) + _when(self)
 
 
+@dataclass(frozen=True)
+class Declination(InertialError):
+    """The horizontal field points `angle` further east than it was taken to; to first order, 1 % off at ten degrees."""
+
+    angle: Any = parameter("rad", "signed")
+
+    name: ClassVar[str] = "declination"
+    title: ClassVar[str] = "magnetic declination"
+    separating_experiment: ClassVar[str] = "turns to both sides at changing speed"
+    sentence_template: ClassVar[str] = "finds magnetic north {angle} further east"
+    sensors: ClassVar[tuple[str, ...]] = ("mag",)
+    needs: ClassVar[tuple[str, ...]] = ("R_bn",)
+
+    def error(self, felt: Felt, axis: int) -> Any:
+        """``angle d x m_b``, d being down in body axes."""
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        return self.angle * (felt.downwards[i] * felt.u[j] - felt.downwards[j] * felt.u[i])
+
+
 def _once(what: str) -> NotModelled:
     return NotModelled(
         f"{what} says nothing of the next time",

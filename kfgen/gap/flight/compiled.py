@@ -155,6 +155,48 @@ def columns(  # noqa: PLR0913, PLR0917
 
 
 @compiled(
+    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], int64[::1],"
+    " float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[::1])"
+)
+def products(  # noqa: PLR0913, PLR0917
+    Phi: Any, Pi: Any, Pj: Any, B: Any, Bi: Any, Bj: Any, row_at: Any, H: Any, S: Any, K: Any, w: Any,
+    of_inputs: Any, of_readings: Any,
+) -> None:  # fmt: skip
+    """Products of a series with the columns of unit errors of each single reading: `columns` backwards, see [3]_.
+
+    Parameters
+    ----------
+    Phi, Pi, Pj, B, Bi, Bj, row_at, H, S, K
+        As of `columns`.
+    w : ndarray, shape (rows,)
+        The series.
+    of_inputs : ndarray, shape (n, inputs)
+        Written over: of an error of an input at one time.
+    of_readings : ndarray, shape (rows,)
+        Written over: of an error of one other reading.
+    """
+    n, N = H.shape[1], Phi.shape[0]
+    lam, fresh = np.zeros(n), np.zeros(n)
+    at = row_at.size - 1
+    for k in range(N - 1, -1, -1):
+        if k < N - 1:
+            for z in range(Bi.size):
+                of_inputs[k, Bj[z]] += B[k, z] * lam[Bi[z]]
+            fresh[:] = 0.0
+            for z in range(Pi.size):
+                fresh[Pj[z]] += Phi[k, z] * lam[Pi[z]]
+            lam[:] = fresh
+        while at >= 0 and row_at[at] == k:
+            v = w[at] / np.sqrt(S[at])
+            for i in range(n):
+                v -= K[at, i] * lam[i]
+            of_readings[at] = v
+            for i in range(n):
+                lam[i] += H[at, i] * v
+            at -= 1
+
+
+@compiled(
     "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1],"
     " float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1], float64[:,::1],"
     " float64[:,::1])"

@@ -15,6 +15,7 @@ from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.motion.model_truth import should_read
 from kfgen.gap.motion.truth import Truth
+from kfgen.model.parts.reading import speed_squared
 from kfgen.simulate.scene import Part
 
 Array = NDArray[np.float64]
@@ -44,6 +45,7 @@ def flight_truth(path: FlownPath) -> Truth:
         log.t, should.read, should.axes, np.ones(n, dtype=bool), omega_b=rate, f_b=force, power=power,
         warmth=log.drive.get("temperature"), R_bn=np.swapaxes(eq.level.at(path.given) @ R_nb, 1, 2),
         places=should.places, antennas=should.antennas,
+        speed_squared=speed_squared(model, dict(zip(eq.names, path.x.T))),
         words=("the smoothed path of the filter says what every sensor should have read",),
     )  # fmt: skip
 

@@ -146,6 +146,29 @@ class LinearFlight:
         )
         return out
 
+    def products(self, series: Array) -> tuple[Array, Array]:
+        """Products of a series with what unit errors of single readings do to the normalised innovations.
+
+        Parameters
+        ----------
+        series : ndarray, shape (rows,)
+
+        Returns
+        -------
+        tuple of ndarray, shape (n, inputs) and (rows,)
+            Of the inputs at every time, of every other reading.
+        """
+        from kfgen.gap.flight.compiled import products
+
+        F, B = self.equations.transition, self.equations.input_errors
+        of_inputs = np.zeros((self.Phi.shape[0], len(self.equations.channels)))
+        of_readings = np.zeros(self.y.size)
+        products(
+            self.Phi, F.rows, F.columns, self.B, B.rows, B.columns, self.rows.at, self.H, self.S, self.K,
+            np.ascontiguousarray(series), of_inputs, of_readings,
+        )  # fmt: skip
+        return of_inputs, of_readings
+
     def smoothed(self) -> Array:
         """Errors of the path with all readings known, shape (n, states)."""
         from kfgen.gap.flight.compiled import smooth

@@ -23,11 +23,14 @@ from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
 from kfgen.gap.flight.tuned import TunedSize, shown_scales, tuned
-from kfgen.gap.motion.candidates import MotionCandidates, offers
+from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.screen import basis, orthogonal_part
+from kfgen.model.parts.motion import NED
 
 Array = NDArray[np.float64]
 
@@ -60,6 +63,8 @@ class FlightScene:
     subtracted : tuple of Placed
     sizes : tuple of TunedSize
         Of noises, where they were estimated.
+    energies : StepEnergies, optional
+        Of steps, where they are known about a path nearby.
     memory : dict
         Responses of the innovations that were computed before.
     """
@@ -67,6 +72,7 @@ class FlightScene:
     path: FlownPath
     subtracted: tuple[Placed, ...] = ()
     sizes: tuple[TunedSize, ...] = ()
+    energies: StepEnergies | None = None
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
@@ -158,6 +164,15 @@ class FlightScene:
             [dct(innovations[self.path.rows.of(c)], type=2, axis=0, norm="ortho") for c in self.channels]
         )
 
+    def _in_time(self, ordinates: Array) -> Array:
+        """The inverse of `_ordinates`."""
+        from scipy.fft import idct
+
+        out = np.zeros_like(ordinates)
+        for c, part in zip(self.channels, np.split(ordinates, np.cumsum(self.lengths)[:-1])):
+            out[self.path.rows.of(c)] = idct(part, type=2, axis=0, norm="ortho")
+        return out
+
     def _response(self, placed: Placed) -> Array:
         """What the innovations lose by an effect with its values."""
         return np.asarray(sum(size * self.memory[unit] for unit, size in _units(placed)))
@@ -197,7 +212,8 @@ class FlightScene:
         """The same flight about the path that is smoothed with the effects of a point subtracted."""
         du, dz = self.errors(point.placed)
         constants = dict(zip((u.name for u in self.unknowns), point.unknowns.tolist()))
-        return FlightScene(self.path.without(du, dz, constants), point.placed, self.sizes)
+        energies = self.__dict__.get("_energies", self.energies)
+        return FlightScene(self.path.without(du, dz, constants), point.placed, self.sizes, energies)
 
     @cached_property
     def log_widths(self) -> Array:
@@ -224,7 +240,22 @@ class FlightScene:
         """Every addition that the log allows beside these, with typical sizes to start from."""
         found = [s for starts in offers(self.bench, placed) if (s := [p for p in starts if self._shows(p)])]
         self._remember(p for starts in found for p in starts)
-        return found
+        return found + self._steps(placed)
+
+    def _steps(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Steps of biases, each at its most likely time beside these."""
+        left = self.residuals([ScenePoint(tuple(placed), self._constants)])
+        Q = basis(self.of_constants)
+        residual = self._in_time(orthogonal_part(left, Q))[:, 0]
+        steps = likely_steps(self.path, self.compared, self._energies, residual)
+        self._remember(steps)
+        return [[s] for s in steps]
+
+    @cached_property
+    def _energies(self) -> StepEnergies:
+        """Of steps, about this path or one nearby."""
+        known = self._in_time(basis(self.of_constants))
+        return self.energies or step_energies(self.path, self.compared, known)
 
     def _shows(self, placed: Placed) -> bool:
         """Whether a log can show it: the Earth's rate is an option of the filter, a corner needs samples as fast.
@@ -255,7 +286,8 @@ class FlightScene:
             places.append((c, sensor, axis))
         mag, seen = self._mag
         drive = self.path.log.drive
-        return MotionCandidates(self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive)
+        field = tuple(NED.index(u.name[-1]) for u in self.unknowns if u.name.startswith(FIELD_PREFIX))
+        return MotionCandidates(self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive, field)
 
     @cached_property
     def _mag(self) -> tuple[Array, NDArray[np.bool_]]:

@@ -12,6 +12,7 @@ from kfgen.core.channel_names import AXES, acts_on
 from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven.proportional import DriverProportional
+from kfgen.effects.inertial.barometer import StaticPressureError
 from kfgen.effects.inertial.errors import (
     EarthRate,
     GravityError,
@@ -28,7 +29,7 @@ from kfgen.effects.inertial.errors import (
 )
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
-from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
+from kfgen.effects.inertial.magnetic import Declination, HardIron, MagneticDisturbance, SoftIron
 from kfgen.gap.motion.on_off_times import best_span
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.scene.scene import Placed
@@ -47,6 +48,8 @@ IN_TIME = ("rate_ramp", "warm_up")
 
 DRIFT_ALONE = 3.0
 """Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
+FIELD_PREFIX = "mag_"
+"""How the constants of a filter are called that are the magnetic field in space: ``mag_N``."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class MotionCandidates:
     field : ndarray, shape (3,), optional
         The field in space, where an attitude alone is known.
     drive : mapping of str to ndarray
+    unknown_field : tuple of int
+        The axes in space along which nobody knows the magnetic field.
     """
 
     truth: Truth
@@ -78,6 +83,7 @@ class MotionCandidates:
     spread: float
     field: Array | None
     drive: Mapping[str, Array]
+    unknown_field: tuple[int, ...] = ()
 
     def axes(self, sensor: str) -> list[int]:
         """The axes of a sensor that moved."""
@@ -113,6 +119,8 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
         found.append([Placed(EarthRate(EARTH, EARTH, EARTH), "gyro")])
     if "mag" in sensors:
         found += list(_magnetic(bench))
+    if "baro" in bench.truth.read and bench.truth.speed_squared is not None:
+        found.append([Placed(StaticPressureError(SMALL), "baro")])
     for place in dict.fromkeys(s.rpartition("_")[0] or s for s in sensors if s in bench.truth.antennas):
         found.append([Placed(LeverArm(SMALL, SMALL, SMALL), place)])
         found.append([Placed(TimeDelay(0.1 * bench.truth.dt), place)])
@@ -210,6 +218,8 @@ def _magnetic(bench: MotionCandidates) -> Iterator[list[Placed]]:
         yield [Placed(SoftIron(**{e: SMALL}), "mag")]
     if len(entries) > 1:
         yield [Placed(SoftIron(**dict.fromkeys(_distinguishable(bench, entries), SMALL)), "mag")]
+    if known and bench.truth.R_bn is not None and 1 not in bench.unknown_field:
+        yield [Placed(Declination(SMALL), "mag")]
     if len(every) == 3:
         yield from _for_a_while(bench, h)
 
@@ -236,8 +246,8 @@ def _distinguishable(bench: MotionCandidates, entries: Sequence[str]) -> list[st
     some = some[:: max(1, some.size // SOME)]
     u, every = bench.truth.signals("mag", bench.field).y[some], bench.every("mag")
     columns: list[Array] = []
-    if "mag" not in bench.truth.read and bench.truth.R_bn is not None:
-        columns = [bench.truth.R_bn[some][:, every, k].ravel() for k in range(3)]
+    if bench.truth.R_bn is not None:
+        columns = [bench.truth.R_bn[some][:, every, k].ravel() for k in bench.unknown_field]
     kept = []
     for e in entries:
         column = np.zeros((some.size, 3))

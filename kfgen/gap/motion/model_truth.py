@@ -27,6 +27,7 @@ from kfgen.log.log import Log
 from kfgen.manoeuvre.rotations import as_matrix
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
+from kfgen.model.parts.reading import speed_squared
 from kfgen.model.parts.sensors import Sensor
 from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.scene import Part, TrueScene
@@ -136,7 +137,7 @@ def _truth(log: Log, scene: TrueScene, parts: Sequence[Part]) -> Truth:
     return Truth(
         np.asarray(log.t), should.read, should.axes, known,
         omega_b=first.omega_b, f_b=first.f_b, power=_power(log, first), warmth=warmth, R_bn=first.R_bn,
-        places=should.places, antennas=should.antennas,
+        places=should.places, antennas=should.antennas, speed_squared=speed_squared(scene.model, scene.instants),
         words=("the references and the model say what every sensor should have read",),
     )  # fmt: skip
 

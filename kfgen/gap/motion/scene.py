@@ -308,7 +308,8 @@ class MotionScene:
         good = self.good & np.all([c.there for c in self.compared if c.sensor == "mag"], axis=0)
         for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
             good[(self.truth.t >= start) & (self.truth.t < stop)] = False
-        return MotionCandidates(self.truth, moved, still, good, y - extra, spread, field, self.drive)
+        unknown = () if "mag" in self.truth.read else (0, 1, 2)
+        return MotionCandidates(self.truth, moved, still, good, y - extra, spread, field, self.drive, unknown)
 
     def faults(self) -> tuple[Placed, ...]:
         """What spoils a fit: of the samples, the reference, or channels that read another axis or unit."""

@@ -74,7 +74,7 @@ class Truth:
         The axes of each sensor that have a reference.
     good : ndarray of bool, shape (n,)
         Where the references are there.
-    omega_b, f_b, power, warmth, R_bn, down
+    omega_b, f_b, power, warmth, R_bn, down, speed_squared
         As in `Signals`: what drives effects.
     bandwidth : mapping of str to float
         Highest frequency [Hz] up to which a sensor's truth is known; infinite where not in it.
@@ -106,6 +106,7 @@ class Truth:
     words: tuple[str, ...] = ()
     places: Mapping[str, tuple[str, int]] = field(default_factory=dict)
     antennas: Mapping[str, tuple[int, Array]] = field(default_factory=dict)
+    speed_squared: Array | None = None
 
     def place(self, name: str) -> tuple[str, int]:
         """The sensor and the axis of a channel."""
@@ -130,7 +131,9 @@ class Truth:
 
     def _felt_by(self, sensor: str, y: Array) -> Signals:
         order, R_bn = self.antennas.get(sensor, (2, self.R_bn))
-        return Signals(self.t, y, self.omega_b, self.f_b, R_bn, self.down, self.power, self.warmth, order)
+        return Signals(
+            self.t, y, self.omega_b, self.f_b, R_bn, self.down, self.power, self.warmth, order, self.speed_squared
+        )  # fmt: skip
 
 
 def truth_of(log: Log, bandwidth: Mapping[str, float] | None = None) -> Truth | None:

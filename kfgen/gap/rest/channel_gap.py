@@ -109,7 +109,6 @@ def channel_gap(
     findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
     clean = base.problem.record
     assert isinstance(clean, Record)
-    trusted = tuple(t.effect for t in at.trusted)
     return ChannelGap(
         channels=(channel,),
         unit=noise.unit,
@@ -119,7 +118,7 @@ def channel_gap(
         after=tuple(after),
         gap=held_out_gap(raw, clean, random.effects, replace(base.problem, effects=base.fit.effects)),
         span_s=span_of(at.whole),
-        assumed=(*random.effects, *trusted),
+        assumed=(*random.effects, *(t.effect for t in at.trusted)),
         updated=replace(noise, terms=(*merged(at.trusted, terms), *at.altering), covariance=None),
         limits=limits_of(channel, noise.unit, base, at.trusted),
         record=at.whole,

@@ -43,6 +43,8 @@ MAX_LOG_STEP = 1.0
 """Longest step in a logarithm."""
 MAX_LINEAR_LOG_STEP = 0.1
 """Step in a logarithm from which on it is no longer one in the number itself."""
+MIN_INFORMATION_SHARE = 1e-12
+"""Information along a direction, over that of single coordinates, below which there is none."""
 
 Key = tuple[int, str]
 
@@ -80,9 +82,10 @@ class SceneFit:
 
     @property
     def covariance(self) -> Array:
-        """Of parameters and unknowns."""
-        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-        inverse = np.linalg.pinv(self.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+        """Of parameters and unknowns; very wide along what the data say nothing of."""
+        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-200))
+        values, vectors = np.linalg.eigh(self.information / np.outer(scale, scale))
+        inverse = (vectors / np.maximum(values, MIN_INFORMATION_SHARE)) @ vectors.T
         return np.asarray(inverse / np.outer(scale, scale))
 
 

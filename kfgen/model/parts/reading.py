@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
@@ -13,6 +15,9 @@ from kfgen.effects.inertial.inertial_error import arm_rate
 from kfgen.model.parts.attached_error import AttachedError
 from kfgen.model.parts.motion import MotionModel
 from kfgen.model.parts.sensor import Sensor
+
+if TYPE_CHECKING:
+    from kfgen.model.filter import FilterModel
 
 Views = Mapping[str, sp.Matrix]
 VIBRATION = sp.Symbol("vibration", real=True)
@@ -45,7 +50,22 @@ def felt_in(value: sp.Matrix, view: Views, motion: MotionModel, force: sp.Matrix
     omega = tuple(view["omega"]) if "omega" in view else None
     padded = (*value, *(sp.Integer(0),) * (3 - len(value)))
     power = (VIBRATION**2, sp.Integer(0), sp.Integer(0))
-    return Felt(padded, omega, tuple(force) if force is not None else None, axes, down, power, TEMPERATURE)
+    speed2 = view["v"].dot(view["v"]) if "v" in view else None
+    felt = Felt(padded, omega, tuple(force) if force is not None else None, axes, down, power, TEMPERATURE)
+    return replace(felt, speed_squared=speed2)
+
+
+def speed_squared(model: FilterModel, values: Mapping[str, Any]) -> Any:
+    """The square of the speed [m^2/s^2]; None of a model without a velocity.
+
+    Parameters
+    ----------
+    model : FilterModel
+    values : mapping of str to ndarray, shape (n,)
+        Its state by name.
+    """
+    names = next((b.nominal_names for b in model.blocks if b.name == "v"), ())
+    return sum(values[n] ** 2 for n in names) if names else None
 
 
 def reading(sensor: Sensor, view: Views, errors: Sequence[AttachedError], motion: MotionModel) -> sp.Matrix:

@@ -19,6 +19,10 @@ from kfgen.effects.plant.terms import PlantEffect
 from kfgen.model.plant.user import FORMAT, Acting, Measurement, ModelParameter, StateStart, UserModel
 
 TABLES = ("parameters", "states", "inputs", "dynamics", "measurements", "dynamics_effects")
+TOP_KEYS = ("format", "name", "title", "provenance", *TABLES)
+PARAMETER_KEYS = ("value", "sd")
+STATE_KEYS = ("unit", "initial", "sd")
+MEASUREMENT_KEYS = ("unit", "expression", "effects", "covariance")
 RESERVED = frozenset({*FUNCTIONS, "t", "dt"})
 
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\d.])")
@@ -46,7 +50,7 @@ def parse_model(text: str, path: str) -> UserModel:
 
 def _tables(document: Mapping[str, Any], path: str) -> dict[str, Mapping[str, Any]]:
     for key, value in document.items():
-        if key in ("format", "name", "title", "provenance"):
+        if key in TOP_KEYS and key not in TABLES:
             continue
         if key not in TABLES:
             raise InputError(
@@ -100,7 +104,7 @@ def _own_unit(value: Any) -> str:
 
 def _number(entry: Any, where: str) -> ModelParameter:
     table = entry if isinstance(entry, dict) else {"value": entry}
-    _keys(table, ("value", "sd"), where)
+    _keys(table, PARAMETER_KEYS, where)
     if "value" not in table:
         raise InputError("it has no value", where=where, remedy='Write value = "19.6 1/s^2"')
     unit = _unit(_own_unit(table["value"]), where)
@@ -111,7 +115,7 @@ def _number(entry: Any, where: str) -> ModelParameter:
 def _state(entry: Any, where: str) -> StateStart:
     if not isinstance(entry, dict):
         return StateStart(_unit(entry, where))
-    _keys(entry, ("unit", "initial", "sd"), where)
+    _keys(entry, STATE_KEYS, where)
     unit = _unit(entry.get("unit"), f"{where} unit")
     if "initial" not in entry:
         if "sd" in entry:
@@ -140,7 +144,7 @@ def _formula(value: Any, names: tuple[str, ...], where: str) -> Expression:
 def _measurement(name: str, table: Any, names: tuple[str, ...], where: str) -> Measurement:
     if not isinstance(table, dict):
         raise InputError("it is no table", where=where)
-    _keys(table, ("unit", "expression", "effects", "covariance"), where)
+    _keys(table, MEASUREMENT_KEYS, where)
     if "expression" not in table:
         raise InputError("it has no expression", where=where, remedy='Add a line like expression = "theta"')
     noise = read_channel(name, table, where)

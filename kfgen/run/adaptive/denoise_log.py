@@ -104,7 +104,7 @@ def denoise(  # noqa: PLR0913 - the choices of one command
     window: int = WINDOW,
     ratio: float = RATIO,
 ) -> DenoisedLog:
-    """Filter channels of a log by the adaptive Kalman filters of [1]_.
+    """Filter channels of a log by the adaptive Kalman filters of Narasimhappa (2019).
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def denoise(  # noqa: PLR0913 - the choices of one command
     window : int
         Innovations whose mean square a rule looks at [samples].
     ratio : float
-        R over Q; 980 in [1]_.
+        R over Q; 980 in that paper.
 
     Returns
     -------

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from kfgen.core.optional_library import optional_library
 from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.named_arrays import Named, check_size, table_of
-from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.library import reading
 from kfgen.log.readers.tables.table import LogTable
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
@@ -50,7 +51,7 @@ def read_hdf5(path: Path, *, turned: bool) -> LogTable:
     InputError, MissingExtra
         As `read`.
     """
-    h5py = optional_library("h5py", "hdf5", "HDF5 is", path)
+    h5py = optional_library("h5py", "hdf5", "HDF5 is read by", str(path))
     with reading("HDF5 file", path, "Copy the file again"), h5py.File(path, "r") as file:
         datasets = _datasets(file, h5py)
         check_size(sum(d.size * max(len(d.dtype.names or ()), 1) for d in datasets.values()), path)

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kfgen.core.optional_library import optional_library
 from kfgen.log.readers.arrays.named_arrays import Named, check_size, table_of
-from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.library import reading
 from kfgen.log.readers.tables.table import LogTable
 
 SUFFIXES = (".parquet", ".pq")
@@ -24,8 +25,8 @@ def read(path: Path) -> LogTable:
     MissingExtra
         pyarrow is not installed.
     """
-    pq = optional_library("pyarrow.parquet", "parquet", "Parquet is", path)
-    pa = optional_library("pyarrow", "parquet", "Parquet is", path)
+    pq = optional_library("pyarrow.parquet", "parquet", "Parquet is read by", str(path))
+    pa = optional_library("pyarrow", "parquet", "Parquet is read by", str(path))
     arrays: dict[str, Named] = {}
     with reading("Parquet file", path, "Write it again"):
         file = pq.ParquetFile(path)

@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.optional_library import optional_library
 from kfgen.log.readers.flight import px4_topics as topics
 from kfgen.log.readers.flight.px4_topics import TopicSource
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream, pressure_height
 from kfgen.log.readers.tables.clock import Clock
-from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.library import reading
 from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.tables.table import TableColumn
 
@@ -79,7 +80,7 @@ def recording(path: Path, choice: LogChoice = ANY) -> LogRecording:
 
 
 def _ulog(path: Path) -> Any:
-    pyulog = optional_library("pyulog", "px4", "PX4 logs are", path)
+    pyulog = optional_library("pyulog", "px4", "PX4 logs are read by", str(path))
     damaged = reading("PX4 log", path, "Download the .ulg again from the vehicle")
     with damaged, contextlib.redirect_stdout(io.StringIO()):  # it prints what it skips
         return pyulog.ULog(_Steps(path.read_bytes()))

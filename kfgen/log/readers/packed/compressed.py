@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import IO, TypeVar, cast
 
 from kfgen.core.errors import InputError, KfgenError
-from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.core.optional_library import optional_library
+from kfgen.log.readers.tables.library import reading
 from kfgen.log.readers.tables.streams import LogRecording
 from kfgen.log.readers.tables.table import LogTable
 
@@ -144,7 +145,7 @@ def _opened(path: Path, head: bytes) -> IO[bytes]:
             where=str(path),
             remedy="Give it the suffix of its content",
         )
-    zstandard = optional_library("zstandard", "zstd", "zstd is", path)
+    zstandard = optional_library("zstandard", "zstd", "zstd is read by", str(path))
     reader: IO[bytes] = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(
         path.open("rb"), read_across_frames=True, closefd=True
     )

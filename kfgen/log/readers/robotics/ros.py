@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.optional_library import optional_library
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream, pressure_height
 from kfgen.log.readers.tables.axes import NED_OF_ENU, ned_attitude
 from kfgen.log.readers.tables.clock import Clock
-from kfgen.log.readers.tables.library import optional_library, reading
+from kfgen.log.readers.tables.library import reading
 from kfgen.log.readers.tables.streams import ANY, LogChoice, LogRecording, LogStream
 from kfgen.log.readers.tables.table import TableColumn
 
@@ -141,8 +142,8 @@ def _preferred(own: Sequence[_Topic], choice: LogChoice, source: str) -> _Topic:
 def _topics(path: Path) -> tuple[list[_Topic], dict[str, Clock], list[str]]:
     """Decoded topics, the clock of every topic, and what is to be said of the file."""
     first = path.suffix.lower() == ".bag"
-    bags = optional_library(f"rosbags.rosbag{1 if first else 2}", "ros", "ROS bags are", path)
-    types = optional_library("rosbags.typesys", "ros", "ROS bags are", path)
+    bags = optional_library(f"rosbags.rosbag{1 if first else 2}", "ros", "ROS bags are read by", str(path))
+    types = optional_library("rosbags.typesys", "ros", "ROS bags are read by", str(path))
     store = types.get_typestore(types.Stores.ROS1_NOETIC if first else types.Stores.ROS2_HUMBLE)
     decode = store.deserialize_ros1 if first else store.deserialize_cdr
     words: list[str] = []

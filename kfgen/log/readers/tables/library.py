@@ -1,47 +1,12 @@
-"""Optional libraries that read formats: imported late, missing or upset by a broken file with one message each."""
+"""What a broken file leads to in a library that reads it, as one message."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from kfgen.core.errors import InputError, KfgenError, MissingExtra
-
-
-def optional_library(module: str, extra: str, what: str, path: Path) -> Any:
-    """A library that only one format needs.
-
-    Parameters
-    ----------
-    module : str
-        Its name for Python: ``rosbags.rosbag1``.
-    extra : str
-        The extra of kfgen that installs it.
-    what : str
-        What it reads, as the beginning of a sentence: ``ROS bags are``.
-    path : Path
-        The file, for the message.
-
-    Returns
-    -------
-    module
-
-    Raises
-    ------
-    MissingExtra
-        It is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise MissingExtra(
-            f"{what} read by {module.partition('.')[0]}, which is not installed",
-            where=str(path),
-            remedy=f'Install it with: pip install "kfgen[{extra}]"',
-        ) from None
+from kfgen.core.errors import InputError, KfgenError
 
 
 @contextmanager
