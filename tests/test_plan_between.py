@@ -204,7 +204,7 @@ def test_where_no_manoeuvre_is_enough_its_repetition_is_said() -> None:
     assert found._repr_html_().startswith("<p>")
 
 
-def test_where_manoeuvres_lead() -> None:
+def test_courses_of_manoeuvres() -> None:
     """Circles of radius v / omega; 1 m/s^2 for 5 s and against it for 5 s makes 25 m; a bank turns at v^2 / (0.75 g)."""
     circle, bank = LIBRARY["figure-8"], LIBRARY["coordinated-turn"]
     assert course(circle).extent == pytest.approx(4.0 * 10.0 / (4.0 * np.pi / 40.0), rel=1e-3)

@@ -79,6 +79,10 @@ def course(manoeuvre: Manoeuvre) -> Course:
     ----------
     manoeuvre : Manoeuvre
 
+    Returns
+    -------
+    Course
+
     Raises
     ------
     InputError
@@ -108,6 +112,10 @@ def at_speed(manoeuvre: Manoeuvre, speed: float) -> Manoeuvre:
     manoeuvre : Manoeuvre
     speed : float
         At the start [m/s].
+
+    Returns
+    -------
+    Manoeuvre
     """
     own = float(np.linalg.norm(manoeuvre.velocity))
     if own == 0.0:
@@ -135,6 +143,11 @@ def followed_by(first: Manoeuvre, second: Manoeuvre) -> Manoeuvre:
     ----------
     first, second : Manoeuvre
         The second begins where the first ends; see `Course.leads_into`.
+
+    Returns
+    -------
+    Manoeuvre
+        As long as both.
     """
     segments = (*_of_own_length(first), *_of_own_length(second))
     title = f"{first.title}; then {second.title}"
