@@ -53,6 +53,7 @@ VERBS = {
     "list_all": "kfgen.catalogue",
     "load": "kfgen.model.files",
     "plan": "kfgen.identify.plan",
+    "plan_between": "kfgen.gap.plan_between",
     "read_log": "kfgen.log.readers",
     "run": "kfgen.run.run",
     "save": "kfgen.model.files",

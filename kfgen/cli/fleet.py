@@ -12,9 +12,7 @@ from kfgen.cli.options import Columns, Json, Output, Rate, Report, deliver
 from kfgen.core.elapsed import count
 
 Logs = Annotated[list[str], typer.Argument(metavar="GLOB...", help="One log of each sensor: 'logs/*.csv'.")]
-Model = Annotated[
-    str | None, typer.Option(help="What is assumed of each: then as 'gap', else as 'identify'.")
-]
+Model = Annotated[str | None, typer.Option(help="Assumed of each: then as 'gap', else as 'identify'.")]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask cluster that sees the same paths.")]
 Jobs = Annotated[int, typer.Option(min=0, help="Processes on this machine; 0: one a processor.")]
 Channels = Annotated[str | None, typer.Option(help="Only these, separated by commas.")]

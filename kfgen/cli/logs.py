@@ -20,7 +20,7 @@ SENSORS = typer.Option(help="Of accel, mag and gyro, separated by commas; all of
 
 ADAPTIVE = typer.Option(help="Adapt P, Q or R by this rule of 'kfgen denoise --filter'.")
 TUNE = typer.Option("--tune", help="Estimate the filter's noise from its innovations; -o writes the filter.")
-
+SMOOTH = typer.Option("--smooth", help="Estimates with all readings of the log known, later ones as well.")
 
 LOGS_HELP = "Logs of one sensor at rest, fitted together; or an Allan curve with a column tau."
 AT_REST = typer.Argument(metavar="LOG...", help=LOGS_HELP)
@@ -32,9 +32,7 @@ METHOD = typer.Option(
     "model), ekf and em (its state space)."
 )
 LOG_OUTPUT = typer.Option("-o", "--output", metavar="LOG", help="A .npz or .csv.")
-RATES_HELP = (
-    "Rate of the inputs and of the log [Hz], 100 where left out; or of a sensor (gnss=5). Repeatable."
-)
+RATES_HELP = "Rate of inputs and log [Hz], 100 where left out; or of a sensor (gnss=5). Repeatable."
 RATES = typer.Option(metavar="HZ|SENSOR=HZ", help=RATES_HELP)
 DECOY_HELP = "A driver in the log on which nothing depends (temperature). Repeatable."
 DECOY = typer.Option(metavar="DRIVER", help=DECOY_HELP)
@@ -132,6 +130,7 @@ def run(
     noise: opt.Noise = None,
     adaptive: Annotated[str | None, ADAPTIVE] = None,
     tune: Annotated[bool, TUNE] = False,
+    smooth: Annotated[bool, SMOOTH] = False,
     set_: opt.Set = None,
     sensor: opt.Sensors = None,
     rate: opt.Rate = None,
@@ -151,8 +150,9 @@ def run(
 
     built, data = opt.model_of(model, noise, set_, sensor), opt.read(log, rate, columns, topic, instance)
     if tune:
-        return opt.deliver(tune_answer(built, data, output), json, report)
-    found = run(built, data, adaptive=adaptive)
+        beside = {"--adaptive": adaptive, "--smooth": smooth}
+        return opt.deliver(tune_answer(built, data, output, beside), json, report)
+    found = run(built, data, adaptive=adaptive, smooth=smooth)
     if output:
         write_log(estimates(found, built), output)
     opt.deliver(run_answer(found), json, report)

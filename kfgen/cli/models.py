@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -20,9 +20,7 @@ WANT = typer.Option(help="Say when a standard deviation is reached: 'phi_D=0.1 d
 SEEN = typer.Option(metavar="LOG", help="Say how well each state shows in this log.")
 TARGET = typer.Option(help="The language of the code, see 'kfgen list'.")
 OUTPUT = typer.Option("-o", "--output", metavar="DIR", help="A new folder, or that of an emitted filter.")
-FORM = typer.Option(
-    help="Store UD factors (ud, the default but of filterpy), never indefinite, or the covariance (p)."
-)
+FORM = typer.Option(help="Store UD factors, never indefinite (ud; not of filterpy), or the covariance (p).")
 REAL = typer.Option(help="The type of the numbers: float or double.")
 LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.")
 FORCE = typer.Option("--force", help="Replace also files of the folder that you changed.")
@@ -31,9 +29,7 @@ COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4
 CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
 LISTED = typer.Argument(metavar="[LOG]", help="A log: say what is inside, with rates, gaps and clocks.")
-FAULTS = typer.Option(
-    "--faults", help="Fly simulated faults, and say what is reported and when it is right again."
-)
+FAULTS = typer.Option("--faults", help="Fly simulated faults: what is reported, when it is right again.")
 REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 
 
@@ -125,20 +121,10 @@ def emit(
     from kfgen.report.filter import emit_answer
     from kfgen.verify.compare import costs
 
-    emitted = emit(
-        model_of(model, noise, set_, sensor),
-        output,
-        target,
-        form,
-        real,
-        rate=rate,
-        order=order,
-        max_step=max_step,
-        loops=loops,
-        q_interval=q_interval,
-        costs=partial(costs, names=core) if core else None,
-        force=force,
-    )
+    how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops, "q_interval": q_interval}
+    counted = partial(costs, names=core) if core else None
+    built = model_of(model, noise, set_, sensor)
+    emitted = emit(built, output, target, form, real, costs=counted, force=force, **how)
     deliver(emit_answer(emitted), json, report)
 
 

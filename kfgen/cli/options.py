@@ -25,17 +25,14 @@ Topic = Annotated[str, typer.Option(help="Topic or message of a flight log to pr
 Instance = Annotated[int | None, typer.Option(help="Which of several inertial sensors of a flight log.")]
 Channels = Annotated[str | None, typer.Option(help="Only these channels, separated by commas.")]
 Noise = Annotated[Path | None, typer.Option(help="The noise file, as 'identify -o' writes it.")]
-Output = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE", help="The file to be written.")
-]
+OUTPUT = typer.Option("-o", "--output", metavar="FILE", help="The file to be written.")
+Output = Annotated[Path | None, OUTPUT]
 Json = Annotated[str | None, typer.Option(metavar="FILE", help="Write the answer as JSON; - to print it.")]
 Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write the answer as a page.")]
 Order = Annotated[int, typer.Option(help="The order in the step of the motion's coupling, 1 to 3.")]
 MAX_STEP_HELP = "The longest step [s]; 0.1, or what the fastest effect allows, where left out."
 MaxStep = Annotated[float | None, typer.Option(help=MAX_STEP_HELP)]
-CHOICE = typer.Option(
-    "--set", metavar="NAME=VALUE", help="An option of the model, see 'kfgen list'; repeatable."
-)
+CHOICE = typer.Option("--set", metavar="NAME=VALUE", help="An option of 'kfgen list'; repeatable.")
 Set = Annotated[list[str] | None, CHOICE]
 AIDING = typer.Option(metavar="NAME", help="A sensor, in place of the model's own; repeatable.")
 Sensors = Annotated[list[str] | None, AIDING]

@@ -126,6 +126,8 @@ class Effect:
     shrinks_with_size: ClassVar[bool] = False
     prior_penalty_nats: ClassVar[float] = 0.0
     changes_samples: ClassVar[bool] = False
+    typical: ClassVar[Mapping[str, str]] = {}
+    """Usual size of each of its numbers by the beginning of a channel, ``""`` for all others; none where there is none."""
     meanings: ClassVar[tuple[Meaning, ...]] = ()
 
     def __init_subclass__(cls) -> None:

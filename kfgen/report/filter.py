@@ -44,7 +44,7 @@ def emit_answer(emitted: EmittedFilter) -> Answer:
 
 def run_answer(result: FilterRun) -> Answer:
     """Estimates, innovations and the distance from a reference."""
-    lines = [f"{result.model} over {result.duration:.6g} s of {result.source}"]
+    lines = [result.title]
     parts: list[PagePart] = []
     if (error := result.attitude) is not None:
         inclination, north, total = np.degrees([error.inclination, error.heading, error.total])

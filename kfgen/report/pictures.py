@@ -11,6 +11,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.result import Result
 from kfgen.core.units import display_unit
 from kfgen.fleet.result import FleetResult
+from kfgen.gap.plan_between import BetweenPlan
 from kfgen.gap.result import GapResult
 from kfgen.identify.identification import Identification
 from kfgen.identify.plan import RecordPlan
@@ -20,7 +21,7 @@ from kfgen.report.filter import run_picture
 from kfgen.report.fleet import fleet_pictures
 from kfgen.report.gap_figures import figures
 from kfgen.report.identify import panel
-from kfgen.report.plan import plan_picture
+from kfgen.report.plan import between_picture, plan_picture
 from kfgen.report.plots import Picture, panels_picture
 from kfgen.run.adaptive.denoise_log import DenoisedLog
 from kfgen.run.run import FilterRun
@@ -102,6 +103,11 @@ def _(result: RecordPlan) -> Pictures:
         (f"{name}: Cramér-Rao bound against the length of the record", plan_picture(bounds, name))
         for name, bounds in result.channels.items()
     ]
+
+
+@pictures_of.register
+def _(result: BetweenPlan) -> Pictures:
+    return [("Expected nats between two effects", between_picture(result))]
 
 
 @pictures_of.register

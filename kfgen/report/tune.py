@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+from kfgen.core.errors import InputError
 from kfgen.gap.flight.tune import Tuning, tune
 from kfgen.log.log import Log
 from kfgen.model.files import save
@@ -11,7 +13,9 @@ from kfgen.model.filter import FilterModel
 from kfgen.report.page import Answer, Page, PagePart, columns, heading, sentence, table
 
 
-def tune_answer(model: FilterModel, log: Log, output: Path | None) -> Answer:
+def tune_answer(
+    model: FilterModel, log: Log, output: Path | None, beside: Mapping[str, object] | None = None
+) -> Answer:
     """Text, JSON and page; the tuned filter is written where a file is given.
 
     Parameters
@@ -20,7 +24,18 @@ def tune_answer(model: FilterModel, log: Log, output: Path | None) -> Answer:
     log : Log
     output : Path, optional
         Of the filter file (.toml).
+    beside : mapping of str to object, optional
+        Other options of the command, with their values: none of them goes with ``--tune``.
+
+    Raises
+    ------
+    InputError
+        One of them was given, or as in `kfgen.gap.flight.tune.tune`.
     """
+    for option in (o for o, given in (beside or {}).items() if given):
+        raise InputError(
+            f"--tune estimates noise and does not go with {option}", remedy="Leave out one of them"
+        )
     found = tune(model, log)
     if output is not None:
         save(found.improved, output)

@@ -182,13 +182,17 @@ class FilterCalls:
         Through a gap the input is held: nothing better is known of it. What keeps samples of a late input steps on
         by about one period of the filter's rate at a time.
         """
-        if k + 1 >= self.log.n:
-            return
-        discrete, dt = self.program.discrete, float(self.log.t[k + 1] - self.log.t[k])
-        periods = round(dt * discrete.rate) if discrete.model.motion.late else 1
-        parts = max(1, ceil(dt / discrete.max_step), periods)
+        dt, parts = float(self.log.t[k + 1] - self.log.t[k]) if k + 1 < self.log.n else 0.0, self.parts(k)
         for _ in range(parts):
             yield {**{n: self._acting[n][k] for n in self._takes["predict"]}, "dt": dt / parts}
+
+    def parts(self, k: int) -> int:
+        """How many predictions there are from sample k to the next."""
+        if k + 1 >= self.log.n:
+            return 0
+        discrete, dt = self.program.discrete, float(self.log.t[k + 1] - self.log.t[k])
+        periods = round(dt * discrete.rate) if discrete.model.motion.late else 1
+        return max(1, ceil(dt / discrete.max_step), periods)
 
 
 def rates_in(log: Log, model: FilterModel) -> dict[str, float]:

@@ -73,6 +73,8 @@ class FilterRun(Result):
         Of the log [s].
     attitude : AttitudeError, optional
         Against the log's reference attitude, where it has one.
+    smoothed : bool
+        Whether `estimate` and `deviation` are those with all readings known, later ones as well.
     """
 
     model: str
@@ -86,16 +88,23 @@ class FilterRun(Result):
     sha256: str = ""
     duration: float = 0.0
     attitude: AttitudeError | None = None
+    smoothed: bool = False
 
     @property
     def updated(self) -> dict[str, SensorRun]:
         """The sensors that had an update."""
         return {name: s for name, s in self.sensors.items() if s.t.size}
 
+    @property
+    def title(self) -> str:
+        """What ran over what."""
+        known = ", smoothed with all readings" if self.smoothed else ""
+        return f"{self.model} over {self.duration:.6g} s of {self.source}{known}"
+
     def summary(self) -> list[str]:
         """What ran over what, and the mean NIS of each sensor beside its number of rows."""
         nis = [f"{n} {s.nis.mean():.3g} of {s.innovation.shape[1]}" for n, s in self.updated.items()]
-        lines = [f"{self.model} over {self.duration:.6g} s of {self.source}", f"mean NIS: {', '.join(nis)}"]
+        lines = [self.title, f"mean NIS: {', '.join(nis)}"]
         if self.attitude is not None:
             lines.append(f"attitude error: {np.degrees(self.attitude.total):.3g} deg RMS")
         return lines
@@ -117,6 +126,7 @@ class FilterRun(Result):
             "log": self.source,
             "sha256": self.sha256,
             "duration_s": self.duration,
+            "smoothed": self.smoothed,
         }
         if self.attitude is not None:
             data["attitude_error"] = {
@@ -155,7 +165,7 @@ def program_over(model: ModelSource, log: Log, noise: NoiseSource | None = None)
     return Program(DiscreteModel.at_rate(built, 1.0 / log.dt, max_step=longest, rates=rates))
 
 
-def run(
+def run(  # noqa: PLR0913 - what a user may choose
     model: ModelSource | Program,
     log: LogOrPath,
     noise: NoiseSource | None = None,
@@ -163,6 +173,7 @@ def run(
     *,
     wrap: Callable[[type[Any]], type[Any]] | None = None,
     start: Mapping[str, float] | None = None,
+    smooth: bool = False,
 ) -> FilterRun:
     """Run the emitted filterpy filter over a log from its alignment on, without a gate.
 
@@ -180,6 +191,9 @@ def run(
         Makes another class of the emitted one, as `kfgen.run.adaptive.wrapper.adapted` does.
     start : mapping of str to float, optional
         Stored states that are known better than by alignment [SI].
+    smooth : bool
+        Whether estimates and standard deviations are those of a Rauch-Tung-Striebel smoother: each with all readings
+        of the log, those after it as well. Innovations and NIS stay those of the filter.
 
     Returns
     -------
@@ -188,7 +202,8 @@ def run(
     Raises
     ------
     InputError
-        As in `kfgen.build`; an input is missing or not a number, no sensor is in the log, or no such rule.
+        As in `kfgen.build`; an input is missing or not a number, no sensor is in the log, or no such rule. Smoothed: the
+        filter adapts, has no state, diverges, or the log is too long for the memory.
     """
     log = log_of(log)
     program = model if isinstance(model, Program) else program_over(model, log, noise)
@@ -197,7 +212,14 @@ def run(
 
         rule = rule_named(adaptive, "--adaptive")
         wrap = lambda emitted: adapted(emitted, rule)  # noqa: E731
-    return _with_reference(_played(program, log, wrap, start or {}), log)
+    calls = FilterCalls(program, log, start or {})
+    if not smooth:
+        return _with_reference(_played(calls, wrap), log)
+    from kfgen.run.smooth import ForwardPass, check_smoothable, of_all_readings
+
+    check_smoothable(calls, adapts=wrap is not None)
+    forward = ForwardPass()
+    return _with_reference(of_all_readings(_played(calls, forward.wrap), calls, forward), log)
 
 
 def _with_reference(result: FilterRun, log: Log) -> FilterRun:
@@ -206,11 +228,9 @@ def _with_reference(result: FilterRun, log: Log) -> FilterRun:
     return replace(known, attitude=attitude_error(result, log))
 
 
-def _played(
-    program: Program, log: Log, wrap: Callable[[type[Any]], type[Any]] | None, start: Mapping[str, float]
-) -> FilterRun:
+def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None) -> FilterRun:
     """The calls of a log on the emitted filter."""
-    calls = FilterCalls(program, log, start)
+    program, log = calls.program, calls.log
     emitted = getattr(load(program), class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
     kf.gates = dict.fromkeys(kf.gates, calls.GATE)

@@ -89,7 +89,7 @@ def simulate(  # noqa: PLR0913 - what a user may choose
         )
     t = np.arange(n) / discrete.rate
     if isinstance(discrete.model.motion, Equations):
-        driven = _drive(discrete.model, t, drive, decoys)
+        driven = drivers_over(discrete.model, t, drive, decoys)
         return _plant_log(discrete, discrete.model.motion, flown, t, rng, driven)
     shaken = _shaken(discrete, vibration, n / discrete.rate, rng)
     moves = "v" in {b.name for b in discrete.model.blocks}
@@ -126,7 +126,7 @@ def simulate_motion(  # noqa: PLR0913 - what a user may choose
     model, t = discrete.model, motion.t
     found = sensor_rates(discrete, rates)
     constants = drawn(model, rng)
-    driven = _drive(model, t, drive, decoys)
+    driven = drivers_over(model, t, drive, decoys)
     scene = TrueScene(discrete, motion, constants, noise_driven(model, t, rng), found, driven, shaken)
     if VIBRATION in driven and VIBRATION not in (drive or {}) and scene.vibration is not None:
         driven[VIBRATION] = scene.vibration
@@ -134,7 +134,7 @@ def simulate_motion(  # noqa: PLR0913 - what a user may choose
     parts: tuple[Part, ...] = (*model.motion.inputs, *model.sensors)
     for part in parts:
         channels |= {c: Channel(v, part.unit) for c, v in shown(scene, part, rng).items()}
-    channels |= _references(model, scene.instants, scene)
+    channels |= references(model, scene.instants, scene)
     inputs = [c for i in model.motion.inputs for c in i.channels]
     said = scene.samples if inputs else ""
     return _stamped(
@@ -173,7 +173,7 @@ def _shaken(
     return Vibration.drawn(amplitude, discrete.rate, duration, rng)
 
 
-def _drive(
+def drivers_over(
     model: FilterModel, t: Array, given: Mapping[str, Array] | None, decoys: Sequence[str]
 ) -> dict[str, Array]:
     """Every driver of the model and every decoy over time [SI]."""
@@ -233,7 +233,7 @@ def _plant_log(
     return _stamped(log, model, list(user.inputs), rng)
 
 
-def _references(model: FilterModel, true: Mapping[str, Array], scene: TrueScene) -> dict[str, Channel]:
+def references(model: FilterModel, true: Mapping[str, Array], scene: TrueScene) -> dict[str, Channel]:
     """The true blocks as ``ref_`` channels, the attitude as a quaternion."""
     out: dict[str, Channel] = {}
     for b in model.blocks:

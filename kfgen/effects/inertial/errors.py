@@ -8,6 +8,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -38,6 +39,7 @@ class ScaleFactor(InertialError):
     coefficient: Any = parameter("%", "signed")
 
     name: ClassVar[str] = "scale_factor"
+    typical: ClassVar[Mapping[str, str]] = {"": "1 %"}
     title: ClassVar[str] = "scale factor error"
     separating_experiment: ClassVar[str] = "several rates of both signs"
     sentence_template: ClassVar[str] = "reads {coefficient} too much of what it should"
@@ -73,6 +75,7 @@ class ScaleAsymmetry(InertialError):
     coefficient: Any = parameter("%", "signed")
 
     name: ClassVar[str] = "scale_asymmetry"
+    typical: ClassVar[Mapping[str, str]] = {"": "1 %"}
     title: ClassVar[str] = "scale factor differs by sign"
     separating_experiment: ClassVar[str] = "two or more rates of each sign"
     sentence_template: ClassVar[str] = (
@@ -113,6 +116,7 @@ class Misalignment(InertialError):
     zy: Any = parameter("mrad", "signed", 0.0)
 
     name: ClassVar[str] = "misalignment"
+    typical: ClassVar[Mapping[str, str]] = {"": "10 mrad"}
     title: ClassVar[str] = "misalignment of the axes"
     separating_experiment: ClassVar[str] = "motion about all three axes"
     sentence_template: ClassVar[str] = "is misaligned (output axis, input axis): {entries}"
@@ -137,6 +141,7 @@ class GSensitivity(InertialError):
     zz: Any = parameter("U/g", "signed", 0.0)
 
     name: ClassVar[str] = "g_sensitivity"
+    typical: ClassVar[Mapping[str, str]] = {"gyro": "0.1 deg/s/g"}
     title: ClassVar[str] = "sensitivity to specific force"
     separating_experiment: ClassVar[str] = "rest in six positions and turns between them"
     sentence_template: ClassVar[str] = "feels the specific force (output axis, input axis): {entries}"
@@ -215,6 +220,7 @@ class LeverArm(InertialError):
     z: Any = parameter("m", "signed", 0.0)
 
     name: ClassVar[str] = "lever_arm"
+    typical: ClassVar[Mapping[str, str]] = {"": "0.3 m"}
     title: ClassVar[str] = "lever arm"
     separating_experiment: ClassVar[str] = "turns about all axes, fast and slow"
     sentence_template: ClassVar[str] = "sits off the point of reference by {entries}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -88,6 +88,7 @@ class TimeDelay(Lag):
     delay: Any = parameter("s", "signed")
 
     name: ClassVar[str] = "time_delay"
+    typical: ClassVar[Mapping[str, str]] = {"gnss": "0.1 s", "baro": "0.2 s", "": "0.05 s"}
     title: ClassVar[str] = "time delay"
     separating_experiment: ClassVar[str] = "motion at two frequencies a factor of three apart"
     sentence_template: ClassVar[str] = "lags by {delay}"
@@ -123,6 +124,7 @@ class Bandwidth(Lag):
     corner: Any = parameter("Hz", "frequency")
 
     name: ClassVar[str] = "bandwidth"
+    typical: ClassVar[Mapping[str, str]] = {"": "1.5 Hz"}
     shrinks_with_size: ClassVar[bool] = True
     title: ClassVar[str] = "finite bandwidth"
     separating_experiment: ClassVar[str] = "motion at two frequencies a factor of three apart"

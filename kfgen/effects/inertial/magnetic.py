@@ -8,6 +8,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -37,6 +38,7 @@ class HardIron(InertialError):
     edge: float = parameter("s", "setting", 0.0)
 
     name: ClassVar[str] = "hard_iron"
+    typical: ClassVar[Mapping[str, str]] = {"": "3 uT"}
     title: ClassVar[str] = "hard iron"
     separating_experiment: ClassVar[str] = "a turn in place about every axis"
     sentence_template: ClassVar[str] = "carries a field of its own: {entries}"
@@ -70,6 +72,7 @@ class SoftIron(InertialError):
     zz: Any = parameter("%", "signed", 0.0)
 
     name: ClassVar[str] = "soft_iron"
+    typical: ClassVar[Mapping[str, str]] = {"": "5 %"}
     title: ClassVar[str] = "soft iron"
     separating_experiment: ClassVar[str] = "a turn in place about every axis"
     sentence_template: ClassVar[str] = "distorts the field (output axis, input axis): {entries}"

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.tape import Tape
-from kfgen.gap.flight.equations import FlightEquations
 from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import headings, start_covariance
 from kfgen.gap.flight.rows import rows_of
+from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
 
@@ -20,13 +20,13 @@ OUTLIER_LIMIT_SIGMAS = 5.0
 """Standard deviations of an innovation beyond which the first flight counts it as if it lay there."""
 
 
-def first_flight(log: FlightLog, eq: FlightEquations) -> tuple[FlightLog, Array]:
+def first_flight(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array]:
     """The log with the start that fits best, and the filter's stored state after each sample, shape (n, stored).
 
     Parameters
     ----------
     log : FlightLog
-    eq : FlightEquations
+    eq : FilterEquations
         Of the same model.
 
     Raises
@@ -50,7 +50,7 @@ def first_flight(log: FlightLog, eq: FlightEquations) -> tuple[FlightLog, Array]
     return best, X
 
 
-def _flown(fly: Callable[..., None], log: FlightLog, eq: FlightEquations) -> tuple[Array, float]:
+def _flown(fly: Callable[..., None], log: FlightLog, eq: FilterEquations) -> tuple[Array, float]:
     """The stored states and their log-likelihood [nats]; minus infinity where it diverges."""
     model = log.discrete.model
     F, Q = eq.transition, eq.process_noise

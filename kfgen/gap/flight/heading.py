@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.flight.equations import FlightEquations
 from kfgen.gap.flight.flight_log import FlightLog
+from kfgen.model.filter_equations import FilterEquations
 from kfgen.model.filter_file import HEADING
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ def is_unknown(log: FlightLog) -> bool:
     return not shown and HEADING not in log.discrete.model.initial
 
 
-def headings(log: FlightLog, equations: FlightEquations) -> list[FlightLog]:
+def headings(log: FlightLog, equations: FilterEquations) -> list[FlightLog]:
     """The log with every start that is to be tried."""
     if not is_unknown(log):
         return [log]
@@ -33,7 +33,7 @@ def headings(log: FlightLog, equations: FlightEquations) -> list[FlightLog]:
     return [replace(log, start=_turned(log, equations, float(a))) for a in angles]
 
 
-def start_covariance(log: FlightLog, equations: FlightEquations) -> Array:
+def start_covariance(log: FlightLog, equations: FilterEquations) -> Array:
     """Covariance of the error state at the start, shape (states, states)."""
     model = log.discrete.model
     P0 = np.diag([s.prior**2 for s in model.states])
@@ -47,7 +47,7 @@ def start_covariance(log: FlightLog, equations: FlightEquations) -> Array:
     return np.asarray(P0)
 
 
-def _axes(log: FlightLog, equations: FlightEquations) -> tuple[Array, Array]:
+def _axes(log: FlightLog, equations: FilterEquations) -> tuple[Array, Array]:
     """Navigation axes to north-east-down, and body to navigation axes, at the start."""
     from scipy.spatial.transform import Rotation
 
@@ -58,7 +58,7 @@ def _axes(log: FlightLog, equations: FlightEquations) -> tuple[Array, Array]:
     return equations.level.at(given)[0], R_nb
 
 
-def _turned(log: FlightLog, equations: FlightEquations, angle: float) -> Array:
+def _turned(log: FlightLog, equations: FilterEquations, angle: float) -> Array:
     """The stored state at the start, turned about down."""
     from scipy.spatial.transform import Rotation
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.flight.equations import FlightEquations
 from kfgen.gap.flight.rows import Rows
+from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class LinearFlight:
     e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
     """
 
-    equations: FlightEquations
+    equations: FilterEquations
     rows: Rows
     Phi: Array
     Qd: Array

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.flight.equations import FlightEquations
 from kfgen.gap.flight.first_flight import first_flight
 from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.noise_sizes import NoiseSizes
 from kfgen.gap.flight.rows import Rows, rows_of
+from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class FlownPath:
     Parameters
     ----------
     log : FlightLog
-    equations : FlightEquations
+    equations : FilterEquations
     x : ndarray, shape (n, stored)
         Stored states.
     du : ndarray, shape (n, inputs)
@@ -52,7 +52,7 @@ class FlownPath:
     """
 
     log: FlightLog
-    equations: FlightEquations
+    equations: FilterEquations
     x: Array
     du: Array
     dz: Array
@@ -210,6 +210,6 @@ def flown(log: FlightLog) -> FlownPath:
     InputError
         The filter diverges, or the extra ``kfgen[fast]`` is not installed.
     """
-    equations = FlightEquations(log.discrete)
+    equations = FilterEquations(log.discrete)
     log, x = first_flight(log, equations)
     return FlownPath(log, equations, x, np.zeros_like(log.u), np.zeros(rows_of(log).t.size)).smoothed()

@@ -140,19 +140,24 @@ class FlightScene:
         for k, u in enumerate(self.unknowns):
             dz[:, k] = self.path.changed({u.name: u.value + steps[u.name]}) / steps[u.name]
         du = np.zeros((*self.path.log.u.shape, len(steps)))
-        return self._ordinates(self.path.linear.columns(du, dz))
+        return self.ordinates(self.path.linear.columns(du, dz))
 
     @cached_property
     def _base(self) -> Array:
         """What is left with no effect but those that are subtracted, and these put back in linearly."""
-        base = self._ordinates(self.path.linear.normalised[:, None])[:, 0]
+        base = self.ordinates(self.path.linear.normalised[:, None])[:, 0]
         self._remember(self.subtracted)
         for p in self.subtracted:
             base = base + self._response(p)
         return np.asarray(base)
 
-    def _ordinates(self, innovations: Array) -> Array:
-        """Innovations in the order of time, shape (rows, m), as transforms channel by channel."""
+    def ordinates(self, innovations: Array) -> Array:
+        """Innovations in the order of time as transforms channel by channel, shape (rows, m) as given.
+
+        Parameters
+        ----------
+        innovations : ndarray, shape (rows, m)
+        """
         from scipy.fft import dct
 
         return np.concatenate(
@@ -182,7 +187,7 @@ class FlightScene:
             dz = np.zeros((self.path.rows.t.size, len(some)))
             for k, unit in enumerate(some):
                 du[:, :, k], dz[:, k] = self.errors([unit])
-            found = self._ordinates(self.path.linear.columns(du, dz))
+            found = self.ordinates(self.path.linear.columns(du, dz))
             self.memory.update({unit: found[:, k].copy() for k, unit in enumerate(some)})
 
     def errors(self, placed: Sequence[Placed]) -> tuple[Array, Array]:

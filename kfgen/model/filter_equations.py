@@ -49,7 +49,7 @@ class SparseRows:
 
 
 @dataclass(frozen=True)
-class FlightEquations:
+class FilterEquations:
     """A discrete filter in numbers.
 
     Parameters
@@ -228,7 +228,10 @@ class FlightEquations:
     def injected(self, x: Array, error: Array) -> Array:
         """Stored states, shape (m, stored), with errors, shape (m, n), put in."""
         given = [*self._around(x), *error.T]
-        return self.normalised(_stacked(self.inject.values(given)))
+        made = _stacked(self.inject.values(given))
+        return self.normalised(
+            np.hstack([made, x[:, made.shape[1] :]])
+        )  # kept samples of inputs have no error
 
     def _around(self, x: Array) -> list[Array]:
         """Values of `variables` without the errors, where only the stored state matters."""
