@@ -96,7 +96,7 @@ def plant(n: int = 20_000) -> tuple[int, list[str], float]:
 
 def motion(n: int = 100_000) -> tuple[int, list[str], float]:
     """Gyros, accelerometers and magnetometers on a moving body at 100 Hz, references of each; a hidden misalignment."""
-    from kfgen.gap.motion.scene import motion_scene
+    from kfgen.gap.motion.motion_scene import motion_scene
     from kfgen.gap.scene.scene_gap import scene_gap
 
     rng = np.random.default_rng(3)

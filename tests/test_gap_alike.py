@@ -16,7 +16,7 @@ from kfgen.core.units import STANDARD_GRAVITY as G
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.result import Finding
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.wiener import noiseless
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.gap.words import finding_sentence

@@ -12,7 +12,7 @@ from click.testing import Result
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 

@@ -18,7 +18,7 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.completion import Completion
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.truth import body_rate
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log

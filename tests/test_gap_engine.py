@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import OF_A_COEFFICIENT
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.scene.evidence import evidence
 from kfgen.gap.scene.explanation import explained, ranked
 from kfgen.gap.scene.newton import NOISE_LEVEL_SD_OF_LOG, coordinates, fitted, levels_of, log_posterior, moved

@@ -19,7 +19,7 @@ from scipy.stats import chi2
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.scene.holdout import band_edges, every_other, gap_of, tail
 from kfgen.gap.scene.noise_scale import scaled
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap

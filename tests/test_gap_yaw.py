@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from kfgen.effects import effect_named
 from kfgen.effects.inertial.magnetic import HardIron, MagneticDisturbance, SoftIron
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.on_off_times import best_span
-from kfgen.gap.motion.scene import motion_scene
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 

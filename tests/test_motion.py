@@ -22,8 +22,9 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.vibration import running_variance
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.on_off_times import best_span, vibrations
-from kfgen.gap.motion.scene import MotionScene, motion_scene
+from kfgen.gap.motion.scene import MotionScene
 from kfgen.gap.motion.truth import body_rate, truth_of
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.gap.scene.scene_gap import scene_gap

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.log.log import Channel, Log
 
 GRAVITY_N = np.array([0.0, 0.0, 9.80665])

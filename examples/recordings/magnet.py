@@ -11,7 +11,7 @@ from common import AXES, DATA, Case, identified, main, of_scene, thinned
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.readers import read_log
 

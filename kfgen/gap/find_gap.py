@@ -22,7 +22,7 @@ from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing
-from kfgen.gap.motion.scene import motion_scene
+from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.rest.channel_gap import channel_gap
