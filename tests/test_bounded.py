@@ -110,6 +110,7 @@ def test_the_first_sample_tells_the_field_where_little_iron_can_be_in_it(sd: str
     assert found == (pytest.approx({"mag_N": 15e-6, "mag_D": 41e-6}) if is_given else {})
 
 
+@pytest.mark.long
 def test_a_hand_turns_a_sensor(recording: Callable[[str], Path]) -> None:
     """BROAD trial 6 until 25 s after its rest, fast turns: the delay is found, tilt within a degree, better than the small model's."""
     log = read_log(recording("dynamic/broad_06_undisturbed_fast_rotation_A.npz"))

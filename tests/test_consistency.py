@@ -150,13 +150,17 @@ MORE: list[Case] = [
 ]
 
 
-@pytest.mark.parametrize("case", [AHRS, MOVED, INS], ids=["ahrs6", "ahrs25", "ins15"])
+@pytest.mark.parametrize(
+    "case", [AHRS, pytest.param(MOVED, marks=pytest.mark.long), INS], ids=["ahrs6", "ahrs25", "ins15"]
+)
 def test_a_filter_is_as_sure_as_it_should_be(case: Case) -> None:
     consistent(case, 8.0, 8)
 
 
 @pytest.mark.parametrize("manoeuvre", ["s-turn", "coordinated-turn"])
-@pytest.mark.parametrize("case", [AHRS, INS, ("ins21", ())], ids=["ahrs6", "ins15", "ins21"])
+@pytest.mark.parametrize(
+    "case", [AHRS, INS, pytest.param(("ins21", ()), marks=pytest.mark.long)], ids=["ahrs6", "ins15", "ins21"]
+)
 def test_a_filter_is_as_sure_as_it_should_be_in_turns(case: Case, manoeuvre: str) -> None:
     consistent(case, 8.0, 6, manoeuvre)
 

@@ -666,7 +666,9 @@ def test_operation_counts_are_those_of_the_text(name: str) -> None:
         assert int(said[r.name]) == counted > 0
 
 
-@pytest.mark.parametrize(("name", "target"), [("ins15", "c"), ("ahrs6", "filterpy")])
+@pytest.mark.parametrize(
+    ("name", "target"), [pytest.param("ins15", "c", marks=pytest.mark.long), ("ahrs6", "filterpy")]
+)
 def test_emission_is_the_same_byte_for_byte(name: str, target: str, tmp_path: Path) -> None:
     noise = tmp_path / "noise.toml"
     noise.write_text(

@@ -150,7 +150,9 @@ def children(pid: int) -> list[int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long), signal.SIGKILL]
+)
 def test_a_signal_ends_a_fleet_at_once_and_nothing_is_lost(number: signal.Signals, tmp_path: Path) -> None:
     for k in range(60):
         write(tmp_path / f"{k}.csv", k)

@@ -60,6 +60,7 @@ def asked(kfgen: Cli, tmp_path: Path) -> Callable[..., tuple[dict[str, Any], str
 SAID = "the input u never changes: no effect of it can be seen"
 
 
+@pytest.mark.long
 def test_a_motion_that_a_constant_input_cannot_cause(asked: Any) -> None:
     u = np.repeat(np.random.default_rng(7).uniform(-6.0, 6.0, 10), 80)
     answer, words = asked(u, np.ones(u.size), 0.0, 0.0)

@@ -146,6 +146,7 @@ def test_sound_columns_are_left_alone() -> None:
         assert (scene.said, scene.spoilt, scene.recorded["angle"].values.size) == ((), (), N)
 
 
+@pytest.mark.long
 def test_a_model_that_is_far_off_is_no_wrong_column() -> None:
     """A gain of a quarter, a resonance at another place: neither is a sign or a unit."""
     log = log_of(*columns(6))

@@ -246,6 +246,7 @@ def test_a_day_of_all_three_is_at_the_bound() -> None:
     assert right >= binom.ppf(0.002, runs, 0.9)
 
 
+@pytest.mark.long
 def test_a_walk_alone_is_not_called_gauss_markov() -> None:
     n, dt = 4096, 0.1
     found = [identify(record(white(s, n, dt, 1.0) + walk(s, n, dt, 0.15), dt)) for s in range(16)]

@@ -71,7 +71,7 @@ PARTS = [
 
 
 @pytest.mark.parametrize("part", PARTS)
-@pytest.mark.parametrize("form", ["p", "ud"])
+@pytest.mark.parametrize("form", [pytest.param("p", marks=pytest.mark.long), "ud"])
 @pytest.mark.parametrize("trial", TRIALS)
 def test_ahrs6_over_a_real_motion(
     trial: str, form: str, part: slice, recording: Find, tmp_path: Path
@@ -93,7 +93,7 @@ def flight(path: Path) -> tuple[Log, dict[str, float], FilterModel]:
     return (*example["flight"](path), example["model"]())
 
 
-@pytest.mark.parametrize("form", ["p", "ud"])
+@pytest.mark.parametrize("form", [pytest.param("p", marks=pytest.mark.long), "ud"])
 def test_ins15_over_a_real_flight(form: str, recording: Find, tmp_path: Path) -> None:
     """Steps of 5.5 to 18.2 ms as they came; a fix of 5 Hz, 0.22 s late."""
     log, start, model = flight(recording("dynamic/inertialnav_swisslog1.npz"))

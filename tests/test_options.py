@@ -51,7 +51,8 @@ def test_derive_says_convention_options_and_what_is_left_out(kfgen: Kfgen, tmp_p
     assert "is added" not in silent.output
 
 
-@pytest.mark.parametrize("form", ["latex", pytest.param("mathml", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("form", ["latex", "mathml"])
 def test_derive_prints_a_model_of_the_earth(kfgen: Kfgen, form: str) -> None:
     done = kfgen("derive", "ins9", "--set", "frame=ecef", "--sensor", "barometer", "--format", form)
     assert done.exit_code == 0, done.output

@@ -33,6 +33,7 @@ def test_templates_are_inside(wheel: Path) -> None:
     assert here <= names
 
 
+@pytest.mark.long
 def test_demo_from_the_wheel(wheel: Path, tmp_path: Path) -> None:
     target = tmp_path / "site"
     subprocess.run(

@@ -50,6 +50,7 @@ def fitted(record: Record, damping: float) -> tuple[Problem, Any]:
     return problem, maximise(problem)
 
 
+@pytest.mark.long
 def test_intervals_of_resonances_hold() -> None:
     keys = [(0, "N"), (1, "frequency"), (1, "damping"), (1, "rms")]
     total = np.zeros(4, int)

@@ -263,6 +263,7 @@ def test_a_backlash() -> None:
     np.testing.assert_allclose(angle, wanted, atol=1e-14)
 
 
+@pytest.mark.long
 def test_a_stiff_plant_takes_more_parts_and_a_batch_is_its_columns() -> None:
     text = PENDULUM.replace('"25"', '"25"\nR_over_L = "400 1/s"').replace(
         'theta = "rad"\n', 'theta = "rad"\ni = "A"\n'

@@ -59,7 +59,9 @@ def recorded(early: int, a: float = 2.0, drag: float = 0.0) -> tuple[Log, float]
     return Log(t, {"u": Channel(u, "V"), "speed": speed}, "log"), sd
 
 
-@pytest.mark.parametrize("early", [15, 30, 100, 300])
+@pytest.mark.parametrize(
+    "early", [pytest.param(15, marks=pytest.mark.long), 30, pytest.param(100, marks=pytest.mark.long), 300]
+)
 def test_a_time_advance_is_named(early: int) -> None:
     log, sd = recorded(early)
     (fault,) = plant_scene(parse_model(MOTOR, "motor.toml"), log).spoilt

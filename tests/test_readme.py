@@ -41,10 +41,10 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
 
 
-def session() -> list[tuple[str, list[str]]]:
-    """Commands of all pages in order, each with the lines that are shown of it."""
+def session(pages: list[Path]) -> list[tuple[str, list[str]]]:
+    """Commands of pages in order, each with the lines that are shown of it."""
     found: list[tuple[str, list[str]]] = []
-    for page in PAGES:
+    for page in pages:
         for line in "".join(blocks(page, "console")).splitlines():
             if line.startswith("$ "):
                 found.append((line[2:], []))
@@ -64,9 +64,14 @@ def close(a: str, b: str) -> bool:
     return all(abs(float(x) - float(y)) <= 0.03 * max(abs(float(x)), abs(float(y))) for x, y in pairs)
 
 
-def test_console_sessions(tmp_path: Path) -> None:
-    commands = session()
-    assert len(commands) >= 12
+@pytest.mark.parametrize(
+    ("pages", "least"),
+    [(PAGES[:1], 4), pytest.param(PAGES, 12, marks=pytest.mark.long)],
+    ids=["readme", "all"],
+)
+def test_console_sessions(pages: list[Path], least: int, tmp_path: Path) -> None:
+    commands = session(pages)
+    assert len(commands) >= least
     printed: dict[str, list[str]] = {}
     for command, shown in commands:
         if command not in printed:
@@ -146,6 +151,8 @@ LONG_EXAMPLES = tuple(
         "ahrs_on_recording",
         "tactical_alignment",
         "narasimhappa_2019",
+        "identify_recording",
+        "car_gnss",
     )
 )
 

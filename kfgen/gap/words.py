@@ -192,7 +192,7 @@ def _in_unknown_field(c: Comparison, f: Finding) -> str:
     """Which scales of soft iron were taken to be zero, where nobody knows how large the field is."""
     scales = ("xx", "yy", "zz")
     fixed = [e for e in scales if e not in f.ci95]
-    unknown = any(name.startswith(("field along", FIELD_PREFIX)) for name in c.unknowns)
+    unknown = any("field" in name.split() or name.startswith(FIELD_PREFIX) for name in c.unknowns)
     if not (isinstance(f.effect, SoftIron) and unknown and 0 < len(fixed) < len(scales)):
         return ""
     held = f"{' and '.join(fixed)} {'is' if len(fixed) == 1 else 'are'} taken to be zero"

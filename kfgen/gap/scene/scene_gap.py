@@ -90,11 +90,12 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
     faults = scene.faults() if isinstance(scene, Inspected) else ()
     if faults:
         return _spoilt(scene, faults, unit_of)
-    with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
-        answer = answered(scene)
-    if any(t.significant for t in _updated_tests(answer)[0]):
-        answer = under_misfit(answer)
-    return _gap_of(answer, unit_of)
+    with time_budget():
+        with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
+            answer = answered(scene)
+        if any(t.significant for t in _updated_tests(answer)[0]):
+            answer = under_misfit(answer)
+        return _gap_of(answer, unit_of)
 
 
 def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
