@@ -34,6 +34,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("time_delay", "gnss", ("delay",)),
     ("time_delay", "mag", ("delay",)),
     ("time_delay", "baro", ("delay",)),
+    ("clock_drift", "gnss", ("rate",)),
     ("lever_arm", "gnss", ("x", "y", "z")),
     *(("scale_factor", f"gyro_{a}", ("coefficient",)) for a in AXES),
     *(("scale_factor", f"accel_{a}", ("coefficient",)) for a in AXES),

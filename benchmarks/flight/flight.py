@@ -79,7 +79,7 @@ def _inertial(
     return np.asarray(both + noise)
 
 
-def _late(truth: Motion, times: Array, late_s: float) -> NDArray[np.intp]:
+def _late(truth: Motion, times: Array, late_s: float | Array) -> NDArray[np.intp]:
     fine = FINE_HZ
     return np.clip(np.rint((times - late_s) * fine), 0, truth.t.size - 1).astype(np.intp)
 
@@ -97,7 +97,8 @@ def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Ar
     arm = np.array([_sum(effects, "lever_arm", ("gnss",), a) for a in AXES])
     out = []
     for order, sensor in enumerate(("gnss_p", "gnss_v")):
-        at = _late(truth, times, _sum(effects, "time_delay", ("gnss", sensor), "delay"))
+        drift = _sum(effects, "clock_drift", ("gnss",), "rate") * (times - times[0])
+        at = _late(truth, times, _sum(effects, "time_delay", ("gnss", sensor), "delay") + drift)
         R = truth.R_nb[at]
         if order == 0:
             out.append(truth.p[at] + R.apply(arm))

@@ -77,7 +77,7 @@ def _sized(case: Case) -> Effect:
 
     scene = flight_scene(log_of(case, []), _model())
     start = np.array([u.value for u in scene.unknowns])
-    small = {"delay": 1e-2}
+    small = {"delay": 1e-2, "rate": 1e-4}
     columns = []
     for name in case.parameters:
         step = small.get(name, 1e-3)

@@ -89,6 +89,7 @@ INERTIAL = (
     strong("lever_arm", "accel", "gnss", x=0.5, y=-0.2, z=0.1),
     strong("time_delay", *TRIADS, delay=0.02),
     strong("time_delay", "gnss", delay=0.2),
+    strong("clock_drift", "gnss", rate=0.01),
     strong("bandwidth", *TRIADS, corner=5.0),
     strong("hard_iron", "mag", x=5e-6, y=-3e-6, z=2e-6),
     strong("soft_iron", "mag", xx=0.05, xy=0.02),

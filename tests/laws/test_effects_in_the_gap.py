@@ -32,10 +32,11 @@ TESTED = [
     for w in s.where
     if (s.name, w) != ("bandwidth", "mag")  # at 50 Hz a delay does the same
 ]
-NEEDS_POSITION = {(SHAKEN, "accel_x"), ("lever_arm", "gnss"), ("time_delay", "gnss")}
+NEEDS_POSITION = {(SHAKEN, "accel_x"), ("lever_arm", "gnss"), ("time_delay", "gnss"), ("clock_drift", "gnss")}
 NAMED_QUICKLY = {
     ("lever_arm", "gnss"),
     ("time_delay", "gnss"),
+    ("clock_drift", "gnss"),
     ("scale_factor", "gyro_x"),
     ("scale_asymmetry", "gyro_x"),
     ("scale_temperature", "gyro_x"),

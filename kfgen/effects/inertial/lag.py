@@ -118,6 +118,50 @@ class TimeDelay(Lag):
 
 
 @dataclass(frozen=True)
+class ClockDrift(Lag):
+    """Time stamps that run away: the reading at a time since the first sample is that of ``1 - rate`` times this time."""
+
+    rate: Any = parameter("ppm", "signed")
+
+    name: ClassVar[str] = "clock_drift"
+    title: ClassVar[str] = "clock that drifts against the others"
+    separating_experiment: ClassVar[str] = "motion at the beginning and at the end of a long log"
+    sentence_template: ClassVar[str] = "has time stamps that drift by {rate}"
+    prior_penalty_nats: ClassVar[float] = 1.5
+    typical: ClassVar[Mapping[str, str]] = {"": "500 ppm"}
+
+    @property
+    def seconds(self) -> Any:
+        """After the first second."""
+        return self.rate
+
+    def in_filter(self, place: FilterPlace) -> FilterRole:
+        """A delay that grows for ever, which no filter waits for."""
+        return NotModelled(
+            "a delay that grows without end is no constant of a filter",
+            f"Synchronise the clock of {place.channel}, or correct its time stamps before the filter",
+        )
+
+    def memory(self) -> tuple[float, float]:
+        """None at the first sample, from which it grows."""
+        return 0.0, 0.0
+
+    def knee(self) -> float:
+        """That of the delay after a second."""
+        return 1.0 / (2.0 * np.pi * max(abs(float(self.rate)), 1e-300))
+
+    def passed(self, x: Array, dt: float) -> Array:
+        """Signals, shape (n, ...), at ``(1 - rate) t``, by a cubic spline; held at the ends."""
+        from scipy.interpolate import CubicSpline
+
+        if self.rate == 0.0:
+            return x
+        at = np.arange(x.shape[0], dtype=np.float64)
+        then = np.clip((1.0 - float(self.rate)) * at, 0.0, at[-1])
+        return np.asarray(CubicSpline(at, x, axis=0)(then))
+
+
+@dataclass(frozen=True)
 class Bandwidth(Lag):
     """The reading passes a low-pass of first order."""
 

@@ -18,7 +18,7 @@ from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
+from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.outages import outage_drifts
@@ -42,8 +42,9 @@ MIN_SIGN_SHARE = 0.05
 """Share of the readings that either sign has at least, for an asymmetry of the two to be seen."""
 CONSTANT_STEP_SHARE = 1e-4
 """Change of a constant, as a share of it, by which readings are differentiated."""
-SHORT_DELAY_S = 2e-3
-"""Delay by which the readings' rates are had along the path [s]; longer ones are in proportion, until the path is theirs."""
+SHORT = {TimeDelay.name: ("delay", 2e-3), ClockDrift.name: ("rate", 2e-5)}
+"""Delay [s] and drift by which the readings' rates are had along the path; larger ones are in proportion, until the path
+is theirs."""
 NODE_LOG_STEP = 0.25
 """Step of the logarithm of a corner or a time constant between which responses are interpolated."""
 REMEMBERED_UNITS = 4096
@@ -308,9 +309,10 @@ def _units(placed: Placed) -> tuple[tuple[Placed, float], ...]:
     What is linear in its coefficients is a sum of effects of unit size, what is short is in proportion. One that has a
     corner or a time constant besides is interpolated between neighbours in its logarithm.
     """
-    if isinstance(placed.effect, TimeDelay):
-        short = replace(placed, effect=replace(placed.effect, delay=SHORT_DELAY_S))
-        return ((short, float(placed.effect.delay) / SHORT_DELAY_S),)
+    if (short := SHORT.get(placed.effect.name)) is not None:
+        name, small = short
+        unit = replace(placed, effect=replace(placed.effect, **{name: small}))
+        return ((unit, float(getattr(placed.effect, name)) / small),)
     names = {p.name for p in free(placed.effect)}
     positive = [p.name for p in placed.effect.parameters() if p.name in names and p.kind != "signed"]
     signed = [p.name for p in placed.effect.parameters() if p.name in names and p.kind == "signed"]

@@ -28,7 +28,7 @@ from kfgen.effects.inertial.errors import (
     products,
 )
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
+from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, TimeDelay
 from kfgen.effects.inertial.magnetic import Declination, HardIron, MagneticDisturbance, SoftIron
 from kfgen.gap.motion.on_off_times import best_span
 from kfgen.gap.motion.truth import Truth
@@ -48,6 +48,8 @@ IN_TIME = ("rate_ramp", "warm_up")
 
 DRIFT_ALONE = 3.0
 """Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
+SLOW_DRIFT = 1e-5
+"""Rate of a clock's drift with which fits begin."""
 FIELD_PREFIX = "mag_"
 """How the constants of a filter are called that are the magnetic field in space: ``mag_N``."""
 
@@ -124,6 +126,7 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
     for place in dict.fromkeys(s.rpartition("_")[0] or s for s in sensors if s in bench.truth.antennas):
         found.append([Placed(LeverArm(SMALL, SMALL, SMALL), place)])
         found.append([Placed(TimeDelay(0.1 * bench.truth.dt), place)])
+        found.append([Placed(ClockDrift(SLOW_DRIFT), place)])
     return [one for one in found if not _there(one[0], placed)]
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.inertial_error import InertialError
-from kfgen.effects.inertial.lag import Bandwidth, Lag, TimeDelay
+from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def delayed(felt: Signals, effects: Sequence[Effect]) -> Signals:
     effects : sequence of Effect
         Of the triad, lags among them.
     """
-    lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay)]
+    lags: list[Lag] = [e for e in effects if isinstance(e, TimeDelay | ClockDrift)]
     lags += [e for e in effects if isinstance(e, Bandwidth)]
     needed = needs_of(effects)
     for lag in lags:
