@@ -55,9 +55,15 @@ def _with_misfit(answer: Answered) -> TemperedScene:
 
 
 def _refused(before: Answered, after: Explained) -> tuple[Refused, ...]:
-    """What was not added, in the search before or in this one, and what was added only as long as the misfit was no noise."""
+    """What was not added, in the search before or in this one, and what was added only as long as the misfit was no noise.
+
+    An effect in whose place another name stands now is not lost.
+    """
     named = {a.label for a in after.added}
-    lost = [Refused(*a.label, a.gain, RESTS_ON_MISFIT) for a in before.found.added]
+    renamed = {where for _, where in named - _labels(before)}
+    lost = [
+        Refused(*a.label, a.gain, RESTS_ON_MISFIT) for a in before.found.added if a.label[1] not in renamed
+    ]
     every = {(r.effect, r.where): r for r in (*lost, *before.found.refused, *after.refused)}
     return tuple(r for label, r in every.items() if label not in named)
 
