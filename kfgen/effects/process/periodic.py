@@ -121,6 +121,8 @@ class Sinusoid(LinearProcess):
             a, b, c = gain[k - 1], gain[k], gain[k + 1]
             at = at + 0.5 * (a - c) / min(a - 2.0 * b + c, -1e-12) * (f[1] - f[0])
         weight = float(np.interp(2.0 * np.pi * at * series.dt, series.omega, series.weight))
+        if weight <= 0.0:  # the noise's band ends below it
+            return []
         amplitude = 2.0 * float(np.sqrt(gain[k] / series.n)) / weight
         # The frequency's standard deviation follows from the curvature of the likelihood [1]_.
         sd = float(np.sqrt(1.5 / max(gain[k], 0.5))) / (np.pi * series.n * series.dt)

@@ -145,15 +145,18 @@ class SceneExplanation:
         """Of each effect, whether it may be something else, or nothing beside those that were added since."""
         return [_doubtful(self, i) for i in range(len(self.chosen))]
 
+    def without(self, index: int) -> SceneExplanation:
+        """The scene without an effect, all others fitted again."""
+        placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
+        fit = fitted(self.scene, ScenePoint(placed, self.fit.point.unknowns))
+        left = self.chosen[:index] + self.chosen[index + 1 :]
+        return SceneExplanation(self.scene, fit, with_values(left, fit), self.refused)
+
     def contest(self, index: int) -> Contest[SceneExplanation, FittedAddition]:
         """The scene without an effect, and what could stand in its place; the effect itself keeps its fit."""
-        placed = tuple(p for i, p in enumerate(self.fit.point.placed) if i != index)
-        without = fitted(self.scene, ScenePoint(placed, self.fit.point.unknowns))
-        left = self.chosen[:index] + self.chosen[index + 1 :]
-        rest = SceneExplanation(self.scene, without, with_values(left, without), self.refused)
-        same = _last(self.fit, index)
+        rest, same = self.without(index), _last(self.fit, index)
         known = replace(self.chosen[index].addition, placed=same.point.placed[-1], fit=same)
-        trials = ranked(self.scene, without, rest.others, known)
+        trials = ranked(self.scene, rest.fit, rest.others, known)
         return Contest(rest, trials, next((t for t in trials if t.fit is same), None))
 
     def absorbers_last(self) -> SceneExplanation | None:

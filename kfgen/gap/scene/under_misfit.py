@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kfgen.core.time_budget import search_is_over
-from kfgen.gap.core.search import Label, Refused
+from kfgen.gap.core.search import Label, Refused, refused_of
+from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS
 from kfgen.gap.scene.assumed_parameters import Answered
-from kfgen.gap.scene.explanation import Explained, explained
-from kfgen.gap.scene.newton import fitted
-from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading
+from kfgen.gap.scene.explanation import Explained, SceneExplanation, explained
+from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
+from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading, Scene
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
+from kfgen.gap.scene.unevenness import unevenness
+
+Array = NDArray[np.float64]
 
 MAX_SEARCHES = 3
 """With the misfit that the one before left."""
@@ -32,7 +39,7 @@ def under_misfit(answer: Answered) -> Answered:
         if search_is_over():
             break
         before = _labels(answer)
-        again = explained(_with_misfit(answer))
+        again = _determined(explained(_with_misfit(answer)))
         there = again.scene
         assert isinstance(there, TemperedScene)  # what is looked for in one is found in one
         refused = _refused(answer, again)
@@ -41,6 +48,33 @@ def under_misfit(answer: Answered) -> Answered:
         if _labels(answer) == before:
             break
     return answer
+
+
+def _determined(found: Explained) -> Explained:
+    """Without effects whose own size is no further from nothing than the scatter of the log's blocks allows."""
+    left = SceneExplanation(found.scene, found.fit, found.added, found.refused)
+    while left.chosen:
+        nats = _nats_of_sizes(left.scene, left.fit)
+        weakest = int(np.argmin(nats))
+        if nats[weakest] >= MIN_EVIDENCE_NATS:
+            break
+        lost = Refused(*left.chosen[weakest].label, float(nats[weakest]), RESTS_ON_MISFIT)
+        left = left.without(weakest).refusing([lost])
+    return replace(found, added=left.chosen, fit=left.fit, refused=refused_of(left))
+
+
+def _nats_of_sizes(scene: Scene, fit: SceneFit) -> Array:
+    """How far the best known number of each effect is from nothing [nats], shape (effects,); by scattered blocks.
+
+    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation.
+    """
+    x = coordinates(fit.point)
+    deviation = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0) * unevenness(scene, fit))
+    sigmas = np.zeros(len(fit.point.placed))
+    for k, (i, name) in enumerate(fit.keys):
+        size = abs(x[k]) if is_signed(fit.point.placed[i].effect, name) else 1.0
+        sigmas[i] = max(sigmas[i], size / max(float(deviation[k]), 1e-300))
+    return np.asarray(0.5 * sigmas**2)
 
 
 def _with_misfit(answer: Answered) -> TemperedScene:
