@@ -58,7 +58,7 @@ VERBS = {
     "run": "kfgen.run.run",
     "save": "kfgen.model.files",
     "simulate": "kfgen.simulate.simulate_log",
-    "tune": "kfgen.gap.flight.tune",
+    "tune": "kfgen.gap.flight.noise.tune",
     "verify": "kfgen.verify.compare",
     "write_log": "kfgen.log.readers",
 }

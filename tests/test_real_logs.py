@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kfgen.effects import make
+from kfgen.effects import effect_named, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.series import WhiteSeries
@@ -36,6 +36,18 @@ def test_white_noise_behind_a_low_pass_has_its_size(passed: float) -> None:
     empty = np.zeros((n, 0))
     series = WhiteSeries(np.arange(n) * 0.1, np.zeros(n), 0.1, weight, np.zeros(n), empty, (0.0, 0.7), {})
     assert series.sd == pytest.approx(sd)
+
+
+def test_no_line_is_seen_beyond_the_band_of_the_noise() -> None:
+    """A low-pass that stops all above: where nothing is known of the noise no line has a size."""
+    n = 1000
+    weight = np.where(np.arange(n) < 0.5 * n, 1.0, 0.0)
+    t = np.arange(n) * 0.1
+    beyond = np.sin(2.0 * np.pi * 4.0 * t)
+    empty = np.zeros((n, 0))
+    series = WhiteSeries(t, np.zeros(n), 0.1, weight, np.zeros(n), empty, (0.0, 0.7), {})
+    series.__dict__["z"] = beyond  # what a faulty record can make of it
+    assert effect_named("sinusoid").detect(series) == []
 
 
 def test_an_integral_over_coordinates_of_very_different_sizes() -> None:

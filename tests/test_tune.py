@@ -19,9 +19,9 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.result import NoiseScale
 from kfgen.gap.flight.flight_scene import flight_scene
-from kfgen.gap.flight.noise_file import with_sizes
-from kfgen.gap.flight.tune import Tuning
-from kfgen.gap.flight.tuned import _SizeLikelihood, _sizes, groups_of
+from kfgen.gap.flight.noise.noise_file import with_sizes
+from kfgen.gap.flight.noise.tune import Tuning
+from kfgen.gap.flight.noise.tuned import _SizeLikelihood, _sizes, groups_of
 from kfgen.log.log import Channel, Log
 from kfgen.model.filter import FilterModel
 

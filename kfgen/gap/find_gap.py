@@ -18,7 +18,7 @@ from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
-from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
+from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from kfgen.core.errors import InputError
-from kfgen.gap.flight.tune import Tuning, tune
+from kfgen.gap.flight.noise.tune import Tuning, tune
 from kfgen.log.log import Log
 from kfgen.model.files import save
 from kfgen.model.filter import FilterModel

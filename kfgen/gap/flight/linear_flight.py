@@ -12,6 +12,9 @@ from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
 
+COLUMNS_AT_ONCE = 32
+"""Columns of one pass: memory for the errors of all inputs at all times."""
+
 
 @dataclass(frozen=True)
 class LinearFlight:

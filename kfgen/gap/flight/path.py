@@ -13,7 +13,7 @@ from kfgen.gap.flight.first_flight import first_flight
 from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear_flight import LinearFlight
-from kfgen.gap.flight.noise_sizes import NoiseSizes
+from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.rows import Rows, rows_of
 from kfgen.model.filter_equations import FilterEquations
 

@@ -21,10 +21,11 @@ from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
+from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
+from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
-from kfgen.gap.flight.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
@@ -36,8 +37,6 @@ Array = NDArray[np.float64]
 
 NOISE_LEVEL_SD_OF_LOG = 0.7
 """Standard deviation of the logarithm of a sensor's noise level before the flight."""
-COLUMNS_AT_ONCE = 32
-"""Columns of one pass: memory for the errors of all inputs at all times."""
 MIN_SIGN_SHARE = 0.05
 """Share of the readings that either sign has at least, for an asymmetry of the two to be seen."""
 CONSTANT_STEP_SHARE = 1e-4

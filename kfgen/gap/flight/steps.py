@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.samples.event import BiasStep
 from kfgen.effects.series import coefficient_worth, log_mean
+from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.scene.scene import Placed
 
@@ -24,8 +25,6 @@ Array = NDArray[np.float64]
 
 GRID_POINTS = 24
 """Times at which the energy of a step is computed; between them it is interpolated."""
-COLUMNS_AT_ONCE = 32
-"""Of one pass through the filter."""
 MIN_STEP_SIGMAS = 3.5
 """Standard deviations of its size below which a step is not offered: chance reaches three in a log."""
 MIN_ENERGY_SHARE = 1e-6

@@ -10,11 +10,11 @@ import numpy as np
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.gap.flight.flight_scene import flight_scene
-from kfgen.gap.flight.noise_file import as_given, assumed_noise, with_sizes
-from kfgen.gap.flight.noise_sizes import NoiseSizes
+from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
+from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
+from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, sizes_of_part
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.scene import FlightScene
-from kfgen.gap.flight.tuned import TunedSize, shown_scales, sizes_of_part
 from kfgen.gap.scene.explanation import relinearised
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import ScenePoint

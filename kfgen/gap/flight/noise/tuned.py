@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.gap.core.result import NoiseScale
-from kfgen.gap.flight.noise_sizes import NoiseSizes
+from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.path import FlownPath
 
 Array = NDArray[np.float64]
