@@ -167,6 +167,7 @@ def test_a_start_that_is_no_state_is_refused(short: tuple[Program, Log]) -> None
     assert FilterCalls(program, log, {"p_E": 7.0}).start[1] == 7.0
 
 
+@pytest.mark.long
 def test_the_command_line_proves_on_a_log(
     short: tuple[Program, Log], kfgen: Callable[..., Any], tmp_path: Path
 ) -> None:

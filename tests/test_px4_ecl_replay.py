@@ -14,6 +14,7 @@ import pytest
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 
 
+@pytest.mark.long
 def test_states_are_within_three_standard_deviations(
     recording: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

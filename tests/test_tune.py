@@ -66,6 +66,7 @@ def tuned(which: str) -> Tuning:
     return found
 
 
+@pytest.mark.long
 def test_scores_are_derivatives_of_the_likelihood() -> None:
     """Of every noise, against central differences, to 1e-4."""
     scene = flight_scene(clean(), model())

@@ -25,7 +25,8 @@ from kfgen.gap.core.result import (
 from kfgen.gap.core.search import Chosen
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.scene.assumed_parameters import Answered, answered
-from kfgen.gap.scene.explanation import FittedAddition, limits
+from kfgen.gap.scene.detection_limits import limits
+from kfgen.gap.scene.explanation import FittedAddition
 from kfgen.gap.scene.holdout import band_edges, held_out
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
