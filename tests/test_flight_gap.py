@@ -146,6 +146,14 @@ def test_a_response_is_what_the_filter_about_the_updated_path_says(
     assert np.linalg.norm(here - there) < 0.04 * np.linalg.norm(here - plain) + 1e-3
 
 
+def test_a_field_is_unknown_even_where_the_alignment_finds_that_of_the_model() -> None:
+    """What is measured from the first samples is unknown by what it is, and not by its value."""
+    scene = scene_of()
+    nominal = {c.name: float(c.value) for c in model().constants}
+    same = replace(scene, path=replace(scene.path, log=replace(scene.path.log, constants=nominal)), memory={})
+    assert [u.name for u in same.unknowns] == [u.name for u in scene.unknowns] == ["mag_N", "mag_D"]
+
+
 def test_products_are_those_of_the_columns() -> None:
     """The backward pass and the forward pass of errors of single readings say the same, to rounding."""
     linear, rng = scene_of().path.linear, np.random.default_rng(5)

@@ -112,7 +112,9 @@ class FilterEquations:
 
     def tape(self, expressions: Sequence[sp.Expr]) -> Tape:
         """Expressions of the model as a tape of `variables`."""
-        return tape([sp.sympify(e).xreplace(self._rotation) for e in expressions], self.variables)
+        return tape(
+            [sp.sympify(e, strict=True).xreplace(self._rotation) for e in expressions], self.variables
+        )
 
     def _sparse(self, M: sp.Matrix, before: Sequence[sp.Expr] = ()) -> SparseRows:
         """The entries of a matrix that are not zero; on the tape stand other expressions before them."""

@@ -29,5 +29,5 @@ class StaticPressureError(InertialError):
     needs: ClassVar[tuple[str, ...]] = ("speed_squared",)
 
     def error(self, felt: Felt, axis: int) -> Any:
-        """``c v^2``; one axis."""
-        return self.coefficient * felt.squared_speed if axis == 0 else 0 * felt.squared_speed
+        """``c v^2``: a barometer has one axis."""
+        return self.coefficient * felt.squared_speed

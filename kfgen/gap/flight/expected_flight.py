@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.emit.routines import Program
-from kfgen.gap.flight.flight_log import FlightLog, flight_log
+from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.rows import rows_of
 from kfgen.gap.flight.scene import FlightScene
@@ -95,7 +94,7 @@ class ExpectedFlights:
         equations = self.equations
         x = _true_states(log, equations)
         flown = replace(flight_log(log, Program(self.discrete)), discrete=self.discrete, start=x[0])
-        flown = replace(flown, constants=_constants(flown))
+        flown = replace(flown, constants={c.name: float(c.value) for c in self.model.constants})
         return FlightScene(
             FlownPath(flown, equations, x, np.zeros_like(flown.u), np.zeros(rows_of(flown).t.size))
         )
@@ -108,18 +107,3 @@ def _true_states(log: Log, equations: FilterEquations) -> Array:
         if f"ref_{name}" in log.channels:
             x[:, k] = log.values(f"ref_{name}")
     return equations.normalised(x)
-
-
-def _constants(log: FlightLog) -> dict[str, float]:
-    """The model's constants; those that an alignment measures differ by a bit, for they are unknown then."""
-    model = log.discrete.model
-    declared: Sequence[str] = [
-        name
-        for a in log.aiding
-        if a.sensor.at_rest == "north"
-        for name in a.sensor.calibrated((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    ]
-    return {
-        c.name: float(np.nextafter(float(c.value), np.inf)) if c.name in declared else float(c.value)
-        for c in model.constants
-    }

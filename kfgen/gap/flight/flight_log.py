@@ -78,6 +78,16 @@ class FlightLog:
         return float((self.t[-1] - self.t[0]) / (self.t.size - 1))
 
     @cached_property
+    def measured(self) -> tuple[str, ...]:
+        """The constants of the model that an alignment takes from the first samples: the log knows them no better."""
+        upright = (
+            (1.0, 0.0, 0.0),
+            (0.0, 0.0, 1.0),
+        )  # any reading: which constants it tells does not depend on it
+        shown = {n for a in self.aiding if a.sensor.at_rest == "north" for n in a.sensor.calibrated(*upright)}
+        return tuple(c.name for c in self.discrete.model.constants if c.name in shown)
+
+    @cached_property
     def triads(self) -> dict[str, slice]:
         """The columns of `u` of each input."""
         out, k = {}, 0

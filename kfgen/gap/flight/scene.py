@@ -78,9 +78,9 @@ class FlightScene:
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
         """The constants that the alignment took from the first readings: as uncertain as these are."""
-        model, found = self.path.log.discrete.model, self.path.log.constants
-        moved = [c for c in model.constants if found[c.name] != float(c.value)]
-        return tuple(Unknown(c.name, c.unit, found[c.name], np.inf, once=True) for c in moved)
+        log = self.path.log
+        units = {c.name: c.unit for c in log.discrete.model.constants}
+        return tuple(Unknown(n, units[n], log.constants[n], np.inf, once=True) for n in log.measured)
 
     @property
     def noise_level_sd_of_log(self) -> float:

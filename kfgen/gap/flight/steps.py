@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 GRID_POINTS = 24
 """Times at which the energy of a step is computed; between them it is interpolated."""
 MIN_STEP_SIGMAS = 3.5
-"""Standard deviations of its size below which a step is not offered: chance reaches three in a log."""
+"""Standard deviations of its size below which a step is not offered: what its time costs leaves it no evidence."""
 MIN_ENERGY_SHARE = 1e-6
 """Energy of a step over the largest of its channel below which the log does not show it."""
 

@@ -44,7 +44,7 @@ from kfgen.gap.scene.scene import (
 )
 from kfgen.gap.scene.screen import basis
 from kfgen.gap.scene.under_misfit import under_misfit
-from kfgen.gap.scene.unevenness import unevenness
+from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
 
@@ -217,10 +217,9 @@ def _updated_tests(answer: Answered) -> tuple[list[Test], tuple[NoiseScale, ...]
 def _deviations(answer: Answered) -> Array:
     """Standard deviations of what was fitted: where something is left, by the scatter over the log if that is larger."""
     fit = answer.found.fit
-    variances = np.maximum(np.diag(fit.covariance), 0.0)
-    return np.asarray(
-        np.sqrt(variances if answer.tempered is None else variances * unevenness(answer.tempered, fit))
-    )
+    if answer.tempered is not None:
+        return scattered_deviations(answer.tempered, fit)
+    return np.asarray(np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)))
 
 
 def _finding(

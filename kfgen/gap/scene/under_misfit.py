@@ -15,7 +15,7 @@ from kfgen.gap.scene.explanation import Explained, SceneExplanation, explained
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading, Scene
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
-from kfgen.gap.scene.unevenness import unevenness
+from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def _nats_of_sizes(scene: Scene, fit: SceneFit) -> Array:
     A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation.
     """
     x = coordinates(fit.point)
-    deviation = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0) * unevenness(scene, fit))
+    deviation = scattered_deviations(scene, fit)
     sigmas = np.zeros(len(fit.point.placed))
     for k, (i, name) in enumerate(fit.keys):
         size = abs(x[k]) if is_signed(fit.point.placed[i].effect, name) else 1.0

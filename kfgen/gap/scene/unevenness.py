@@ -50,6 +50,18 @@ def unevenness(scene: Scene, fit: SceneFit) -> Array:
     return np.asarray(np.maximum(scattered / np.maximum(np.diag(fit.covariance), 1e-300), 1.0))
 
 
+def scattered_deviations(scene: Scene, fit: SceneFit) -> Array:
+    """Standard deviations of what was fitted, by the scatter of blocks where that is larger, shape (p,).
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    """
+    return np.asarray(np.sqrt(np.maximum(np.diag(fit.covariance), 0.0) * unevenness(scene, fit)))
+
+
 def _moved(H: Array, J: Array, residual: Array) -> Array:
     """By how much an estimate moves without some readings, shape (p,)."""
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
