@@ -19,6 +19,7 @@ from kfgen.gap.scene.explanation import Explained, FittedAddition, explained, wi
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting
 from kfgen.gap.scene.tempered_scene import TemperedScene
+from kfgen.gap.scene.wander import NamedWander
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,15 @@ class Answered:
     found : Explained
     tempered : TemperedScene, optional
         The same scene with the misfit in its noise, in which all was found; None where there is none.
+    wanders : tuple of NamedWander
+        Random errors that are in its noise.
     """
 
     scene: Scene
     written: Scene
     found: Explained
     tempered: TemperedScene | None = None
+    wanders: tuple[NamedWander, ...] = ()
 
     @property
     def likelihood(self) -> Scene:
