@@ -6,6 +6,7 @@ import io
 import re
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -111,15 +112,16 @@ def test_the_time_is_shown_and_removed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stream.getvalue() == text
 
 
-@pytest.fixture
-def shown(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Terminal, list[float]]]:
-    """A terminal under a command, and a clock [s] that the test sets."""
-    stream, now = Terminal(), [0.0]
-    monkeypatch.setattr("sys.stderr", stream)
+@contextmanager
+def shown(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
+    """A command on a terminal; gives a clock [s] that the test sets."""
+    now = [0.0]
+    be_quiet(False)
+    monkeypatch.setattr("sys.stderr", Terminal())
     monkeypatch.setattr("kfgen.core.elapsed.SHOWN_AFTER_S", 30.0)
     with elapsed_time("kfgen fleet"):
         monkeypatch.setattr("kfgen.core.elapsed.time.monotonic", lambda: now[0])
-        yield stream, now
+        yield now
         monkeypatch.undo()
 
 
@@ -129,33 +131,34 @@ def said_now() -> list[str]:
     return [words() for words in current.details.values()]
 
 
-def test_the_time_left_is_that_of_the_pace(shown: tuple[Terminal, list[float]]) -> None:
+def test_the_time_left_is_that_of_the_pace(monkeypatch: pytest.MonkeyPatch) -> None:
     """Four logs of 10 take 20 s: six take 30 s more, and one that is late leaves those after it."""
-    now = shown[1]
-    count(0, 10)
-    assert said_now() == ["0 of 10 logs"]
-    now[0] = 20.0
-    count(4, 10)
-    assert said_now() == ["4 of 10 logs, about 30 s left"]
-    now[0] = 23.0
-    assert said_now() == ["4 of 10 logs, about 27 s left"]
-    now[0] = 60.0
-    assert said_now() == ["4 of 10 logs, about 25 s left"]
-    count(10, 10)
-    assert said_now() == ["10 of 10 logs"]
+    with shown(monkeypatch) as now:
+        count(0, 10)
+        assert said_now() == ["0 of 10 logs"]
+        now[0] = 20.0
+        count(4, 10)
+        assert said_now() == ["4 of 10 logs, about 30 s left"]
+        now[0] = 23.0
+        assert said_now() == ["4 of 10 logs, about 27 s left"]
+        now[0] = 60.0
+        assert said_now() == ["4 of 10 logs, about 25 s left"]
+        count(10, 10)
+        assert said_now() == ["10 of 10 logs"]
 
 
-def test_no_time_is_said_of_what_differs_or_is_one(shown: tuple[Terminal, list[float]]) -> None:
-    count(0, 1)
-    assert said_now() == []
-    for name in counted(("gyro_x", "gyro_y"), "channels", alike=False):
-        assert said_now() == [f"{int(name == 'gyro_y')} of 2 channels"]
-        shown[1][0] += 5.0
-    assert said_now() == ["2 of 2 channels"]
+def test_no_time_is_said_of_what_differs_or_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    with shown(monkeypatch) as now:
+        count(0, 1)
+        assert said_now() == []
+        for name in counted(("gyro_x", "gyro_y"), "channels", alike=False):
+            assert said_now() == [f"{int(name == 'gyro_y')} of 2 channels"]
+            now[0] += 5.0
+        assert said_now() == ["2 of 2 channels"]
 
 
-def test_a_limit_is_said_as_one(shown: tuple[Terminal, list[float]]) -> None:
-    with time_budget() as budget:
+def test_a_limit_is_said_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    with shown(monkeypatch), time_budget() as budget:
         with time_budget():
             assert said_now() == [f"at most {budget.search_s:.0f} s of search left"]
         budget.search_s = 0.0
