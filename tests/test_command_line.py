@@ -158,7 +158,8 @@ def test_no_time_is_said_of_what_differs_or_is_one(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_limit_is_said_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    with shown(monkeypatch), time_budget() as budget:
+    with shown(monkeypatch) as now, time_budget() as budget:
+        now[0] = budget._clock
         with time_budget():
             assert said_now() == [f"at most {budget.search_s:.0f} s of search left"]
         budget.search_s = 0.0
