@@ -136,9 +136,10 @@ def counted(items: Sequence[Item], what: str, alike: bool = True) -> Iterator[It
     alike : bool
         As in `count`.
 
-    Yields
-    ------
-    object
+    Returns
+    -------
+    iterator
+        Of the items.
     """
     for k, item in enumerate(items):
         count(k, len(items), what, alike)

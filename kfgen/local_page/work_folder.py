@@ -66,8 +66,8 @@ class WorkFolder:
 
     def next(self) -> Path:
         """A new numbered folder, after those of earlier sessions."""
-        taken = [int(p.name) for p in self.root.iterdir() if p.name.isdecimal() and len(p.name) < 10]
-        number = max(taken, default=0) + 1
+        numbers = [int(p.name) for p in self.root.iterdir() if p.name.isdecimal() and len(p.name) < 10]
+        number = max(numbers, default=0) + 1
         while True:
             place = self.root / f"{number:03d}"
             try:
