@@ -342,6 +342,7 @@ def test_bad_input(kfgen: Cli, logs: Path) -> None:
     assert "typical" in refused(logs / "s0.csv", "--model", "gyro-static", "-o", logs / "x.toml")
     before = (logs / "s0.csv").read_bytes()
     assert "overwrite" in refused(logs / "s*.csv", "-o", logs / "s0.csv")
+    assert "Name it .parquet" in refused(logs / "s0.csv", "--table", logs / "x.txt")
     assert (logs / "s0.csv").read_bytes() == before
 
 

@@ -34,7 +34,7 @@ def fleet(
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """Many logs: what the sensors have in common (-o writes it), how they differ, which is not like the others."""
+    """Compare many sensors of one kind, a log of each. -o writes what they have in common; outliers are named."""
     from kfgen.fleet.fleet import fleet as over_fleet
     from kfgen.fleet.fleet_table import check_wanted, write_fleet
     from kfgen.fleet.journal import Journal

@@ -64,7 +64,7 @@ def identify(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
+    """Identify the noise of a sensor at rest. Every number has its interval; what the log cannot tell is said."""
     from kfgen.identify.identify_log import identify as identified
     from kfgen.log.readers import read_long
     from kfgen.report.identify import identify_answer
@@ -90,7 +90,7 @@ def calibrate(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """Biases, scales, angles and irons from poses, turns of a gyro and a magnetometer that was turned."""
+    """Calibrate by poses, turns and a turned magnetometer. Gives biases, scales, angles and irons."""
     from kfgen.calibrate.calibrate import calibrate
     from kfgen.report.calibrate import calibrate_answer
 
@@ -117,7 +117,7 @@ def simulate(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """A log from a model: its sensors at their own rates, and the truth beside them."""
+    """Simulate a log from a model. Sensors have their own rates, and the truth is beside them."""
     from kfgen.core.units import parse_quantity
     from kfgen.log.readers import write_log
     from kfgen.report.filter import simulate_answer
@@ -150,7 +150,7 @@ def run(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """The emitted filterpy filter over a log: estimates, innovations, NIS; with --tune its noise by these."""
+    """Run the emitted filter over a log. Estimates, innovations, NIS; with --tune its noise by these."""
     from kfgen.log.readers import write_log
     from kfgen.report.filter import run_answer
     from kfgen.report.tune import tune_answer
@@ -183,7 +183,7 @@ def denoise(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """The adaptive filters of Narasimhappa 2019 on a log, with what they cost under motion."""
+    """Denoise a log by adaptive filters, and say the cost. The rules are those of Narasimhappa 2019."""
     from kfgen.log.readers import write_log
     from kfgen.report.denoise import denoise_answer
     from kfgen.run.adaptive.denoise_log import denoise
@@ -204,7 +204,7 @@ def demo(
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of the results.")] = Path("kfgen-demo"),
     json: opt.Json = None,
 ) -> None:
-    """The whole chain on a simulated sensor with a hidden effect; ends at a report."""
+    """Run the whole chain on a simulated sensor. It has a hidden effect; the end is a report."""
     from kfgen.demo import run_demo
 
     answer = run_demo(out, lambda line: print(line, file=sys.stderr))
@@ -217,7 +217,7 @@ def open_(
     port: Annotated[int, PORT] = 0,
     browser: Annotated[bool, SHOW] = True,
 ) -> None:
-    """A page on this machine: drop a log, look at it, press identify, gap, audit; take the files home."""
+    """Open a page on this machine for all of this. Drop a log, press identify, gap or audit, take the files home."""
     from kfgen.local_page.local_page import open_page
 
     open_page(folder, port, lambda address: print(f"{address}\nCtrl-C ends it.", flush=True), browser)
