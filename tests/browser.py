@@ -28,7 +28,7 @@ AT_3_AND_4 = (
     "os.execv(sys.argv[3], sys.argv[3:])\n"
 )
 """Python that puts a pipe where the browser looks for it, and becomes the browser."""
-SECONDS = 60.0
+SECONDS = 120.0
 """In which an answer must come."""
 
 
@@ -73,7 +73,7 @@ class Browser:
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
-    def until(self, script: str, seconds: float = 60.0) -> Any:
+    def until(self, script: str, seconds: float = 150.0) -> Any:
         """Wait for an expression to be true."""
         ends = time.monotonic() + seconds
         while time.monotonic() < ends:

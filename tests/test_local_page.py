@@ -308,7 +308,7 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         page.until("document.querySelector('.job.done iframe')")
         assert "bench.csv" in page.run("document.querySelector('.job h3').innerText")
         page.run("document.querySelector('[data-action=identify]').click()")
-        page.until("document.querySelector('#noise').selectedOptions[0].text.startsWith('noise.toml')", 90)
+        page.until("document.querySelector('#noise').selectedOptions[0].text.startsWith('noise.toml')", 240)
         links = page.run("[...document.querySelectorAll('.job:first-child a')].map(a => a.innerText)")
         assert links == ["noise file", "report", "JSON"]
         for width in (1200, 390):
