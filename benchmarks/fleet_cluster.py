@@ -111,6 +111,9 @@ def main() -> None:
     from distributed import LocalCluster
 
     load = os.getloadavg()[0]
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout.strip()
     with tempfile.TemporaryDirectory(prefix="kfgen-fleet-") as scratch:
         folder = Path(scratch)
         paths = make_logs(folder, given.count, 3600.0 * given.hours, given.rate, given.seed)
@@ -136,9 +139,6 @@ def main() -> None:
     ]
     print("\n".join(f"{name}: {value}" for name, value in rows))
     if given.docs:
-        commit = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
-        ).stdout.strip()
         where = (
             f"Commit {commit}, {os.cpu_count()} processors ({platform.machine()}) with a load of {load:.1f} by other "
             "work at the start, `benchmarks/fleet_cluster.py`."

@@ -249,6 +249,14 @@ def test_gravity_says_nothing_of_a_body_at_rest() -> None:
     assert gyro_unit(t[:100], *(x[:100] for x in turning()[1:])) == ""
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-322, 1e308, np.inf, np.nan])
+def test_numbers_of_a_damaged_file_have_no_unit(size: float) -> None:
+    t, accel, w = turning()
+    with np.errstate(all="ignore"):
+        times, forces, rates = t * size, accel * size, w * size
+    assert gyro_unit(times, accel, w) == gyro_unit(t, forces, w) == gyro_unit(t, accel, rates) == ""
+
+
 # Replays of PX4-ECL.
 
 

@@ -17,6 +17,8 @@ FEWEST_BLOCKS = 60
 """Intervals below which nothing is said."""
 LEAST_CORRELATION = 0.35
 """Correlation of both changes below which the body hardly turns: of white noise, 3.8 standard deviations at the fewest blocks."""
+SHORTEST_PERIOD_S = 1e-6
+"""Sampling period up to which times are none [s]."""
 UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180.0}
 """Units that are distinguished [rad/s]."""
 LARGEST_RATIO = 4.0
@@ -40,10 +42,15 @@ def gyro_unit(t: Array, accel: Array, gyro: Array) -> str:
     str
         ``rad/s``, ``deg/s`` or empty.
     """
+    with np.errstate(all="ignore"):  # of the numbers of a damaged file
+        return _unit(t, accel, gyro)
+
+
+def _unit(t: Array, accel: Array, gyro: Array) -> str:
     good = np.isfinite(t) & np.isfinite(accel).all(axis=1) & np.isfinite(gyro).all(axis=1)
     t, accel, gyro = t[good], accel[good], gyro[good]
     period = float(np.median(np.diff(t))) if t.size > 1 else 0.0
-    width = max(round(BLOCK_S / period), 1) if period > 0.0 else t.size + 1
+    width = max(round(BLOCK_S / period), 1) if period > SHORTEST_PERIOD_S else t.size + 1
     blocks = t.size // width
     if blocks < FEWEST_BLOCKS:
         return ""
