@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.gap.flight.random_error import RandomError
 from kfgen.gap.flight.rows import Rows
-from kfgen.gap.flight.wander import Wander
 from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class LinearFlight:
 
     @property
     def states(self) -> int:
-        """Error states, those of wandering errors among them."""
+        """Error states, those of random errors among them."""
         return int(self.x0.size)
 
     def filtered(self) -> LinearFlight:
@@ -74,29 +74,29 @@ class LinearFlight:
         forward(*self._entries, self.c, P, x, self.rows.at, self.H, self.y, self.R, e, S, K)
         return replace(self, e=e, S=S, K=K)
 
-    def with_wander(self, wander: Wander) -> LinearFlight:
-        """The filter with the states of a wandering error appended, to be `filtered` anew.
+    def with_random_error(self, random_error: RandomError) -> LinearFlight:
+        """The filter with the states of a random error appended, to be `filtered` anew.
 
         Parameters
         ----------
-        wander : Wander
+        random_error : RandomError
         """
-        N, k, n = self.Phi.shape[0], wander.order, self.states
+        N, k, n = self.Phi.shape[0], random_error.order, self.states
         block = np.arange(k)
         here, there = np.repeat(n + block, k), n + np.tile(block, k)
-        Phi, Qd = ([np.broadcast_to(M.ravel(), (N, k * k))] for M in (wander.Phi, wander.Qd))
+        Phi, Qd = ([np.broadcast_to(M.ravel(), (N, k * k))] for M in (random_error.Phi, random_error.Qd))
         at = [(here, there)]
         B, H = self.equations.input_errors, np.pad(self.H, ((0, 0), (0, k)))
-        if wander.channel in self.equations.channels:
-            own = np.flatnonzero(B.columns == self.equations.channels.index(wander.channel))
-            for j, c in enumerate(wander.C.tolist()):
+        if random_error.channel in self.equations.channels:
+            own = np.flatnonzero(B.columns == self.equations.channels.index(random_error.channel))
+            for j, c in enumerate(random_error.C.tolist()):
                 Phi.append(c * self.B[:, own])
                 at.append((B.rows[own], np.full(own.size, n + j)))
         else:
-            H[self.rows.of(wander.channel), n:] = wander.C
+            H[self.rows.of(random_error.channel), n:] = random_error.C
         places = [np.concatenate([old, *new]) for old, new in zip(self.Phi_at, zip(*at))]
         P0 = np.zeros((n + k, n + k))
-        P0[:n, :n], P0[n:, n:] = self.P0, wander.P0
+        P0[:n, :n], P0[n:, n:] = self.P0, random_error.P0
         return replace(
             self,
             Phi=np.ascontiguousarray(np.hstack([self.Phi, *Phi])),

@@ -14,8 +14,8 @@ from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
+from kfgen.gap.flight.random_error import random_error_of
 from kfgen.gap.flight.rows import Rows, rows_of
-from kfgen.gap.flight.wander import wander_of
 from kfgen.gap.scene.scene import Placed
 from kfgen.model.filter_equations import FilterEquations
 
@@ -51,7 +51,7 @@ class FlownPath:
         Of the noise, over what the filter assumes.
     silenced : ndarray of bool, shape (rows,), optional
         Readings that the filter is not given, though the path was smoothed with them.
-    wanders : tuple of Placed
+    random_errors : tuple of Placed
         Random errors of channels that are states of the filter beside those of its model.
     """
 
@@ -62,7 +62,7 @@ class FlownPath:
     dz: Array
     sizes: NoiseSizes = field(default_factory=NoiseSizes)
     silenced: NDArray[np.bool_] | None = None
-    wanders: tuple[Placed, ...] = ()
+    random_errors: tuple[Placed, ...] = ()
 
     @cached_property
     def rows(self) -> Rows:
@@ -123,8 +123,8 @@ class FlownPath:
         linear = LinearFlight(
             eq, rows, Phi, (F.rows, F.columns), Qd, (Q.rows, Q.columns), B, c, P0, x0, H, y, R
         )
-        for placed in self.wanders:
-            linear = linear.with_wander(wander_of(placed, self.log.dt))
+        for placed in self.random_errors:
+            linear = linear.with_random_error(random_error_of(placed, self.log.dt))
         return linear.filtered()
 
     @cached_property

@@ -21,19 +21,19 @@ from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
-from kfgen.gap.flight.likely_wanders import likely_wanders
+from kfgen.gap.flight.likely_random_errors import likely_random_errors
 from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
 from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.flight.random_course import not_random
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
-from kfgen.gap.flight.wander_course import misshapen
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
+from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.scene.screen import basis, orthogonal_part
-from kfgen.gap.scene.wander import FittedWander
 from kfgen.model.parts.motion import NED
 
 Array = NDArray[np.float64]
@@ -239,22 +239,22 @@ class FlightScene:
         clean = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
         return FlightScene(clean.smoothed(), (), found.sizes)
 
-    def likely_wanders(self, point: ScenePoint) -> list[FittedWander]:
-        """See `kfgen.gap.scene.wander.Wandering`."""
+    def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
+        """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
         here = point.placed == self.subtracted and np.array_equal(point.unknowns, self._constants)
         scene = self if here else self.about(point)
-        return likely_wanders(scene.path, self, self.compared, scene.left(point), scene.known)
+        return likely_random_errors(scene.path, self, self.compared, scene.left(point), scene.known)
 
-    def with_wander(self, placed: Placed) -> FlightScene:
+    def with_random_error(self, placed: Placed) -> FlightScene:
         """The flight about no effect, with one random error more as a state of its filter."""
         path = replace(self.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
-        path = replace(path, wanders=(*path.wanders, placed))
+        path = replace(path, random_errors=(*path.random_errors, placed))
         return FlightScene(path.smoothed(), (), self.sizes)
 
-    def misshapen(self, placed: Placed, point: ScenePoint) -> str:
-        """See `kfgen.gap.scene.wander.Wandering`."""
+    def not_random(self, placed: Placed, point: ScenePoint) -> str:
+        """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
         there = self.about(point)
-        return misshapen(there.path, there.truth, placed)
+        return not_random(there.path, there.truth, placed)
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""

@@ -17,9 +17,9 @@ from kfgen.gap.core.search import Chosen
 from kfgen.gap.core.thresholds import MAX_ITERATIONS
 from kfgen.gap.scene.explanation import Explained, FittedAddition, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.random_error import NamedRandomError
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting
 from kfgen.gap.scene.tempered_scene import TemperedScene
-from kfgen.gap.scene.wander import NamedWander
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Answered:
     found : Explained
     tempered : TemperedScene, optional
         The same scene with the misfit in its noise, in which all was found; None where there is none.
-    wanders : tuple of NamedWander
+    random_errors : tuple of NamedRandomError
         Random errors that are in its noise.
     """
 
@@ -43,7 +43,7 @@ class Answered:
     written: Scene
     found: Explained
     tempered: TemperedScene | None = None
-    wanders: tuple[NamedWander, ...] = ()
+    random_errors: tuple[NamedRandomError, ...] = ()
 
     @property
     def likelihood(self) -> Scene:

@@ -31,6 +31,8 @@ from kfgen.gap.scene.explanation import FittedAddition
 from kfgen.gap.scene.holdout import band_edges, held_out
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
+from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
+from kfgen.gap.scene.random_error_search import with_random_errors
 from kfgen.gap.scene.scene import (
     HasInputs,
     HasNoiseSizes,
@@ -46,8 +48,6 @@ from kfgen.gap.scene.scene import (
 from kfgen.gap.scene.screen import basis
 from kfgen.gap.scene.under_misfit import under_misfit, without_events
 from kfgen.gap.scene.unevenness import scattered_deviations
-from kfgen.gap.scene.wander import NamedWander, Wandering
-from kfgen.gap.scene.wandering import with_wanders
 
 Array = NDArray[np.float64]
 
@@ -97,8 +97,8 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
     with time_budget():
         with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
             answer = answered(scene)
-        if isinstance(scene, Wandering):
-            answer = with_wanders(answer, is_unfinished=bool(_doubtful_channels(answer)))
+        if isinstance(scene, HasRandomErrors):
+            answer = with_random_errors(answer, is_unfinished=bool(_doubtful_channels(answer)))
         if doubtful := _doubtful_channels(answer):
             answer = without_events(under_misfit(answer), doubtful)
         return _gap_of(answer, unit_of)
@@ -107,7 +107,7 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
 def _doubtful_channels(answer: Answered) -> set[str]:
     """Channels in which the updated model leaves more than noise, or a random error that is none."""
     failed = {t.channel for t in _updated_tests(answer)[0] if t.significant}
-    return failed | {w.fitted.placed.where for w in answer.wanders if w.objection}
+    return failed | {w.fitted.placed.where for w in answer.random_errors if w.objection}
 
 
 def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
@@ -171,9 +171,11 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     findings = (
         *(_fault_finding(f, unit_of) for f in said),
         *(_finding(answer, a, i, sd, unit_of) for i, a in enumerate(found.added)),
-        *(_random_finding(w, unit_of) for w in answer.wanders if not w.objection),
+        *(_random_finding(w, unit_of) for w in answer.random_errors if not w.objection),
     )
-    stand_ins = tuple(Refused(*w.fitted.label, w.gain, w.objection) for w in answer.wanders if w.objection)
+    stand_ins = tuple(
+        Refused(*w.fitted.label, w.gain, w.objection) for w in answer.random_errors if w.objection
+    )
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
     if stand_ins or any(t.significant for t in after):
         verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
@@ -263,17 +265,17 @@ def _finding(
     )
 
 
-def _random_finding(wander: NamedWander, unit_of: UnitOf) -> Finding:
+def _random_finding(random_error: NamedRandomError, unit_of: UnitOf) -> Finding:
     """Of a random error that is in the noise."""
-    placed, label = wander.fitted.placed, wander.fitted.label
-    others = [(*other, p) for other, p in wander.probabilities.items() if other != label]
+    placed, label = random_error.fitted.placed, random_error.fitted.label
+    others = [(*other, p) for other, p in random_error.probabilities.items() if other != label]
     return Finding(
         placed.effect,
         placed.where,
         unit_of(placed),
-        wander.fitted.ci95,
-        wander.probabilities.get(label, 1.0),
-        wander.gain,
+        random_error.fitted.ci95,
+        random_error.probabilities.get(label, 1.0),
+        random_error.gain,
         tuple(sorted(others, key=lambda other: -other[2])),
     )
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.flight.wander import wander_of
+from kfgen.gap.flight.random_error import random_error_of
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.scene.scene import Placed
 
@@ -39,20 +39,20 @@ class _Test:
     words: Callable[[int], str]
 
 
-def misshapen(path: FlownPath, truth: Truth, placed: Placed) -> str:
+def not_random(path: FlownPath, truth: Truth, placed: Placed) -> str:
     """In what the course of a random error of a filter is none of a random error; empty where in nothing.
 
     Parameters
     ----------
     path : FlownPath
-        With the error among its wanders.
+        With the error among its random_errors.
     truth : Truth
         What its sensors should have read.
     placed : Placed
         The error.
     """
-    index = [(w.effect.name, w.where) for w in path.wanders].index((placed.effect.name, placed.where))
-    orders = [wander_of(w, path.log.dt).order for w in path.wanders]
+    index = [(w.effect.name, w.where) for w in path.random_errors].index((placed.effect.name, placed.where))
+    orders = [random_error_of(w, path.log.dt).order for w in path.random_errors]
     column = path.equations.n + sum(orders[:index])
     step = max(1, path.log.t.size // COURSE_POINTS)
     rng, linear = np.random.default_rng(0), path.linear

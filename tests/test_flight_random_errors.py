@@ -73,16 +73,16 @@ def test_a_random_error_is_the_state_that_build_gives_a_filter(effect: Any) -> N
         "ins15", options={"left_out": "false"}, sensors=SENSORS,
         noise=NoiseModel({"gnss_p_N": ChannelNoise("m", (Term(make("sample_noise", sd=1.5)),))}),
     )  # fmt: skip
-    wander = scene_of(log, bare).with_wander(Placed(effect, "gnss_p_N"))
+    random_error = scene_of(log, bare).with_random_error(Placed(effect, "gnss_p_N"))
     expected = scene_of(log, built).path.linear.log_likelihood
-    assert wander.path.linear.log_likelihood == pytest.approx(expected, abs=0.05)
+    assert random_error.path.linear.log_likelihood == pytest.approx(expected, abs=0.05)
     assert abs(expected - scene_of(log, bare).path.linear.log_likelihood) > 1.0
 
 
 def test_a_random_error_of_size_zero_changes_nothing() -> None:
     path = clean().path
     for channel in ("gyro_z", "accel_x", "mag_y", "baro"):
-        none = replace(path, wanders=(Placed(make("gauss_markov", sigma=1e-12, tau=3.0), channel),))
+        none = replace(path, random_errors=(Placed(make("gauss_markov", sigma=1e-12, tau=3.0), channel),))
         assert none.linear.log_likelihood == pytest.approx(path.linear.log_likelihood, abs=1e-5)
 
 
@@ -95,7 +95,7 @@ def test_a_random_error_of_an_input_is_that_error_in_all_readings() -> None:
     channels = dict(log.channels)
     channels["gyro_z"] = replace(channels["gyro_z"], values=log.values("gyro_z") + course)
     scene = scene_of(Log(log.t, channels, source="flight"))
-    there = scene.with_wander(Placed(make("rate_random_walk", K=K), "gyro_z"))
+    there = scene.with_random_error(Placed(make("rate_random_walk", K=K), "gyro_z"))
     found = there.path.linear.smoothed()[:, there.path.equations.n]
     bias = there.path.x[:, there.path.equations.names.index("bg_z")]
     both = found + bias
@@ -105,7 +105,7 @@ def test_a_random_error_of_an_input_is_that_error_in_all_readings() -> None:
 def test_nothing_random_is_found_in_a_clean_flight() -> None:
     scene = clean()
     fit = fitted(scene, ScenePoint((), np.array([u.value for u in scene.unknowns])))
-    assert all(f.evidence < 5.0 for f in scene.likely_wanders(fit.point))
+    assert all(f.evidence < 5.0 for f in scene.likely_random_errors(fit.point))
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_a_random_error_is_named_and_the_updated_filter_has_no_gap(
 
 @pytest.mark.long
 def test_a_line_in_the_barometer_is_no_random_error() -> None:
-    """A sine of 7 s is taken up by a Gauss-Markov process without a trace, and told from one by its course."""
+    """A Gauss-Markov process explains a sine of 7 s without a trace; its course shows that it is none."""
     found = kf.find_gap(log_of(unlisted="sine_baro", duration=70.0), model())
     assert found.verdict == "unknown_effect"
     assert not found.findings

@@ -1,4 +1,4 @@
-"""`FittedWander`, `NamedWander`: a random error of a channel in a scene, and the worlds that can have one."""
+"""`FittedRandomError`, `NamedRandomError`: a random error of a channel in a scene, and the worlds that can have one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kfgen.gap.scene.scene import HasNoiseSizes, Placed, ScenePoint
 
 
 @dataclass(frozen=True)
-class FittedWander:
+class FittedRandomError:
     """A random error of a channel with its most likely size and time.
 
     Parameters
@@ -37,12 +37,12 @@ class FittedWander:
 
 
 @dataclass(frozen=True)
-class NamedWander:
+class NamedRandomError:
     """A random error that is in the noise of an answer.
 
     Parameters
     ----------
-    fitted : FittedWander
+    fitted : FittedRandomError
     gain : float
         Evidence of the whole over that without it [nats].
     probabilities : mapping of Label to float
@@ -51,21 +51,21 @@ class NamedWander:
         Why its course is none of a random error; empty where it is.
     """
 
-    fitted: FittedWander
+    fitted: FittedRandomError
     gain: float
     probabilities: Mapping[Label, float] = field(default_factory=dict)
     objection: str = ""
 
 
 @runtime_checkable
-class Wandering(HasNoiseSizes, Protocol):
+class HasRandomErrors(HasNoiseSizes, Protocol):
     """A world in which random errors of channels can be in the noise."""
 
-    def likely_wanders(self, point: ScenePoint) -> list[FittedWander]:
+    def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
         """Random errors that are worth a look beside the effects of a point, by evidence."""
 
-    def with_wander(self, placed: Placed) -> Self:
+    def with_random_error(self, placed: Placed) -> Self:
         """The same world, about no effect, with one random error more in its noise."""
 
-    def misshapen(self, placed: Placed, point: ScenePoint) -> str:
+    def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """In what the course of a random error in the noise, beside a point, is none of one; empty where in nothing."""

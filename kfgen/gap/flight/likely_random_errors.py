@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.flight.wander import wander_of
+from kfgen.gap.flight.random_error import random_error_of
 from kfgen.gap.scene.evidence import parameter_width
+from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed, Scene
-from kfgen.gap.scene.wander import FittedWander
 
 Array = NDArray[np.float64]
 
@@ -44,9 +44,9 @@ MAX_SD_OF_LOG = 2.0
 """Of a parameter of which the flight says little."""
 
 
-def likely_wanders(
+def likely_random_errors(
     path: FlownPath, scene: Scene, channels: Sequence[str], residual: Array, known: Array
-) -> list[FittedWander]:
+) -> list[FittedRandomError]:
     """Random errors that are worth a look, fitted, by evidence.
 
     Parameters
@@ -113,13 +113,13 @@ def _energies(path: FlownPath, channels: Sequence[str], series: Array) -> Array:
             np.add.at(g[i], path.rows.at[at], of_readings[at])
     out = []
     for unit in _units():
-        w = wander_of(Placed(unit, ""), path.log.dt)
+        w = random_error_of(Placed(unit, ""), path.log.dt)
         r = lfilter([1.0], [1.0, -w.Phi[0, 0]], g[:, ::-1], axis=1)
         out.append(w.Qd[0, 0] * np.sum(r**2, axis=1) + w.P0[0, 0] * r[:, -1] ** 2)
     return np.column_stack(out)
 
 
-def _fitted(linear: LinearFlight, dt: float, scene: Scene, start: Placed) -> FittedWander:
+def _fitted(linear: LinearFlight, dt: float, scene: Scene, start: Placed) -> FittedRandomError:
     """A random error with its most likely size and time."""
     from scipy.optimize import minimize
 
@@ -131,7 +131,7 @@ def _fitted(linear: LinearFlight, dt: float, scene: Scene, start: Placed) -> Fit
         return replace(start, effect=replace(start.effect, **values))
 
     def gain(x: Array) -> float:
-        value = linear.with_wander(wander_of(there(x), dt)).filtered().log_likelihood
+        value = linear.with_random_error(random_error_of(there(x), dt)).filtered().log_likelihood
         return value - bare if np.isfinite(value) else -1e9
 
     x0 = np.log([float(getattr(start.effect, n)) for n in names])
@@ -142,7 +142,7 @@ def _fitted(linear: LinearFlight, dt: float, scene: Scene, start: Placed) -> Fit
     widths = [parameter_width(scene, start.effect, n) for n in names]
     evidence = value + volume - float(np.sum(np.log(widths)))
     ci95 = {n: (float(np.exp(v - 1.96 * s)), float(np.exp(v + 1.96 * s))) for n, v, s in zip(names, x, sd)}
-    return FittedWander(there(x), ci95, evidence, evidence - value)
+    return FittedRandomError(there(x), ci95, evidence, evidence - value)
 
 
 def _curvature(gain: Callable[[Array], float], x: Array) -> tuple[float, Array, float]:

@@ -20,18 +20,18 @@ from kfgen.gap.scene.assumed_parameters import Answered
 from kfgen.gap.scene.evidence import evidence
 from kfgen.gap.scene.explanation import FittedAddition, explained
 from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.random_error import FittedRandomError, HasRandomErrors, NamedRandomError
 from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Scene
-from kfgen.gap.scene.wander import FittedWander, NamedWander, Wandering
 
-MAX_WANDERS = 3
+MAX_RANDOM_ERRORS = 3
 """Random errors that are added."""
-MIN_WANDER_NATS = 5.0
+MIN_RANDOM_ERROR_NATS = 5.0
 """Evidence above which a random error is added: it takes up what nobody looked for as well."""
 MIN_WORTH_SHARE = 0.5
 """Of the evidence of what was found, which random errors alone must have to be tried in its place."""
 
 
-def with_wanders(answer: Answered, *, is_unfinished: bool) -> Answered:
+def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
     """An answer with the random errors for which there is evidence.
 
     Parameters
@@ -40,37 +40,41 @@ def with_wanders(answer: Answered, *, is_unfinished: bool) -> Answered:
     is_unfinished : bool
         Whether its updated model fails its tests: then noises have the sizes that the log asks for while it is looked at.
     """
-    for _ in range(MAX_WANDERS):
+    for _ in range(MAX_RANDOM_ERRORS):
         scene = answer.scene
-        if not isinstance(scene, Wandering) or search_is_over():
+        if not isinstance(scene, HasRandomErrors) or search_is_over():
             break
-        count = len(answer.wanders)
+        count = len(answer.random_errors)
         answer = _beside(answer, is_unfinished)
-        if not answer.wanders:
+        if not answer.random_errors:
             answer = _instead(answer)
-        if len(answer.wanders) == count:
+        if len(answer.random_errors) == count:
             break
     answer = _pruned(answer)
     scene = answer.scene
-    if not isinstance(scene, Wandering):
+    if not isinstance(scene, HasRandomErrors):
         return answer
     point = answer.fit.point
-    judged = tuple(replace(w, objection=scene.misshapen(w.fitted.placed, point)) for w in answer.wanders)
-    return replace(answer, wanders=judged)
+    judged = tuple(
+        replace(w, objection=scene.not_random(w.fitted.placed, point)) for w in answer.random_errors
+    )
+    return replace(answer, random_errors=judged)
 
 
 def _pruned(answer: Answered) -> Answered:
     """Without random errors that later ones made idle."""
-    for w in answer.wanders if len(answer.wanders) > 1 else ():
+    for w in answer.random_errors if len(answer.random_errors) > 1 else ():
         scene = answer.written
-        left = tuple(x for x in answer.wanders if x is not w)
-        assert isinstance(scene, Wandering)
+        left = tuple(x for x in answer.random_errors if x is not w)
+        assert isinstance(scene, HasRandomErrors)
         for x in left:
-            scene = scene.with_wander(x.fitted.placed)
+            scene = scene.with_random_error(x.fitted.placed)
         there = scene.about(answer.found.fit.point) if isinstance(scene, Linearised) else scene
         fit = fitted(there, answer.found.fit.point)
-        less = replace(answer, scene=there, found=replace(answer.found, fit=fit, scene=there), wanders=left)
-        if total(answer) - total(less) < MIN_WANDER_NATS:
+        less = replace(
+            answer, scene=there, found=replace(answer.found, fit=fit, scene=there), random_errors=left
+        )
+        if total(answer) - total(less) < MIN_RANDOM_ERROR_NATS:
             return _pruned(less)
     return answer
 
@@ -78,56 +82,56 @@ def _pruned(answer: Answered) -> Answered:
 def _beside(answer: Answered, is_unfinished: bool) -> Answered:
     """With a random error beside what was found, where there is evidence for one."""
     scene = answer.scene
-    assert isinstance(scene, Wandering)
+    assert isinstance(scene, HasRandomErrors)
     if is_unfinished:
         sized = scene.tuned(answer.fit.point)
         scene = sized.about(answer.fit.point) if isinstance(sized, Linearised) else sized
-    assert isinstance(scene, Wandering)
-    found = scene.likely_wanders(answer.fit.point)
-    return _better(answer, [found]) if found and found[0].evidence > MIN_WANDER_NATS else answer
+    assert isinstance(scene, HasRandomErrors)
+    found = scene.likely_random_errors(answer.fit.point)
+    return _better(answer, [found]) if found and found[0].evidence > MIN_RANDOM_ERROR_NATS else answer
 
 
 def _instead(answer: Answered) -> Answered:
     """With random errors in place of all that was found, where that is likelier."""
     written = answer.written
-    if not answer.found.added or not isinstance(written, Wandering):
+    if not answer.found.added or not isinstance(written, HasRandomErrors):
         return answer
     nothing = answer.found.assumed.point
     worth = total(answer) - _evidence(written, answer.found.assumed)
     scene, every, gained = written, [], 0.0
-    for _ in range(MAX_WANDERS):
+    for _ in range(MAX_RANDOM_ERRORS):
         there = scene.about(nothing) if isinstance(scene, Linearised) else scene
-        assert isinstance(there, Wandering)
-        found = there.likely_wanders(nothing)
-        if not found or found[0].evidence < MIN_WANDER_NATS:
+        assert isinstance(there, HasRandomErrors)
+        found = there.likely_random_errors(nothing)
+        if not found or found[0].evidence < MIN_RANDOM_ERROR_NATS:
             break
         every.append(found)
         gained += found[0].evidence
-        scene = scene.with_wander(found[0].placed)
+        scene = scene.with_random_error(found[0].placed)
     return _better(answer, every) if gained > MIN_WORTH_SHARE * worth else answer
 
 
-def _better(answer: Answered, every: Sequence[Sequence[FittedWander]]) -> Answered:
+def _better(answer: Answered, every: Sequence[Sequence[FittedRandomError]]) -> Answered:
     """The answer with the first of each list of random errors in its noise, if the whole is likelier."""
     scene = answer.scene
-    if not every or not isinstance(scene, Wandering):
+    if not every or not isinstance(scene, HasRandomErrors):
         return answer
     for found in every:
-        scene = scene.with_wander(found[0].placed)
+        scene = scene.with_random_error(found[0].placed)
     again = explained(scene)
-    named = tuple(NamedWander(found[0], 0.0) for found in every)
+    named = tuple(NamedRandomError(found[0], 0.0) for found in every)
     anew = replace(again, assumed=answer.found.assumed)
-    more = replace(answer, scene=again.scene, found=anew, wanders=(*answer.wanders, *named))
+    more = replace(answer, scene=again.scene, found=anew, random_errors=(*answer.random_errors, *named))
     gain = total(more) - total(answer)
     lost = [a for a in answer.found.added if a.label not in {b.label for b in again.added}]
-    if gain < (TIE_NATS if lost else MIN_WANDER_NATS):
+    if gain < (TIE_NATS if lost else MIN_RANDOM_ERROR_NATS):
         return _shared(answer, lost, named[0].fitted.label, gain)
     rival = lost[0].label if lost else NO_EFFECT
     judged = []
     for of_one, w in zip(every, named):
         worth = {f.label: gain + f.evidence - of_one[0].evidence for f in of_one} | {rival: 0.0}
         judged.append(replace(w, gain=gain, probabilities=_shares(worth)))
-    return replace(more, wanders=(*answer.wanders, *judged))
+    return replace(more, random_errors=(*answer.random_errors, *judged))
 
 
 def _shared(answer: Answered, lost: Sequence[Chosen[FittedAddition]], label: Label, gain: float) -> Answered:
@@ -152,7 +156,9 @@ def total(answer: Answered) -> float:
     """Evidence of an answer with everything that it names, up to a constant of the log [nats]."""
     named = answer.found.added
     ways = sum(float(np.log(max(len(a.probabilities), 2))) for a in named)
-    return _evidence(answer.scene, answer.found.fit) - ways + sum(w.fitted.occam for w in answer.wanders)
+    return (
+        _evidence(answer.scene, answer.found.fit) - ways + sum(w.fitted.occam for w in answer.random_errors)
+    )
 
 
 def _evidence(scene: Scene, fit: SceneFit) -> float:

@@ -1,4 +1,4 @@
-"""`Wander`: a random error of one channel as states of a filter."""
+"""`RandomError`: a random error of one channel as states of a filter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Wander:
+class RandomError:
     """A random error of one channel: ``x' = Phi x + w``, ``E[w w'] = Qd``, the reading has ``C x`` more.
 
     Parameters
@@ -37,7 +37,7 @@ class Wander:
         return int(self.C.size)
 
 
-def wander_of(placed: Placed, dt: float) -> Wander:
+def random_error_of(placed: Placed, dt: float) -> RandomError:
     """The states of a random effect of a channel.
 
     Parameters
@@ -50,4 +50,4 @@ def wander_of(placed: Placed, dt: float) -> Wander:
     form: LinearSystem = placed.effect.form()
     Phi, Qd = discretise(form, dt)
     C = np.array(form.C, dtype=np.float64)
-    return Wander(placed.where, Phi, Qd, initial_covariance(form), C)
+    return RandomError(placed.where, Phi, Qd, initial_covariance(form), C)
