@@ -36,7 +36,7 @@ MIN_SCREEN_NATS = 4.0
 """Expected gain below which nothing is fitted."""
 FITTED_CHANNELS = 2
 """Channels of which every kind is fitted, the best of the screen."""
-FIT_STEPS = 30
+FIT_STEPS = 24
 """Evaluations of the likelihood of one fit."""
 CURVATURE_STEP = 0.2
 """Of a logarithm, by which the likelihood is differentiated twice."""

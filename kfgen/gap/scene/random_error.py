@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
 from kfgen.gap.core.search import Label
-from kfgen.gap.scene.scene import HasNoiseSizes, Placed, ScenePoint
+from kfgen.gap.scene.scene import HasNoiseSizes, Placed, Scene, ScenePoint
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class NamedRandomError:
 
 
 @runtime_checkable
-class HasRandomErrors(HasNoiseSizes, Protocol):
+class HasRandomErrors(Scene, HasNoiseSizes, Protocol):
     """A world in which random errors of channels can be in the noise."""
 
     def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:

@@ -21,10 +21,12 @@ from kfgen.gap.scene.evidence import evidence
 from kfgen.gap.scene.explanation import FittedAddition, explained
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.random_error import FittedRandomError, HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Scene
+from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Scene, ScenePoint
 
-MAX_RANDOM_ERRORS = 3
-"""Random errors that are added."""
+MAX_ROUNDS = 2
+"""Times that random errors are added, and effects looked for again."""
+MAX_RANDOM_ERRORS = 4
+"""Random errors that are added at once."""
 MIN_RANDOM_ERROR_NATS = 5.0
 """Evidence above which a random error is added: it takes up what nobody looked for as well."""
 MIN_WORTH_SHARE = 0.5
@@ -40,9 +42,8 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
     is_unfinished : bool
         Whether its updated model fails its tests: then noises have the sizes that the log asks for while it is looked at.
     """
-    for _ in range(MAX_RANDOM_ERRORS):
-        scene = answer.scene
-        if not isinstance(scene, HasRandomErrors) or search_is_over():
+    for _ in range(MAX_ROUNDS):
+        if not isinstance(answer.scene, HasRandomErrors) or search_is_over():
             break
         count = len(answer.random_errors)
         answer = _beside(answer, is_unfinished)
@@ -80,15 +81,12 @@ def _pruned(answer: Answered) -> Answered:
 
 
 def _beside(answer: Answered, is_unfinished: bool) -> Answered:
-    """With a random error beside what was found, where there is evidence for one."""
-    scene = answer.scene
+    """With random errors beside what was found, where there is evidence for them."""
+    scene, point = answer.scene, answer.fit.point
     assert isinstance(scene, HasRandomErrors)
-    if is_unfinished:
-        sized = scene.tuned(answer.fit.point)
-        scene = sized.about(answer.fit.point) if isinstance(sized, Linearised) else sized
-    assert isinstance(scene, HasRandomErrors)
-    found = scene.likely_random_errors(answer.fit.point)
-    return _better(answer, [found]) if found and found[0].evidence > MIN_RANDOM_ERROR_NATS else answer
+    start = scene.tuned(point) if is_unfinished else scene
+    assert isinstance(start, HasRandomErrors)
+    return _better(answer, _gathered(start, point), start)
 
 
 def _instead(answer: Answered) -> Answered:
@@ -96,25 +94,31 @@ def _instead(answer: Answered) -> Answered:
     written = answer.written
     if not answer.found.added or not isinstance(written, HasRandomErrors):
         return answer
-    nothing = answer.found.assumed.point
     worth = total(answer) - _evidence(written, answer.found.assumed)
-    scene, every, gained = written, [], 0.0
+    every = _gathered(written, answer.found.assumed.point)
+    gained = sum(found[0].evidence for found in every)
+    return _better(answer, every, written) if gained > MIN_WORTH_SHARE * worth else answer
+
+
+def _gathered(scene: HasRandomErrors, point: ScenePoint) -> list[list[FittedRandomError]]:
+    """Random errors beside the effects of a point, one after the other, and what competed with each."""
+    every: list[list[FittedRandomError]] = []
     for _ in range(MAX_RANDOM_ERRORS):
-        there = scene.about(nothing) if isinstance(scene, Linearised) else scene
+        there = scene.about(point) if isinstance(scene, Linearised) else scene
         assert isinstance(there, HasRandomErrors)
-        found = there.likely_random_errors(nothing)
-        if not found or found[0].evidence < MIN_RANDOM_ERROR_NATS:
+        found = there.likely_random_errors(point)
+        if not found or found[0].evidence < MIN_RANDOM_ERROR_NATS or search_is_over():
             break
         every.append(found)
-        gained += found[0].evidence
         scene = scene.with_random_error(found[0].placed)
-    return _better(answer, every) if gained > MIN_WORTH_SHARE * worth else answer
+    return every
 
 
-def _better(answer: Answered, every: Sequence[Sequence[FittedRandomError]]) -> Answered:
-    """The answer with the first of each list of random errors in its noise, if the whole is likelier."""
-    scene = answer.scene
-    if not every or not isinstance(scene, HasRandomErrors):
+def _better(
+    answer: Answered, every: Sequence[Sequence[FittedRandomError]], scene: HasRandomErrors
+) -> Answered:
+    """The answer with the first of each list of random errors in the noise of a scene, if the whole is likelier."""
+    if not every:
         return answer
     for found in every:
         scene = scene.with_random_error(found[0].placed)
