@@ -295,6 +295,9 @@ def test_samples_whose_square_is_no_number_are_not_filtered(kfgen: Cli) -> None:
     y = white()
     y[700] = 1e300
     assert "beyond anything that is measured" in refused(kfgen, "denoise", log(y), "--filter", "kf")
+    Path("n.toml").write_text(NOISE, encoding="utf-8")
+    for command in ("run gyro-static log.csv --noise n.toml", "audit gyro-static --log log.csv"):
+        assert "beyond anything that is measured" in refused(kfgen, *command.split())
 
 
 def test_a_filter_whose_jacobian_is_nothing_over_nothing_at_the_start_is_emitted(kfgen: Cli) -> None:
