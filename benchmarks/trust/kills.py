@@ -142,10 +142,11 @@ def main() -> int:
             killed(folders[name], name, whole[name], near, chance, seen[name])
         for name, folder in folders.items():
             again = whole_run(name, folder)
-            seen[name].torn += sum(a != w for a, w in zip(again.outputs, whole[name].outputs))
-            if temporary(folder):
-                print(f"{name} leaves {temporary(folder)}", flush=True)
-                seen[name].torn += 1
+            outputs = zip(COMMANDS[name][1], again.outputs, whole[name].outputs)
+            wrong = [o for o, a, w in outputs if a != w] + temporary(folder)
+            seen[name].torn += len(wrong)
+            if wrong:
+                print(f"{name} leaves {', '.join(wrong)}", flush=True)
     print(table(seen))
     if given.docs:
         write_table("trust.md", "kills", table(seen))

@@ -61,8 +61,11 @@ def started(
     """
     limit = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({largest}, {largest})); " if largest else ""
     program = [sys.executable, "-c", limit + "from kfgen.cli import main; main()", *words]
+    same_day = os.environ | {"SOURCE_DATE_EPOCH": "0"}  # a page says when it was made
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(program, cwd=folder, stdout=quiet, stderr=says, start_new_session=True, text=True)
+    return subprocess.Popen(
+        program, cwd=folder, stdout=quiet, stderr=says, start_new_session=True, text=True, env=same_day
+    )
 
 
 def contents(folder: Path, outputs: list[str]) -> list[bytes | None]:
