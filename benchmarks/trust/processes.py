@@ -20,7 +20,7 @@ COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "audit": (["audit", "gyro-static", "--json", "a.json", "--report", "r.html"], ["a.json", "r.html"]),
     "simulate": (["simulate", "gyro-static", "--duration", "400", "-o", "s.csv", "--json", "a.json"], ["s.csv", "a.json"]),
     "simulate npz": (["simulate", "ahrs6", "--duration", "20", "-o", "s.npz"], ["s.npz"]),
-    "emit": (["emit", "gyro-static", "--target", "c", "-o", "code", "--force", "--json", "a.json"], ["code/main.c", "code/selftest.c", "code/kfgen.json", "a.json"]),
+    "emit": (["emit", "gyro-static", "--target", "c", "-o", "code", "--force", "--json", "a.json"], ["code/main.c", "code/selftest.c", "a.json"]),
     "run": (["run", "gyro-static", "log.csv", "--noise", "noise.toml", "-o", "e.csv", "--json", "a.json"], ["e.csv", "a.json"]),
     "denoise": (["denoise", "log.csv", "--filter", "kf", "-o", "d.csv", "--json", "a.json"], ["d.csv", "a.json"]),
     "calibrate": (["calibrate", "turned.csv", "--field", "48 uT", "-o", "c.toml", "--json", "a.json"], ["c.toml", "a.json"]),
