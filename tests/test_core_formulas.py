@@ -10,6 +10,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import derived_unit
 from kfgen.effects import make
+from kfgen.identify.evidence.allan import degrees_of_freedom
 from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.evidence.whittle import SINGLE_ORDINATES, ordinates
 from kfgen.model.discretise import LONGEST_STEP, DiscreteModel
@@ -21,6 +22,51 @@ def test_one_state_keeps_half_its_drive_over_its_decay() -> None:
     """``2 a P = W``."""
     P = linear.stationary_covariance(np.array([[-0.25]]), np.array([[3.0]]))
     assert pytest.approx(np.array([[6.0]])) == P
+
+
+def test_a_slow_resonance_keeps_what_its_damping_lets_it() -> None:
+    """``x'' + 2 z w x' + w^2 x = sqrt(q) n``: variances ``q / (4 z w^3)`` of x and ``q / (4 z w)`` of x', nothing between."""
+    w, z, q = 1e-3, 0.05, 2.0
+    P = linear.stationary_covariance(np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]), np.diag([0.0, q]))
+    exact = np.diag([q / (4.0 * z * w**3), q / (4.0 * z * w)])
+    np.testing.assert_allclose(P, exact, rtol=1e-9, atol=1e-9 * np.sqrt(exact[0, 0] * exact[1, 1]))
+
+
+@pytest.mark.parametrize(
+    ("slope", "m", "edf"), [(-1.0, 5, 26.70438), (0.0, 5, 21.98491), (1.0, 5, 17.73011), (0.0, 1, 86.20053)]
+)
+def test_degrees_of_freedom_of_a_hundred_and_one_samples(slope: float, m: int, edf: float) -> None:
+    """The formulas of W. J. Riley, NIST SP 1065, table 5, worked by hand."""
+    assert degrees_of_freedom(101, np.array([m]), np.array([slope]))[0] == pytest.approx(edf, rel=1e-6)
+
+
+def test_a_flicker_is_a_bank_of_times_a_factor_of_four_apart() -> None:
+    """Over 1 s to 64 s: 1, 4, 16 and 64 s, each of ``B^2 ln(4) / pi``."""
+    form = make("bias_instability", B=2.0, shortest=1.0, longest=64.0).form()
+    A, W = np.array(form.A, dtype=float), np.array(form.W, dtype=float)
+    np.testing.assert_allclose(-1.0 / np.diag(A), [1.0, 4.0, 16.0, 64.0])
+    np.testing.assert_allclose(np.diag(W) / (-2.0 * np.diag(A)), 4.0 * np.log(4.0) / np.pi)
+
+
+def test_a_flicker_of_which_only_its_size_is_stated_is_over_all_that_the_record_shows() -> None:
+    bare = make("bias_instability", B=2.0)
+    wide, narrow = bare.extended_band(0.01, 1e5), bare.extended_band(5.0, 100.0)
+    assert (wide.shortest, wide.longest) == (0.01, 1e5)
+    assert (narrow.shortest, narrow.longest) == (1.0, 1e4)
+
+
+def test_sensors_keep_rates_of_their_own() -> None:
+    assert DiscreteModel.at_rate(build("ins15"), 100.0, rates={"gnss_position": 5.0}).rates == {
+        "gnss_position": 5.0
+    }
+    assert DiscreteModel.at_rate(build("ins15"), 100.0).rates == {}
+
+
+def test_few_ordinates_stand_alone() -> None:
+    found = ordinates([np.array([1.0, 2.0, 3.0, 4.0, 5.0])], 0.01, 1)
+    assert found.count.tolist() == [1] * 5
+    assert found.gram[:, 0, 0].tolist() == [1.0, 4.0, 9.0, 16.0, 25.0]
+    np.testing.assert_allclose(found.omega, np.arange(1, 6) * np.pi / 6)
 
 
 @pytest.mark.parametrize("a", [0.0, -1e-12, -0.7, 0.3])
@@ -79,6 +125,8 @@ def test_the_gyro_that_is_calm_is_not_held_to_fade() -> None:
     """Innovations below what chance makes leave every factor of the second stage at one."""
     calm = Seen(500.0, 0.1, 0.1, 2.0, 1.0, 1.5)
     found = rule_named("shafkf-p").adapt(calm, Factors(1.0, 1.0, 1.0, 1.0), 0.97)
+    assert (found.fade, found.once, found.q) == (1.0, 1.0, 1.0)
+    found = rule_named("shafkf-r").adapt(calm, Factors(1.0, 1.0, 1.0, 1.0), 0.97)
     assert (found.fade, found.once, found.q) == (1.0, 1.0, 1.0)
 
 
