@@ -1,6 +1,6 @@
 """Disks that are full or protected, and two writers of one output: every earlier result is whole, or a new one is.
 
-Usage: python benchmarks/trust/faults.py [--only "disk full,two writers"] [--docs]
+Usage: python benchmarks/trust/faults.py [--only "disk full,two writers"] [--commands emit,run] [--docs]
 
 No file of a command may grow beyond a part of what it would write; the disk is smaller than its outputs; the disk can
 be read only; two runs with different inputs write the same outputs at once. A run that fails must end with exit status 2,
@@ -163,11 +163,13 @@ def main() -> int:
     """Every command under every fault."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--only", default="", help="faults, separated by commas")
+    parser.add_argument("--commands", default=",".join(COMMANDS), help="names, separated by commas")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     seen = {name: Seen() for name in FAULTS if not given.only or name in given.only.split(",")}
     with tempfile.TemporaryDirectory() as home:
-        for k, (name, (words, outputs)) in enumerate(COMMANDS.items()):
+        for k, name in enumerate(given.commands.split(",")):
+            words, outputs = COMMANDS[name]
             folder = Path(home) / str(k)
             prepared(folder)
             if started(words, folder).wait() > 1:
