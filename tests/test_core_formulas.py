@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from kfgen.core import linear
 from kfgen.core.errors import InputError
 from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import derived_unit
 from kfgen.effects import make
+from kfgen.emit.covariance.packed import batches, groups
 from kfgen.identify.evidence.allan import degrees_of_freedom
 from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.evidence.whittle import SINGLE_ORDINATES, ordinates
 from kfgen.model.discretise import LONGEST_STEP, DiscreteModel
 from kfgen.model.library import build
-from kfgen.run.adaptive.rules import Factors, Seen, rule_named
+from kfgen.run.adaptive.rules import Factors, Seen, by_chance, rule_named
 
 
 def test_one_state_keeps_half_its_drive_over_its_decay() -> None:
@@ -165,3 +167,33 @@ def test_recent_results_forget_what_was_not_asked_for_longest() -> None:
     for k in (1, 2, 1, 3, 1, 2):
         assert recent.recalled(k, lambda k=k: made.append(k) or 10 * k) == 10 * k
     assert made == [1, 2, 3, 2]
+
+
+def test_a_rate_of_innovations_by_chance_is_that_of_chi_square() -> None:
+    """The 95 % points of 1 and of 10 degrees of freedom (Abramowitz and Stegun, table 26.8) over these."""
+    assert by_chance(1) == pytest.approx(3.84146, rel=1e-5)
+    assert by_chance(5, 2) == pytest.approx(1.83070, rel=1e-5)
+
+
+def test_sage_husa_by_hand() -> None:
+    """b = 0.9 at the third sample: ``d = 0.1 / (1 - 0.9^3) = 0.369004``; ``R <- (1 - d) 2 + d (5 - 1) / 4``."""
+    found = rule_named("sage-husa").adapt(
+        Seen(2.0, 5.0, 5.0, 1.0, 4.0, 1.5), Factors(1.0, 2.0, 1.0, 1.0), 0.9
+    )
+    d = 0.1 / 0.271
+    assert found == Factors(1.0, pytest.approx((1.0 - d) * 2.0 + d), 1.0, 1.0)
+
+
+def test_rows_are_stepped_before_those_that_they_need() -> None:
+    """Position needs velocity, and that acceleration: in this order; what stands alone goes with the first of its depth."""
+    one = sp.Integer(1)
+    chain = {0: {0: one, 1: one}, 1: {1: one, 2: one}, 2: {2: one}, 3: {3: one}}
+    assert batches(chain) == [[0, 3], [1], [2]]
+    turning = {0: {0: one, 1: one}, 1: {0: one, 1: one}, 2: {2: one}}
+    assert sorted(groups(turning)) == [[0, 1], [2]]
+    assert batches(turning) == [[0, 1], [2]]
+
+
+def test_no_more_than_three_rows_are_stepped_together() -> None:
+    one = sp.Integer(1)
+    assert batches({k: {k: one} for k in range(7)}) == [[0, 1, 2], [3, 4, 5], [6]]
