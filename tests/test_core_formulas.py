@@ -27,11 +27,11 @@ def test_one_state_keeps_half_its_drive_over_its_decay() -> None:
 
 
 def test_a_slow_resonance_keeps_what_its_damping_lets_it() -> None:
-    """``x'' + 2 z w x' + w^2 x = sqrt(q) n``: variances ``q / (4 z w^3)`` of x and ``q / (4 z w)`` of x', nothing between."""
-    w, z, q = 1e-3, 0.05, 2.0
-    P = linear.stationary_covariance(np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]), np.diag([0.0, q]))
-    exact = np.diag([q / (4.0 * z * w**3), q / (4.0 * z * w)])
-    np.testing.assert_allclose(P, exact, rtol=1e-9, atol=1e-9 * np.sqrt(exact[0, 0] * exact[1, 1]))
+    """``x' = v + n0, v' = -w^2 x - 2 z w v + n1`` of densities p and q, by the three equations of its covariance."""
+    w, z, p, q = 1e-3, 0.05, 3.0, 2.0
+    P = linear.stationary_covariance(np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]), np.diag([p, q]))
+    v = (q + w**2 * p) / (4.0 * z * w)
+    np.testing.assert_allclose(P, [[(v + z * w * p) / w**2, -0.5 * p], [-0.5 * p, v]], rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_degrees_of_freedom_of_a_hundred_and_one_samples(slope: float, m: int, e
     assert degrees_of_freedom(101, np.array([m]), np.array([slope]))[0] == pytest.approx(edf, rel=1e-6)
 
 
-def test_a_flicker_is_a_bank_of_times_a_factor_of_four_apart() -> None:
+def test_a_flicker_is_a_bank_of_times_four_to_one() -> None:
     """Over 1 s to 64 s: 1, 4, 16 and 64 s, each of ``B^2 ln(4) / pi``."""
     form = make("bias_instability", B=2.0, shortest=1.0, longest=64.0).form()
     A, W = np.array(form.A, dtype=float), np.array(form.W, dtype=float)
