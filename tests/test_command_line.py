@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ import pytest
 from typer.testing import Result
 
 import kfgen as package
-from kfgen.core.elapsed import ElapsedTime, be_quiet, elapsed_time, warn
+from kfgen.core import elapsed
+from kfgen.core.elapsed import ElapsedTime, be_quiet, count, counted, elapsed_time, warn
+from kfgen.core.time_budget import time_budget
 
 Cli = Callable[..., Result]
 ROOT = Path(__file__).resolve().parents[1]
@@ -97,7 +100,7 @@ def test_the_time_is_shown_and_removed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kfgen.core.elapsed.EVERY_S", 0.01)
     stream = Terminal()
     shown = ElapsedTime("kfgen gap", stream, after_s=0.01)
-    shown.detail = "3 of 8"
+    shown.details["count"] = lambda: "3 of 8"
     ends = time.monotonic() + 20.0
     while "3 of 8" not in stream.getvalue() and time.monotonic() < ends:
         time.sleep(0.01)
@@ -107,6 +110,60 @@ def test_the_time_is_shown_and_removed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text.endswith("\r\x1b[K")
     shown.stop()
     assert stream.getvalue() == text
+
+
+@contextmanager
+def shown(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
+    """A command on a terminal; gives a clock [s] that the test sets."""
+    now = [0.0]
+    be_quiet(False)
+    monkeypatch.setattr("sys.stderr", Terminal())
+    monkeypatch.setattr("kfgen.core.elapsed.SHOWN_AFTER_S", 30.0)
+    with elapsed_time("kfgen fleet"):
+        monkeypatch.setattr("kfgen.core.elapsed.time.monotonic", lambda: now[0])
+        yield now
+        monkeypatch.undo()
+
+
+def said_now() -> list[str]:
+    current = elapsed._CURRENT.get()
+    assert current is not None
+    return [words() for words in current.details.values()]
+
+
+def test_the_time_left_is_that_of_the_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four logs of 10 take 20 s: six take 30 s more, and one that is late leaves those after it."""
+    with shown(monkeypatch) as now:
+        count(0, 10)
+        assert said_now() == ["0 of 10 logs"]
+        now[0] = 20.0
+        count(4, 10)
+        assert said_now() == ["4 of 10 logs, about 30 s left"]
+        now[0] = 23.0
+        assert said_now() == ["4 of 10 logs, about 27 s left"]
+        now[0] = 60.0
+        assert said_now() == ["4 of 10 logs, about 25 s left"]
+        count(10, 10)
+        assert said_now() == ["10 of 10 logs"]
+
+
+def test_no_time_is_said_of_what_differs_or_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    with shown(monkeypatch) as now:
+        count(0, 1)
+        assert said_now() == []
+        for name in counted(("gyro_x", "gyro_y"), "channels", alike=False):
+            assert said_now() == [f"{int(name == 'gyro_y')} of 2 channels"]
+            now[0] += 5.0
+        assert said_now() == ["2 of 2 channels"]
+
+
+def test_a_limit_is_said_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    with shown(monkeypatch) as now, time_budget() as budget:
+        now[0] = budget._clock
+        with time_budget():
+            assert said_now() == [f"at most {budget.search_s:.0f} s of search left"]
+        budget.search_s = 0.0
+        assert said_now() == ["the search is over"]
 
 
 def test_what_is_done_at_once_shows_nothing() -> None:

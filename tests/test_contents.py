@@ -13,6 +13,8 @@ from click.testing import Result
 import kfgen as kf
 from kfgen.core.errors import InputError
 from kfgen.log.readers.tables.clock import Clock
+from kfgen.report import channels
+from kfgen.report.plots import Line
 
 Call = Callable[..., Result]
 Find = Callable[[str], Path]
@@ -111,3 +113,37 @@ def test_without_a_log_the_names_are_listed(kfgen: Call) -> None:
     result = kfgen("list")
     assert result.exit_code == 0
     assert "ins15" in result.output
+
+
+def test_the_spectrum_of_white_noise_is_level_at_its_density() -> None:
+    """N = sd sqrt(dt), two-sided (IEEE Std 952): 20 000 samples give the median density within 3 %."""
+    t = np.arange(20_000) / 50.0
+    y = np.random.default_rng(6).normal(0.0, 0.1, t.size)
+    density = channels._spectrum(Line("gyro_x", t, y, ""))
+    assert density is not None
+    assert np.median(density.y) == pytest.approx(0.1 / np.sqrt(50.0), rel=0.03)
+    uneven = np.sort(np.random.default_rng(6).uniform(0.0, 400.0, t.size))
+    assert channels._spectrum(Line("gyro_x", uneven, y, "")) is None
+    assert channels._spectrum(Line("gyro_x", t[:20], y[:20], "")) is None
+
+
+def test_a_thinned_line_keeps_what_is_extreme() -> None:
+    y = np.zeros(100_000)
+    y[54_321] = 9.0
+    y[54_323] = -9.0
+    thin = channels.thinned(Line("gyro_x", np.arange(100_000.0), y, ""))
+    assert thin.x.size < 4000
+    assert (thin.y.max(), thin.y.min()) == (9.0, -9.0)
+    assert np.all(np.diff(thin.x) >= 0.0)
+
+
+def test_sensors_are_drawn_with_their_spectra(tmp_path: Path, kfgen: Call) -> None:
+    rows = [f"{k / 100},{np.sin(k)},{np.cos(k)},{20 + k if k % 50 == 0 else ''}" for k in range(400)]
+    (tmp_path / "a.csv").write_text(
+        "\n".join(["t [s],gyro_x [deg/s],gyro_y [deg/s],temperature [degC]", *rows])
+    )
+    assert kfgen("list", tmp_path / "a.csv", "--report", tmp_path / "a.html").exit_code == 0
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    said = ["gyro over time.", "Amplitude density of gyro, two-sided", "temperature over time."]
+    assert [words for words in said if words not in page] == []
+    assert "Amplitude density of temperature" not in page

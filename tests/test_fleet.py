@@ -252,6 +252,39 @@ def test_fleet_of_logs(kfgen: Cli, logs: Path) -> None:
     assert hi / lo > np.exp(2 * 1.96 * 0.5 * SPREAD)  # the next sensor, and not the median
 
 
+def test_the_table_of_a_fleet(kfgen: Cli, logs: Path) -> None:
+    """Read back by pyarrow: every number of the JSON, and the log that failed with its reason."""
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow of the extra parquet is not installed")
+    (logs / "s_bad.csv").write_text("t [s],gyro_x [deg/s]\n0,1\n1,x\n2,3\n")
+    out, data = logs / "f.parquet", logs / "f.json"
+    done = kfgen("fleet", logs / "s[0-1_]*.csv", "--jobs", 1, "--table", out, "--json", data)
+    assert done.exit_code == 1, done.output  # a log failed
+    rows = parquet.read_table(out).to_pylist()
+    wanted = {
+        (v["log"], n["parameter"], v["value"], v["outlier"])
+        for n in json.loads(data.read_text())["numbers"]
+        for v in n["values"]
+    }
+    assert {(r["log"], r["parameter"], r["value"], r["outlier"]) for r in rows if not r["error"]} == wanted
+    (bad,) = (r for r in rows if r["error"])
+    assert Path(bad["log"]).name == "s_bad.csv"
+    assert "line 3" in bad["error"]
+
+
+def test_a_cluster_of_two_workers(kfgen: Cli, logs: Path) -> None:
+    """The same answer as that of this machine, every log once."""
+    distributed = pytest.importorskip("distributed", reason="distributed of the extra fleet is not installed")
+    names = sorted(logs.glob("s[0-1].csv"))
+    here, far = logs / "here.json", logs / "far.json"
+    how = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**how, protocol="tcp") as cluster:
+        done = kfgen("fleet", *names, "--scheduler", cluster.scheduler_address, "--json", far)
+    assert done.exit_code == 0, done.output
+    assert kfgen("fleet", *names, "--jobs", 1, "--json", here).exit_code == 0
+    assert far.read_text() == here.read_text()
+    assert [Path(o["log"]).name for o in json.loads(far.read_text())["logs"]] == [n.name for n in names]
+
+
 def test_processes_and_order(kfgen: Cli, logs: Path) -> None:
     names = sorted(logs.glob("s[0-3].csv"))
     first, second = logs / "a.json", logs / "b.json"
@@ -309,6 +342,7 @@ def test_bad_input(kfgen: Cli, logs: Path) -> None:
     assert "typical" in refused(logs / "s0.csv", "--model", "gyro-static", "-o", logs / "x.toml")
     before = (logs / "s0.csv").read_bytes()
     assert "overwrite" in refused(logs / "s*.csv", "-o", logs / "s0.csv")
+    assert "Name it .parquet" in refused(logs / "s0.csv", "--table", logs / "x.txt")
     assert (logs / "s0.csv").read_bytes() == before
 
 

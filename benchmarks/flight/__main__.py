@@ -4,7 +4,8 @@ Usage: python benchmarks/flight [--count K] [--nulls N] [--strength 100,30,10] [
 
 Flights of four vehicles are simulated by plain numpy (`vehicle.py`, `flight.py`); kfgen gets the log and a filter of 16
 states with GNSS, magnetometer and barometer, without any reference. An effect's size is drawn so that it is worth X nats
-on its own flight: half its squared length in the innovations of that flight without it.
+on its own flight: half its squared length in the innovations of that flight without it. Of a random error that is what its
+course would be worth if somebody knew it.
 """
 
 from __future__ import annotations
@@ -56,7 +57,11 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "mag",
         ("xx", "yy", "xy", "xz", "yz"),
     ),  # the common scale is that of the field, which nobody knows
+    *(("rate_random_walk", c, ("K",)) for c in ("gyro_z", "accel_x", "baro")),
+    *(("gauss_markov", c, ("sigma",)) for c in ("gnss_p_N", "gnss_v_E", "baro", "mag_x")),
 )
+CORRELATION_TIME_S = 8.0
+"""Of the Gauss-Markov errors."""
 EXCITED_BY = {
     ("", "accel_x"): ("wing", "car"),
     ("", "accel_y"): ("car",),
@@ -79,7 +84,9 @@ def cases(count: int, strengths: Sequence[float], nulls: int, seed: int, duratio
             for i, (name, where, parameters) in enumerate(HIDDEN):
                 able = EXCITED_BY.get((name, where), EXCITED_BY.get(("", where), tuple(vehicles)))
                 vehicle = able[(i + k) % len(able)]
-                fixed = (("time", duration_s * float(rng.uniform(0.3, 0.7))),) if name == "bias_step" else ()
+                fixed: tuple[tuple[str, float], ...] = ()
+                fixed += (("time", duration_s * float(rng.uniform(0.3, 0.7))),) if name == "bias_step" else ()
+                fixed += (("tau", CORRELATION_TIME_S),) if name == "gauss_markov" else ()
                 case = Case(vehicle, int(rng.integers(2**31)), duration_s, X, name, where, parameters)
                 out.append(replace(case, fixed=fixed))
     every = list(VEHICLES)

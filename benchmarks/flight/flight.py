@@ -21,6 +21,7 @@ GYRO_N, ACCEL_N = 1.5e-4, 2e-3
 SD = {"gnss_p": 1.5, "gnss_v": 0.1, "mag": 2e-7, "baro": 0.3}
 FIELD_NED_T = np.array([2.0e-5, 0.0, 4.4e-5])
 AXES = "xyz"
+RANDOM = ("rate_random_walk", "gauss_markov")
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,21 @@ def _mag(truth: Motion, times: Array, effects: list[Effect]) -> Array:
     return np.asarray(out)
 
 
+def random_course(e: Effect, n: int, seed: int) -> Array:
+    """A random walk from zero or a stationary first-order Gauss-Markov process at the rate of the inertial sensors, shape (n,)."""
+    rng = np.random.default_rng([seed, 3])
+    w, dt = rng.standard_normal(n), 1.0 / IMU_HZ
+    if e.name == "rate_random_walk":
+        return np.asarray(e.values["K"] * np.sqrt(dt) * np.cumsum(w))
+    phi = np.exp(-dt / e.values["tau"])
+    out = np.empty(n)
+    x = w[0]
+    for k in range(n):
+        x = phi * x + np.sqrt(1.0 - phi**2) * w[k]
+        out[k] = x
+    return np.asarray(e.values["sigma"] * out)
+
+
 def fly(
     vehicle: str,
     duration_s: float,
@@ -185,6 +201,9 @@ def fly(
     height = height + _stepped(effects, "baro", t[rows["baro"]])
     channels["baro"] = np.full(n, np.nan)
     channels["baro"][rows["baro"]] = height + SD["baro"] * rng.standard_normal(height.size)
+    for e in effects:
+        if e.name in RANDOM:
+            channels[e.where] = channels[e.where] + random_course(e, n, seed)
     channels["temperature"] = 293.15 + warm[:: int(FINE_HZ / IMU_HZ)][:n] + 0.02 * rng.standard_normal(n)
     fine = slice(None, None, int(FINE_HZ / IMU_HZ))
     known = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from flight import Effect, fly
+from flight import RANDOM, Effect, fly, random_course
 
 UNITS = {
     "accel": "m/s^2",
@@ -76,6 +76,8 @@ def _sized(case: Case) -> Effect:
     from kfgen.gap.scene.screen import basis, orthogonal_part
 
     scene = flight_scene(log_of(case, []), _model())
+    if case.effect in RANDOM:
+        return _sized_course(case, scene)
     start = np.array([u.value for u in scene.unknowns])
     small = {"delay": 1e-2, "rate": 1e-4}
     columns = []
@@ -91,6 +93,24 @@ def _sized(case: Case) -> Effect:
     return Effect(
         case.effect, case.where, dict(zip(case.parameters, (size * direction).tolist())) | dict(case.fixed)
     )
+
+
+def _sized_course(case: Case, scene: Any) -> Effect:
+    """A random error whose own course is worth its strength, had somebody known that course."""
+    from kfgen.gap.scene.screen import basis, orthogonal_part
+
+    unit = Effect(case.effect, case.where, {case.parameters[0]: 1.0, **dict(case.fixed)})
+    path = scene.path
+    course = random_course(unit, path.log.t.size, case.seed)
+    du, dz = np.zeros((*path.log.u.shape, 1)), np.zeros((path.rows.t.size, 1))
+    if case.where in path.equations.channels:
+        du[:, path.equations.channels.index(case.where), 0] = course
+    else:
+        at = path.rows.of(case.where)
+        dz[at, 0] = course[path.rows.at[at]]
+    V = orthogonal_part(scene.ordinates(path.linear.columns(du, dz)), basis(scene.of_constants))
+    size = float(np.sqrt(2.0 * case.strength) / np.linalg.norm(V))
+    return Effect(case.effect, case.where, {case.parameters[0]: size, **dict(case.fixed)})
 
 
 def run(case: Case) -> Score:

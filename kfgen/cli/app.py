@@ -13,7 +13,6 @@ from kfgen.core.elapsed import be_quiet, elapsed_time
 app = typer.Typer(
     name="kfgen",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="From a log of a real sensor to a Kalman filter that is proven on its target.",
@@ -48,7 +47,7 @@ class Guarded(TyperCommand):
             return super().invoke(ctx)
 
 
-from kfgen.cli import denoise, fleet, gap, logs, models, noise  # noqa: E402, F401 - commands register on import
+from kfgen.cli import fleet, gap, logs, models, noise  # noqa: E402, F401 - commands register on import
 
 for command in app.registered_commands:
     command.cls = Guarded

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,6 +16,7 @@ Logs = Annotated[list[str], typer.Argument(metavar="GLOB...", help="One log of e
 Model = Annotated[str | None, typer.Option(help="Assumed of each: then as 'gap', else as 'identify'.")]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask cluster that sees the same paths.")]
 Jobs = Annotated[int, typer.Option(min=0, help="Processes on this machine; 0: one a processor.")]
+Table = Annotated[Path | None, typer.Option(help="Every number of every log as Parquet (.parquet).")]
 Channels = Annotated[str | None, typer.Option(help="Only these, separated by commas.")]
 
 
@@ -28,21 +30,20 @@ def fleet(
     rate: Rate = None,
     columns: Columns = None,
     output: Output = None,
+    table: Table = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """Many logs: what the sensors have in common (-o writes it), how they differ, which is not like the others."""
-    from kfgen.core.errors import InputError
+    """Compare many sensors of one kind, a log of each. -o writes what they have in common; outliers are named."""
     from kfgen.fleet.fleet import fleet as over_fleet
+    from kfgen.fleet.fleet_table import check_wanted, write_fleet
     from kfgen.fleet.journal import Journal
     from kfgen.report.fleet import fleet_answer
 
-    if output and model:
-        raise InputError("a typical sensor is identified, and no model is given for that", where="--output")
+    check_wanted(model, output, table)
     read_as = {"channels": channels, "rate": rate, "columns": columns}
-    with Journal.beside(json, output, report) or nullcontext() as journal:
+    with Journal.beside(json, output, report, table) or nullcontext() as journal:
         how = {"jobs": jobs, "scheduler": scheduler, "progress": count, "journal": journal, **read_as}
         found = over_fleet(logs, model, **how)  # type: ignore[arg-type]
-        if output:
-            found.save(output)
+        write_fleet(found, output, table)
         deliver(fleet_answer(found), json, report)

@@ -31,7 +31,7 @@ def gap(
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """Where model and record disagree, the missing effect by name, the updated model, before and after."""
+    """Find what a model is missing, by name. -o writes the updated model; the mismatch before and after."""
     from kfgen.core.files.whole_file import write_text
     from kfgen.gap.core.result import NO_GAP
     from kfgen.gap.find_gap import find_gap

@@ -1,4 +1,4 @@
-"""Commands on logs: identify, calibrate, simulate, run, demo."""
+"""Commands on logs: identify, calibrate, simulate, run, denoise, demo, open."""
 
 from __future__ import annotations
 
@@ -39,6 +39,15 @@ DECOY = typer.Option(metavar="DRIVER", help=DECOY_HELP)
 VIBRATION_HELP = "Vibration that comes and goes on every axis, for example '0.5 m/s^2'."
 VIBRATION = typer.Option(metavar="ACCELERATION", help=VIBRATION_HELP)
 FLOWN = typer.Option(help="See 'kfgen list', or a manoeuvre file (.toml).")
+FILTER = typer.Option(help="The rule of adaptation: kf, iae, iae-q, sage-husa, shafkf-p or shafkf-r.")
+RESTING = typer.Option(metavar="LOG", help="Estimate the noise from this log at rest, not from LOG itself.")
+ORDER = typer.Option(help="The order p,q of the ARMA process; auto chooses by Akaike's criterion.")
+ESTIMATOR = typer.Option(help="The estimator of the process: ml, least-squares, burg, ..., see 'kfgen list'.")
+WINDOW = typer.Option(help="The number of innovations that a rule looks at.")
+RATIO = typer.Option(help="The ratio of R to Q; the paper has 980.")
+PORT = typer.Option(min=0, max=65535, help="The port on this machine; a free one when left out.")
+SHOW = typer.Option(help="Open the page in the browser, or only print its address.")
+KEPT = typer.Option(metavar="DIR", help="The folder of what is dropped and made.")
 
 
 @app.command()
@@ -55,7 +64,7 @@ def identify(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """Noise terms of a log at rest, with intervals; what it cannot tell is said so."""
+    """Identify the noise of a sensor at rest. Every number has its interval; what the log cannot tell is said."""
     from kfgen.identify.identify_log import identify as identified
     from kfgen.log.readers import read_long
     from kfgen.report.identify import identify_answer
@@ -81,7 +90,7 @@ def calibrate(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """Biases, scales, angles and irons from poses, turns of a gyro and a magnetometer that was turned."""
+    """Calibrate by poses, turns and a turned magnetometer. Gives biases, scales, angles and irons."""
     from kfgen.calibrate.calibrate import calibrate
     from kfgen.report.calibrate import calibrate_answer
 
@@ -108,7 +117,7 @@ def simulate(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """A log from a model: its sensors at their own rates, and the truth beside them."""
+    """Simulate a log from a model. Sensors have their own rates, and the truth is beside them."""
     from kfgen.core.units import parse_quantity
     from kfgen.log.readers import write_log
     from kfgen.report.filter import simulate_answer
@@ -141,7 +150,7 @@ def run(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """The emitted filterpy filter over a log: estimates, innovations, NIS; with --tune its noise by these."""
+    """Run the emitted filter over a log. Estimates, innovations, NIS; with --tune its noise by these."""
     from kfgen.log.readers import write_log
     from kfgen.report.filter import run_answer
     from kfgen.report.tune import tune_answer
@@ -159,12 +168,56 @@ def run(
 
 
 @app.command()
+def denoise(
+    log: opt.LogPath,
+    filter: Annotated[str, FILTER] = "shafkf-r",
+    at_rest: Annotated[Path | None, RESTING] = None,
+    channels: opt.Channels = None,
+    order: Annotated[str, ORDER] = "2,1",
+    estimator: Annotated[str, ESTIMATOR] = "ml",
+    window: Annotated[int, WINDOW] = 15,
+    ratio: Annotated[float, RATIO] = 980.0,
+    rate: opt.Rate = None,
+    columns: opt.Columns = None,
+    output: opt.Output = None,
+    json: opt.Json = None,
+    report: opt.Report = None,
+) -> None:
+    """Denoise a log by adaptive filters, and say the cost. The rules are those of Narasimhappa 2019."""
+    from kfgen.log.readers import write_log
+    from kfgen.report.denoise import denoise_answer
+    from kfgen.run.adaptive.denoise_log import denoise
+    from kfgen.run.adaptive.rules import rule_named
+
+    rule_named(filter)
+    data = opt.read(log, rate, columns)
+    still = opt.read(at_rest, rate, columns) if at_rest else None
+    how = {"order": order, "estimator": estimator, "window": window, "ratio": ratio}
+    found = denoise(data, filter, opt.listed(channels), still, **how)  # type: ignore[arg-type]
+    if output:
+        write_log(found.log, output)
+    opt.deliver(denoise_answer(found), json, report)
+
+
+@app.command()
 def demo(
     out: Annotated[Path, typer.Option(metavar="DIR", help="The folder of the results.")] = Path("kfgen-demo"),
     json: opt.Json = None,
 ) -> None:
-    """The whole chain on a simulated sensor with a hidden effect; ends at a report."""
+    """Run the whole chain on a simulated sensor. It has a hidden effect; the end is a report."""
     from kfgen.demo import run_demo
 
     answer = run_demo(out, lambda line: print(line, file=sys.stderr))
     opt.deliver(answer, json, None)
+
+
+@app.command("open")
+def open_(
+    folder: Annotated[Path, KEPT] = Path("kfgen-open"),
+    port: Annotated[int, PORT] = 0,
+    browser: Annotated[bool, SHOW] = True,
+) -> None:
+    """Open a page on this machine for all of this. Drop a log, press identify, gap or audit, take the files home."""
+    from kfgen.local_page.local_page import open_page
+
+    open_page(folder, port, lambda address: print(f"{address}\nCtrl-C ends it.", flush=True), browser)

@@ -43,7 +43,7 @@ def list_(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """What has a name: models, sensors, effects, targets, ...; or what is inside a log."""
+    """List models, sensors, effects; or what is inside a log."""
     from kfgen.report.catalogue import listed_answer
 
     deliver(listed_answer(log, rate=rate, columns=columns, topic=topic, instance=instance), json, report)
@@ -61,7 +61,7 @@ def derive(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """States, F, G, H, Phi and Qd of a model."""
+    """Derive states, F, G, H, Phi and Qd of a model."""
     from kfgen.model.derive import derive
     from kfgen.report.model import derive_answer
 
@@ -84,7 +84,7 @@ def audit(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """Unobservable states in words, what would make them observable, and how well the rest shows."""
+    """Say which states are unobservable, and what would help. Also how well the others show."""
     from kfgen.report.audit import audit_answer
     from kfgen.run.audit import audit
 
@@ -116,7 +116,7 @@ def emit(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """The filter as code, with its self-test."""
+    """Emit the filter as code, with its self-test."""
     from kfgen.emit.emit import emit
     from kfgen.report.filter import emit_answer
     from kfgen.verify.compare import costs
@@ -139,7 +139,7 @@ def verify(
     json: opt.Json = None,
     report: opt.Report = None,
 ) -> None:
-    """Compile, run on host and emulated cores, compare bit patterns, count instructions, stack and code."""
+    """Prove emitted code on host and emulated cores. Compares bit patterns, counts instructions, stack and code."""
     from kfgen.report.proof import folder_answer
 
     data = None if log is None else read(log, None, columns)

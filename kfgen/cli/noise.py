@@ -35,7 +35,7 @@ def plan(
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """How long to log for a wanted accuracy of noise; or which manoeuvre distinguishes two effects."""
+    """Plan how long to log, or which manoeuvre to fly. For an accuracy of noise; or to distinguish two effects."""
     from kfgen.report.plan import between_answer, record_answer
 
     flown: dict[str, object] = {"--between": between, "--model": model, "--speed": speed, "--room": room}
@@ -56,7 +56,7 @@ def convert(
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """Noise parameters in the file and the convention of a program that consumes them."""
+    """Convert noise to the file of another program. Numbers are in its convention; what it lacks is said."""
     from kfgen.consumers import convert
     from kfgen.core.files.whole_file import write_text
     from kfgen.report.convert import convert_answer

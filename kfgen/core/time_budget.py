@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+from kfgen.core.elapsed import limited
+
 SEARCH_SECONDS = 60.0
 """After which nothing more is added [s]."""
 FIT_SECONDS = 80.0
@@ -71,6 +73,8 @@ def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
         left = max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
         longer = outer.fit_s / outer.search_s if outer.search_s > 0.0 else 1.0
         budget = TimeBudget(left, left * longer)
+    else:
+        limited(lambda: budget.search_s - budget.spent_s)
     token = _CURRENT.set(budget)
     try:
         yield budget

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from kfgen.core.channel_names import acts_on
+from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
@@ -297,7 +298,7 @@ def _at_rest(
     drive, words = drivers_of(log)
     warnings = [*said, *words]
     gaps = {}
-    for k, name in enumerate(names):
+    for k, name in enumerate(counted(names, "channels", alike=False)):
         noise = assumed.channel(name)
         record, stamps, words = regular(log, name, noise.effects, drive)
         warnings += [w for w in words if w not in warnings]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
@@ -75,7 +76,7 @@ def identify(
         names, said = default_channels(first)
     found = {}
     with time_budget() as budget:
-        for k, name in enumerate(names):
+        for k, name in enumerate(counted(names, "channels", alike=False)):
             with time_budget(parts=len(names) - k):
                 found[name] = _identify_channel(data, name, wanted, method)
     warnings = [

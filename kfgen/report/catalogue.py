@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from kfgen.log.contents import CHANNEL_HEAD, TOPIC_HEAD, Contents, contents
-from kfgen.report.page import Answer, Page, PagePart, columns, heading, sentence, table
+from kfgen.report.channels import channel_parts
+from kfgen.report.page import Answer, Page, PagePart, columns, heading, sentence, source_words, table
 
 
 def listed_answer(log: Path | None, **how: Any) -> Answer:
@@ -32,13 +33,19 @@ def listed_answer(log: Path | None, **how: Any) -> Answer:
 
 def contents_answer(found: Contents) -> Answer:
     """What is inside a log, for a terminal and a page; a check failed where it cannot be used as it is."""
-    groups = [("topics", TOPIC_HEAD, found.topic_rows()), ("channels", CHANNEL_HEAD, found.channel_rows())]
+    topics, rows = found.topic_rows(), found.channel_rows()
     lines, parts = list(found.summary()), list[PagePart](map(sentence, found.summary()))
-    for name, head, rows in groups:
-        if rows:
-            lines += ["", name, columns([list(head), *rows])]
-            parts += [heading(name), table(head, rows)]
+    for name, head, own in (("topics", TOPIC_HEAD, topics), ("channels", CHANNEL_HEAD, rows)):
+        lines += ["", name, columns([list(head), *own])] if own else []
     warnings = found.log.warnings if found.log is not None else ()
-    parts += [heading("said by the reader"), *map(sentence, warnings)] if warnings else []
-    page = Page(f"Contents of {Path(found.source).name}", tuple(parts))
+    parts += [heading("channels"), table(CHANNEL_HEAD, rows)] if rows else []
+    parts += [heading("what the reader says"), *map(sentence, warnings)] if warnings else []
+    if found.log is not None:
+        parts += channel_parts(found.log)
+    if topics:
+        title = f"The {len(topics)} topics of the recording"
+        parts.append(table(TOPIC_HEAD, topics, title, folded=found.log is not None))
+    facts = (("log", source_words(found.source, found.sha256)),)
+    verdict = (found.problem or f"{len(found.clocks)} channels are read.",)
+    page = Page(f"Contents of {Path(found.source).name}", tuple(parts), verdict, None, facts)
     return Answer("\n".join(lines), found.to_dict(), page, ok=not found.problem, warnings=warnings)

@@ -205,6 +205,19 @@ def curves_picture(panels: Sequence[tuple[str, Sequence[Line]]], key: str) -> Pi
     return Picture(key, draw, (3.7 * columns, 2.5 * rows), (rows, columns))
 
 
+def density_picture(lines: Sequence[Line], ylabel: str, key: str) -> Picture:
+    """Amplitude densities over frequency, on logarithmic scales."""
+
+    def draw(axes: list[Any]) -> None:
+        (ax,) = axes
+        for line in lines:
+            ax.plot(line.x, line.y, color=line.color, linewidth=0.9, label=line.label)
+        ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=ylabel)
+        ax.legend(frameon=False, fontsize=8.5)
+
+    return Picture(key, draw, (7.4, 3.0))
+
+
 def bound_picture(lines: Sequence[Line], key: str) -> Picture:
     """Relative bounds against hours of record."""
 

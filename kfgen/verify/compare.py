@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import kfgen
+from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter, read_folder
@@ -177,7 +178,7 @@ def _verdicts(
         return [MODULES[emitted.target](program, emitted.folder, played or simulated(program))]
     played = played or simulated(program)
     verdicts = []
-    for name, make in makers:
+    for name, make in counted(makers, "cores", alike=False):
         with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
             core = make(program, emitted.folder, Path(scratch))
             compare = _compare_contracted if contract else _compare

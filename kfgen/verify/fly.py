@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter
@@ -187,7 +188,7 @@ def fly_faults(
         make = maker_of(name, contract=False)
         with tempfile.TemporaryDirectory(prefix="kfgen-faults-") as scratch:
             core = make(program, emitted.folder, Path(scratch))
-            for fault in faults:
+            for fault in counted(faults, f"flights on {name}"):
                 rng = np.random.default_rng(seed)
                 seconds = START_S + fault.seconds + AFTER_S
                 calm = flight(program.discrete.rate, seconds, field, rng)

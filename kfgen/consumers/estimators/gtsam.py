@@ -16,7 +16,7 @@ from kfgen.consumers.yaml_text import real
 
 NAME = "gtsam"
 TITLE = "GTSAM PreintegrationCombinedParams"
-SOURCE = "read in borglab/gtsam: PreintegrationParams.h, PreintegrationCombinedParams.h; Python names not run"
+SOURCE = "read in borglab/gtsam: PreintegrationParams.h, PreintegrationCombinedParams.h; run with 4.3.0"
 RATE = ""
 NEEDS = ("gyro", "accel")
 

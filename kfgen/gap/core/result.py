@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from kfgen.effects import Effect
+from kfgen.effects.faults.samples import Fault
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.search import NO_EFFECT, Distinguishability, Refused
-from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY
+from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, MAX_PROBABILITY_BESIDE_MISFIT
 
 NO_GAP = "no_gap"
 EFFECTS_FOUND = "effects_found"
@@ -77,6 +78,20 @@ class Finding:
                 if p > CONFUSION_SET_MIN_PROBABILITY and n not in (NO_EFFECT[0], self.name)
             )
         )
+
+
+def beside_misfit(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings in a model that leaves more than noise: none is more probable than such a model can say, but faults, which are seen.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+    """
+    limit = MAX_PROBABILITY_BESIDE_MISFIT
+    return tuple(
+        f if isinstance(f.effect, Fault) else replace(f, probability=min(f.probability, limit))
+        for f in findings
+    )
 
 
 @dataclass(frozen=True)

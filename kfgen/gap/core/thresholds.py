@@ -11,6 +11,8 @@ MIN_EVIDENCE_NATS = 3.0
 """Evidence above which one more effect is named."""
 TIE_NATS = 1.0
 """Evidence by which another name must be better to take the place of the one that stands."""
+MAX_PROBABILITY_BESIDE_MISFIT = 0.9
+"""Of an effect in a model that still leaves more than noise: its likelihood is not the truth then."""
 DETECTION_LIMIT_NATS = 8.0
 """Expected gain of log-likelihood of an effect that is named at its detection limit."""
 CONFUSION_SET_MIN_PROBABILITY = 0.05

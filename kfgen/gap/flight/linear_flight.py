@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.gap.flight.random_error import RandomError
 from kfgen.gap.flight.rows import Rows
 from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
+Places = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 COLUMNS_AT_ONCE = 32
 """Columns of one pass: memory for the errors of all inputs at all times."""
@@ -23,6 +25,8 @@ class LinearFlight:
     Parameters
     ----------
     Phi, Qd, B : ndarray, shape (n, entries)
+    Phi_at, Qd_at : (ndarray, ndarray)
+        Rows and columns of the entries of ``Phi`` and ``Qd``.
     c : ndarray, shape (n, states)
     P0, x0 : ndarray, shape (states, states), ndarray, shape (states,)
     H : ndarray, shape (rows, states)
@@ -31,12 +35,15 @@ class LinearFlight:
     R : ndarray, shape (rows,)
         Variances of the readings.
     e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
+        Of `filtered`.
     """
 
     equations: FilterEquations
     rows: Rows
     Phi: Array
+    Phi_at: Places
     Qd: Array
+    Qd_at: Places
     B: Array
     c: Array
     P0: Array
@@ -44,14 +51,63 @@ class LinearFlight:
     H: Array
     y: Array
     R: Array
-    e: Array
-    S: Array
-    K: Array
+    e: Array = field(default_factory=lambda: np.empty(0))
+    S: Array = field(default_factory=lambda: np.empty(0))
+    K: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def _entries(self) -> tuple[Array | NDArray[np.int64], ...]:
-        F, Q = self.equations.transition, self.equations.process_noise
-        return self.Phi, F.rows, F.columns, self.Qd, Q.rows, Q.columns
+        return self.Phi, *self.Phi_at, self.Qd, *self.Qd_at
+
+    @property
+    def states(self) -> int:
+        """Error states, those of random errors among them."""
+        return int(self.x0.size)
+
+    def filtered(self) -> LinearFlight:
+        """With the innovations, their variances and the gains of one pass of the filter."""
+        from kfgen.gap.flight.compiled import forward
+
+        m = self.y.size
+        e, S, K = np.empty(m), np.empty(m), np.empty((m, self.states))
+        P, x = self.P0.copy(), self.x0.copy()
+        forward(*self._entries, self.c, P, x, self.rows.at, self.H, self.y, self.R, e, S, K)
+        return replace(self, e=e, S=S, K=K)
+
+    def with_random_error(self, random_error: RandomError) -> LinearFlight:
+        """The filter with the states of a random error appended, to be `filtered` anew.
+
+        Parameters
+        ----------
+        random_error : RandomError
+        """
+        N, k, n = self.Phi.shape[0], random_error.order, self.states
+        block = np.arange(k)
+        here, there = np.repeat(n + block, k), n + np.tile(block, k)
+        Phi, Qd = ([np.broadcast_to(M.ravel(), (N, k * k))] for M in (random_error.Phi, random_error.Qd))
+        at = [(here, there)]
+        B, H = self.equations.input_errors, np.pad(self.H, ((0, 0), (0, k)))
+        if random_error.channel in self.equations.channels:
+            own = np.flatnonzero(B.columns == self.equations.channels.index(random_error.channel))
+            for j, c in enumerate(random_error.C.tolist()):
+                Phi.append(c * self.B[:, own])
+                at.append((B.rows[own], np.full(own.size, n + j)))
+        else:
+            H[self.rows.of(random_error.channel), n:] = random_error.C
+        places = [np.concatenate([old, *new]) for old, new in zip(self.Phi_at, zip(*at))]
+        P0 = np.zeros((n + k, n + k))
+        P0[:n, :n], P0[n:, n:] = self.P0, random_error.P0
+        return replace(
+            self,
+            Phi=np.ascontiguousarray(np.hstack([self.Phi, *Phi])),
+            Phi_at=(places[0], places[1]),
+            Qd=np.ascontiguousarray(np.hstack([self.Qd, *Qd])),
+            Qd_at=(np.append(self.Qd_at[0], here), np.append(self.Qd_at[1], there)),
+            c=np.pad(self.c, ((0, 0), (0, k))),
+            P0=P0,
+            x0=np.append(self.x0, np.zeros(k)),
+            H=H,
+        )
 
     @property
     def normalised(self) -> Array:
@@ -100,22 +156,11 @@ class LinearFlight:
         from kfgen.gap.flight.compiled import scores
 
         of_rows, of_parts = np.zeros(self.y.size), np.zeros(parts.shape[0])
-        Phi, Pi, Pj, _, Qi, Qj = self._entries
+        own = np.pad(parts, ((0, 0), (0, 0), (0, self.Qd.shape[1] - parts.shape[2])))
         scores(
-            Phi,
-            Pi,
-            Pj,
-            np.ascontiguousarray(parts),
-            Qi,
-            Qj,
-            self.rows.at,
-            self.H,
-            self.e,
-            self.S,
-            self.K,
-            of_rows,
-            of_parts,
-        )
+            self.Phi, *self.Phi_at, np.ascontiguousarray(own), *self.Qd_at, self.rows.at, self.H, self.e, self.S, self.K,
+            of_rows, of_parts,
+        )  # fmt: skip
         return self.R * of_rows, of_parts
 
     def columns(self, du: Array, dz: Array) -> Array:
@@ -131,21 +176,10 @@ class LinearFlight:
         from kfgen.gap.flight.compiled import columns
 
         out = np.ascontiguousarray(dz, dtype=np.float64).copy()
-        F, B = self.equations.transition, self.equations.input_errors
+        B = self.equations.input_errors
         du = np.ascontiguousarray(du, dtype=np.float64)
         columns(
-            self.Phi,
-            F.rows,
-            F.columns,
-            self.B,
-            B.rows,
-            B.columns,
-            du,
-            self.rows.at,
-            self.H,
-            self.S,
-            self.K,
-            out,
+            self.Phi, *self.Phi_at, self.B, B.rows, B.columns, du, self.rows.at, self.H, self.S, self.K, out
         )
         return out
 
@@ -163,11 +197,11 @@ class LinearFlight:
         """
         from kfgen.gap.flight.compiled import products
 
-        F, B = self.equations.transition, self.equations.input_errors
+        B = self.equations.input_errors
         of_inputs = np.zeros((self.Phi.shape[0], len(self.equations.channels)))
         of_readings = np.zeros(self.y.size)
         products(
-            self.Phi, F.rows, F.columns, self.B, B.rows, B.columns, self.rows.at, self.H, self.S, self.K,
+            self.Phi, *self.Phi_at, self.B, B.rows, B.columns, self.rows.at, self.H, self.S, self.K,
             np.ascontiguousarray(series), of_inputs, of_readings,
         )  # fmt: skip
         return of_inputs, of_readings

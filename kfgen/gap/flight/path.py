@@ -14,7 +14,9 @@ from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
+from kfgen.gap.flight.random_error import random_error_of
 from kfgen.gap.flight.rows import Rows, rows_of
+from kfgen.gap.scene.scene import Placed
 from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
@@ -49,6 +51,8 @@ class FlownPath:
         Of the noise, over what the filter assumes.
     silenced : ndarray of bool, shape (rows,), optional
         Readings that the filter is not given, though the path was smoothed with them.
+    random_errors : tuple of Placed
+        Random errors of channels that are states of the filter beside those of its model.
     """
 
     log: FlightLog
@@ -58,6 +62,7 @@ class FlownPath:
     dz: Array
     sizes: NoiseSizes = field(default_factory=NoiseSizes)
     silenced: NDArray[np.bool_] | None = None
+    random_errors: tuple[Placed, ...] = ()
 
     @cached_property
     def rows(self) -> Rows:
@@ -94,8 +99,6 @@ class FlownPath:
     @cached_property
     def linear(self) -> LinearFlight:
         """The filter about it."""
-        from kfgen.gap.flight.compiled import forward
-
         eq, rows, x = self.equations, self.rows, self.x
         matrices = eq.transition, eq.process_noise, eq.input_errors
         Phi, Qd, B = (m.entries(self.given, x.shape[0]) for m in matrices)
@@ -116,27 +119,13 @@ class FlownPath:
             Qd = Qd + (size**2 - 1.0) * self.input_noise[name]
         P0 = start_covariance(self.log, eq)
         x0 = eq.difference(x[:1], self.log.start[None, :])[0]
-        e, S, K = np.empty(y.size), np.empty(y.size), np.empty((y.size, eq.n))
         F, Q = eq.transition, eq.process_noise
-        forward(
-            Phi,
-            F.rows,
-            F.columns,
-            Qd,
-            Q.rows,
-            Q.columns,
-            c,
-            P0.copy(),
-            x0.copy(),
-            rows.at,
-            H,
-            y,
-            R,
-            e,
-            S,
-            K,
+        linear = LinearFlight(
+            eq, rows, Phi, (F.rows, F.columns), Qd, (Q.rows, Q.columns), B, c, P0, x0, H, y, R
         )
-        return LinearFlight(eq, rows, Phi, Qd, B, c, P0, x0, H, y, R, e, S, K)
+        for placed in self.random_errors:
+            linear = linear.with_random_error(random_error_of(placed, self.log.dt))
+        return linear.filtered()
 
     @cached_property
     def input_noise(self) -> dict[str, Array]:
@@ -154,7 +143,7 @@ class FlownPath:
         """
         path = self
         for _ in range(rounds):
-            error, before = path.linear.smoothed(), path.linear.log_likelihood
+            error, before = path.linear.smoothed()[:, : self.equations.n], path.linear.log_likelihood
             for share in STEP_SHARES:
                 x = path.equations.injected(path.x, share * error)
                 moved = replace(path, x=x)

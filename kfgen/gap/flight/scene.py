@@ -21,14 +21,17 @@ from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
+from kfgen.gap.flight.likely_random_errors import likely_random_errors
 from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
 from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.flight.random_course import not_random
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
+from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.scene.screen import basis, orthogonal_part
 from kfgen.model.parts.motion import NED
@@ -236,6 +239,23 @@ class FlightScene:
         clean = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
         return FlightScene(clean.smoothed(), (), found.sizes)
 
+    def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
+        """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
+        here = point.placed == self.subtracted and np.array_equal(point.unknowns, self._constants)
+        scene = self if here else self.about(point)
+        return likely_random_errors(scene.path, self, self.compared, scene.left(point), scene.known)
+
+    def with_random_error(self, placed: Placed) -> FlightScene:
+        """The flight about no effect, with one random error more as a state of its filter."""
+        path = replace(self.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
+        path = replace(path, random_errors=(*path.random_errors, placed))
+        return FlightScene(path.smoothed(), (), self.sizes)
+
+    def not_random(self, placed: Placed, point: ScenePoint) -> str:
+        """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
+        there = self.about(point)
+        return not_random(there.path, there.truth, placed)
+
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""
         found = [s for starts in offers(self.bench, placed) if (s := [p for p in starts if self._shows(p)])]
@@ -244,18 +264,25 @@ class FlightScene:
 
     def _steps(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Steps of biases, each at its most likely time beside these."""
-        left = self.residuals([ScenePoint(tuple(placed), self._constants)])
-        Q = basis(self.of_constants)
-        residual = self._in_time(orthogonal_part(left, Q))[:, 0]
+        residual = self.left(ScenePoint(tuple(placed), self._constants))
         steps = likely_steps(self.path, self.compared, self._energies, residual)
         self._remember(steps)
         return [[s] for s in steps]
 
+    def left(self, point: ScenePoint) -> Array:
+        """Normalised innovations in the order of time beside a point, less what the unknowns can do, shape (rows,)."""
+        left = orthogonal_part(self.residuals([point]), basis(self.of_constants))
+        return np.asarray(self._in_time(left)[:, 0])
+
+    @cached_property
+    def known(self) -> Array:
+        """Orthonormal directions of the innovations in the order of time in which the unknowns move them, shape (rows, k)."""
+        return self._in_time(basis(self.of_constants))
+
     @cached_property
     def _energies(self) -> StepEnergies:
         """Of steps, about this path or one nearby."""
-        known = self._in_time(basis(self.of_constants))
-        return self.energies or step_energies(self.path, self.compared, known)
+        return self.energies or step_energies(self.path, self.compared, self.known)
 
     def _shows(self, placed: Placed) -> bool:
         """Whether a log can show it: the Earth's rate is an option of the filter, a corner needs samples as fast.

@@ -48,6 +48,8 @@ IN_TIME = ("rate_ramp", "warm_up")
 
 DRIFT_ALONE = 3.0
 """Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
+MAX_EVENTS = 2
+"""Effects of a while of one magnetometer: what more of them would describe is a field that changes, and no event."""
 SLOW_DRIFT = 1e-5
 """Rate of a clock's drift with which fits begin."""
 FIELD_PREFIX = "mag_"
@@ -138,14 +140,15 @@ def _has_scale(bench: MotionCandidates, sensor: str) -> bool:
 def _there(new: Placed, placed: Sequence[Placed]) -> bool:
     """Whether an effect is placed already: of its class, at its place or that of its triad, with its entries."""
     names = {p.name for p in free(new.effect)}
-    for old in placed:
-        if type(old.effect) is type(new.effect) and acts_on(old.where, new.where):
-            searched = isinstance(new.effect, HardIron | MagneticDisturbance) and new.effect.duration > 0.0
-            if searched:
-                continue  # another span is another event
-            if names <= {p.name for p in free(old.effect)}:
-                return True
-    return False
+    if _is_event(new):
+        return sum(_is_event(old) for old in placed) >= MAX_EVENTS
+    alike = [p for p in placed if type(p.effect) is type(new.effect) and acts_on(p.where, new.where)]
+    return any(names <= {p.name for p in free(old.effect)} for old in alike)
+
+
+def _is_event(placed: Placed) -> bool:
+    """Whether an effect of a magnetometer lasts for a while alone."""
+    return isinstance(placed.effect, HardIron | MagneticDisturbance) and placed.effect.duration > 0.0
 
 
 def _alone(bench: MotionCandidates, name: str, sensor: str) -> list[list[Placed]]:

@@ -12,7 +12,15 @@ from kfgen.effects import Effect, catalogue
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core.battery import Test, battery
 from kfgen.gap.core.holdout import held_out_gap
-from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, UNKNOWN_EFFECT, Checks, DetectionLimit, Finding
+from kfgen.gap.core.result import (
+    EFFECTS_FOUND,
+    NO_GAP,
+    UNKNOWN_EFFECT,
+    Checks,
+    DetectionLimit,
+    Finding,
+    beside_misfit,
+)
 from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.rest.checks import checks_of
@@ -106,6 +114,8 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
+    if any(t.significant for t in after):
+        findings = list(beside_misfit(findings))
     findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
     clean = base.problem.record
     assert isinstance(clean, Record)

@@ -17,6 +17,7 @@ from kfgen.gap.core.search import Chosen
 from kfgen.gap.core.thresholds import MAX_ITERATIONS
 from kfgen.gap.scene.explanation import Explained, FittedAddition, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.random_error import NamedRandomError
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
@@ -34,12 +35,15 @@ class Answered:
     found : Explained
     tempered : TemperedScene, optional
         The same scene with the misfit in its noise, in which all was found; None where there is none.
+    random_errors : tuple of NamedRandomError
+        Random errors that are in its noise.
     """
 
     scene: Scene
     written: Scene
     found: Explained
     tempered: TemperedScene | None = None
+    random_errors: tuple[NamedRandomError, ...] = ()
 
     @property
     def likelihood(self) -> Scene:

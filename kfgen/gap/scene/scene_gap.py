@@ -21,8 +21,9 @@ from kfgen.gap.core.result import (
     Finding,
     NoiseScale,
     OutageDrift,
+    beside_misfit,
 )
-from kfgen.gap.core.search import Chosen
+from kfgen.gap.core.search import Chosen, Refused
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.scene.assumed_parameters import Answered, answered
 from kfgen.gap.scene.detection_limits import limits
@@ -30,6 +31,8 @@ from kfgen.gap.scene.explanation import FittedAddition
 from kfgen.gap.scene.holdout import band_edges, held_out
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
+from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
+from kfgen.gap.scene.random_error_search import with_random_errors
 from kfgen.gap.scene.scene import (
     HasInputs,
     HasNoiseSizes,
@@ -43,7 +46,7 @@ from kfgen.gap.scene.scene import (
     Undecided,
 )
 from kfgen.gap.scene.screen import basis
-from kfgen.gap.scene.under_misfit import under_misfit
+from kfgen.gap.scene.under_misfit import under_misfit, without_events
 from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
@@ -94,9 +97,17 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
     with time_budget():
         with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
             answer = answered(scene)
-        if any(t.significant for t in _updated_tests(answer)[0]):
-            answer = under_misfit(answer)
+        if isinstance(scene, HasRandomErrors):
+            answer = with_random_errors(answer, is_unfinished=bool(_doubtful_channels(answer)))
+        if doubtful := _doubtful_channels(answer):
+            answer = without_events(under_misfit(answer), doubtful)
         return _gap_of(answer, unit_of)
+
+
+def _doubtful_channels(answer: Answered) -> set[str]:
+    """Channels in which the updated model leaves more than noise, or a random error that is none."""
+    failed = {t.channel for t in _updated_tests(answer)[0] if t.significant}
+    return failed | {w.fitted.placed.where for w in answer.random_errors if w.objection}
 
 
 def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
@@ -160,10 +171,14 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     findings = (
         *(_fault_finding(f, unit_of) for f in said),
         *(_finding(answer, a, i, sd, unit_of) for i, a in enumerate(found.added)),
+        *(_random_finding(w, unit_of) for w in answer.random_errors if not w.objection),
+    )
+    stand_ins = tuple(
+        Refused(*w.fitted.label, w.gain, w.objection) for w in answer.random_errors if w.objection
     )
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
-    if any(t.significant for t in after):
-        verdict = UNKNOWN_EFFECT
+    if stand_ins or any(t.significant for t in after):
+        verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
     constant_inputs = scene.constant_inputs if isinstance(scene, HasInputs) else ()
     if (
         verdict == UNKNOWN_EFFECT
@@ -186,7 +201,7 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         rms=tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist())),
         unknowns=_unknowns(scene, fit),
         constant_inputs=constant_inputs,
-        refused=found.refused,
+        refused=(*found.refused, *stand_ins),
         outages=_outages(answer) if findings or sizes else (),
         scene=scene,
         assumed=found.assumed,
@@ -247,6 +262,21 @@ def _finding(
         added.others,
         assumed_value=scene.stated(placed.where) if isinstance(scene, Trusting) and wrong else None,
         once=wrong and any(u.once and u.own == placed.where for u in scene.unknowns),
+    )
+
+
+def _random_finding(random_error: NamedRandomError, unit_of: UnitOf) -> Finding:
+    """Of a random error that is in the noise."""
+    placed, label = random_error.fitted.placed, random_error.fitted.label
+    others = [(*other, p) for other, p in random_error.probabilities.items() if other != label]
+    return Finding(
+        placed.effect,
+        placed.where,
+        unit_of(placed),
+        random_error.fitted.ci95,
+        random_error.probabilities.get(label, 1.0),
+        random_error.gain,
+        tuple(sorted(others, key=lambda other: -other[2])),
     )
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.time_budget import search_is_over
+from kfgen.effects import Effect
 from kfgen.gap.core.search import Label, Refused, refused_of
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS
+from kfgen.gap.rest.second_recording import happens_once
 from kfgen.gap.scene.assumed_parameters import Answered
 from kfgen.gap.scene.explanation import Explained, SceneExplanation, explained
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
@@ -23,6 +27,8 @@ MAX_SEARCHES = 3
 """With the misfit that the one before left."""
 RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
+AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
+"""Why an event is not added beside a misfit."""
 
 
 def under_misfit(answer: Answered) -> Answered:
@@ -44,10 +50,38 @@ def under_misfit(answer: Answered) -> Answered:
         assert isinstance(there, TemperedScene)  # what is looked for in one is found in one
         refused = _refused(answer, again)
         found = replace(again, assumed=answer.found.assumed, scene=there.scene, refused=refused)
-        answer = Answered(there.scene, answer.written, found, there)
+        answer = replace(answer, scene=there.scene, found=found, tempered=there)
         if _labels(answer) == before:
             break
     return answer
+
+
+def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
+    """The answer without what happens once on channels of which more is unexplained: nobody can tell one from the other.
+
+    Parameters
+    ----------
+    answer : Answered
+    doubtful : collection of str
+        Channels that fail their tests.
+    """
+    there = answer.found.scene
+    left = SceneExplanation(there, answer.found.fit, answer.found.added, answer.found.refused)
+    for index in reversed(range(len(left.chosen))):
+        one = left.chosen[index]
+        placed = one.addition.placed
+        if _is_event(placed.effect) and any(acts_on(placed.where, c) for c in doubtful):
+            lost = Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)
+            left = left.without(index).refusing([lost])
+    found = replace(answer.found, added=left.chosen, fit=left.fit, refused=refused_of(left))
+    return replace(answer, found=found)
+
+
+def _is_event(effect: Effect) -> bool:
+    """Whether an effect with its values begins at some time, or lasts for a while alone."""
+    if hasattr(effect, "duration"):
+        return float(effect.duration) > 0.0
+    return happens_once(effect)
 
 
 def _determined(found: Explained) -> Explained:

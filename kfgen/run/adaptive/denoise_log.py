@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import kfgen
+from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.log.log import Channel, Log
@@ -147,7 +148,8 @@ def denoise(  # noqa: PLR0913 - the choices of one command
             where=data.source,
             remedy="Name channels with --channels",
         )
-    return DenoisedLog(data, {name: _filtered(name, data, still, settings) for name in wanted}, settings)
+    done = {name: _filtered(name, data, still, settings) for name in counted(wanted, "channels")}
+    return DenoisedLog(data, done, settings)
 
 
 def _filtered(name: str, data: Log, still: Log, settings: Settings) -> Denoised:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.log.readers.arrays import array_names
+from kfgen.log.readers.arrays.turning_gravity import gyro_unit
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
 from kfgen.log.readers.tables.axes import ned_attitude
 from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
@@ -112,7 +113,7 @@ def table_of(source: str, arrays: Mapping[str, Named], rate: float | None = None
         t, said = _time(group, rate, n)
         if t is None:
             continue
-        channels = _channels(group, text, words)
+        channels = _channels(group, t, text, words)
         fix, place = _gnss(group, t)
         gnss += fix
         new = [w for w in (said, place) if w and (channels or fix)]
@@ -183,7 +184,7 @@ def _time(group: Mapping[str, Named], rate: float | None, n: int) -> tuple[Array
     return (np.arange(n) / rate, "") if rate else (None, "")
 
 
-def _channels(group: Mapping[str, Named], text: str, words: list[str]) -> dict[str, TableColumn]:
+def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str]) -> dict[str, TableColumn]:
     """The arrays of a group that have the usual name of a channel."""
     units: dict[str, dict[str, tuple[Array, str]]] = {}
     singles: dict[str, TableColumn] = {}
@@ -205,8 +206,8 @@ def _channels(group: Mapping[str, Named], text: str, words: list[str]) -> dict[s
         q = ned_attitude(q) if "ENU" in text else q
         singles |= {f"ref_q_{axis}": TableColumn(q[k], "") for k, axis in enumerate("wxyz")}
     channels: dict[str, TableColumn] = {}
-    for sensor, axes in units.items():
-        channels |= _triad(sensor, axes, units, words)
+    for sensor in units:
+        channels |= _triad(sensor, units, t, words)
     return channels | singles
 
 
@@ -219,12 +220,10 @@ def _is_unit(text: str) -> bool:
 
 
 def _triad(
-    sensor: str,
-    axes: Mapping[str, tuple[Array, str]],
-    all_units: Mapping[str, Mapping[str, tuple[Array, str]]],
-    words: list[str],
+    sensor: str, units: Mapping[str, Mapping[str, tuple[Array, str]]], t: Array, words: list[str]
 ) -> dict[str, TableColumn]:
-    guess = _guessed(sensor, axes, all_units)
+    axes = units[sensor]
+    guess = _guessed(sensor, units, t)
     columns = {}
     for axis, (values, stated) in axes.items():
         unit, factor = stated or guess or None, 1.0
@@ -242,20 +241,26 @@ def _triad(
     return columns
 
 
-def _guessed(
-    sensor: str, axes: Mapping[str, tuple[Array, str]], units: Mapping[str, Mapping[str, tuple[Array, str]]]
-) -> str:
-    """The unit of a triad by its size; that of a gyro where the accelerometer's is SI; empty where it cannot be known."""
+def _guessed(sensor: str, units: Mapping[str, Mapping[str, tuple[Array, str]]], t: Array) -> str:
+    """The unit of a triad by its size; that of a gyro by how gravity turns, or where the accelerometer's is SI; else empty."""
+    axes, beside = units[sensor], units.get("accel", {})
     if sensor == "gyro":
-        beside = units.get("accel", {})
+        turned = _by_gravity(axes, beside, t) if len(axes) == len(beside) == 3 else ""
         si = beside and (
-            _guessed("accel", beside, {}) == "m/s^2" or all(u == "m/s^2" for _, u in beside.values())
+            _guessed("accel", units, t) == "m/s^2" or all(u == "m/s^2" for _, u in beside.values())
         )
-        return "rad/s" if si else ""
+        return turned or ("rad/s" if si else "")
     if sensor not in _GUESSES or len(axes) != 3:
         return ""
     size = float(np.nanmedian(np.sqrt(sum(v**2 for v, _ in axes.values()))))
     return next((unit for unit, low, high in _GUESSES[sensor] if low < size < high), "")
+
+
+def _by_gravity(
+    gyro: Mapping[str, tuple[Array, str]], accel: Mapping[str, tuple[Array, str]], t: Array
+) -> str:
+    w, f = (np.column_stack([axes[a][0] for a in "xyz"]) for axes in (gyro, accel))
+    return gyro_unit(t, f, w)
 
 
 def _in_text(name: str, text: str) -> str:

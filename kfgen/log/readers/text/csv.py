@@ -21,6 +21,7 @@ from kfgen.log.readers.flight.ecl_replay import is_answer, is_replay, read_answe
 from kfgen.log.readers.tables.table import LogTable, TableColumn, stated_rate, stated_samples
 from kfgen.log.readers.text.foreign_text import foreign
 from kfgen.log.readers.text.loose_text import loose_text
+from kfgen.log.readers.text.published_layouts import with_units
 
 SUFFIXES = (".csv", ".txt", ".tsv")
 
@@ -77,7 +78,8 @@ def _raw(path: Path, text: str, lines: list[str]) -> tuple[LogTable, dict[str, T
         name: TableColumn(values[:, k], unit) for k, (name, unit) in enumerate(zip(names, units, strict=True))
     }
     samples = stated_samples(lines[:first])
-    return LogTable(str(path), columns, rate, (*words, *warnings), stated, samples), left
+    table = LogTable(str(path), columns, rate, (*words, *warnings), stated, samples)
+    return with_units(table, lines[:first]), left
 
 
 def _decoded(data: bytes) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.named_arrays import Named, table_of
+from kfgen.log.readers.arrays.turning_gravity import gyro_unit
 from kfgen.log.readers.tables.seconds import UNITS_S, stamp_unit
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
@@ -45,9 +46,9 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     """
     columns = {k: c for k, c in table.columns.items() if k not in words}
     if all(name.startswith("#") for name in columns):
-        return replace(table, columns=columns, others=table.columns, hint=_of_rows(table, columns))
+        return _unnamed(table, columns)
     if any(c.unit is not None and not array_names.is_time(k) for k, c in columns.items()):
-        return replace(table, columns=_timed(columns), others=words if words else {})
+        return replace(table, columns=_timed(columns), others={**table.others, **words})
     if all(c.values.size < 2 for c in columns.values()):
         return replace(table, columns=columns)
     found = table_of(
@@ -84,35 +85,50 @@ def _timed(columns: Mapping[str, TableColumn]) -> dict[str, TableColumn]:
     }
 
 
-def _of_rows(table: LogTable, columns: Mapping[str, TableColumn]) -> str:
-    """The first rows of a table without names, and the line to type."""
+def _unnamed(table: LogTable, columns: Mapping[str, TableColumn]) -> LogTable:
+    """A table without names: read where gravity shows what its columns are, else with the line to type."""
     rows = np.column_stack([np.asarray(c.values, float) for c in columns.values()])
-    shown = "\n".join("  " + "  ".join(f"{v:.13g}" for v in row) for row in rows[:PREVIEWED_ROWS])
-    entries = _guessed(list(columns), rows)
+    guesses, sure = _guessed(list(columns), rows, table.rate)
+    entries = [f"{channel}={name} [{unit}]" for channel, name, unit in guesses]
     line = ", ".join(entries) if entries else f"a={next(iter(columns))} [1]"
+    if sure:
+        words = (
+            f"its columns have no names; by gravity they are --columns '{line}': type another if they are not"
+        )
+        found = {channel: TableColumn(columns[name].values, unit) for channel, name, unit in guesses}
+        return replace(table, columns=found, others=table.columns, warnings=(*table.warnings, words))
+    shown = "\n".join("  " + "  ".join(f"{v:.13g}" for v in row) for row in rows[:PREVIEWED_ROWS])
     rate = "" if table.rate or any(e.startswith("t=") for e in entries) else " --rate HZ"
-    return f"Its first rows are\n{shown}\nSay what they are, for example: --columns '{line}'{rate}"
+    hint = f"Its first rows are\n{shown}\nSay what they are, for example: --columns '{line}'{rate}"
+    return replace(table, columns=columns, others=table.columns, hint=hint)
 
 
-def _guessed(names: Sequence[str], rows: Array) -> list[str]:
-    """Entries of ``--columns`` for columns that look like times and triads."""
-    entries: list[str] = []
+def _guessed(
+    names: Sequence[str], rows: Array, rate: float | None
+) -> tuple[list[tuple[str, str, str]], bool]:
+    """Channel, column and unit of what looks like times and triads; and whether gravity confirms all of them."""
     left = [k for k in range(len(names)) if np.isfinite(rows[:, k]).all() and np.ptp(rows[:, k]) > 0.0]
     time = next((k for k in left if rows.shape[0] > 2 and (np.diff(rows[:, k]) > 0.0).all()), None)
+    guesses, t = [], np.arange(rows.shape[0]) / rate if rate else None
     if time is not None:
-        entries.append(f"t={names[time]} [{stamp_unit('t', rows[:, time])}]")
+        unit = stamp_unit("t", rows[:, time])
+        guesses, t = [("t", names[time], unit)], rows[:, time] * UNITS_S[unit]
         left.remove(time)
     triads = [left[k : k + 3] for k in range(0, len(left) - 2, 3)]
     size = [float(np.median(np.linalg.norm(rows[:, own], axis=1))) for own in triads]
     accel = next((k for k, s in enumerate(size) if _unit_of(s) is not None), None)
     units = (_unit_of(size[accel]) if accel is not None else None) or ("m/s^2", "rad/s")
-    sensors = iter([("gyro", units[1]), ("mag", "uT")])
+    turned = ""
+    if accel is not None and len(triads) > 1 and t is not None:
+        gyro = next(own for k, own in enumerate(triads) if k != accel)
+        turned = gyro_unit(t, rows[:, triads[accel]], rows[:, gyro])
+    sensors = iter([("gyro", turned or units[1]), ("mag", "uT")])
     for k, own in enumerate(triads):
         sensor, unit = ("accel", units[0]) if k == accel else next(sensors, ("", ""))
-        entries += [
-            f"{sensor}_{axis}={names[c]} [{unit}]" for axis, c in zip("xyz", own, strict=True) if sensor
+        guesses += [
+            (f"{sensor}_{axis}", names[c], unit) for axis, c in zip("xyz", own, strict=True) if sensor
         ]
-    return entries
+    return guesses, bool(turned) and len(left) == 6
 
 
 def _unit_of(size: float) -> tuple[str, str] | None:
