@@ -32,6 +32,8 @@ test-lowest:
 prove: $(VENV)/installed
 	$(BIN)/python benchmarks/trust/fuzz.py --docs
 	$(BIN)/python benchmarks/trust/kills.py --docs
+	$(BIN)/python benchmarks/trust/faults.py --docs
+	$(BIN)/python benchmarks/trust/nulls.py --docs
 	$(BIN)/python benchmarks/trust/memory.py --docs
 	$(BIN)/python benchmarks/trust/mutants.py --docs
 

@@ -395,11 +395,11 @@ class Commands(Texts):
     def model_file(self) -> str:
         return self.put("p.toml", self.model())
 
-    def command(self) -> list[str]:
-        """A command with its files written."""
+    def makers(self) -> tuple[Callable[[], list[str]], ...]:
+        """What writes the files of a command and says its words."""
         number, unit = self.often("100", NUMBERS, 0.7), self.pick(UNITS)
         noise, model, log = self.noise_file, self.model_file, self.log
-        makers: tuple[Callable[[], list[str]], ...] = (
+        return (
             lambda: ["identify", log(), "--effects", self.often("white_noise", EFFECTS)],
             lambda: ["identify", log(), "--rate", number, "--effects", "white_noise"],
             lambda: ["identify", log(), "--columns", f"gyro_x=#{self.pick(NUMBERS)} [{unit}]", "--effects", "white_noise"],
@@ -416,4 +416,37 @@ class Commands(Texts):
             lambda: ["emit", model(), "--target", "numpy", "-o", "code", "--json", "a.json"],
             lambda: ["denoise", log(), "--filter", "kf", "--window", self.pick(("0", "1", "15", "-3", "999999"))],
         )  # fmt: skip
+
+    def command(self) -> list[str]:
+        """A command with its files written."""
+        makers = self.makers()
         return makers[int(self.rng.integers(len(makers)))]()
+
+
+class Comparisons(Commands):
+    """Commands that take longer: logs against models, filters over logs, manoeuvres, fleets, calibrations."""
+
+    def manoeuvre_file(self) -> str:
+        return self.put("m.toml", self.manoeuvre())
+
+    def makers(self) -> tuple[Callable[[], list[str]], ...]:
+        """What writes the files of a command and says its words."""
+        number, unit, name = self.often("100", NUMBERS, 0.3), self.pick(UNITS), self.pick(NAMES)
+        noise, model, log = self.noise_file, self.model_file, self.log
+        return (
+            lambda: ["gap", log(), "--model", noise()],
+            lambda: ["gap", log(), "--model", noise(), "--rate", number, "--channels", name],
+            lambda: ["gap", log(), "--model", model()],
+            lambda: ["gap", log(), "--model", "gyro-static"],
+            lambda: ["gap", self.archive(), "--model", "ahrs6"],
+            lambda: ["run", model(), log()],
+            lambda: ["run", "gyro-static", log(), "--smooth"],
+            lambda: ["run", "gyro-static", log(), "--tune", "-o", "tuned.toml"],
+            lambda: ["run", "ahrs6", self.archive(), "--sensor", name],
+            lambda: ["audit", "gyro-static", "--log", log()],
+            lambda: ["audit", "ins15", "--manoeuvre", self.manoeuvre_file(), "--duration", "1", "--want", f"phi_D={number} {unit}"],
+            lambda: ["simulate", "ahrs6", "--manoeuvre", self.manoeuvre_file(), "--duration", "1", "-o", "s.csv"],
+            lambda: ["simulate", "ahrs6", "--duration", "1", "--vibration", f"{number} {unit}", "--decoy", name, "-o", "s.csv"],
+            lambda: ["calibrate", self.archive(), "--turn", f"{number} {unit}", "--field", f"{self.pick(NUMBERS)} uT"],
+            lambda: ["fleet", log(), "--jobs", "1", "--rate", number],
+        )  # fmt: skip

@@ -149,9 +149,9 @@ def wrong_command(kfgen: Cli, words: list[str]) -> str:
     return wrong_with(call)
 
 
-def commands(kfgen: Cli, seed: int, count: int) -> Iterator[str]:
+def commands(kfgen: Cli, seed: int, count: int, of: type[Commands] = Commands) -> Iterator[str]:
     """What is wrong with each of so many commands."""
-    inputs = Commands(seed)
+    inputs = of(seed)
     for _ in range(count):
         words = inputs.command()
         wrong = wrong_command(kfgen, words)

@@ -4,23 +4,71 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from kfgen.core import linear
 from kfgen.core.errors import InputError
 from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import derived_unit
 from kfgen.effects import make
+from kfgen.emit.covariance.packed import batches, groups
+from kfgen.identify.evidence.allan import degrees_of_freedom
 from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.evidence.whittle import SINGLE_ORDINATES, ordinates
 from kfgen.model.discretise import LONGEST_STEP, DiscreteModel
 from kfgen.model.library import build
-from kfgen.run.adaptive.rules import Factors, Seen, rule_named
+from kfgen.run.adaptive.rules import Factors, Seen, by_chance, rule_named
 
 
 def test_one_state_keeps_half_its_drive_over_its_decay() -> None:
     """``2 a P = W``."""
     P = linear.stationary_covariance(np.array([[-0.25]]), np.array([[3.0]]))
     assert pytest.approx(np.array([[6.0]])) == P
+
+
+def test_a_slow_resonance_keeps_what_its_damping_lets_it() -> None:
+    """``x' = v + n0, v' = -w^2 x - 2 z w v + n1`` of densities p and q, by the three equations of its covariance."""
+    w, z, p, q = 1e-3, 0.05, 3.0, 2.0
+    P = linear.stationary_covariance(np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]), np.diag([p, q]))
+    v = (q + w**2 * p) / (4.0 * z * w)
+    np.testing.assert_allclose(P, [[(v + z * w * p) / w**2, -0.5 * p], [-0.5 * p, v]], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("slope", "m", "edf"), [(-1.0, 5, 26.70438), (0.0, 5, 21.98491), (1.0, 5, 17.73011), (0.0, 1, 86.20053)]
+)
+def test_degrees_of_freedom_of_a_hundred_and_one_samples(slope: float, m: int, edf: float) -> None:
+    """The formulas of W. J. Riley, NIST SP 1065, table 5, worked by hand."""
+    assert degrees_of_freedom(101, np.array([m]), np.array([slope]))[0] == pytest.approx(edf, rel=1e-6)
+
+
+def test_a_flicker_is_a_bank_of_times_four_to_one() -> None:
+    """Over 1 s to 64 s: 1, 4, 16 and 64 s, each of ``B^2 ln(4) / pi``."""
+    form = make("bias_instability", B=2.0, shortest=1.0, longest=64.0).form()
+    A, W = np.array(form.A, dtype=float), np.array(form.W, dtype=float)
+    np.testing.assert_allclose(-1.0 / np.diag(A), [1.0, 4.0, 16.0, 64.0])
+    np.testing.assert_allclose(np.diag(W) / (-2.0 * np.diag(A)), 4.0 * np.log(4.0) / np.pi)
+
+
+def test_a_flicker_of_which_only_its_size_is_stated_is_over_all_that_the_record_shows() -> None:
+    bare = make("bias_instability", B=2.0)
+    wide, narrow = bare.extended_band(0.01, 1e5), bare.extended_band(5.0, 100.0)
+    assert (wide.shortest, wide.longest) == (0.01, 1e5)
+    assert (narrow.shortest, narrow.longest) == (1.0, 1e4)
+
+
+def test_sensors_keep_rates_of_their_own() -> None:
+    assert DiscreteModel.at_rate(build("ins15"), 100.0, rates={"gnss_position": 5.0}).rates == {
+        "gnss_position": 5.0
+    }
+    assert DiscreteModel.at_rate(build("ins15"), 100.0).rates == {}
+
+
+def test_few_ordinates_stand_alone() -> None:
+    found = ordinates([np.array([1.0, 2.0, 3.0, 4.0, 5.0])], 0.01, 1)
+    assert found.count.tolist() == [1] * 5
+    assert found.gram[:, 0, 0].tolist() == [1.0, 4.0, 9.0, 16.0, 25.0]
+    np.testing.assert_allclose(found.omega, np.arange(1, 6) * np.pi / 6)
 
 
 @pytest.mark.parametrize("a", [0.0, -1e-12, -0.7, 0.3])
@@ -80,6 +128,8 @@ def test_the_gyro_that_is_calm_is_not_held_to_fade() -> None:
     calm = Seen(500.0, 0.1, 0.1, 2.0, 1.0, 1.5)
     found = rule_named("shafkf-p").adapt(calm, Factors(1.0, 1.0, 1.0, 1.0), 0.97)
     assert (found.fade, found.once, found.q) == (1.0, 1.0, 1.0)
+    found = rule_named("shafkf-r").adapt(calm, Factors(1.0, 1.0, 1.0, 1.0), 0.97)
+    assert (found.fade, found.once, found.q) == (1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -117,3 +167,33 @@ def test_recent_results_forget_what_was_not_asked_for_longest() -> None:
     for k in (1, 2, 1, 3, 1, 2):
         assert recent.recalled(k, lambda k=k: made.append(k) or 10 * k) == 10 * k
     assert made == [1, 2, 3, 2]
+
+
+def test_a_rate_of_innovations_by_chance_is_that_of_chi_square() -> None:
+    """The 95 % points of 1 and of 10 degrees of freedom (Abramowitz and Stegun, table 26.8) over these."""
+    assert by_chance(1) == pytest.approx(3.84146, rel=1e-5)
+    assert by_chance(5, 2) == pytest.approx(1.83070, rel=1e-5)
+
+
+def test_sage_husa_by_hand() -> None:
+    """b = 0.9 at the third sample: ``d = 0.1 / (1 - 0.9^3) = 0.369004``; ``R <- (1 - d) 2 + d (5 - 1) / 4``."""
+    found = rule_named("sage-husa").adapt(
+        Seen(2.0, 5.0, 5.0, 1.0, 4.0, 1.5), Factors(1.0, 2.0, 1.0, 1.0), 0.9
+    )
+    d = 0.1 / 0.271
+    assert found == Factors(1.0, pytest.approx((1.0 - d) * 2.0 + d), 1.0, 1.0)
+
+
+def test_rows_are_stepped_before_those_that_they_need() -> None:
+    """Position needs velocity, and that acceleration: in this order; what stands alone goes with the first of its depth."""
+    one = sp.Integer(1)
+    chain = {0: {0: one, 1: one}, 1: {1: one, 2: one}, 2: {2: one}, 3: {3: one}}
+    assert batches(chain) == [[0, 3], [1], [2]]
+    turning = {0: {0: one, 1: one}, 1: {0: one, 1: one}, 2: {2: one}}
+    assert sorted(groups(turning)) == [[0, 1], [2]]
+    assert batches(turning) == [[0, 1], [2]]
+
+
+def test_no_more_than_three_rows_are_stepped_together() -> None:
+    one = sp.Integer(1)
+    assert batches({k: {k: one} for k in range(7)}) == [[0, 1, 2], [3, 4, 5], [6]]

@@ -21,6 +21,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.linear import van_loan
 from kfgen.core.terminal import ending_of, json_text, printable
 from kfgen.core.units import parse_unit
+from kfgen.report.identify import _bound
 
 Cli = Callable[..., Result]
 NOISE = 'format = "kfgen-noise-1"\n[gyro_x]\nunit = "deg/s"\neffects = [{effect="white_noise", N=1e-3}]\n'
@@ -295,6 +296,9 @@ def test_samples_whose_square_is_no_number_are_not_filtered(kfgen: Cli) -> None:
     y = white()
     y[700] = 1e300
     assert "beyond anything that is measured" in refused(kfgen, "denoise", log(y), "--filter", "kf")
+    Path("n.toml").write_text(NOISE, encoding="utf-8")
+    for command in ("run gyro-static log.csv --noise n.toml", "audit gyro-static --log log.csv"):
+        assert "beyond anything that is measured" in refused(kfgen, *command.split())
 
 
 def test_a_filter_whose_jacobian_is_nothing_over_nothing_at_the_start_is_emitted(kfgen: Cli) -> None:
@@ -307,3 +311,9 @@ def test_a_filter_whose_jacobian_is_nothing_over_nothing_at_the_start_is_emitted
     assert done.exit_code == 0
     assert done.stderr == ""
     assert not NO_NUMBER.search(Path("a.json").read_text("utf-8"))
+
+
+def test_a_bound_beyond_the_number_itself_is_none() -> None:
+    """A parameter at its edge had "bound 6.9e+11 %"."""
+    assert _bound(0.2) == "bound 20 %"
+    assert _bound(6.9e9) == _bound(float("inf")) == "no bound: the record does not show it"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kfgen.core.errors import InputError
-from kfgen.log.readers import ColumnMap, read_log
+from kfgen.log.readers import ColumnMap, read_log, read_long
 from kfgen.log.readers.arrays.npy import read as read_npy
 from kfgen.log.readers.tables.table import chunks
 
@@ -97,3 +97,13 @@ def test_a_damaged_npy_is_refused(tmp_path: Path, damage: str) -> None:
         read_log(path, rate=1.0)
     assert caught.value.where == str(path)
     assert caught.value.remedy
+
+
+def test_a_log_that_is_too_long_for_memory_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kfgen.log.readers.MAX_SAMPLES_IN_MEMORY", 99)
+    path, columns = npy(tmp_path, np.zeros((100, 1))), "gyro_x=#1 [rad/s]"
+    with pytest.raises(InputError, match="more than the 99 samples"):
+        read_log(path, rate=100.0, columns=columns)
+    assert read_long(path, rate=100.0, columns=columns).channel("gyro_x").unit == "rad/s"

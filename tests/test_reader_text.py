@@ -290,3 +290,12 @@ def test_a_row_that_is_commented_out_is_no_header(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("t [s],gyro_x [deg/s]\n#0.00,1\n0.01,2\n0.02,3\n", encoding="utf-8")
     assert read_log(path).values("gyro_x") == pytest.approx(np.radians([2.0, 3.0]))
+
+
+def test_quotation_marks_about_cells_that_blanks_separate(tmp_path: Path) -> None:
+    """The triple one is what a spreadsheet makes of a quoted cell; it is no part of the number."""
+    text = 't[s] gyro_x[rad/s]\n"""0.01 "1"\n0.02 2"""\n0.03 3\n'
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    log = read_log(tmp_path / "log.csv")
+    np.testing.assert_array_equal(log.t, [0.01, 0.02, 0.03])
+    np.testing.assert_array_equal(log.values("gyro_x"), [1.0, 2.0, 3.0])

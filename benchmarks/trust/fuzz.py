@@ -24,10 +24,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "tests")]
 
 from docs_table import write_table  # noqa: E402
+from hostile import Commands, Comparisons  # noqa: E402
 from hostile_trials import commands, trials  # noqa: E402
 
 DATA = Path(os.environ.get("KFGEN_DATA") or ROOT.parent / "shared" / "data")
 CHUNK = 5000
+"""Inputs that a process is shown."""
 COUNTS = {
     **{"unit": 200_000, "quantity": 150_000, "formula": 250_000, "noise": 130_000, "model": 80_000},
     **{
@@ -38,9 +40,20 @@ COUNTS = {
         "npy": 30_000,
         "npz": 25_000,
     },
-    **{"pos": 30_000, "gz": 8_000, "xz": 8_000, "mat": 6_000, "BIN": 3_000, "ulg": 2_000, "commands": 1_000},
+    **{
+        "pos": 30_000,
+        "gz": 8_000,
+        "xz": 8_000,
+        "mat": 6_000,
+        "BIN": 3_000,
+        "ulg": 2_000,
+        "commands": 20_000,
+        "comparisons": 4_000,
+    },
 }
 """Inputs of each kind."""
+WHOLE = {"commands": Commands, "comparisons": Comparisons}
+"""Kinds that are commands."""
 TITLES = {
     **{"unit": "units", "quantity": "quantities", "formula": "formulas", "noise": "noise files"},
     **{
@@ -48,6 +61,7 @@ TITLES = {
         "filter": "filter files",
         "manoeuvre": "manoeuvre files",
         "commands": "whole commands",
+        "comparisons": "whole commands that compare",
     },
     **{
         "json_lines": "logs: JSON lines",
@@ -73,7 +87,11 @@ def shown(kind: str, seed: int, count: int, end: Connection) -> None:
     """In a process of its own: show a chunk, send what is wrong."""
     os.chdir(tempfile.mkdtemp())
     begun = time.process_time()
-    found = commands(_command_line(), seed, count) if kind == "commands" else trials(kind, seed, count, DATA)
+    found = (
+        commands(_command_line(), seed, count, WHOLE[kind])
+        if kind in WHOLE
+        else trials(kind, seed, count, DATA)
+    )
     wrong, seen = Counter[str](), 0
     for said in found:
         seen += 1

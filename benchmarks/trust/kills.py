@@ -1,41 +1,35 @@
 """Commands that are killed at a random moment: every earlier result is still whole, or the new one is.
 
-Usage: python benchmarks/trust/kills.py [--count 200] [--minutes 20] [--seed 0] [--docs]
+Usage: python benchmarks/trust/kills.py [--count 208] [--minutes 40] [--seed 0] [--docs]
 
-A command runs once to its end and is timed. Then it runs over its own outputs and gets SIGKILL at a moment by chance
-within that time; each output must have the bytes of before or of a whole run. ``--docs`` writes the table into the page.
+A command runs once to its end. Then it runs over its own outputs and gets SIGKILL: every second time at a moment by
+chance within the time that it takes, every second time at one by chance within the time that it writes, which begins
+when a temporary neighbour of an output appears. Each output must have the bytes of before or of a whole run; at the end
+a run that is left alone must leave whole ones and nothing else. ``--docs`` writes the table into the page.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
 
 from docs_table import write_table  # noqa: E402
+from processes import COMMANDS, MARK, contents, prepared, started, temporary  # noqa: E402
 
-MARK = "made before"
-COMMANDS = {
-    "identify": (["identify", "log.csv", "--effects", "white_noise", "-o", "n.toml", "--json", "a.json", "--report", "r.html"], ["n.toml", "a.json", "r.html"]),
-    "convert": (["convert", "noise.toml", "--to", "table", "--json", "a.json"], ["a.json"]),
-    "simulate": (["simulate", "gyro-static", "--duration", "400", "-o", "s.csv"], ["s.csv"]),
-    "simulate npz": (["simulate", "ahrs6", "--duration", "20", "-o", "s.npz"], ["s.npz"]),
-    "emit": (["emit", "gyro-static", "--target", "c", "-o", "code", "--force"], ["code/main.c", "code/selftest.c"]),
-    "run": (["run", "gyro-static", "log.csv", "--noise", "noise.toml", "-o", "e.csv", "--json", "a.json"], ["e.csv", "a.json"]),
-    "fleet": (["fleet", "log*.csv", "--jobs", "2", "--json", "f.json"], ["f.json"]),
-}  # fmt: skip
-"""Commands with their outputs."""
+LOOK_S = 0.0005
+"""Between two looks for a temporary neighbour [s]."""
+START_S = 30.0
+"""Within which the processes of a command that was killed have ended [s]."""
 
 
 @dataclass
@@ -44,98 +38,119 @@ class Kills:
 
     tried: int = 0
     in_time: int = 0
+    writing: int = 0
     new: int = 0
     torn: int = 0
+    left: int = 0
 
 
-def started(words: list[str], folder: Path) -> subprocess.Popen[bytes]:
-    """The command as a process of its own group."""
-    program = [sys.executable, "-c", "from kfgen.cli import main; main()", *words]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(program, cwd=folder, stdout=quiet, stderr=quiet, start_new_session=True)
+@dataclass(frozen=True)
+class Whole:
+    """A run that was left alone: its outputs, its time [s], and how long of that it wrote [s]."""
+
+    outputs: list[bytes | None]
+    duration: float
+    written: float
 
 
-def prepared(folder: Path) -> None:
-    """The inputs of every command."""
-    for k in range(2):
-        y = 0.05 * np.random.default_rng(k).standard_normal(3000)
-        rows = np.column_stack([np.arange(3000) / 100.0, y])
-        name = folder / f"log{k or ''}.csv"
-        np.savetxt(name, rows, delimiter=",", header="t [s],gyro_x [deg/s]", comments="", fmt="%.9g")
-    text = 'format = "kfgen-noise-1"\n[gyro_x]\nunit = "deg/s"\neffects = [{effect="white_noise", N=1e-3}]\n'
-    (folder / "noise.toml").write_text(text, encoding="utf-8")
+def seen_to_write(process, folder: Path) -> float | None:
+    """When a temporary neighbour appears first; None where the process ends before."""
+    while process.poll() is None:
+        if temporary(folder):
+            return time.monotonic()
+        time.sleep(LOOK_S)
+    return None
 
 
-def killed(
-    folder: Path, name: str, duration: float, whole: list[bytes], chance: random.Random
-) -> tuple[bool, int, int]:
-    """Whether one run died in time, how many outputs are new, and how many are neither old nor whole."""
+def whole_run(name: str, folder: Path) -> Whole:
+    """One run to its end; ends the program where the command fails by itself."""
+    words, outputs = COMMANDS[name]
+    begun, process = time.monotonic(), started(words, folder)
+    first = seen_to_write(process, folder)
+    if process.wait() > 1:  # 1: the answer is not a good one, and is written
+        raise SystemExit(f"{name} fails by itself")
+    end = time.monotonic()
+    return Whole(contents(folder, outputs), end - begun, end - (first or end))
+
+
+def running(group: int) -> bool:
+    """Whether a process of the group lives still."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def killed(folder: Path, name: str, whole: Whole, near: bool, chance: random.Random, seen: Kills) -> None:
+    """One run that gets SIGKILL, near its writing or anywhere; counts what is left."""
     words, outputs = COMMANDS[name]
     for one in outputs:
         (folder / one).write_text(MARK, encoding="utf-8")
     process = started(words, folder)
-    time.sleep(chance.uniform(0.2, 1.0) * duration)
-    died = process.poll() is None
-    if died:
-        process.send_signal(signal.SIGKILL)
+    if near:
+        seen_to_write(process, folder)
+        time.sleep(chance.random() ** 2 * whole.written)
+    else:
+        time.sleep(chance.uniform(0.05, 1.0) * whole.duration)
+    seen.in_time += process.poll() is None
+    process.send_signal(signal.SIGKILL)
     process.wait()
-    found = [(folder / one).read_bytes() if (folder / one).exists() else b"" for one in outputs]
-    new = sum(f == w for f, w in zip(found, whole))
-    return died, new, sum(f not in (MARK.encode(), w) for f, w in zip(found, whole))
+    until = time.monotonic() + START_S
+    while running(process.pid) and time.monotonic() < until:
+        time.sleep(0.01)
+    found = contents(folder, outputs)
+    seen.tried += 1
+    seen.writing += bool(temporary(folder))
+    seen.new += sum(f == w for f, w in zip(found, whole.outputs))
+    seen.torn += sum(f not in (MARK.encode(), w) for f, w in zip(found, whole.outputs))
+    seen.left += running(process.pid)
 
 
 def table(seen: dict[str, Kills]) -> str:
     """Markdown, a command a row."""
     rows = [
-        "| command | runs | killed before its end | outputs new | outputs torn or lost |",
-        "|---|---|---|---|---|",
+        "| command | runs | killed before its end | killed while it wrote | outputs new | outputs torn or lost | processes left |",
+        "|---|---|---|---|---|---|---|",
     ]
-    total = Kills(*(sum(getattr(k, n) for k in seen.values()) for n in ("tried", "in_time", "new", "torn")))
+    names = ("tried", "in_time", "writing", "new", "torn", "left")
+    total = Kills(*(sum(getattr(k, n) for k in seen.values()) for n in names))
     for name, k in [*seen.items(), ("all", total)]:
-        rows.append(f"| {name} | {k.tried} | {k.in_time} | {k.new} | {k.torn} |")
+        rows.append(f"| {name} | " + " | ".join(str(getattr(k, n)) for n in names) + " |")
     return "\n".join(rows)
 
 
 def main() -> int:
     """Kill them, count what is left."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--minutes", type=float, default=20.0)
+    parser.add_argument("--count", type=int, default=208)
+    parser.add_argument("--minutes", type=float, default=40.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     until, chance = time.monotonic() + 60.0 * given.minutes, random.Random(given.seed)
-    seen: dict[str, Kills] = {}
+    seen = {name: Kills() for name in COMMANDS}
     with tempfile.TemporaryDirectory() as home:
-        whole, duration = {}, {}
-        for name, (words, outputs) in COMMANDS.items():
-            folder = Path(home) / name.replace(" ", "_")
-            folder.mkdir()
+        folders = {name: Path(home) / str(k) for k, name in enumerate(COMMANDS)}
+        for folder in folders.values():
             prepared(folder)
-            begun = time.monotonic()
-            if started(words, folder).wait():
-                print(f"{name} fails by itself", flush=True)
-                return 2
-            duration[name] = time.monotonic() - begun
-            whole[name] = [(folder / one).read_bytes() for one in outputs]
-            seen[name] = Kills()
+        whole = {name: whole_run(name, folder) for name, folder in folders.items()}
         for k in range(given.count):
             if time.monotonic() > until:
                 break
-            name = list(COMMANDS)[k % len(COMMANDS)]
-            folder = Path(home) / name.replace(" ", "_")
-            died, new, torn = killed(folder, name, duration[name], whole[name], chance)
-            one = seen[name]
-            one.tried, one.in_time, one.new, one.torn = (
-                one.tried + 1,
-                one.in_time + died,
-                one.new + new,
-                one.torn + torn,
-            )
+            name, near = list(COMMANDS)[k % len(COMMANDS)], bool(k // len(COMMANDS) % 2)
+            killed(folders[name], name, whole[name], near, chance, seen[name])
+        for name, folder in folders.items():
+            again = whole_run(name, folder)
+            outputs = zip(COMMANDS[name][1], again.outputs, whole[name].outputs)
+            wrong = [o for o, a, w in outputs if a != w] + temporary(folder)
+            seen[name].torn += len(wrong)
+            if wrong:
+                print(f"{name} leaves {', '.join(wrong)}", flush=True)
     print(table(seen))
     if given.docs:
         write_table("trust.md", "kills", table(seen))
-    return int(any(k.torn for k in seen.values()))
+    return int(any(k.torn or k.left for k in seen.values()))
 
 
 if __name__ == "__main__":

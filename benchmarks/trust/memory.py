@@ -1,6 +1,6 @@
 """The memory of one process that identifies a large log.
 
-Usage: python benchmarks/trust/memory.py [--gigabytes 1 4] [--docs]
+Usage: python benchmarks/trust/memory.py [--gigabytes 0.4 10] [--docs]
 
 The log is an NPY file of float32, white noise with a random walk, written in pieces to the folder for temporary files.
 It is mapped: pages of the file that the system keeps for itself and can drop are not counted (RssAnon of Linux).
@@ -66,7 +66,7 @@ def measured(path: Path) -> tuple[float, float, float]:
 def main() -> int:
     """Write, identify, remove."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--gigabytes", type=float, nargs="*", default=[1.0, 4.0])
+    parser.add_argument("--gigabytes", type=float, nargs="*", default=[0.4, 10.0])
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     rows = ["| file | samples | peak memory | time | N found over N |", "|---|---|---|---|---|"]

@@ -42,9 +42,9 @@ PARTS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("kfgen/effects/process/stochastic.py", "tests/test_effects.py tests/test_core_formulas.py", ""),
     ),
     "identify": (
-        ("kfgen/identify/evidence/whittle.py", "tests/test_identify.py tests/test_core_formulas.py", "sine_transform or ordinates_are or bound_is or information or looked_at or constant_offset or bins or band"),
+        ("kfgen/identify/evidence/whittle.py", "tests/test_identify.py tests/test_core_formulas.py", "sine_transform or ordinates_are or bound_is or information or looked_at or constant_offset or bins or band or stand_alone"),
         ("kfgen/identify/evidence/shapes.py", "tests/test_identify.py tests/test_core_formulas.py", "bound_is or information or constant_offset or shape"),
-        ("kfgen/identify/evidence/allan.py", "tests/test_allan.py", ""),
+        ("kfgen/identify/evidence/allan.py", "tests/test_core_formulas.py tests/test_allan.py", ""),
         ("kfgen/identify/evidence/kalman.py", "tests/test_kalman.py", ""),
     ),
     "gap/core": (
@@ -56,11 +56,11 @@ PARTS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "discretise": (("kfgen/model/discretise.py", "tests/test_discretise.py tests/test_core_formulas.py", ""),),
     "emit": (
         ("kfgen/emit/update.py", "tests/test_emit.py", "batch_kalman and (gyro-static or ahrs6-1)"),
-        ("kfgen/emit/covariance/packed.py", "tests/test_emit.py", "(batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
+        ("kfgen/emit/covariance/packed.py", "tests/test_core_formulas.py tests/test_budgets.py tests/test_emit.py", "rows_are or than_three_rows or covariance_prediction or (batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
         ("kfgen/emit/ir/lower.py", "tests/test_emit.py", "dense_formula and p-False and (gyro-static or ahrs6-1)"),
     ),
     "run": (
-        ("kfgen/run/adaptive/rules.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or nis_returns or q_follows or knows_is_best or calm"),
+        ("kfgen/run/adaptive/rules.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or nis_returns or q_follows or knows_is_best or calm or by_chance or sage_husa"),
         ("kfgen/run/adaptive/loop.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or filterpys or nis_returns or q_follows"),
     ),
 }  # fmt: skip

@@ -197,7 +197,9 @@ def _manifest(folder: Path) -> dict[str, Any]:
             remedy="Make one with: kfgen emit MODEL --target c -o DIR",
         ) from None
     except (ValueError, RecursionError) as error:
-        raise InputError(f"it is no JSON: {error}", where=str(path)) from None
+        raise InputError(
+            f"it is no JSON: {error}", where=str(path), remedy="Emit the filter again into a new folder"
+        ) from None
     if (
         not isinstance(manifest, dict)
         or manifest.get("format") != FORMAT
@@ -205,7 +207,9 @@ def _manifest(folder: Path) -> dict[str, Any]:
         or not all(isinstance(name, str) for name in manifest["files"])
         or manifest.get("target") not in targets()
     ):
-        raise InputError("it is no manifest of kfgen", where=str(path))
+        raise InputError(
+            "it is no manifest of kfgen", where=str(path), remedy="Emit the filter again into a new folder"
+        )
     return manifest
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.emit.align import HEADING
 from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
@@ -111,7 +112,14 @@ def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tupl
         values = (
             [1.0 / discrete.rate] if a.name == "dt" else [log.channels[c].values[k] for c in places[a.name]]
         )
-        row += [float(np.float32(v)) for v in values]
+        with np.errstate(over="ignore"):
+            row += [float(np.float32(v)) for v in values]
+        if np.isinf(row).any():
+            raise InputError(
+                f"the samples of {a.name} are beyond single precision, in which the code is proven",
+                where=discrete.model.name,
+                remedy="Check the sizes and units of the model",
+            )
     return tuple(row)
 
 

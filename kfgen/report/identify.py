@@ -25,6 +25,9 @@ from kfgen.report.page import (
 )
 from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture
 
+SHOWN_BOUND = 10.0
+"""Relative standard deviation from which a record says nothing of a parameter [1]."""
+
 
 def identify_answer(found: Identification) -> Answer:
     """Text, JSON and page of what was identified."""
@@ -94,7 +97,7 @@ def _bound(bound: float | None) -> str:
     """The Cramér-Rao bound in words."""
     if bound is None:
         return ""
-    return f"bound {100 * bound:.2g} %" if np.isfinite(bound) else "no bound: the record does not show it"
+    return f"bound {100 * bound:.2g} %" if bound < SHOWN_BOUND else "no bound: the record does not show it"
 
 
 def one_line(channel: IdentifiedChannel) -> str:

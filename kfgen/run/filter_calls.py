@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.units import MAX_QUANTITY
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
@@ -51,7 +52,7 @@ class FilterCalls:
     Raises
     ------
     InputError
-        An input is missing or not a number, or no sensor is in the log.
+        An input is missing or not a number, a sample is too large for any sensor, or no sensor is in the log.
     """
 
     program: Program
@@ -70,6 +71,7 @@ class FilterCalls:
                 where="start",
                 remedy=f"It stores {', '.join(self.program.discrete.nominal_names)}",
             )
+        self._check_sizes()
         _ = self.inputs
         self._check_rate()
         if not self._samples:
@@ -78,6 +80,16 @@ class FilterCalls:
                 where=self.log.source,
                 remedy="It knows " + ", ".join(c for s in model.sensors for c in s.channels),
             )
+
+    def _check_sizes(self) -> None:
+        """One sample whose square is no number would leave no estimate after it that is one."""
+        for name, channel in self.log.channels.items():
+            if (np.abs(channel.values) > MAX_QUANTITY).any():
+                raise InputError(
+                    f"channel {name} has samples beyond anything that is measured",
+                    where=self.log.source,
+                    remedy="Check the column and its unit",
+                )
 
     def _check_rate(self) -> None:
         """A filter that keeps samples of an input counts its delay in periods of its own rate."""

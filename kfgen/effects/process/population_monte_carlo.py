@@ -110,7 +110,7 @@ def _law(points: Array, w: Array) -> tuple[Array, Array]:
     mean = p @ points
     d = points - mean
     covariance = (p[:, None] * d).T @ d * MIN_EFFECTIVE_DRAWS / (MIN_EFFECTIVE_DRAWS - 1.0)
-    # Points may have coordinates of any sizes, and lie in a plane.
+    # Points may lie in a plane; coordinates are logarithms, or in units of what they may be.
     return np.asarray(mean), np.asarray(covariance + 1e-8 * (np.eye(k) + np.diag(np.diag(covariance))))
 
 

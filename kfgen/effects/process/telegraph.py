@@ -201,13 +201,13 @@ class Cells:
             -1, 2
         )
         deviation = np.tile(self.deviation, (len(levels), 1))
-        deviation[:, 0] = MIDDLE_SD_OVER_SIZE * np.exp(levels[:, 0])
+        deviation[:, 0] = MIDDLE_SD_OVER_SIZE * np.exp(levels[:, 0]) / self.still
         drawn = np.random.default_rng(0).standard_normal(deviation.shape)
         return np.column_stack([levels, self.noise + deviation * drawn])
 
     @property
     def noise(self) -> Array:
-        """About where the middle [SI] and the logarithms of the levels of the noise are, shape (2,) or (3,)."""
+        """About where the middle [`still`] and the logarithms of the levels of the noise are, shape (2,) or (3,)."""
         loud = 0.5 * float(np.log(self.power / self.rest)) if self.rest else 0.0
         return np.array([0.0, loud, 0.0])[: 2 + bool(self.switching.slow.order)]
 
@@ -215,7 +215,7 @@ class Cells:
     def deviation(self) -> Array:
         """Standard deviations of `noise` without levels, shape (2,) or (3,)."""
         free = 1.0 / float(np.sqrt(2.0 * (self.rest + self.switching.mean.size)))
-        return np.array([self.still, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
+        return np.array([1.0, free, self.wander[1]])[: 2 + bool(self.switching.slow.order)]
 
     def noise_starts(self) -> Array:
         """Points about the noise of the fast ordinates, and about that of a fit to all, shape (p, 2 or 3)."""
@@ -246,11 +246,11 @@ class Cells:
         return self.gain(np.column_stack([np.full((len(noise), 2), (-np.inf, self.longest)), noise]))
 
     def point(self, x: Array) -> SwitchingParameters:
-        """From log size, log dwell, middle, log of the white level and, where there is slow noise, of its level."""
+        """From log size, log dwell, middle [`still`], log of the white level and, where there is slow noise, of its level."""
         size, dwell, loud, wander = np.exp(
             [x[:, 0], x[:, 1], x[:, 3], x[:, 4] if x.shape[1] > 4 else 0.0 * x[:, 3]]
         )
-        return SwitchingParameters(size, dwell, x[:, 2], loud, wander)
+        return SwitchingParameters(size, dwell, self.still * x[:, 2], loud, wander)
 
     def gain(self, x: Array) -> Array:
         """Log-likelihood and log prior of the noise's levels [nats], up to a constant, at points, shape (p, 4 or 5)."""

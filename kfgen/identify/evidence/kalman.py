@@ -137,26 +137,26 @@ class Chain:
         )
         L, Q = system.steps(pairs, white, self.dt)
         k, m = system.order, self.count.size
-        M, L = np.linalg.inv(Q)[kind], L[kind]
-        logdet = float(np.linalg.slogdet(Q)[1][kind].sum())
+        M = np.linalg.inv(Q)
+        logdet = float(np.linalg.slogdet(Q)[1] @ np.bincount(kind, minlength=len(Q)))
         ML = M @ L
         H = np.swapaxes(L, 1, 2) @ ML
-        b = -ML[:, k, :, None] * self.y[:, None, :]
-        c = np.einsum("m,mi,mj->ij", M[:, k, k], self.y, self.y)
+        b = -ML[kind, k, :, None] * self.y[:, None, :]
+        c = (M[kind, k, k] * self.y.T) @ self.y
         if not k:
             return logdet, c
         P0 = np.linalg.inv(system.start)
-        band = np.zeros((2 * k, (m + 1) * k))
+        band = np.zeros((2 * k, (m + 1) * k), order="F")
         for i in range(2 * k):
             for j in range(i + 1):
-                band[i - j, j : j + m * k : k] += H[:, i, j]
+                band[i - j, j : j + m * k : k] += H[kind, i, j]
         for i in range(k):
             for j in range(i + 1):
                 band[i - j, j] += P0[i, j]
-        rhs = np.zeros(((m + 1) * k, self.y.shape[1]))
+        rhs = np.zeros(((m + 1) * k, self.y.shape[1]), order="F")
         rhs[: m * k] += b[:, :k].reshape(m * k, -1)
         rhs[k:] += b[:, k:].reshape(m * k, -1)
-        factor = cholesky_banded(band, lower=True, check_finite=False)
+        factor = cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False)
         solved = cho_solve_banded((factor, True), rhs, check_finite=False)
         logdet += 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(system.start)[1])
         G = c - rhs.T @ solved

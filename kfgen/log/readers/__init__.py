@@ -77,14 +77,28 @@ def read_log(
     Raises
     ------
     InputError
-        The file is missing, empty, of an unknown format or broken; the message names the place.
+        The file is missing, empty, of an unknown format, broken or too long for memory; the message names the place.
     MissingExtra
         The library that reads the format is not installed.
     """
     if not isinstance(path, str | os.PathLike):
         return assemble(frame_table(path), map_of(columns), rate, "")
     table, sha256 = read_table(Path(path), rate, LogChoice(topic, instance))
+    if _is_too_long(table):
+        raise InputError(
+            f"a channel has more than the {MAX_SAMPLES_IN_MEMORY:,} samples that are held in memory",
+            where=str(path),
+            remedy="Give a part of the log; kfgen identify reads a log of any length",
+        )
     return assemble(table, map_of(columns), rate, sha256)
+
+
+def _is_too_long(table: LogTable) -> bool:
+    """Whether a channel of a mapped file is not read into memory."""
+    return any(
+        isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
+        for c in table.columns.values()
+    )
 
 
 def read_long(
@@ -121,11 +135,7 @@ def read_long(
         As `read_log`.
     """
     table, sha256 = read_table(Path(path), rate, LogChoice(topic, instance))
-    long = any(
-        isinstance(c.values, np.memmap) and c.values.size > MAX_SAMPLES_IN_MEMORY
-        for c in table.columns.values()
-    )
-    return (stored if long else assemble)(table, map_of(columns), rate, sha256)
+    return (stored if _is_too_long(table) else assemble)(table, map_of(columns), rate, sha256)
 
 
 def recording_of(path: Path, choice: LogChoice = ANY) -> LogRecording | None:

@@ -222,8 +222,8 @@ def _loaded(rows: list[str], separator: str) -> NDArray[np.float64]:
 
 
 def _filled(row: str, separator: str) -> str:
-    """A row in which an empty cell is no number: channels of several rates share a file so."""
-    return separator.join(c or "nan" for c in _cells(row, separator)) if separator else row
+    """A row without quotation marks, in which an empty cell is no number: channels of several rates share a file so."""
+    return separator.join(c or "nan" for c in _cells(row, separator)) if separator else row.replace('"', "")
 
 
 def _explain(path: Path, rows: list[str], first: int, separator: str, names: list[str]) -> None:
