@@ -37,12 +37,14 @@ from kfgen.gap.scene.noise_scale import scaled
 from kfgen.gap.scene.scene import Placed
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.words import refused_sentence
+from kfgen.identify.screening.motion import motion_in
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
 from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import is_filter_file
 from kfgen.model.plant.user import FORMAT, UserModel, read_model
+from kfgen.run.filter_log import as_named_by
 
 Model = NoiseModel | UserModel | FilterModel
 
@@ -99,6 +101,7 @@ def _found(
         _refuse(others, name)
         return _plant(assumed, data[0])
     if isinstance(assumed, FilterModel):
+        data = [as_named_by(assumed, data[0])]
         flown = _beside_references(name, assumed, data[0], wanted) or _in_flight(name, assumed, data[0])
         if flown is not None:
             _refuse(others, data[0].source)
@@ -110,6 +113,14 @@ def _found(
     if moving is not None:
         _refuse(others, data[0].source)
         return replace(moving, warnings=(*warnings, *moving.warnings))
+    if how := motion_in(data[0], names):
+        if isinstance(assumed, FilterModel):
+            raise InputError(
+                f"the sensors moved ({how}), and the log has no reference and no sensor that aids {name} in motion",
+                where=data[0].source,
+                remedy="Log GNSS, a barometer of the filter or a reference beside them, or log them at rest",
+            )
+        warnings.append(f"the sensors moved ({how}), and this motion counts as noise here: log them at rest")
     return _at_rest(noise, data[0], names, others, warnings)
 
 

@@ -258,14 +258,14 @@ def check_sentences(checks: Checks) -> list[str]:
 def refused_sentence(refused: Sequence[Refused]) -> str:
     """What was not added in spite of its evidence, and why: the best few by name."""
     best = sorted(refused, key=lambda r: -r.evidence_nats)
-    known = catalogue()
-    said = [
-        f"{known[r.effect].title if r.effect in known else r.effect}{f' of {r.where}' if r.where else ''} "
-        f"(evidence of {r.evidence_nats:.3g} nats; {r.why})"
-        for r in best[:MAX_REFUSED_SAID]
-    ]
-    more = f", and {len(best) - len(said)} more" if len(best) > len(said) else ""
-    return f"{', '.join(said)}{more}: not added, for no unseen data prove it. Log again to see whether it is there"
+    by_reason: dict[str, list[str]] = {}
+    for r in best[:MAX_REFUSED_SAID]:
+        title = catalogue()[r.effect].title if r.effect in catalogue() else r.effect
+        where = f" of {r.where}" if r.where else ""
+        by_reason.setdefault(r.why, []).append(f"{title}{where} ({r.evidence_nats:.3g} nats)")
+    said = "; ".join(f"{', '.join(names)}: {why}" for why, names in by_reason.items())
+    more = f"; and {len(best) - MAX_REFUSED_SAID} more" if len(best) > MAX_REFUSED_SAID else ""
+    return f"Not added in spite of the evidence: {said}{more}"
 
 
 def limit_words(m: DetectionLimit) -> tuple[str, str]:

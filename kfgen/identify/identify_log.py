@@ -23,6 +23,7 @@ from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identification import Identification, IdentifiedChannel
 from kfgen.identify.identify import identify as identify_record
+from kfgen.identify.screening.motion import motion_in
 from kfgen.log.log import Channel, Log, StoredLog
 from kfgen.log.readers import read_long
 
@@ -79,8 +80,13 @@ def identify(
         for k, name in enumerate(counted(names, "channels", alike=False)):
             with time_budget(parts=len(names) - k):
                 found[name] = _identify_channel(data, name, wanted, method)
+    moving = [how for d in data if isinstance(d, Log) and (how := motion_in(d, names))]
     warnings = [
         *(w for d in data for w in d.warnings),
+        *(
+            f"the sensors moved ({how}), and this motion counts as noise here: log them at rest"
+            for how in moving
+        ),
         *said,
         *(f"{name}: {w}" for name, c in found.items() for w in c.warnings),
         *budget.warnings,

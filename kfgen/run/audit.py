@@ -20,6 +20,7 @@ from kfgen.manoeuvre.file import manoeuvre
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.filter import FilterModel
+from kfgen.run.filter_log import as_named_by
 from kfgen.run.run import program_over, run
 
 
@@ -84,7 +85,7 @@ def audit(  # noqa: PLR0913 - the choices of one command
 
 def _over_log(model: FilterModel, log: LogOrPath) -> Audited:
     """The covariance of the filter that runs over a log, with the sensors that the log has."""
-    recorded = log_of(log)
+    recorded = as_named_by(model, log_of(log))
     result = run(program_over(model, recorded), recorded)
     present = tuple(s for s in model.sensors if s.name in result.sensors)
     name = Path(recorded.source).name or recorded.source

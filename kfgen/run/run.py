@@ -21,6 +21,7 @@ from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 from kfgen.run.adaptive.rules import rule_named
 from kfgen.run.filter_calls import FilterCalls, rates_in
+from kfgen.run.filter_log import as_named_by
 
 Array = NDArray[np.float64]
 
@@ -205,8 +206,9 @@ def run(  # noqa: PLR0913 - what a user may choose
         As in `kfgen.build`; an input is missing or not a number, no sensor is in the log, or no such rule. Smoothed: the
         filter adapts, has no state, diverges, or the log is too long for the memory.
     """
-    log = log_of(log)
-    program = model if isinstance(model, Program) else program_over(model, log, noise)
+    built = model.discrete.model if isinstance(model, Program) else filter_of(model, noise)
+    log = as_named_by(built, log_of(log))
+    program = model if isinstance(model, Program) else program_over(built, log)
     if adaptive is not None:
         from kfgen.run.adaptive.wrapper import adapted
 

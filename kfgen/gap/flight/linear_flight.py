@@ -117,7 +117,8 @@ class LinearFlight:
     @property
     def nats_of_readings(self) -> Array:
         """Log-likelihood of every reading given those before it, up to a constant, shape (rows,)."""
-        return np.asarray(-0.5 * (self.e**2 / self.S + np.log(self.S)))
+        with np.errstate(invalid="ignore"):  # of a filter that diverges they are no numbers
+            return np.asarray(-0.5 * (self.e**2 / self.S + np.log(self.S)))
 
     @property
     def log_likelihood(self) -> float:

@@ -56,6 +56,8 @@ UnitOf = Callable[[Placed], str]
 
 MIN_TESTED_ORDINATES = 64
 """Of a channel, below which nothing is tested."""
+MAX_FOLLOWED_SIGMAS = 10.0
+"""Root mean square of normalised innovations beyond which the filter does not follow its readings, whatever is added."""
 MIN_BAND_FREEDOM = 0.5
 """Degrees of freedom that the fit leaves to a band, below which its power is not tested."""
 
@@ -179,6 +181,11 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
     if stand_ins or any(t.significant for t in after):
         verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
+    rms = tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist()))
+    lost = _not_followed(rms) if isinstance(scene, HasNoiseSizes) else ""
+    if lost:
+        stand_ins += tuple(Refused(f.name, f.where, f.evidence_nats, lost) for f in findings)
+        verdict, findings, sizes = UNKNOWN_EFFECT, (), ()
     constant_inputs = scene.constant_inputs if isinstance(scene, HasInputs) else ()
     if (
         verdict == UNKNOWN_EFFECT
@@ -198,7 +205,7 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         span_s=scene.span,
         limits=_limits(answer.likelihood, found.fit, unit_of),
         noise_scales=sizes,
-        rms=tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist())),
+        rms=rms,
         unknowns=_unknowns(scene, fit),
         constant_inputs=constant_inputs,
         refused=(*found.refused, *stand_ins),
@@ -206,6 +213,17 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         scene=scene,
         assumed=found.assumed,
         fit=fit,
+    )
+
+
+def _not_followed(rms: Sequence[tuple[str, float, float]]) -> str:
+    """Why no effect is named where a filter does not follow its readings at all; empty where it does."""
+    channel, _, worst = max(rms, key=lambda r: r[2], default=("", 0.0, 0.0))
+    if worst < MAX_FOLLOWED_SIGMAS:
+        return ""
+    return (
+        f"the filter does not follow {channel}: its readings are {worst:.0f} standard deviations from what the filter "
+        "expects, so check its axes, signs and unit"
     )
 
 

@@ -21,6 +21,7 @@ from kfgen.gap.scene.scene import ScenePoint
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, filter_file, filter_of
 from kfgen.model.filter_file import FilterFile
+from kfgen.run.filter_log import as_named_by
 
 LEARNT_SHARE = 0.7
 """Share of the readings, the first, by whose sizes the others are judged."""
@@ -106,7 +107,8 @@ def tune(model: ModelSource, log: LogOrPath) -> Tuning:
     InputError
         The log has no aiding sensor of the filter, is too short or too slow, or the filter diverges over it.
     """
-    built, data = filter_of(model), log_of(log)
+    built = filter_of(model)
+    data = as_named_by(built, log_of(log))
     flight = flight_scene(data, built)
     if flight is None:
         raise InputError(
