@@ -100,7 +100,7 @@ def test_what_makes_it_worse_is_not_added() -> None:
     found = motor(1, 0.05)
     assert found.verdict == "unknown_effect"
     assert found.gap.after <= found.gap.before
-    assert "not added" in " ".join(found.warnings)
+    assert "Not added" in " ".join(found.warnings)
     assert found.to_dict()["refused"]
 
 

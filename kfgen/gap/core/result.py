@@ -80,13 +80,17 @@ class Finding:
         )
 
 
-def beside_misfit(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings in a model that leaves more than noise: none is more probable than such a model can say, but faults, which are seen.
+def weighed(findings: Sequence[Finding], *, is_doubtful: bool) -> tuple[Finding, ...]:
+    """Findings as probable as the updated model allows; faults are seen, and stay as they are.
 
     Parameters
     ----------
     findings : sequence of Finding
+    is_doubtful : bool
+        Whether the updated model leaves more than noise.
     """
+    if not is_doubtful:
+        return tuple(findings)
     limit = MAX_PROBABILITY_BESIDE_MISFIT
     return tuple(
         f if isinstance(f.effect, Fault) else replace(f, probability=min(f.probability, limit))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from kfgen.gap.core.result import (
     Checks,
     DetectionLimit,
     Finding,
-    beside_misfit,
+    weighed,
 )
 from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
@@ -114,11 +115,9 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    if any(t.significant for t in after):
-        findings = list(beside_misfit(findings))
-    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
-    clean = base.problem.record
-    assert isinstance(clean, Record)
+    seen = [fault_finding(f, channel, record, noise.unit) for f in faults]
+    findings = [*seen, *weighed(findings, is_doubtful=any(t.significant for t in after))]
+    clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),
         unit=noise.unit,

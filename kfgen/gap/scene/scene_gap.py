@@ -21,7 +21,7 @@ from kfgen.gap.core.result import (
     Finding,
     NoiseScale,
     OutageDrift,
-    beside_misfit,
+    weighed,
 )
 from kfgen.gap.core.search import Chosen, Refused
 from kfgen.gap.core.whitener import Whitener
@@ -180,7 +180,7 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     )
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
     if stand_ins or any(t.significant for t in after):
-        verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
+        verdict, findings = UNKNOWN_EFFECT, weighed(findings, is_doubtful=True)
     rms = tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist()))
     lost = _not_followed(rms) if isinstance(scene, HasNoiseSizes) else ""
     if lost:

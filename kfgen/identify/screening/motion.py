@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ MIN_TURN_RAD = np.radians(3.0)
 """Turn of gravity in the axes of accelerometers that no bias makes."""
 MIN_RATE_RAD_S = np.radians(2.0)
 """Range of averaged rates that no drift of a gyro makes."""
+MIN_SIGMAS = 8.0
+"""Range, in standard deviations of an average by chance, below which it is the noise of the readings."""
 MIDDLE = (5.0, 95.0)
 """Percentiles between which averages count: a knock on the bench is no motion."""
 
@@ -40,39 +43,51 @@ def motion_in(log: Log, channels: Collection[str]) -> str:
         return ""
     f = [_averages(log, f"accel_{a}", "m/s^2") for a in AXES]
     if all(x is not None for x in f):
-        turn = _turn(np.column_stack([x for x in f if x is not None]))
-        if turn > MIN_TURN_RAD:
+        turn, chance = _turn(np.column_stack([x.y for x in f if x is not None]), max(x.sd for x in f if x))
+        if turn > max(MIN_TURN_RAD, MIN_SIGMAS * chance):
             return f"gravity turns by {np.degrees(turn):.0f} deg in the axes of the accelerometers"
     for name in (f"gyro_{a}" for a in AXES):
         w = _averages(log, name, "rad/s")
-        if w is None or not np.isfinite(w).any():
+        if w is None or not np.isfinite(w.y).any():
             continue
-        low, high = np.nanpercentile(w, MIDDLE)
-        if high - low > MIN_RATE_RAD_S:
+        low, high = np.nanpercentile(w.y, MIDDLE)
+        if high - low > max(MIN_RATE_RAD_S, MIN_SIGMAS * w.sd):
             return f"{name} turns at {np.degrees(low):.3g} to {np.degrees(high):.3g} deg/s"
     return ""
 
 
-def _averages(log: Log, name: str, unit: str) -> Array | None:
-    """Means of a channel over a second each; None where it is not there or has another unit."""
+@dataclass(frozen=True)
+class _Averages:
+    """Means of a channel over a second each, shape (m,), and their standard deviation by what is inside a second."""
+
+    y: Array
+    sd: float
+
+
+def _averages(log: Log, name: str, unit: str) -> _Averages | None:
+    """None of a channel that is not there or has another unit."""
     if name not in log.channels or not parse_unit(log.channels[name].unit).same_dimension(parse_unit(unit)):
         return None
-    y = log.values(name)
+    y = log.channels[name].values
     block = ((log.t - log.t[0]) / AVERAGED_S).astype(np.int64)
-    there = np.isfinite(y)
-    count = np.bincount(block[there], minlength=int(block[-1]) + 1)
-    total = np.bincount(block[there], weights=y[there], minlength=int(block[-1]) + 1)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+    there, blocks = np.isfinite(y), int(block[-1]) + 1
+    count = np.bincount(block[there], minlength=blocks)
+    total = np.bincount(block[there], weights=y[there], minlength=blocks)
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    inside = y[there] - mean[block[there]]
+    freedom = max(int(there.sum()) - int((count > 0).sum()), 1)
+    usual = max(float(np.median(count[count > 0])), 1.0) if there.any() else 1.0
+    return _Averages(np.asarray(mean), float(np.sqrt(inside @ inside / freedom / usual)))
 
 
-def _turn(f: Array) -> float:
-    """Angle from the usual direction that few of the averages exceed [rad]."""
+def _turn(f: Array, sd: float) -> tuple[float, float]:
+    """Angle from the usual direction that few of the averages exceed, and the standard deviation of one by chance [rad]."""
     f = f[np.isfinite(f).all(axis=1)]
     size = np.linalg.norm(f, axis=1)
     f = f[size > 0.0] / size[size > 0.0, None]
     if f.shape[0] < MIN_AVERAGES:
-        return 0.0
+        return 0.0, 0.0
     usual = np.median(f, axis=0)
     usual /= max(float(np.linalg.norm(usual)), 1e-300)
-    return float(np.percentile(np.arccos(np.clip(f @ usual, -1.0, 1.0)), MIDDLE[1]))
+    turn = float(np.percentile(np.arccos(np.clip(f @ usual, -1.0, 1.0)), MIDDLE[1]))
+    return turn, sd / float(np.median(size[size > 0.0]))
