@@ -108,11 +108,20 @@ def test_nothing_random_is_found_in_a_clean_flight() -> None:
     assert all(f.evidence < 5.0 for f in scene.likely_random_errors(fit.point))
 
 
+def test_a_random_walk_is_named() -> None:
+    found = kf.find_gap(log_of(("rate_random_walk", "gyro_z", {"K": 3e-3}), duration=40.0), model())
+    top = found.findings[0]
+    assert found.verdict == "effects_found"
+    assert (top.name, top.where) == ("rate_random_walk", "gyro_z")
+    assert top.ci95["K"][0] < 3e-3 < top.ci95["K"][1]
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "where", "values"),
     [
         ("rate_random_walk", "gyro_z", {"K": 6e-4}),
-        pytest.param("gauss_markov", "gnss_v_E", {"sigma": 0.1, "tau": 5.0}, marks=pytest.mark.long),
+        ("gauss_markov", "gnss_v_E", {"sigma": 0.1, "tau": 5.0}),
     ],
 )
 def test_a_random_error_is_named_and_the_updated_filter_has_no_gap(
