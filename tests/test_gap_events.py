@@ -198,6 +198,7 @@ def test_a_constant_is_no_noise_that_changes() -> None:
     assert [f.effect.name for f in gap.findings] == ["noise_change"]
 
 
+@pytest.mark.long
 def test_levels_are_distinguished_from_the_slow_noise_that_is_assumed() -> None:
     """A bias of 0.3 over 50 s, and levels 0.7 apart for 15 s: their spectra are alike, their laws are not."""
     rng = np.random.default_rng([2, 17])

@@ -46,6 +46,7 @@ def line_of(text: str, *parts: str) -> str:
     return lines[0]
 
 
+@pytest.mark.long
 def test_a_ranger_whose_header_is_wrong(said: Callable[..., str]) -> None:
     """200 244 samples in the 3600 s of its header are 55.62 Hz, not 50."""
     text = said("ranger_rate", "ranger", "static/tof_vl53l0x_1h.npz")

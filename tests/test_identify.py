@@ -219,6 +219,7 @@ def test_intervals_of_white_and_gauss_markov_cover() -> None:
     assert (np.sqrt((errors**2).mean(axis=0)) < 1.5 * np.array(bounds)).all()
 
 
+@pytest.mark.long
 def test_a_day_of_all_three_is_at_the_bound() -> None:
     """1e5 samples at 1 Hz: the bounds of 27.8 h. 16 logs; each limit is passed by chance less than once in 500.
 

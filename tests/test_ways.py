@@ -66,10 +66,10 @@ def cores() -> list[str]:
 WAYS: list[Any] = [
     pytest.param("ins15", {"frame": "ecef"}, {"form": "p"}, marks=pytest.mark.long),
     pytest.param("ins15", {"frame": "ecef"}, {"form": "ud"}, marks=pytest.mark.long),
-    ("ins15", {"lever_arm": "state"}, {"form": "ud"}),
+    pytest.param("ins15", {"lever_arm": "state"}, {"form": "ud"}, marks=pytest.mark.long),
     pytest.param("ins15", {"delay": "0.2 s"}, {"form": "p"}, marks=pytest.mark.long),
     ("ins15", {}, {"form": "ud", "loops": True}),
-    ("ins15", {}, {"form": "p", "real": "double"}),
+    pytest.param("ins15", {}, {"form": "p", "real": "double"}, marks=pytest.mark.long),
     ("ahrs6", {"scale_factors": "true"}, {"form": "p"}),
     ("ahrs6", {"scale_factors": "true"}, {"form": "ud", "loops": True}),
     ("cart", {}, {"form": "p"}),
