@@ -13,7 +13,7 @@ from click.testing import Result
 import kfgen as kf
 from kfgen.core.errors import InputError
 from kfgen.log.readers.tables.clock import Clock
-from kfgen.report import channels
+from kfgen.report.figures import channels
 from kfgen.report.plots import Line
 
 Call = Callable[..., Result]

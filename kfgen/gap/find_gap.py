@@ -37,7 +37,7 @@ from kfgen.gap.scene.noise_scale import scaled
 from kfgen.gap.scene.scene import Placed
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.words import refused_sentence
-from kfgen.identify.screening.motion import motion_in
+from kfgen.identify.screening.motion import COUNTS_AS_NOISE, motion_in
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
 from kfgen.model.build import build, filter_file
@@ -120,7 +120,7 @@ def _found(
                 where=data[0].source,
                 remedy="Log GNSS, a barometer of the filter or a reference beside them, or log them at rest",
             )
-        warnings.append(f"the sensors moved ({how}), and this motion counts as noise here: log them at rest")
+        warnings.append(COUNTS_AS_NOISE.format(how=how))
     return _at_rest(noise, data[0], names, others, warnings)
 
 

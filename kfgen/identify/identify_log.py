@@ -23,7 +23,7 @@ from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identification import Identification, IdentifiedChannel
 from kfgen.identify.identify import identify as identify_record
-from kfgen.identify.screening.motion import motion_in
+from kfgen.identify.screening.motion import COUNTS_AS_NOISE, motion_in
 from kfgen.log.log import Channel, Log, StoredLog
 from kfgen.log.readers import read_long
 
@@ -83,10 +83,7 @@ def identify(
     moving = [how for d in data if isinstance(d, Log) and (how := motion_in(d, names))]
     warnings = [
         *(w for d in data for w in d.warnings),
-        *(
-            f"the sensors moved ({how}), and this motion counts as noise here: log them at rest"
-            for how in moving
-        ),
+        *(COUNTS_AS_NOISE.format(how=how) for how in moving),
         *said,
         *(f"{name}: {w}" for name, c in found.items() for w in c.warnings),
         *budget.warnings,

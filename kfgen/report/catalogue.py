@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from kfgen.log.contents import CHANNEL_HEAD, TOPIC_HEAD, Contents, contents
-from kfgen.report.channels import channel_parts
+from kfgen.report.figures.channels import channel_parts
 from kfgen.report.page import Answer, Page, PagePart, columns, heading, sentence, source_words, table
 
 

@@ -23,7 +23,7 @@ from kfgen.gap.words import (
     size_words,
     verdict_sentence,
 )
-from kfgen.report.gap_figures import figures
+from kfgen.report.figures.gap_figures import figures
 from kfgen.report.page import (
     Answer,
     Page,

@@ -17,9 +17,9 @@ from kfgen.identify.identification import Identification
 from kfgen.identify.plan import RecordPlan
 from kfgen.report.audit import audit_picture
 from kfgen.report.denoise import denoise_picture
+from kfgen.report.figures.gap_figures import figures
 from kfgen.report.filter import run_picture
 from kfgen.report.fleet import fleet_pictures
-from kfgen.report.gap_figures import figures
 from kfgen.report.identify import panel
 from kfgen.report.plan import between_picture, plan_picture
 from kfgen.report.plots import Picture, panels_picture

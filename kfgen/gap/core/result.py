@@ -80,17 +80,13 @@ class Finding:
         )
 
 
-def weighed(findings: Sequence[Finding], *, is_doubtful: bool) -> tuple[Finding, ...]:
-    """Findings as probable as the updated model allows; faults are seen, and stay as they are.
+def beside_misfit(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings as probable as a model allows that leaves more than noise; faults are seen, and stay as they are.
 
     Parameters
     ----------
     findings : sequence of Finding
-    is_doubtful : bool
-        Whether the updated model leaves more than noise.
     """
-    if not is_doubtful:
-        return tuple(findings)
     limit = MAX_PROBABILITY_BESIDE_MISFIT
     return tuple(
         f if isinstance(f.effect, Fault) else replace(f, probability=min(f.probability, limit))

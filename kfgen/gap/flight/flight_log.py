@@ -80,10 +80,8 @@ class FlightLog:
     @cached_property
     def measured(self) -> tuple[str, ...]:
         """The constants of the model that an alignment takes from the first samples: the log knows them no better."""
-        upright = (
-            (1.0, 0.0, 0.0),
-            (0.0, 0.0, 1.0),
-        )  # any reading: which constants it tells does not depend on it
+        # Any readings do: which constants they tell does not depend on them.
+        upright = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         shown = {n for a in self.aiding if a.sensor.at_rest == "north" for n in a.sensor.calibrated(*upright)}
         return tuple(c.name for c in self.discrete.model.constants if c.name in shown)
 

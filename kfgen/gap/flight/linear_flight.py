@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.flight.random_error import RandomError
+from kfgen.gap.flight.random.random_error import RandomError
 from kfgen.gap.flight.rows import Rows
 from kfgen.model.filter_equations import FilterEquations
 

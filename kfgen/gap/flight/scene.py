@@ -21,12 +21,12 @@ from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
-from kfgen.gap.flight.likely_random_errors import likely_random_errors
 from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
 from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.flight.random_course import not_random
+from kfgen.gap.flight.random.likely_random_errors import likely_random_errors
+from kfgen.gap.flight.random.random_course import not_random
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors

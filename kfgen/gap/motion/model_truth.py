@@ -73,10 +73,10 @@ def model_truth(log: Log, model: FilterModel) -> ModelTruth | None:
     states = recorded_states(log, model)
     constants = {n: float(v[0]) for n, v in states.items()}
     moving = {n for b in model.noise_driven_blocks[0] for n in b.nominal_names}
-    random_error = {n: v for n, v in states.items() if n in moving}
+    wander = {n: v for n, v in states.items() if n in moving}
     drive = recorded(log)
     rates = at_every_sample(discrete)
-    scene = TrueScene(discrete, motion, constants, random_error, rates, drive, samples_are=log.samples)
+    scene = TrueScene(discrete, motion, constants, wander, rates, drive, samples_are=log.samples)
     parts: tuple[Part, ...] = (*model.motion.inputs, *model.sensors)
     known = [p for p in parts if any(c in log.channels for c in p.channels)]
     if not known:

@@ -20,7 +20,7 @@ from kfgen.gap.core.result import (
     Checks,
     DetectionLimit,
     Finding,
-    weighed,
+    beside_misfit,
 )
 from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
@@ -115,8 +115,8 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    seen = [fault_finding(f, channel, record, noise.unit) for f in faults]
-    findings = [*seen, *weighed(findings, is_doubtful=any(t.significant for t in after))]
+    named = beside_misfit(findings) if any(t.significant for t in after) else findings
+    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *named]
     clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),

@@ -34,7 +34,7 @@ UNRIVALLED_EVIDENCE_NATS = 40.0
 """Evidence that such a name keeps beside the others, above which it is not judged anew."""
 LINE = "sinusoid"
 ONE_LINE_MAX_INVERSE_RECORDS = 40.0
-"""Distance of two lines, in inverse lengths of the record, within which they may be one that random_errors."""
+"""Distance of two lines, in inverse lengths of the record, within which they may be one that wanders."""
 ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
 """Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
 SHAPE_MIN_PROBABILITY = 1e-12

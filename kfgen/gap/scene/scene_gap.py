@@ -21,7 +21,7 @@ from kfgen.gap.core.result import (
     Finding,
     NoiseScale,
     OutageDrift,
-    weighed,
+    beside_misfit,
 )
 from kfgen.gap.core.search import Chosen, Refused
 from kfgen.gap.core.whitener import Whitener
@@ -168,23 +168,14 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     after, noise_scales = _updated_tests(answer)
     levels = levels_in(scene, noise_scales)
     sizes = (*noise_scales, *(scene.noise_scales if isinstance(scene, HasNoiseSizes) else ()))
-    sd = _deviations(answer)
-    said = scene.said if isinstance(scene, Telling) else ()
-    findings = (
-        *(_fault_finding(f, unit_of) for f in said),
-        *(_finding(answer, a, i, sd, unit_of) for i, a in enumerate(found.added)),
-        *(_random_finding(w, unit_of) for w in answer.random_errors if not w.objection),
-    )
-    stand_ins = tuple(
-        Refused(*w.fitted.label, w.gain, w.objection) for w in answer.random_errors if w.objection
-    )
+    findings = _findings(answer, unit_of)
+    refused = [*found.refused, *_stand_ins(answer)]
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
-    if stand_ins or any(t.significant for t in after):
-        verdict, findings = UNKNOWN_EFFECT, weighed(findings, is_doubtful=True)
+    if any(w.objection for w in answer.random_errors) or any(t.significant for t in after):
+        verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
     rms = tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist()))
-    lost = _not_followed(rms) if isinstance(scene, HasNoiseSizes) else ""
-    if lost:
-        stand_ins += tuple(Refused(f.name, f.where, f.evidence_nats, lost) for f in findings)
+    if isinstance(scene, HasNoiseSizes) and (why := _not_followed(rms)):
+        refused += [Refused(f.name, f.where, f.evidence_nats, why) for f in findings]
         verdict, findings, sizes = UNKNOWN_EFFECT, (), ()
     constant_inputs = scene.constant_inputs if isinstance(scene, HasInputs) else ()
     if (
@@ -208,12 +199,28 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         rms=rms,
         unknowns=_unknowns(scene, fit),
         constant_inputs=constant_inputs,
-        refused=(*found.refused, *stand_ins),
+        refused=tuple(refused),
         outages=_outages(answer) if findings or sizes else (),
         scene=scene,
         assumed=found.assumed,
         fit=fit,
     )
+
+
+def _findings(answer: Answered, unit_of: UnitOf) -> tuple[Finding, ...]:
+    """Faults that were left out, the effects that were added, and the random errors whose course is one."""
+    sd = _deviations(answer)
+    said = answer.scene.said if isinstance(answer.scene, Telling) else ()
+    return (
+        *(_fault_finding(f, unit_of) for f in said),
+        *(_finding(answer, a, i, sd, unit_of) for i, a in enumerate(answer.found.added)),
+        *(_random_finding(w, unit_of) for w in answer.random_errors if not w.objection),
+    )
+
+
+def _stand_ins(answer: Answered) -> list[Refused]:
+    """Random errors that are in the noise, though their course is none of one."""
+    return [Refused(*w.fitted.label, w.gain, w.objection) for w in answer.random_errors if w.objection]
 
 
 def _not_followed(rms: Sequence[tuple[str, float, float]]) -> str:
@@ -283,17 +290,17 @@ def _finding(
     )
 
 
-def _random_finding(random_error: NamedRandomError, unit_of: UnitOf) -> Finding:
+def _random_finding(named: NamedRandomError, unit_of: UnitOf) -> Finding:
     """Of a random error that is in the noise."""
-    placed, label = random_error.fitted.placed, random_error.fitted.label
-    others = [(*other, p) for other, p in random_error.probabilities.items() if other != label]
+    placed, label = named.fitted.placed, named.fitted.label
+    others = [(*other, p) for other, p in named.probabilities.items() if other != label]
     return Finding(
         placed.effect,
         placed.where,
         unit_of(placed),
-        random_error.fitted.ci95,
-        random_error.probabilities.get(label, 1.0),
-        random_error.gain,
+        named.fitted.ci95,
+        named.probabilities[label],
+        named.gain,
         tuple(sorted(others, key=lambda other: -other[2])),
     )
 

@@ -1,6 +1,6 @@
 """Random errors of channels that a flight asks for: random walks and Gauss-Markov processes.
 
-All channels and correlation times are looked at in one backward pass: were a random error of a channel there, the products of
+All channels and correlation times are looked at by the same backward pass: were a random error of a channel there, the products of
 the innovations with what unit errors at single times do to them would be larger than by chance [1]_. How large they are by
 chance, of white innovations through the same pass, is known beforehand. The promising ones become states of the filter, and
 their sizes and times are those with which its innovations are most likely.
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.flight.random_error import random_error_of
+from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.scene.evidence import parameter_width
 from kfgen.gap.scene.random_error import FittedRandomError
 from kfgen.gap.scene.scene import Placed, Scene
@@ -64,8 +64,9 @@ def likely_random_errors(
     """
     starts = _screened(path, channels, residual, known)
     found = [_fitted(path.linear, path.log.dt, scene, s) for s in starts]
-    rarity = float(np.log(2 * len(channels) + 1))
-    found = [replace(f, evidence=f.evidence - rarity - f.placed.effect.prior_penalty_nats) for f in found]
+    choice = float(np.log(2 * len(channels) + 1))
+    costs = [choice + f.placed.effect.prior_penalty_nats for f in found]
+    found = [replace(f, evidence=f.evidence - c, occam=f.occam - c) for f, c in zip(found, costs)]
     return sorted(found, key=lambda f: -f.evidence)
 
 
@@ -84,14 +85,13 @@ def _screened(path: FlownPath, channels: Sequence[str], residual: Array, known: 
     more, variance = seen - np.mean(drawn, axis=0), np.maximum(np.var(drawn, axis=0), 1e-300)
     gain = np.where(more > 0.0, 0.5 * more**2 / variance, 0.0)
     promising = [i for i in np.argsort(-gain.max(axis=1)).tolist() if gain[i].max() > MIN_SCREEN_NATS]
-    best: dict[tuple[str, str], tuple[float, Placed | None]] = {}
+    best: dict[tuple[str, str], Placed] = {}
     for i in promising[:FITTED_CHANNELS]:
-        for k, unit in enumerate(_units()):
-            label = unit.name, channels[i]
-            if more[i, k] > 0.0 and gain[i, k] > best.get(label, (0.0, None))[0]:
-                size = float(np.sqrt(2.0 * more[i, k] / variance[i, k]))
-                best[label] = float(gain[i, k]), Placed(_sized(unit, size), channels[i])
-    return [p for _, p in best.values() if p is not None]
+        for k in np.argsort(gain[i]).tolist():  # the last of a kind stays
+            if more[i, k] > 0.0:
+                unit, size = _units()[k], float(np.sqrt(2.0 * more[i, k] / variance[i, k]))
+                best[unit.name, channels[i]] = Placed(_sized(unit, size), channels[i])
+    return list(best.values())
 
 
 def _sized(unit: Effect, size: float) -> Effect:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
-from kfgen.gap.flight.random_error import random_error_of
+from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.scene.scene import Placed
 

@@ -1,0 +1,1 @@
+"""The figures of pages, from results and logs."""
