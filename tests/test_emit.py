@@ -775,48 +775,6 @@ def test_the_package_files_say_what_they_are(tmp_path: Path) -> None:
     assert "add_library(ahrs6 INTERFACE)" in (folder / "CMakeLists.txt").read_text()
 
 
-DELAYED = """
-#include <stdio.h>
-#include <string.h>
-#define AHRS6_DELAY 5
-#include "ahrs6_delay.h"
-int main(void)
-{
-    static ahrs6_t prompt, late, now;
-    static ahrs6_delay_t delay;
-    const float z[3] = {0.1f, -0.2f, -9.7f};
-    (void)ahrs6_init(&prompt);
-    (void)ahrs6_init(&late);
-    ahrs6_delay_init(&delay);
-    for (int k = 0; k < 40; k++) {
-        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
-        if (k < 35) { (void)ahrs6_predict(&prompt, in.gyro, in.dt); }
-        (void)ahrs6_delay_predict(&late, &delay, &in);
-        if (k == 20) { (void)ahrs6_update_accel(&prompt, z); }
-        if (k == 25) { (void)ahrs6_update_accel(&late, z); }
-    }
-    const int behind = memcmp(&prompt, &late, sizeof prompt);
-    (void)ahrs6_delay_now(&late, &delay, &now);
-    for (int k = 35; k < 40; k++) {
-        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
-        (void)ahrs6_predict(&prompt, in.gyro, in.dt);
-    }
-    printf("%d %d\\n", behind, memcmp(&prompt, &now, sizeof prompt));
-    return 0;
-}
-"""
-
-
-def test_a_late_sample_is_fused_at_its_own_time(tmp_path: Path) -> None:
-    """The filter that runs five steps behind is, byte for byte, the prompt one of five steps ago."""
-    folder = emitted_c(tmp_path / "f", "ahrs6")
-    (folder / "late.c").write_text(DELAYED)
-    out = str(tmp_path / "late")
-    words = [compiler("gcc"), "-std=c99", "-O1", "-ffp-contract=off", *STRICT]
-    subprocess.run([*words, str(folder / "late.c"), "-lm", "-o", out], check=True)
-    assert subprocess.run([out], capture_output=True, text=True, check=True).stdout == "0 0\n"
-
-
 def test_the_banner_names_what_no_measurement_shows() -> None:
     """A level body at rest cannot tell a tilt from a bias: g (9.80665 m/s^2) to the radian."""
     text = files(program("ins15"))["ins15.h"]

@@ -60,8 +60,9 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
         The first so many calls only.
     """
     discrete, steps = program.discrete, max(MIN_PREDICTIONS, 2 * program.settling)
-    rng = np.random.default_rng(SEED)
-    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng, rates=at_every_sample(discrete))
+    rng, more = np.random.default_rng(SEED), late_steps(program)
+    seconds = (steps + more + 1) / discrete.rate
+    log = simulate(discrete, "generic", seconds, rng, rates=at_every_sample(discrete))
     machine = Machine(program)
     machine.call("init")
     calls: list[RecordedCall] = []
@@ -81,10 +82,12 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
+    given = list(late(program, log, steps)) if program.delayed else []
     for routine in (*program.align, *program.gather):
-        for inputs in (at_rest if routine.name == "align" else fast)(program, routine):
-            machine.call(routine.name, split(routine, inputs))
-            calls.append(RecordedCall(routine.name, inputs, machine.words()))
+        given += [(routine, row) for row in (at_rest if routine.name == "align" else fast)(program, routine)]
+    for routine, inputs in given:
+        machine.call(routine.name, split(routine, inputs))
+        calls.append(RecordedCall(routine.name, inputs, machine.words()))
     return tuple(calls)
 
 
@@ -179,3 +182,54 @@ def fast(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
         row = [s * w for _ in routine.arguments[:-1] for w, s in zip(wave, INCREMENT_SIZES)]
         row[0] += BEYOND * (k == SHAKEN)
         yield tuple(float(np.float32(v)) for v in (*row, FAST_STEP_S))
+
+
+def late_steps(program: Program) -> int:
+    """Predictions of the delayed horizon: until the ring is full, and on."""
+    return program.delayed_memory.rows + STEPS_BEHIND if program.delayed else 0
+
+
+def late(program: Program, log: Log, first: int) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the delayed horizon from a sample of a log on: stamps that jitter, and what must not be fused.
+
+    Parameters
+    ----------
+    program : Program
+        With a horizon.
+    log : Log
+    first : int
+        The sample.
+    """
+    discrete, rng = program.discrete, np.random.default_rng(SEED)
+    start, step, *updates = program.delayed
+    plain = {f"delayed_{r.name}": r for r in program.routines}
+    rows = program.delayed_memory.rows
+    yield start, ()
+    for k in range(first, first + late_steps(program)):
+        inputs = _inputs(discrete, program.predict, log, k)
+        spoiled = k - first == rows + STEPS_BEHIND // 2
+        yield step, (*(v + BEYOND * spoiled for v in inputs[:-1]), inputs[-1])
+        if k % PREDICTIONS_PER_UPDATE:
+            continue
+        for number, routine in enumerate(updates):
+            for age in _ages(rows, k - first, number, rng.uniform(0.0, 1.0)):
+                at = min(max(k - int(age), 0), log.n - 1)
+                z = _inputs(discrete, plain[routine.name], log, at)[: routine.required[0].size]
+                yield routine, (*z, float(np.float32(age / discrete.rate)))
+
+
+def _ages(rows: int, k: int, number: int, jitter: float) -> tuple[float, ...]:
+    """Ages in periods of the samples that a sensor sends after the k-th step: the last ones are old, double, swapped."""
+    usual = min(rows, 2) * 0.5 * (1.0 + jitter) + 0.25 * rows
+    special = (k // PREDICTIONS_PER_UPDATE + number) % SPECIAL
+    if special == 0:
+        return usual, 3.0 * rows, -1e3
+    if special == 1:
+        return 0.1 * rows, usual, usual
+    return (usual,)
+
+
+STEPS_BEHIND = 60
+"""Predictions of the delayed horizon after its ring is full."""
+SPECIAL = 6
+"""One of so many times a sample is too old, or of the future, or comes twice, or after a younger one."""

@@ -17,7 +17,7 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter, read_folder
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, at_rest, scenario
-from kfgen.emit.targets.c import header
+from kfgen.emit.targets.c import TARGET, header, horizon_bytes, memory_bytes
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
@@ -66,11 +66,15 @@ class Verification(Result):
     verdicts : tuple of CoreVerdict
     on_log : OnLog, optional
         What a log adds, where the calls are those of a log.
+    ram_bytes, horizon_bytes : int
+        What a filter in C takes, and what of it the delayed horizon takes.
     """
 
     model_hash: str
     verdicts: tuple[CoreVerdict, ...]
     on_log: OnLog | None = None
+    ram_bytes: int = 0
+    horizon_bytes: int = 0
 
     def __iter__(self) -> Iterator[CoreVerdict]:
         return iter(self.verdicts)
@@ -101,7 +105,8 @@ class Verification(Result):
         if exact:
             where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
             said.insert(0, f"Bit-exact on {where}: all {words} values equal the reference")
-        return said
+        own = f", {self.horizon_bytes} of them for the delayed horizon" if self.horizon_bytes else ""
+        return [*said, *([f"a filter takes {self.ram_bytes} bytes of RAM{own}"] if self.ram_bytes else [])]
 
     def short_table(self) -> ShortTable:
         """A row for each core."""
@@ -115,6 +120,8 @@ class Verification(Result):
             "model_hash": self.model_hash,
             "cores": {v.core: v.to_dict() for v in self.verdicts},
         }
+        if self.ram_bytes:
+            data |= {"ram_bytes": self.ram_bytes, "horizon_ram_bytes": self.horizon_bytes}
         return data if self.on_log is None else data | {"log": self.on_log.to_dict()}
 
 
@@ -161,8 +168,10 @@ def verify(
     on_log = None
     if log is not None:
         played, on_log = over_log(emitted.program, log_of(log))
-    verdicts = _verdicts(emitted, cores, contract, played)
-    return Verification(emitted.model_hash, tuple(verdicts), on_log)
+    verdicts = tuple(_verdicts(emitted, cores, contract, played))
+    program = emitted.program
+    sizes = (memory_bytes(program), horizon_bytes(program)) if emitted.target == TARGET else (0, 0)
+    return Verification(emitted.model_hash, verdicts, on_log, *sizes)
 
 
 def _verdicts(
@@ -218,7 +227,7 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             core = Emulated(CHIPS[name], program, folder, folder)
             core.call("init", ())
             most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
-            for call in scenario(program, most):
+            for call in scenario(program, None if program.delayed else most):
                 core.call(call.routine, call.inputs)
             for routine in program.align:
                 for inputs in at_rest(program, routine):

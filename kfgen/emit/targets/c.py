@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,9 +86,17 @@ class CPrinter(Printer):
             return [f"for (int {var} = {first}; {var} >= {start}; {var}--) {{", *body, "}"]
         return [f"for (int {var} = {start}; {var} < {stop}; {var}++) {{", *body, "}"]
 
-    def call(self, routine: str, arguments: list[str]) -> str:
-        """A static function of the header."""
-        return f"{self.program.name}_{routine}({', '.join(['kf', *arguments])});"
+    def call(self, routine: str, arguments: list[str], merged: bool = False) -> str:
+        """A static function of the header; one that takes variances has them given."""
+        name = f"{self.program.name}_{routine}" + "_with_variance" * (routine in self.program.varied)
+        called = f"{name}({', '.join(['kf', *arguments])})"
+        if not merged:
+            return f"{called};"
+        return f"{{ const kf_status_t said = {called}; status = (said > status) ? said : status; }}"
+
+    def whole(self, name: str, value: str) -> str:
+        """A constant local."""
+        return f"const int {name} = KF_CAST(int, {value});"
 
     def root(self, argument: str) -> str:
         """By a macro that firmware can replace."""
@@ -226,7 +234,8 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
             for s in program.settings.values()
         ],
         supervisor=list(enumerate(program.supervisor.places)),
-        bytes=sum(size for size, _ in program.arrays.values()) * np.dtype(program.type).itemsize,
+        bytes=memory_bytes(program),
+        horizon_bytes=horizon_bytes(program),
         sizes={"x": f"{program.name.upper()}_NX", program.covariance.ARRAY: f"{program.name.upper()}_NP"}
         | {HELD: f"{program.name.upper()}_N"},
         blocks=_blocks(program),
@@ -253,6 +262,23 @@ def _common(program: Program) -> dict[str, Any]:
         "nx": len(discrete.nominal_names),
         "np": program.covariance.size,
     }
+
+
+def memory_bytes(program: Program) -> int:
+    """What a filter takes."""
+    return _bytes_of(program, program.arrays)
+
+
+def horizon_bytes(program: Program) -> int:
+    """What of that the delayed horizon takes."""
+    if not program.horizon:
+        return 0
+    memory = program.delayed_memory
+    return _bytes_of(program, memory.arrays | memory.waiting)
+
+
+def _bytes_of(program: Program, arrays: Mapping[str, tuple[int, str]]) -> int:
+    return sum(size for size, _ in arrays.values()) * np.dtype(program.type).itemsize
 
 
 def _blocks(program: Program) -> list[tuple[str, str, int, int]]:
@@ -292,12 +318,6 @@ def files(program: Program) -> dict[str, str]:
     }
     return {
         f"{program.name}.h": header(program, unobservable_at_rest(program.discrete.model)),
-        f"{program.name}_delay.h": render(
-            "c/delay.h.j2",
-            **common,
-            predict=_function(program, program.predict),
-            inputs=program.predict.arguments,
-        ),
         "selftest.c": render("c/selftest.c.j2", **common),
         f"{program.name}_vectors.h": _vectors(program, calls),
         **{name: render(f"c/{name}.j2", **common) for name in PLAIN},

@@ -91,7 +91,28 @@ def _methods(program: Program) -> list[dict[str, str]]:
         for r in program.align
     ]
     made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
-    return [_method(program, *m) for m in made]
+    return [*(_method(program, *m) for m in made), *(_delayed(program, r) for r in program.delayed)]
+
+
+def _delayed(program: Program, routine: Routine) -> dict[str, str]:
+    """A method of the delayed horizon, which calls those of the filter."""
+    printer, memory = PythonPrinter(program.n), program.delayed_memory
+    start = ["status, x, k, supervisor = Status.OK, self.nominal, self.constants, self.supervisor"]
+    start += [f"{a} = self.{a}" for a in (*memory.arrays, *memory.waiting)]
+    start += [f"{s.name} = [0.0] * {s.size}" for s in routine.scratch]
+    start += [
+        f"{a.name} = [{', '.join(map(printer.expression, a.default))}] if {a.name} is None else {a.name}"
+        for a in routine.arguments
+        if a.default
+    ]
+    lines = [*(f"        {line}" for line in start), *printer.statements(routine.body, 2)]
+    return {
+        "name": routine.name,
+        "arguments": _typed(routine.arguments),
+        "text": routine.text,
+        "result": "Status",
+        "body": "\n".join([*lines, "        return status"]),
+    }
 
 
 BEFORE = {
@@ -133,7 +154,16 @@ def _method(
 
 
 def _typed(arguments: tuple[Argument, ...]) -> str:
-    return "".join(f", {a.name}: {'Vector' if a.size else 'float'}" for a in arguments)
+    return "".join(
+        f", {a.name}: {'Vector' if a.size else 'float'}{' | None = None' if a.default else ''}"
+        for a in arguments
+    )
+
+
+def _lists(program: Program) -> dict[str, tuple[int, str]]:
+    """Arrays that a filter has beside those of its template."""
+    own = gathering(program.discrete.model)
+    return own | program.delayed_memory.arrays | program.delayed_memory.waiting if program.horizon else own
 
 
 def class_name(program: Program) -> str:
@@ -215,7 +245,8 @@ def module(program: Program) -> dict[str, str]:
         quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
         errors=AlignRoutine(program).errors if program.align else [],
         reasons=REASONS,
-        gathering={a: size for a, (size, _) in gathering(discrete.model).items()},
+        gathering={a: size for a, (size, _) in _lists(program).items()},
+        present=program.delayed_memory.names if program.horizon else (),
         norm_error=MAX_NORM_ERROR,
         gates={s.name: g.value for s, g in zip(discrete.model.sensors, gates(discrete.model))},
         huge=MAX_SUM,
