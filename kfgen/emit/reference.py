@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.covariance.packed import place
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.ir.ir import (
     STATUS,
     Bin,
@@ -47,7 +48,7 @@ class Machine:
         ``np.float32`` or ``np.float64``; the program's own where left out.
     """
 
-    def __init__(self, program: Program, real: type[np.floating[Any]] | None = None) -> None:
+    def __init__(self, program: Program | Border, real: type[np.floating[Any]] | None = None) -> None:
         self.program = program
         self.real = real or program.type
         self.arrays: dict[str, NDArray[np.floating[Any]]] = {
@@ -90,6 +91,7 @@ class Machine:
 
     def covariance(self) -> NDArray[np.float64]:
         """The covariance, shape (n, n)."""
+        assert isinstance(self.program, Program)
         form = self.program.covariance
         return np.array(form.matrix(self.arrays[form.ARRAY].tolist()))
 

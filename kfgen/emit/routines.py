@@ -23,6 +23,7 @@ from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, 
 from kfgen.emit.covariance.joint import NIS
 from kfgen.emit.gather import gather, gathered_inputs
 from kfgen.emit.gather import memory as gathering
+from kfgen.emit.geodetic.origin import Border, bordered, recentre
 from kfgen.emit.guards import finite
 from kfgen.emit.horizon.memory import SETTINGS as HORIZON_SETTINGS
 from kfgen.emit.horizon.memory import HorizonMemory
@@ -309,6 +310,7 @@ class Program:
             *self.align,
             *self.gather,
             *self.delayed,
+            *self.recentre,
             self.check,
             self.supervisor.condition,
         )
@@ -335,7 +337,15 @@ class Program:
         from kfgen.emit.check import widen
 
         watching = (self.check, self.supervisor.condition)
-        return (*self.covariance.internals, widen(self), *self.align, *self.gather, *self.delayed, *watching)
+        return (
+            *self.covariance.internals,
+            widen(self),
+            *self.align,
+            *self.gather,
+            *self.delayed,
+            *self.recentre,
+            *watching,
+        )
 
     @cached_property
     def align(self) -> tuple[Routine, ...]:
@@ -355,6 +365,16 @@ class Program:
         from kfgen.emit.horizon.delayed import delayed
 
         return delayed(self)
+
+    @cached_property
+    def border(self) -> Border | None:
+        """Its latitude, longitude and height, where it has a place."""
+        return Border(self) if bordered(self) else None
+
+    @cached_property
+    def recentre(self) -> tuple[Routine, ...]:
+        """What moves its origin, where it has a place."""
+        return (recentre(self),) if self.border else ()
 
     @cached_property
     def check(self) -> Routine:

@@ -83,6 +83,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             if len(calls) == most:
                 return tuple(calls)
     given = list(late(program, log, steps)) if program.delayed else []
+    given += [(routine, moved_origin(routine)) for routine in program.recentre]
     for routine in (*program.align, *program.gather):
         given += [(routine, row) for row in (at_rest if routine.name == "align" else fast)(program, routine)]
     for routine, inputs in given:
@@ -182,6 +183,13 @@ def fast(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
         row = [s * w for _ in routine.arguments[:-1] for w, s in zip(wave, INCREMENT_SIZES)]
         row[0] += BEYOND * (k == SHAKEN)
         yield tuple(float(np.float32(v)) for v in (*row, FAST_STEP_S))
+
+
+def moved_origin(routine: Routine) -> tuple[float, ...]:
+    """An origin 300 m to the south-east, with scales and constants of a place that is not there."""
+    sizes = [a.size for a in routine.arguments]
+    row = [-200.0, 220.0, 1.001, 0.9990, *(0.01 * k + 0.1 for k in range(sum(sizes[2:])))]
+    return tuple(float(np.float32(v)) for v in row)
 
 
 def late_steps(program: Program) -> int:

@@ -15,10 +15,12 @@ from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter, read_folder
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, at_rest, scenario
 from kfgen.emit.targets.c import TARGET, header, horizon_bytes, memory_bytes
 from kfgen.log.readers import LogOrPath, log_of
+from kfgen.verify.border import border_module, border_replay, together
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
@@ -33,7 +35,11 @@ def cores() -> dict[str, str]:
     return {**hosts, **{k: f"emulated {c.title}" for k, c in CHIPS.items()}}
 
 
-def maker_of(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+CoreMaker = Callable[[Program | Border, Path, Path], Core]
+"""What makes a core, for a program, the folder of its header and one for scratch files."""
+
+
+def maker_of(name: str, contract: bool) -> CoreMaker:
     """What makes a core of that name, for a program, the folder of its header and one for scratch files.
 
     Parameters
@@ -184,15 +190,27 @@ def _verdicts(
             raise InputError(
                 "a Python module runs on the host only", where="--core", remedy="Leave --core out"
             )
-        return [MODULES[emitted.target](program, emitted.folder, played or simulated(program))]
+        verdict = MODULES[emitted.target](program, emitted.folder, played or simulated(program))
+        border = program.border
+        own = border and border_module(border, emitted.folder, emitted.target)
+        return [together(verdict, own) if own else verdict]
     played = played or simulated(program)
     verdicts = []
     for name, make in counted(makers, "cores", alike=False):
         with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
             core = make(program, emitted.folder, Path(scratch))
             compare = _compare_contracted if contract else _compare
-            verdicts.append(compare(name, core, played, program))
+            verdict = compare(name, core, played, program)
+        border = None if contract else program.border
+        verdicts.append(together(verdict, _border(name, make, border, emitted.folder)) if border else verdict)
     return verdicts
+
+
+def _border(name: str, make: CoreMaker, border: Border, folder: Path) -> CoreVerdict:
+    """The border on a core, bit by bit."""
+    with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
+        core = make(border, folder, Path(scratch))
+        return _compare(name, core, border_replay(border))
 
 
 def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
@@ -267,7 +285,7 @@ def _compare_contracted(name: str, core: Core, played: Replay, program: Program)
     return CoreVerdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED)
 
 
-def _compare(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:
+def _compare(name: str, core: Core, played: Replay, program: Program | None = None) -> CoreVerdict:
     _begin(core, played)
     words = differing = ulp = 0
     for call in played.calls:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import CheckFailed
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED
 from kfgen.emit.targets.templates import template_folder
@@ -247,7 +248,7 @@ class Emulated:
     """The filter on an emulated chip."""
 
     def __init__(
-        self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
+        self, chip: Chip, program: Program | Border, source: Path, scratch: Path, contract: bool = False
     ) -> None:
         harness = write_harness(program, scratch, bare=True)
         self._board = Board(chip, harness, source, scratch, contract, _counted(program))
@@ -282,8 +283,10 @@ class Emulated:
         return InstructionCount(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
 
 
-def _counted(program: Program) -> Callable[[str, int], bool]:
+def _counted(program: Program | Border) -> Callable[[str, int], bool]:
     """The first calls, those about which noise that waits comes in (some steps are refused before), and behind the horizon."""
+    if isinstance(program, Border):
+        return lambda function, number: True
     due, delayed = program.settling, {f"call_{r.name}" for r in program.delayed}
     first = {
         *range(COUNTED_CALLS_PER_ROUTINE),

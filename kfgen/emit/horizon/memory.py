@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from kfgen.core.errors import InputError
 from kfgen.effects.filter_role import ReadingLag
-from kfgen.emit.ir.ir import Argument, Cell, Ref, Scratch, Whole
+from kfgen.emit.ir.ir import Argument, Cell, For, Ref, Scratch, Stmt, Store, Whole, mul, sub
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.attached_error import AttachedError, ErrorParameter
 from kfgen.model.parts.constant import Constant
@@ -165,6 +165,21 @@ class HorizonMemory:
         errors = self.program.discrete.model.errors
         own = [e for e in errors if e.known and all(e.acts_on(c) for c in sensor.channels)]
         return tuple(names.index(p.name) for e in own for p in _delays(e))
+
+    def moved(self) -> list[Stmt]:
+        """Waiting positions less ``offset``, times ``scale``, of north and east."""
+        pairs = [(axis, self.names.index(n)) for axis, n in enumerate(("p_N", "p_E"))]
+
+        def shifted(r: Ref, axis: int) -> Stmt:
+            return Store(r, mul(sub(r, Ref("offset", axis)), Ref("scale", axis)))
+
+        kept = tuple(shifted(self.kept("row", place), axis) for axis, place in pairs)
+        waiting = tuple(shifted(self.entry("waiting", 1 + axis), axis) for axis, _ in pairs)
+        queues = [self.places(s) for s in self.sensors if s.shows == "p"]
+        return [
+            For("row", 0, self.rows, kept),
+            *(For("waiting", q.start, q.stop, waiting) for q in queues),
+        ]
 
     @property
     def arrays(self) -> dict[str, tuple[int, str]]:

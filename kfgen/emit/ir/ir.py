@@ -176,6 +176,9 @@ STATUS = (
     "DOUBLED",
     "NO_ROOM",
     "TOO_OLD",
+    "ORIGIN_SET",
+    "RECENTRED",
+    "TOO_FAR",
 )
 """What a routine returns, in order of number and of gravity."""
 

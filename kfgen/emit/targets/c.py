@@ -14,6 +14,7 @@ from kfgen.core.errors import InputError
 from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.ir.ir import STATUS, Argument, Compare, Ref, Routine, names_of
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, split
@@ -51,7 +52,7 @@ REAL = {
 class CPrinter(Printer):
     """C in the program's precision."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program | Border) -> None:
         super().__init__(program.n)
         self.program = program
         self.real = REAL[program.real]
@@ -176,7 +177,9 @@ class CFunction:
     short_signature: str = ""
 
 
-def _function(program: Program, routine: Routine) -> CFunction:
+def _function(
+    program: Program | Border, routine: Routine, printing: type[CPrinter] | None = None
+) -> CFunction:
     real = program.real
     fixed = "" if routine.internal else "const "
 
@@ -184,7 +187,7 @@ def _function(program: Program, routine: Routine) -> CFunction:
         own = [f"{fixed}{real} {a.name}[{a.size}]" if a.size else f"{real} {a.name}" for a in arguments]
         return ", ".join([f"{program.name}_t *kf", *own])
 
-    printer = CPrinter(program)
+    printer = (printing or CPrinter)(program)
     left_out = [a for a in routine.arguments if a.default]
     return CFunction(
         routine.name,
@@ -318,12 +321,31 @@ def files(program: Program) -> dict[str, str]:
     }
     return {
         f"{program.name}.h": header(program, unobservable_at_rest(program.discrete.model)),
+        **_geodetic(program, common),
         "selftest.c": render("c/selftest.c.j2", **common),
         f"{program.name}_vectors.h": _vectors(program, calls),
         **{name: render(f"c/{name}.j2", **common) for name in PLAIN},
         "zephyr/module.yml": render("c/module.yml.j2", **common),
         "zephyr/CMakeLists.txt": render("c/zephyr.txt.j2", **common),
     }
+
+
+class BorderPrinter(CPrinter):
+    """C of the border: its settings are macros."""
+
+    def setting(self, name: str) -> str:
+        """A macro of its header."""
+        return f"{self.program.name.upper()}_{name}"
+
+
+def _geodetic(program: Program, common: dict[str, Any]) -> dict[str, str]:
+    """The header of the border, where there is one."""
+    border = program.border
+    if border is None:
+        return {}
+    functions = [_function(border, r, BorderPrinter) for r in border.routines]
+    own = border.words | {"double": REAL[border.real], "border_functions": functions}
+    return {f"{border.name}.h": render("c/geodetic.h.j2", **common, **own)}
 
 
 def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> list[list[str]]:

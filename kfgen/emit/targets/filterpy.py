@@ -91,14 +91,17 @@ def _methods(program: Program) -> list[dict[str, str]]:
         for r in program.align
     ]
     made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
-    return [*(_method(program, *m) for m in made), *(_delayed(program, r) for r in program.delayed)]
+    return [
+        *(_method(program, *m) for m in made),
+        *(_plain(program, r) for r in (*program.delayed, *program.recentre)),
+    ]
 
 
-def _delayed(program: Program, routine: Routine) -> dict[str, str]:
-    """A method of the delayed horizon, which calls those of the filter."""
-    printer, memory = PythonPrinter(program.n), program.delayed_memory
+def _plain(program: Program, routine: Routine) -> dict[str, str]:
+    """A routine as a method, which may call others."""
+    printer = PythonPrinter(program.n)
     start = ["status, x, k, supervisor = Status.OK, self.nominal, self.constants, self.supervisor"]
-    start += [f"{a} = self.{a}" for a in (*memory.arrays, *memory.waiting)]
+    start += [f"{a} = self.{a}" for a in _lists(program)]
     start += [f"{s.name} = [0.0] * {s.size}" for s in routine.scratch]
     start += [
         f"{a.name} = [{', '.join(map(printer.expression, a.default))}] if {a.name} is None else {a.name}"
@@ -173,7 +176,9 @@ def class_name(program: Program) -> str:
 
 def files(program: Program) -> dict[str, str]:
     """The emitted files by name; raises as `module` does."""
-    emitted = module(program)
+    from kfgen.emit.targets.plain import geodetic
+
+    emitted = module(program) | geodetic(program, "nominal")
     calls = recorded(program)
     found = f"[*kf.nominal, *kf.P[np.triu_indices({program.n})], *kf.supervisor]"
     return emitted | {FILE: selftest(program, class_name(program), calls, nearly(program, calls), found)}
