@@ -30,7 +30,7 @@ from kfgen.model.parts.motion import ACCEL, GYRO, Input
 from kfgen.model.parts.sensors import Sensor
 
 ARRAY = "supervisor"
-REASONS = ("NONE", "TURNING", "SHAKEN", "NOT_GRAVITY", "NO_HORIZONTAL_FIELD")
+REASONS = ("NONE", "TURNING", "SHAKEN", "NOT_GRAVITY", "NO_HORIZONTAL_FIELD", "TOO_SLOW")
 """Why alignment began again, in order of number."""
 PLACES = {
     "ALIGNING": "1 from the first call of align until the attitude is known",

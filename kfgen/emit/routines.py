@@ -39,6 +39,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
+from kfgen.emit.moving.places import moving_places
 from kfgen.emit.settings import MAX_OTHER, gates, settings
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
@@ -266,7 +267,9 @@ class Program:
         model = self.discrete.model
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
         rows = {s.name: len(s.channels) for s in model.sensors}
-        return Supervisor(rows, tuple(triads), self.settings, tuple(Alignment(model).places))
+        return Supervisor(
+            rows, tuple(triads), self.settings, (*Alignment(model).places, *moving_places(model))
+        )
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
@@ -308,6 +311,7 @@ class Program:
         return (
             *self.routines,
             *self.align,
+            *self.moving,
             *self.gather,
             *self.delayed,
             *self.recentre,
@@ -341,6 +345,7 @@ class Program:
             *self.covariance.internals,
             widen(self),
             *self.align,
+            *self.moving,
             *self.gather,
             *self.delayed,
             *self.recentre,
@@ -353,6 +358,13 @@ class Program:
         from kfgen.emit.align_routine import AlignRoutine
 
         return (AlignRoutine(self).routine(),) if Alignment(self.discrete.model).possible else ()
+
+    @cached_property
+    def moving(self) -> tuple[Routine, ...]:
+        """The first attitude in motion, where there is one to be found."""
+        from kfgen.emit.moving.moving import moving
+
+        return moving(self)
 
     @cached_property
     def gather(self) -> tuple[Routine, ...]:

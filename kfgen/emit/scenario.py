@@ -84,6 +84,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
                 return tuple(calls)
     given = list(late(program, log, steps)) if program.delayed else []
     given += [(routine, moved_origin(routine)) for routine in program.recentre]
+    given += in_motion(program)
     for routine in (*program.align, *program.gather):
         given += [(routine, row) for row in (at_rest if routine.name == "align" else fast)(program, routine)]
     for routine, inputs in given:
@@ -190,6 +191,32 @@ def moved_origin(routine: Routine) -> tuple[float, ...]:
     sizes = [a.size for a in routine.arguments]
     row = [-200.0, 220.0, 1.001, 0.9990, *(0.01 * k + 0.1 for k in range(sum(sizes[2:])))]
     return tuple(float(np.float32(v)) for v in row)
+
+
+def in_motion(program: Program) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the alignment in motion: a climbing turn, and what it waits for."""
+    routines = {r.name: r for r in program.moving}
+    if not routines:
+        return
+    gather, fix = routines["align_gather"], routines["align_moving"]
+    dt = min(program.discrete.max_step, SLOW_STEP_S)
+    north = (19e-6, 5e-6, -41e-6) if fix.arguments[1].size else (0.4,)
+
+    def rounded(*row: float) -> tuple[float, ...]:
+        return tuple(float(np.float32(v)) for v in row)
+
+    for force in (-2.0, -9.7):
+        yield fix, rounded(10.0, 3.0, 0.0, *north)
+        for k in range(CALLS_AT_REST):
+            yield gather, rounded(0.3, 0.1, force + 0.01 * k, 0.02, -0.01, 0.05, dt)
+        yield gather, rounded(BEYOND if force > -9.0 else 0.0, 0.0, -9.8, 0.0, 0.0, 0.0, dt)
+        yield fix, rounded(10.4, 3.5, -0.1, *north)
+    for routine in program.moving[2:]:
+        yield routine, rounded(8.1, 6.1, 0.0)
+        for k in range(CALLS_AT_REST):
+            yield gather, rounded(0.1, 0.2, -9.8 + 0.01 * k, 0.01, -0.02, 0.03, dt)
+        yield routine, rounded(8.0, 6.0, 0.1)
+        yield routine, rounded(1.0, 0.5, 0.0)
 
 
 def late_steps(program: Program) -> int:

@@ -13,6 +13,7 @@ from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.gather import memory as gathering
 from kfgen.emit.guards import MAX_SUM
 from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
+from kfgen.emit.moving.moving import MovingAlign
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import gates, sample_variance, squared_gate
 from kfgen.emit.supervisor import ARRAY
@@ -93,8 +94,12 @@ def _methods(program: Program) -> list[dict[str, str]]:
     made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
     return [
         *(_method(program, *m) for m in made),
-        *(_plain(program, r) for r in (*program.delayed, *program.recentre)),
+        *(_plain(program, r) for r in (*program.delayed, *program.recentre, *_moving(program))),
     ]
+
+
+def _moving(program: Program) -> tuple[Routine, ...]:
+    return MovingAlign(program, matrix=True).routines() if program.moving else ()
 
 
 def _plain(program: Program, routine: Routine) -> dict[str, str]:
@@ -109,6 +114,11 @@ def _plain(program: Program, routine: Routine) -> dict[str, str]:
         if a.default
     ]
     lines = [*(f"        {line}" for line in start), *printer.statements(routine.body, 2)]
+    if any(s.name == "known" for s in routine.scratch):
+        lines += [
+            "        if known[0] > 0.0:",
+            "            self._known(np.array(gain), spread[0], tilted[0])",
+        ]
     return {
         "name": routine.name,
         "arguments": _typed(routine.arguments),
