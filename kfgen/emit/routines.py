@@ -30,17 +30,16 @@ from kfgen.emit.horizon.memory import HorizonMemory
 from kfgen.emit.ir.ir import (
     Argument,
     Num,
-    Ref,
     Routine,
     StatusFlag,
     Stmt,
-    Store,
     When,
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.moving.places import moving_places
 from kfgen.emit.settings import MAX_OTHER, gates, settings
+from kfgen.emit.state import init
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
 from kfgen.emit.targets.names import argument, check_names, identifier
@@ -286,18 +285,7 @@ class Program:
     @cached_property
     def init(self) -> Routine:
         """State, covariance and constants before the first measurement."""
-        body: list[Stmt] = [Store(Ref("x", i), Num(v)) for i, v in enumerate(self.discrete.start)]
-        body += self.covariance.init([self.prior(i) for i in range(self.n)])
-        body += [Store(Ref("k", i), Num(c.value)) for i, c in enumerate(self.constants)]
-        body += [Store(Ref(SUPERVISOR, i), Num(v)) for i, v in enumerate(self.supervisor.start)]
-        waiting = self.delayed_memory.waiting if self.horizon else {}
-        done = {"x", "k", self.covariance.ARRAY, SUPERVISOR, *waiting}
-        for name, (size, _) in self.arrays.items():
-            if name not in done:
-                body += [Store(Ref(name, i), Num(0.0)) for i in range(size)]
-        return Routine(
-            "init", "State, covariance and constants before the first measurement.", (), tuple(body)
-        )
+        return init(self)
 
     @cached_property
     def routines(self) -> tuple[Routine, ...]:

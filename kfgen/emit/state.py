@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from kfgen.emit.guards import finite
-from kfgen.emit.ir.ir import Expr, Let, Note, Ref, StatusFlag, Stmt, Store, When, mul
+from kfgen.emit.ir.ir import Expr, Let, Note, Num, Ref, Routine, StatusFlag, Stmt, Store, When, mul
 from kfgen.emit.ir.lower import Lowering
+from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
@@ -65,3 +66,17 @@ def inject(program: Program, guarded: bool = False) -> list[Stmt]:
     lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
     values, body = lower.many(list(model.corrected))
     return [Note("correct the state"), *body, *normalised(program, values, lower, guarded)]
+
+
+def init(program: Program) -> Routine:
+    """State, covariance and constants before the first measurement; what waits in a delayed horizon begins with it."""
+    body: list[Stmt] = [Store(Ref("x", i), Num(v)) for i, v in enumerate(program.discrete.start)]
+    body += program.covariance.init([program.prior(i) for i in range(program.n)])
+    body += [Store(Ref("k", i), Num(c.value)) for i, c in enumerate(program.constants)]
+    body += [Store(Ref(SUPERVISOR, i), Num(v)) for i, v in enumerate(program.supervisor.start)]
+    waiting = program.delayed_memory.waiting if program.horizon else {}
+    done = {"x", "k", program.covariance.ARRAY, SUPERVISOR, *waiting}
+    for name, (size, _) in program.arrays.items():
+        if name not in done:
+            body += [Store(Ref(name, i), Num(0.0)) for i in range(size)]
+    return Routine("init", "State, covariance and constants before the first measurement.", (), tuple(body))
