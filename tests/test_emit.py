@@ -380,7 +380,8 @@ def test_the_proofs_scenario_meets_every_branch_that_inputs_can_reach(name: str)
     found = [machine.call(c.routine, split(routines[c.routine], c.inputs)) for c in calls]
     assert set(found) - {"ALIGNING"} == {"OK", "GATED", "BAD_STEP", "BAD_INPUT"}
     assert ("ALIGNING" in found) == bool(p.align)
-    assert found.count("OK") > 0.8 * len(found)
+    waiting = found.count("ALIGNING")
+    assert found.count("OK") > 0.8 * (len(found) - waiting)
     counts = dict(zip((n for n, _ in p.supervisor.places), machine.arrays["supervisor"], strict=True))
     assert counts["RESETS"] >= 2
 
@@ -731,7 +732,7 @@ def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> Non
 
 def test_c_has_the_status_numbers_of_the_reference() -> None:
     text = files(program("ahrs6"))["ahrs6.h"]
-    numbers = {k: int(v) for k, v in re.findall(r"KF_(?!REASON)(\w+) = (\d)", text)}
+    numbers = {k: int(v) for k, v in re.findall(r"KF_(?!REASON)(\w+) = (\d+)", text)}
     assert numbers == {name: k for k, name in enumerate(STATUS)}
     assert list(numbers)[:5] == ["OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT"], "numbers are kept"
 

@@ -15,7 +15,7 @@ from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
-from kfgen.log.log import Log
+from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.simulate import simulate
@@ -62,7 +62,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
     discrete, steps = program.discrete, max(MIN_PREDICTIONS, 2 * program.settling)
     rng, more = np.random.default_rng(SEED), late_steps(program)
     seconds = (steps + more + 1) / discrete.rate
-    log = simulate(discrete, "generic", seconds, rng, rates=at_every_sample(discrete))
+    log = _log(discrete, seconds, rng)
     machine = Machine(program)
     machine.call("init")
     calls: list[RecordedCall] = []
@@ -91,6 +91,20 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
         machine.call(routine.name, split(routine, inputs))
         calls.append(RecordedCall(routine.name, inputs, machine.words()))
     return tuple(calls)
+
+
+def _log(discrete: DiscreteModel, seconds: float, rng: np.random.Generator) -> Log:
+    """A simulated motion; of a filter whose inputs are zero but for their noise, the noise of its samples."""
+    inputs = discrete.model.motion.inputs
+    if not inputs or not all(i.quiet for i in inputs):
+        return simulate(discrete, "generic", seconds, rng, rates=at_every_sample(discrete))
+    t = np.arange(round(seconds * discrete.rate)) / discrete.rate
+    channels = {c: Channel(np.zeros(t.size), i.unit) for i in inputs for c in i.channels}
+    for s in discrete.model.sensors:
+        for c in s.channels:
+            sd = discrete.sample_variance(s, c) ** 0.5
+            channels[c] = Channel(sd * rng.normal(size=t.size), s.unit)
+    return Log(t, channels)
 
 
 def at_rest(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:

@@ -191,9 +191,10 @@ def _verdicts(
                 "a Python module runs on the host only", where="--core", remedy="Leave --core out"
             )
         verdict = MODULES[emitted.target](program, emitted.folder, played or simulated(program))
-        border = program.border
+        border = None if played else program.border
         own = border and border_module(border, emitted.folder, emitted.target)
         return [together(verdict, own) if own else verdict]
+    alone = played is not None or contract
     played = played or simulated(program)
     verdicts = []
     for name, make in counted(makers, "cores", alike=False):
@@ -201,7 +202,7 @@ def _verdicts(
             core = make(program, emitted.folder, Path(scratch))
             compare = _compare_contracted if contract else _compare
             verdict = compare(name, core, played, program)
-        border = None if contract else program.border
+        border = None if alone else program.border
         verdicts.append(together(verdict, _border(name, make, border, emitted.folder)) if border else verdict)
     return verdicts
 
