@@ -168,7 +168,7 @@ class Alignment:
         start = {c.name: c.value for c in self.model.constants}
         for b in self.model.blocks:
             start |= dict(zip(b.nominal_names, b.start))
-        field = self.level.T.inv() * self.field
+        field = self.level * self.field
         known = field.subs({s: start[s.name] for s in field.free_symbols})
         horizontal, down = hypot(float(known[0]), float(known[1])), float(known[2])
         iron = self.north.bias_prior if self.north.biases else 0.0

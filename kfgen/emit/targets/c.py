@@ -300,7 +300,12 @@ def unobservable_at_rest(model: FilterModel) -> tuple[str, ...]:
 
     Nothing of a model that a driver acts on: it hides other directions at every temperature.
     """
-    return () if model.drivers else tuple(d.sentence for d in unobservable_directions(model))
+    if model.drivers:
+        return ()
+    try:
+        return tuple(d.sentence for d in unobservable_directions(model))
+    except InputError as error:
+        return (f"not known, for the audit has no exact answer: {error}",)
 
 
 PLAIN = ("main.c", "CMakeLists.txt", "library.properties", "library.json")
