@@ -1,9 +1,4 @@
-"""How long one simulation can follow a record, and where the plant was: initial states by least squares.
-
-A window grows from the first sample by doubling. It ends where the model, its parameters as far from what is assumed
-as that allows, no longer follows the data, or where the initial state would have to be known too well; there the next
-segment begins.
-"""
+"""How long one simulation can follow a record, and where the plant was: initial states by least squares."""
 
 from __future__ import annotations
 
@@ -30,6 +25,8 @@ MAX_FOLLOWED_SHARE = 0.5
 """Share of a channel's standard deviation that may be left where the model follows."""
 MAX_FOLLOWED_NOISE_SD = 2.0
 """Or this many standard deviations of its noise."""
+MAX_LEFT_SHARE_IN_ONE_PIECE = 0.75
+"""Share of it that may be left over a whole record in which errors of a start do not grow."""
 MAX_ERROR_GROWTH = 1e3
 """How much an error of the initial state may grow."""
 MAX_TOTAL_ERROR_GROWTH = 30.0
@@ -40,8 +37,8 @@ MAX_RANGES = 1e3
 """Ranges of a channel beyond which, and so many standard deviations, a simulation runs away."""
 MAX_HIDDEN_SD = 1e-6
 """Standard deviations of the noise below which a change of a state by its size is not seen."""
-MIN_ALIKE_CORRELATION = 0.8
-"""Correlation of channels with their simulation moved in time from which on they look like it."""
+DRAWS_OF_PARAMETERS = 32
+"""Within what is assumed of them, from the best of which a whole record is fitted."""
 MAX_ITERATIONS = 12
 RELATIVE_GAIN_TOLERANCE = 1e-3
 """Relative gain at which an iteration ends."""
@@ -142,6 +139,18 @@ class Shooting:
         batch = Batch(parameters, effects, X0[:k][None])
         return batch, self.plant.simulate(self.t[a:b], inputs, batch)
 
+    def drawn(self, x0: Array) -> Array:
+        """The same with parameters drawn evenly within a standard deviation, shape (fitted, draws); none without any."""
+        deviations = np.array([sd for _, sd in self.free.values()])
+        if not deviations.size:
+            return np.empty((x0.size, 0))
+        from scipy.stats import qmc
+
+        even = qmc.Sobol(deviations.size, scramble=False).random(DRAWS_OF_PARAMETERS)
+        out = np.repeat(x0[:, None], DRAWS_OF_PARAMETERS, axis=1)
+        out[self.states :] += deviations[:, None] * (2.0 * even.T - 1.0)
+        return out
+
     def check(self, x0: Array, a: int, b: int) -> None:
         """Raise `InputError` where what is fitted cannot be simulated from sample a to b, or runs away."""
         batch, run = self._run(x0[:, None], a, b)
@@ -221,15 +230,37 @@ class Shooting:
     def follows(self, x0: Array, a: int, b: int) -> bool:
         """Whether a simulation stays with the data, and answers not too much to where it starts."""
         r, J = self.slope(x0, a, b)
+        most = {n: MAX_FOLLOWED_SHARE * min(self._spread(n, a, b), self._swing[n]) for n in self._full}
+        return self._within(r, a, b, most) and self._forgets(J, a, b)
+
+    def follows_whole(self, x0: Array) -> bool:
+        """Whether one simulation over the record looks like the data, and answers not too much to where it starts.
+
+        What it leaves may be large: a plant that forgets where it started needs no more starts, however wrong its model is,
+        and with more of them the parameters would be lost to them.
+        """
+        n = self.t.size
+        r, J = self.slope(x0, 0, n)
+        most = {c: MAX_LEFT_SHARE_IN_ONE_PIECE * self._spread(c, 0, n) for c in self._full}
+        return self._within(r, 0, n, most) and self._forgets(J, 0, n)
+
+    def _spread(self, name: str, a: int, b: int) -> float:
+        """Standard deviation of a channel over samples a to b [SI]; zero of fewer than two."""
+        seen = self._full[name][a:b]
+        seen = seen[np.isfinite(seen)]
+        return float(np.std(seen)) if seen.size > 1 else 0.0
+
+    def _within(self, r: Array, a: int, b: int, most: Mapping[str, float]) -> bool:
+        """Whether weighted residuals, shape (channels, b - a), have a root mean square of at most `most` [SI]."""
         for (name, full), part in zip(self._full.items(), r):
             good = np.isfinite(full[a:b])
-            if good.sum() < 2:
-                continue
-            spread = min(float(np.std(full[a:b][good])), self._swing[name]) * self.weights[name]
-            if float(np.sqrt(np.mean(part[good] ** 2))) > max(
-                MAX_FOLLOWED_SHARE * spread, MAX_FOLLOWED_NOISE_SD
-            ):
+            limit = max(most[name] * self.weights[name], MAX_FOLLOWED_NOISE_SD)
+            if good.sum() > 1 and float(np.sqrt(np.mean(part[good] ** 2))) > limit:
                 return False
+        return True
+
+    def _forgets(self, J: Array, a: int, b: int) -> bool:
+        """Whether errors of what is fitted do not grow, of derivatives of shape (channels, b - a, fitted)."""
         tenth, J = max(1, (b - a) // 10), J[:, :, : self.states]
         first, early, most = (
             np.abs(J[:, :k]).max(axis=(0, 1)) for k in (MIN_FIRST_WINDOW_SAMPLES, tenth, b - a)
@@ -256,95 +287,3 @@ def _damped(J: Array, r: Array) -> Array:
     A = JJ / np.outer(scale, scale)
     steps = [-np.linalg.solve(A + d * np.eye(scale.size), Jr / scale) / scale for d in DAMPING_FACTORS]
     return np.array(steps).T
-
-
-def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapping[str, Array]) -> int:
-    """Samples by which channels follow their simulation, each of shape (n,); zero where they do not look like it.
-
-    It is where their correlation is largest; negative where the simulation comes after them.
-
-    Parameters
-    ----------
-    data, simulated : ndarray, shape (n,)
-        The same channel.
-    """
-    n = next(iter(simulated.values())).size
-    total = np.zeros(2 * n)
-    for name, (at, values) in data.items():
-        y, h = np.zeros(n), np.zeros(n)
-        y[at], h[at] = values - values.mean(), simulated[name][at] - simulated[name][at].mean()
-        size = float(np.linalg.norm(y) * np.linalg.norm(h))
-        if not 0.0 < size < np.inf:
-            return 0
-        total += np.fft.irfft(np.fft.rfft(y, 2 * n) * np.conj(np.fft.rfft(h, 2 * n)), 2 * n) / size
-    best = int(np.argmax(total))
-    if total[best] < MIN_ALIKE_CORRELATION * len(data):
-        return 0
-    return best if best < n else best - 2 * n
-
-
-def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
-    """Where segments start, their initial states, shape (segments, states), and the untrusted parameters.
-
-    Raises
-    ------
-    InputError
-        The model cannot be simulated even over a segment.
-    """
-    n, k = shooting.t.size, shooting.states
-    if k == 0:
-        shooting.check(shooting.trusted, 0, n)
-        return (0,), np.zeros((1, 0)), shooting.trusted
-    least = min(n, shortest(n))
-    starts, initial, a = [0], [], 0
-    before: Array | None = None
-    while True:
-        x0, b = _segment(shooting, a, least, before)
-        shooting.check(x0, a, b)
-        initial.append(x0)
-        if b == n:
-            edges = (*starts, n)
-            agreed, parameters = _agreed(shooting, edges, np.array(initial))
-            for x0, a, b in zip(agreed, edges[:-1], edges[1:]):
-                shooting.check(np.concatenate([x0, parameters]), a, b)
-            return tuple(starts), agreed, parameters
-        before = shooting.last(x0, a, b + 1)
-        starts.append(b)
-        a = b
-
-
-def shortest(n: int) -> int:
-    """Samples of the shortest segment of a record of n."""
-    return max(MIN_FIRST_WINDOW_SAMPLES, -(-n // MAX_SEGMENTS))
-
-
-def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[Array, Array]:
-    """Initial states of all segments under the parameters of the longest one, and those."""
-    k = shooting.states
-    parameters = found[int(np.argmax(np.diff(edges))), k:]
-    initial = []
-    for x0, a, b in zip(found, edges[:-1], edges[1:]):
-        guesses = np.array([x0[:k], shooting.guess(a, min(b - a, MIN_FIRST_WINDOW_SAMPLES))])
-        tried = np.column_stack([guesses, np.tile(parameters, (2, 1))]).T
-        initial.append(guesses[int(np.argmin(shooting.cost(tried, a, b)))])
-    return np.array(initial), parameters
-
-
-def _segment(shooting: Shooting, a: int, least: int, before: Array | None) -> tuple[Array, int]:
-    """What is fitted at sample a, and the sample up to which it is followed; at least so many."""
-    n = shooting.t.size
-    window = min(n - a, max(MIN_FIRST_WINDOW_SAMPLES, least // 4))
-    guesses = [np.concatenate([shooting.guess(a, window), shooting.trusted])]
-    if before is not None and np.isfinite(before).all():
-        guesses += [np.concatenate([guesses[0][: shooting.states], before[shooting.states :]]), before]
-    costs = shooting.cost(np.array(guesses).T, a, a + window)
-    x0 = shooting.fit(guesses[int(np.argmin(costs))], a, a + window)
-    while a + window < n:
-        longer = min(n - a, 2 * window)
-        tried = shooting.fit(x0, a, a + longer)
-        if longer > least and not shooting.follows(tried, a, a + longer):
-            break
-        x0, window = tried, longer
-    if a + window == n or n - a < 2 * least:
-        return x0, n
-    return x0, min(a + max(window, least), n - least)
