@@ -380,7 +380,8 @@ def test_the_proofs_scenario_meets_every_branch_that_inputs_can_reach(name: str)
     found = [machine.call(c.routine, split(routines[c.routine], c.inputs)) for c in calls]
     assert set(found) - {"ALIGNING"} == {"OK", "GATED", "BAD_STEP", "BAD_INPUT"}
     assert ("ALIGNING" in found) == bool(p.align)
-    assert found.count("OK") > 0.8 * len(found)
+    waiting = found.count("ALIGNING")
+    assert found.count("OK") > 0.8 * (len(found) - waiting)
     counts = dict(zip((n for n, _ in p.supervisor.places), machine.arrays["supervisor"], strict=True))
     assert counts["RESETS"] >= 2
 
@@ -731,7 +732,7 @@ def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> Non
 
 def test_c_has_the_status_numbers_of_the_reference() -> None:
     text = files(program("ahrs6"))["ahrs6.h"]
-    numbers = {k: int(v) for k, v in re.findall(r"KF_(?!REASON)(\w+) = (\d)", text)}
+    numbers = {k: int(v) for k, v in re.findall(r"KF_(?!REASON)(\w+) = (\d+)", text)}
     assert numbers == {name: k for k, name in enumerate(STATUS)}
     assert list(numbers)[:5] == ["OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT"], "numbers are kept"
 
@@ -773,48 +774,6 @@ def test_the_package_files_say_what_they_are(tmp_path: Path) -> None:
     assert properties["includes"] == "ahrs6.h"
     assert "name: ahrs6\n" in (folder / "zephyr" / "module.yml").read_text()
     assert "add_library(ahrs6 INTERFACE)" in (folder / "CMakeLists.txt").read_text()
-
-
-DELAYED = """
-#include <stdio.h>
-#include <string.h>
-#define AHRS6_DELAY 5
-#include "ahrs6_delay.h"
-int main(void)
-{
-    static ahrs6_t prompt, late, now;
-    static ahrs6_delay_t delay;
-    const float z[3] = {0.1f, -0.2f, -9.7f};
-    (void)ahrs6_init(&prompt);
-    (void)ahrs6_init(&late);
-    ahrs6_delay_init(&delay);
-    for (int k = 0; k < 40; k++) {
-        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
-        if (k < 35) { (void)ahrs6_predict(&prompt, in.gyro, in.dt); }
-        (void)ahrs6_delay_predict(&late, &delay, &in);
-        if (k == 20) { (void)ahrs6_update_accel(&prompt, z); }
-        if (k == 25) { (void)ahrs6_update_accel(&late, z); }
-    }
-    const int behind = memcmp(&prompt, &late, sizeof prompt);
-    (void)ahrs6_delay_now(&late, &delay, &now);
-    for (int k = 35; k < 40; k++) {
-        const ahrs6_input_t in = {{0.01f * (float)k, 0.02f, -0.01f * (float)k}, 0.01f};
-        (void)ahrs6_predict(&prompt, in.gyro, in.dt);
-    }
-    printf("%d %d\\n", behind, memcmp(&prompt, &now, sizeof prompt));
-    return 0;
-}
-"""
-
-
-def test_a_late_sample_is_fused_at_its_own_time(tmp_path: Path) -> None:
-    """The filter that runs five steps behind is, byte for byte, the prompt one of five steps ago."""
-    folder = emitted_c(tmp_path / "f", "ahrs6")
-    (folder / "late.c").write_text(DELAYED)
-    out = str(tmp_path / "late")
-    words = [compiler("gcc"), "-std=c99", "-O1", "-ffp-contract=off", *STRICT]
-    subprocess.run([*words, str(folder / "late.c"), "-lm", "-o", out], check=True)
-    assert subprocess.run([out], capture_output=True, text=True, check=True).stdout == "0 0\n"
 
 
 def test_the_banner_names_what_no_measurement_shows() -> None:

@@ -112,11 +112,11 @@ def in_log(model: FilterModel, name: str, t: NDArray[np.float64], deviation: NDA
 
 
 def unobservable_directions(model: FilterModel) -> tuple[Direction, ...]:
-    """What is unobservable at the usual manoeuvre of a model, without asking which other one would show it."""
+    """What is unobservable at the usual manoeuvre of a model, in numbers, without asking which other one would show it."""
     plan, m = Plan(model, tuple(model.sensors)), usual(model)
     generic, (h,) = _null_spaces(plan, (m,), None)
     vs = readable(plan, m, h, generic=generic)
-    return tuple(_directions(plan, m, vs, [()] * len(vs), None, generic=generic))
+    return tuple(_directions(plan, m, vs, [()] * len(vs), None, generic=generic, symbolic=False))
 
 
 def _observable_along(h: NullSpace, variants: Sequence[Sequence[Fraction]] | None) -> bool | None:
@@ -168,7 +168,7 @@ def notes(plan: Plan, horizon: Horizon | None) -> tuple[str, ...]:
     return lint(plan.model, horizon.duration if horizon else None, names)
 
 
-def _directions(
+def _directions(  # noqa: PLR0913 - what one audit of a manoeuvre has found, and how it is said
     plan: Plan,
     manoeuvre: Manoeuvre,
     nulls: Sequence[NullVector],
@@ -176,9 +176,10 @@ def _directions(
     length: float | None,
     *,
     generic: bool,
+    symbolic: bool = True,
 ) -> tuple[Direction, ...]:
     model = plan.model
-    constant = at_rest(model, manoeuvre) if nulls and not generic else None
+    constant = at_rest(model, manoeuvre) if nulls and symbolic and not generic else None
     out = []
     amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
     for v, free, (values, exact) in zip(nulls, shown_by, amounts):

@@ -25,6 +25,7 @@ REAL = typer.Option(help="The type of the numbers: float or double.")
 LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.")
 FORCE = typer.Option("--force", help="Replace also files of the folder that you changed.")
 Q_INTERVAL = typer.Option(help="Add process noise of bias states every SECONDS (UD form only).")
+HORIZON = typer.Option(help="Fuse stamped measurements up to this age [s]; by default of the longest delay.")
 COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4f); repeatable.")
 CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
@@ -106,6 +107,7 @@ def emit(
     real: Annotated[str, REAL] = "float",
     loops: Annotated[bool, LOOPS] = False,
     q_interval: Annotated[float, Q_INTERVAL] = 0.0,
+    horizon: Annotated[float | None, HORIZON] = None,
     core: Annotated[list[str] | None, COUNTED] = None,
     force: Annotated[bool, FORCE] = False,
     set_: opt.Set = None,
@@ -121,10 +123,11 @@ def emit(
     from kfgen.report.filter import emit_answer
     from kfgen.verify.compare import costs
 
-    how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops, "q_interval": q_interval}
+    how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops}
     counted = partial(costs, names=core) if core else None
     built = model_of(model, noise, set_, sensor)
-    emitted = emit(built, output, target, form, real, costs=counted, force=force, **how)
+    how |= {"q_interval": q_interval, "horizon": horizon, "costs": counted, "force": force}
+    emitted = emit(built, output, target, form, real, **how)
     deliver(emit_answer(emitted), json, report)
 
 

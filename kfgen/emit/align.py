@@ -30,7 +30,7 @@ from kfgen.model.parts.motion import ACCEL, GYRO, Input
 from kfgen.model.parts.sensors import Sensor
 
 ARRAY = "supervisor"
-REASONS = ("NONE", "TURNING", "SHAKEN", "NOT_GRAVITY", "NO_HORIZONTAL_FIELD")
+REASONS = ("NONE", "TURNING", "SHAKEN", "NOT_GRAVITY", "NO_HORIZONTAL_FIELD", "TOO_SLOW")
 """Why alignment began again, in order of number."""
 PLACES = {
     "ALIGNING": "1 from the first call of align until the attitude is known",
@@ -168,7 +168,7 @@ class Alignment:
         start = {c.name: c.value for c in self.model.constants}
         for b in self.model.blocks:
             start |= dict(zip(b.nominal_names, b.start))
-        field = self.level.T.inv() * self.field
+        field = self.level * self.field
         known = field.subs({s: start[s.name] for s in field.free_symbols})
         horizontal, down = hypot(float(known[0]), float(known[1])), float(known[2])
         iron = self.north.bias_prior if self.north.biases else 0.0

@@ -104,8 +104,16 @@ class AlignRoutine:
 
     def routine(self) -> Routine:
         """All of it."""
+        scratch = (
+            Scratch(GAIN, self.program.n),
+            *(Scratch(name, size) for name, size in ((SPREAD, 1), (TILTED, 1), (WHY, 1), (AHEAD, 3))),
+        )
+        return Routine("align", ALIGN_TEXT, self.arguments, tidy(self.body(self.covariance())), scratch)
+
+    def covariance(self) -> tuple[Stmt, ...]:
+        """At the priors, the attitude's variance at the tilt's, and more about the vertical."""
         form = self.program.covariance
-        covariance = (
+        return (
             *form.init([self.program.prior(i) for i in range(self.program.n)]),
             *(Store(self._variance(i), Ref(TILTED, 0)) for i in self.errors),
             When(
@@ -113,11 +121,6 @@ class AlignRoutine:
                 (FunctionCall("inflate", (Ref(GAIN), Ref(SPREAD, 0))),),
             ),
         )
-        scratch = (
-            Scratch(GAIN, self.program.n),
-            *(Scratch(name, size) for name, size in ((SPREAD, 1), (TILTED, 1), (WHY, 1), (AHEAD, 3))),
-        )
-        return Routine("align", ALIGN_TEXT, self.arguments, tidy(self.body(covariance)), scratch)
 
     @property
     def errors(self) -> list[int]:

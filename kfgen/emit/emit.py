@@ -11,6 +11,7 @@ from kfgen.effects.noise_model import NoiseModel
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.folder import EmittedFilter, write_folder
+from kfgen.emit.horizon.memory import MARGIN, longest_delay
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import filterpy
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
@@ -33,6 +34,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     max_step: float | None = None,
     loops: bool = False,
     q_interval: float = 0.0,
+    horizon: float | None = None,
     costs: CostCounter | None = None,
     force: bool = False,
 ) -> EmittedFilter:
@@ -47,8 +49,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     target : str
         ``c``, ``numpy`` or ``filterpy``; see `kfgen.list_all`.
     form : str, optional
-        Of the covariance: ``ud``, its factors, or ``p``, the matrix itself; where left out the factors, which rounding
-        cannot make indefinite, and for ``filterpy`` the matrix, as it has no other.
+        Of the covariance: ``ud``, its factors, never indefinite, or ``p``, itself; by default ``p`` of ``filterpy`` only.
     real : str
         Type of the numbers: ``float`` or ``double``.
     noise : NoiseModel or path-like, optional
@@ -63,6 +64,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
         Loops in place of repeated columns: less code, more instructions.
     q_interval : float
         Seconds between two additions of process noise to states that keep their value (``ud`` only); 0: every step.
+    horizon : float, optional
+        Age to which stamped measurements are fused [s], 0: none; a fifth more than the longest delay where left out.
     costs : callable, optional
         Counts what the routines cost, for the header: `kfgen.verify.compare.costs` with its cores chosen.
     force : bool
@@ -81,7 +84,9 @@ def emit(  # noqa: PLR0913 - the choices of one command
         raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
     built = filter_of(model, noise)
     form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
-    program = Program(DiscreteModel.at_rate(built, rate, order, max_step), form, real, loops, q_interval)
+    behind = MARGIN * longest_delay(built) if horizon is None else horizon
+    discrete = DiscreteModel.at_rate(built, rate, order, max_step)
+    program = Program(discrete, form, real, loops, q_interval, horizon=behind)
     if costs is not None:
         program = replace(program, costs=costs(program))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None

@@ -139,6 +139,7 @@ def write_folder(
         "real": program.real,
         "loops": program.loops,
         "q_interval": program.q_interval,
+        "horizon": program.horizon,
         "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
@@ -267,9 +268,10 @@ def read_folder(folder: str | Path) -> EmittedFilter:
             remedy="Emit it again",
         )
     q_interval = _number(folder, manifest, "q_interval", 0.0)
+    horizon = _number(folder, manifest, "horizon", 0.0)
     options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
     return EmittedFilter(
-        Program(discrete, str(options[0]), str(options[1]), options[2], q_interval),
+        Program(discrete, str(options[0]), str(options[1]), options[2], q_interval, horizon=horizon),
         str(manifest.get("target")),
         folder,
         tuple(manifest["files"]),

@@ -8,6 +8,7 @@ import sympy as sp
 
 from kfgen.emit.ir.ir import Argument, Ref, Routine, Store
 from kfgen.emit.routines import Program
+from kfgen.emit.state import inject, normalised
 
 
 def pieces(program: Program) -> tuple[Routine, ...]:
@@ -31,7 +32,7 @@ def pieces(program: Program) -> tuple[Routine, ...]:
     lower = program.lowering()
     body = program.atoms.make(lower, step)
     values, statements = lower.many(step)
-    body += [*statements, *program.normalised(values, lower)]
+    body += [*statements, *normalised(program, values, lower)]
     return (
         Routine("step", "The stored state over one step.", program.motion_arguments(step), tuple(body)),
         *parts,
@@ -39,7 +40,7 @@ def pieces(program: Program) -> tuple[Routine, ...]:
             "inject",
             "The correction dx moves into the stored state.",
             (Argument("dx", n, "correction of the error state"),),
-            tuple(program.inject()),
+            tuple(inject(program)),
         ),
     )
 

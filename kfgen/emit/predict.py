@@ -8,6 +8,7 @@ from kfgen.emit.covariance.packed import Row
 from kfgen.emit.guards import every, within
 from kfgen.emit.ir.ir import All, Compare, Expr, Note, Num, Ref, Routine, StatusFlag, When
 from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.state import normalised
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
@@ -32,7 +33,7 @@ def predict(program: Program) -> Routine:
     Phi: dict[int, Row] = {i: {j: next(stream) for j in row} for i, row in rows.items()}
     Qd = {key: next(stream) for key in noise}
     then = [*program.covariance.predict(Phi, Qd), *program.covariance_guard()]
-    body += [Note("state"), *program.normalised(values[len(flat) :], lower, True, then)]
+    body += [Note("state"), *normalised(program, values[len(flat) :], lower, True, then)]
     raw = (list(program.discrete.Phi), list(program.discrete.named_noise[0]), program.discrete.step)
     arguments = program.motion_arguments([e for row in raw for e in row])
     body = [*program.supervisor.resynchronise(), *program.supervisor.changed(), *body]

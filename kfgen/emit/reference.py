@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.covariance.packed import place
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.ir.ir import (
     STATUS,
     Bin,
+    Cell,
     Condition,
+    Cursor,
     Expr,
     For,
     FunctionCall,
@@ -45,7 +48,7 @@ class Machine:
         ``np.float32`` or ``np.float64``; the program's own where left out.
     """
 
-    def __init__(self, program: Program, real: type[np.floating[Any]] | None = None) -> None:
+    def __init__(self, program: Program | Border, real: type[np.floating[Any]] | None = None) -> None:
         self.program = program
         self.real = real or program.type
         self.arrays: dict[str, NDArray[np.floating[Any]]] = {
@@ -88,6 +91,7 @@ class Machine:
 
     def covariance(self) -> NDArray[np.float64]:
         """The covariance, shape (n, n)."""
+        assert isinstance(self.program, Program)
         form = self.program.covariance
         return np.array(form.matrix(self.arrays[form.ARRAY].tolist()))
 
@@ -106,13 +110,20 @@ class Machine:
                     env[s.var] = k
                     self._run(s.body, env)
             elif isinstance(s, FunctionCall):
-                routine = self.routines[s.routine]
-                given = {
-                    a.name: self._value(e, env) for a, e in zip(routine.arguments, s.arguments, strict=True)
-                }
-                self._enter(routine, self.arrays | given)
+                said = self._called(s, env)
+                env["status"] = max(env["status"], said, key=STATUS.index) if s.merged else env["status"]
+            elif isinstance(s, Cursor):
+                env[s.name] = int(self._value(s.value, env))
+
+    def _called(self, s: FunctionCall, env: dict[str, Any]) -> str:
+        routine = self.routines[s.routine]
+        given = {a.name: self._value(e, env) for a, e in zip(routine.arguments, s.arguments, strict=True)}
+        return self._enter(routine, self.arrays | given)
 
     def _index(self, ref: Ref, env: Mapping[str, Any]) -> int:
+        if isinstance(ref.index, Cell):
+            row, column = (env[k] if isinstance(k, str) else k for k in (ref.index.row, ref.index.column))
+            return int(row * ref.index.width + column)
         if isinstance(ref.index, tuple):
             i, j = (env[k] if isinstance(k, str) else k for k in ref.index)
             return int(self._rows[i] + j)

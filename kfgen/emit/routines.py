@@ -23,24 +23,23 @@ from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, 
 from kfgen.emit.covariance.joint import NIS
 from kfgen.emit.gather import gather, gathered_inputs
 from kfgen.emit.gather import memory as gathering
+from kfgen.emit.geodetic.origin import Border, bordered, recentre
 from kfgen.emit.guards import finite
+from kfgen.emit.horizon.memory import SETTINGS as HORIZON_SETTINGS
+from kfgen.emit.horizon.memory import HorizonMemory
 from kfgen.emit.ir.ir import (
     Argument,
-    Expr,
-    Let,
-    Note,
     Num,
-    Ref,
     Routine,
     StatusFlag,
     Stmt,
-    Store,
     When,
-    mul,
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
+from kfgen.emit.moving.places import moving_places
 from kfgen.emit.settings import MAX_OTHER, gates, settings
+from kfgen.emit.state import init
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
 from kfgen.emit.targets.names import argument, check_names, identifier
@@ -73,6 +72,8 @@ class Program:
         Noise of states that keep their value waits and comes in after so long [s]; zero: at every step.
     costs : tuple of str
         What its calls cost on cores, in words for the reader of the code.
+    horizon : float
+        Age up to which measurements are fused at their own times [s]; zero: there is no delayed horizon.
     """
 
     discrete: DiscreteModel
@@ -81,6 +82,7 @@ class Program:
     loops: bool = False
     q_interval: float = 0.0
     costs: tuple[str, ...] = ()
+    horizon: float = 0.0
 
     def __post_init__(self) -> None:
         d = self.discrete
@@ -109,6 +111,14 @@ class Program:
                 remedy="Give a longer --max-step, or a higher --rate",
             )
         check_names(d)
+        if not 0.0 <= self.horizon < float("inf"):
+            raise InputError(f"a horizon of {self.horizon:g} s is none", where="--horizon")
+        if self.horizon and not self.delayed_memory.moving:
+            raise InputError(
+                f"nothing of {d.model.name} moves, so that its measurements have no times to be fused at",
+                where="--horizon",
+                remedy="Leave it out",
+            )
 
     @cached_property
     def covariance(self) -> CovarianceForm:
@@ -139,6 +149,11 @@ class Program:
         return REALS[self.real]
 
     @cached_property
+    def delayed_memory(self) -> HorizonMemory:
+        """The layout of the delayed horizon."""
+        return HorizonMemory(self)
+
+    @cached_property
     def arrays(self) -> dict[str, tuple[int, str]]:
         """The filter's memory in order: size and meaning of each array."""
         return {
@@ -146,6 +161,7 @@ class Program:
             self.covariance.ARRAY: (self.covariance.size, self.covariance.TITLE),
             SUPERVISOR: (len(self.supervisor.places), "ages, rejections and resets, see the places below"),
             **gathering(self.discrete.model),
+            **(self.delayed_memory.arrays if self.horizon else {}),
             "k": (len(self.constants), "constants"),
             "innovation": (self.rows, "of the last update, by row"),
             "variance": (self.rows, "of the last innovations"),
@@ -154,6 +170,7 @@ class Program:
             ANY_HELD.name: (1, "how many there are"),
             **self.covariance.memory,
             HEALTH.name: (1, "smallest pivot of the covariance over its variance, of the last check"),
+            **(self.delayed_memory.waiting if self.horizon else {}),
         }
 
     @property
@@ -215,47 +232,6 @@ class Program:
         """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd."""
         return transition(self.discrete, self.atoms)
 
-    def normalised(
-        self, values: list[Expr], lower: Lowering, guarded: bool = False, then: Sequence[Stmt] = ()
-    ) -> list[Stmt]:
-        """Store the new state, its quaternion scaled to unit length.
-
-        Parameters
-        ----------
-        values : list of Expr
-            Of the stored state, in order.
-        lower : Lowering
-            Names the locals.
-        guarded : bool
-            Only where the new state is finite; else the old one stays, and the status says so.
-        then : sequence of Stmt
-            What follows, under the same guard.
-        """
-        quaternion = self.discrete.model.attitude.nominal_names if self.discrete.model.attitude else ()
-        body: list[Stmt] = []
-        locals_: list[Expr] = []
-        for value in values:
-            atom, statements = lower.let(value, "n")
-            if isinstance(atom, Ref) and atom.name == "x":
-                name = lower.fresh("n")
-                atom, statements = Ref(name), [Let(name, atom)]
-            locals_.append(atom)
-            body += statements
-        where = [i for i, n in enumerate(self.discrete.nominal_names) if n in quaternion]
-        if where:
-            q = sp.symbols(f"__n0:{len(where)}")
-            inner = Lowering({s.name: Ref(f"q{i}") for i, s in enumerate(q)})
-            body += [Let(f"q{i}", locals_[k]) for i, k in enumerate(where)]
-            (scale,), _ = inner.many([1 / sp.sqrt(sum(s * s for s in q))])
-            body.append(Let("q_scale", scale))
-            for i, k in enumerate(where):
-                locals_[k] = mul(Ref(f"q{i}"), Ref("q_scale"))
-        stores = [Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i)]
-        if not guarded or not locals_:
-            return [*body, *stores, *then]
-        total, is_finite = finite(locals_, "sum_x")
-        return [*body, total, When(is_finite, (*stores, *then), (StatusFlag("NOT_FINITE"),))]
-
     @cached_property
     def predict(self) -> Routine:
         """State and covariance over one step."""
@@ -266,7 +242,8 @@ class Program:
     @cached_property
     def settings(self) -> dict[str, Constant]:
         """What firmware may set before it compiles, by name."""
-        return settings(self.discrete)
+        own = HORIZON_SETTINGS if self.horizon else ()
+        return settings(self.discrete) | {c.name: c for c in own}
 
     def setting(self, name: str) -> Num:
         """A setting as a number of the emitted code."""
@@ -289,21 +266,15 @@ class Program:
         model = self.discrete.model
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
         rows = {s.name: len(s.channels) for s in model.sensors}
-        return Supervisor(rows, tuple(triads), self.settings, tuple(Alignment(model).places))
+        return Supervisor(
+            rows, tuple(triads), self.settings, (*Alignment(model).places, *moving_places(model))
+        )
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
         from kfgen.emit.update import update
 
         return update(self, sensor)
-
-    def inject(self, guarded: bool = False) -> list[Stmt]:
-        """The correction ``dx`` moves into the state; where that is guarded, only if the new one is finite."""
-        model = self.discrete.model
-        lower = self.lowering("c")
-        lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
-        values, body = lower.many(list(model.corrected))
-        return [Note("correct the state"), *body, *self.normalised(values, lower, guarded)]
 
     def covariance_guard(self) -> list[Stmt]:
         """A covariance that is no longer finite is said, and goes back to the priors."""
@@ -314,17 +285,7 @@ class Program:
     @cached_property
     def init(self) -> Routine:
         """State, covariance and constants before the first measurement."""
-        body: list[Stmt] = [Store(Ref("x", i), Num(v)) for i, v in enumerate(self.discrete.start)]
-        body += self.covariance.init([self.prior(i) for i in range(self.n)])
-        body += [Store(Ref("k", i), Num(c.value)) for i, c in enumerate(self.constants)]
-        body += [Store(Ref(SUPERVISOR, i), Num(v)) for i, v in enumerate(self.supervisor.start)]
-        done = {"x", "k", self.covariance.ARRAY, SUPERVISOR}
-        for name, (size, _) in self.arrays.items():
-            if name not in done:
-                body += [Store(Ref(name, i), Num(0.0)) for i in range(size)]
-        return Routine(
-            "init", "State, covariance and constants before the first measurement.", (), tuple(body)
-        )
+        return init(self)
 
     @cached_property
     def routines(self) -> tuple[Routine, ...]:
@@ -335,7 +296,21 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
-        return (*self.routines, *self.align, *self.gather, self.check, self.supervisor.condition)
+        return (
+            *self.routines,
+            *self.align,
+            *self.moving,
+            *self.gather,
+            *self.delayed,
+            *self.recentre,
+            self.check,
+            self.supervisor.condition,
+        )
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The routines that take variances."""
+        return tuple(r.name for r in (*self.routines, *self.delayed) if r.arguments != r.required)
 
     @property
     def word_count(self) -> int:
@@ -345,7 +320,8 @@ class Program:
     @property
     def compared(self) -> tuple[str, ...]:
         """The arrays that a proof compares, the first of the filter's memory."""
-        return ("x", self.covariance.ARRAY, SUPERVISOR, *gathering(self.discrete.model))
+        own = (*gathering(self.discrete.model), *(self.delayed_memory.arrays if self.horizon else ()))
+        return ("x", self.covariance.ARRAY, SUPERVISOR, *own)
 
     @cached_property
     def helpers(self) -> tuple[Routine, ...]:
@@ -353,7 +329,16 @@ class Program:
         from kfgen.emit.check import widen
 
         watching = (self.check, self.supervisor.condition)
-        return (*self.covariance.internals, widen(self), *self.align, *self.gather, *watching)
+        return (
+            *self.covariance.internals,
+            widen(self),
+            *self.align,
+            *self.moving,
+            *self.gather,
+            *self.delayed,
+            *self.recentre,
+            *watching,
+        )
 
     @cached_property
     def align(self) -> tuple[Routine, ...]:
@@ -363,9 +348,33 @@ class Program:
         return (AlignRoutine(self).routine(),) if Alignment(self.discrete.model).possible else ()
 
     @cached_property
+    def moving(self) -> tuple[Routine, ...]:
+        """The first attitude in motion, where there is one to be found."""
+        from kfgen.emit.moving.moving import moving
+
+        return moving(self)
+
+    @cached_property
     def gather(self) -> tuple[Routine, ...]:
         """The increments of a prediction, where the filter takes them."""
         return (gather(self),) if gathered_inputs(self.discrete.model) else ()
+
+    @cached_property
+    def delayed(self) -> tuple[Routine, ...]:
+        """The delayed horizon, where there is one."""
+        from kfgen.emit.horizon.delayed import delayed
+
+        return delayed(self)
+
+    @cached_property
+    def border(self) -> Border | None:
+        """Its latitude, longitude and height, where it has a place."""
+        return Border(self) if bordered(self) else None
+
+    @cached_property
+    def recentre(self) -> tuple[Routine, ...]:
+        """What moves its origin, where it has a place."""
+        return (recentre(self),) if self.border else ()
 
     @cached_property
     def check(self) -> Routine:

@@ -15,7 +15,7 @@ from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
-from kfgen.log.log import Log
+from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.simulate.rates import at_every_sample
 from kfgen.simulate.simulate import simulate
@@ -60,8 +60,9 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
         The first so many calls only.
     """
     discrete, steps = program.discrete, max(MIN_PREDICTIONS, 2 * program.settling)
-    rng = np.random.default_rng(SEED)
-    log = simulate(discrete, "generic", (steps + 1) / discrete.rate, rng, rates=at_every_sample(discrete))
+    rng, more = np.random.default_rng(SEED), late_steps(program)
+    seconds = (steps + more + 1) / discrete.rate
+    log = _log(discrete, seconds, rng)
     machine = Machine(program)
     machine.call("init")
     calls: list[RecordedCall] = []
@@ -81,11 +82,29 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
             calls.append(RecordedCall(routine.name, inputs, machine.words()))
             if len(calls) == most:
                 return tuple(calls)
+    given = list(late(program, log, steps)) if program.delayed else []
+    given += [(routine, moved_origin(routine)) for routine in program.recentre]
+    given += in_motion(program)
     for routine in (*program.align, *program.gather):
-        for inputs in (at_rest if routine.name == "align" else fast)(program, routine):
-            machine.call(routine.name, split(routine, inputs))
-            calls.append(RecordedCall(routine.name, inputs, machine.words()))
+        given += [(routine, row) for row in (at_rest if routine.name == "align" else fast)(program, routine)]
+    for routine, inputs in given:
+        machine.call(routine.name, split(routine, inputs))
+        calls.append(RecordedCall(routine.name, inputs, machine.words()))
     return tuple(calls)
+
+
+def _log(discrete: DiscreteModel, seconds: float, rng: np.random.Generator) -> Log:
+    """A simulated motion; of a filter whose inputs are zero but for their noise, the noise of its samples."""
+    inputs = discrete.model.motion.inputs
+    if not inputs or not all(i.quiet for i in inputs):
+        return simulate(discrete, "generic", seconds, rng, rates=at_every_sample(discrete))
+    t = np.arange(round(seconds * discrete.rate)) / discrete.rate
+    channels = {c: Channel(np.zeros(t.size), i.unit) for i in inputs for c in i.channels}
+    for s in discrete.model.sensors:
+        for c in s.channels:
+            sd = discrete.sample_variance(s, c) ** 0.5
+            channels[c] = Channel(sd * rng.normal(size=t.size), s.unit)
+    return Log(t, channels)
 
 
 def at_rest(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
@@ -179,3 +198,87 @@ def fast(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
         row = [s * w for _ in routine.arguments[:-1] for w, s in zip(wave, INCREMENT_SIZES)]
         row[0] += BEYOND * (k == SHAKEN)
         yield tuple(float(np.float32(v)) for v in (*row, FAST_STEP_S))
+
+
+def moved_origin(routine: Routine) -> tuple[float, ...]:
+    """An origin 300 m to the south-east, with scales and constants of a place that is not there."""
+    sizes = [a.size for a in routine.arguments]
+    row = [-200.0, 220.0, 1.001, 0.9990, *(0.01 * k + 0.1 for k in range(sum(sizes[2:])))]
+    return tuple(float(np.float32(v)) for v in row)
+
+
+def in_motion(program: Program) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the alignment in motion: a climbing turn, and what it waits for."""
+    routines = {r.name: r for r in program.moving}
+    if not routines:
+        return
+    gather, fix = routines["align_gather"], routines["align_moving"]
+    dt = min(program.discrete.max_step, SLOW_STEP_S)
+    north = (19e-6, 5e-6, -41e-6) if fix.arguments[1].size else (0.4,)
+
+    def rounded(*row: float) -> tuple[float, ...]:
+        return tuple(float(np.float32(v)) for v in row)
+
+    for force in (-2.0, -9.7):
+        yield fix, rounded(10.0, 3.0, 0.0, *north)
+        for k in range(CALLS_AT_REST):
+            yield gather, rounded(0.3, 0.1, force + 0.01 * k, 0.02, -0.01, 0.05, dt)
+        yield gather, rounded(BEYOND if force > -9.0 else 0.0, 0.0, -9.8, 0.0, 0.0, 0.0, dt)
+        yield fix, rounded(10.4, 3.5, -0.1, *north)
+    for routine in program.moving[2:]:
+        yield routine, rounded(8.1, 6.1, 0.0)
+        for k in range(CALLS_AT_REST):
+            yield gather, rounded(0.1, 0.2, -9.8 + 0.01 * k, 0.01, -0.02, 0.03, dt)
+        yield routine, rounded(8.0, 6.0, 0.1)
+        yield routine, rounded(1.0, 0.5, 0.0)
+
+
+def late_steps(program: Program) -> int:
+    """Predictions of the delayed horizon: until the ring is full, and on."""
+    return program.delayed_memory.rows + STEPS_BEHIND if program.delayed else 0
+
+
+def late(program: Program, log: Log, first: int) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the delayed horizon from a sample of a log on: stamps that jitter, and what must not be fused.
+
+    Parameters
+    ----------
+    program : Program
+        With a horizon.
+    log : Log
+    first : int
+        The sample.
+    """
+    discrete, rng = program.discrete, np.random.default_rng(SEED)
+    start, step, *updates = program.delayed
+    plain = {f"delayed_{r.name}": r for r in program.routines}
+    rows = program.delayed_memory.rows
+    yield start, ()
+    for k in range(first, first + late_steps(program)):
+        inputs = _inputs(discrete, program.predict, log, k)
+        spoiled = k - first == rows + STEPS_BEHIND // 2
+        yield step, (*(v + BEYOND * spoiled for v in inputs[:-1]), inputs[-1])
+        if k % PREDICTIONS_PER_UPDATE:
+            continue
+        for number, routine in enumerate(updates):
+            for age in _ages(rows, k - first, number, rng.uniform(0.0, 1.0)):
+                at = min(max(k - int(age), 0), log.n - 1)
+                z = _inputs(discrete, plain[routine.name], log, at)[: routine.required[0].size]
+                yield routine, (*z, float(np.float32(age / discrete.rate)))
+
+
+def _ages(rows: int, k: int, number: int, jitter: float) -> tuple[float, ...]:
+    """Ages in periods of the samples that a sensor sends after the k-th step: the last ones are old, double, swapped."""
+    usual = min(rows, 2) * 0.5 * (1.0 + jitter) + 0.25 * rows
+    special = (k // PREDICTIONS_PER_UPDATE + number) % SPECIAL
+    if special == 0:
+        return usual, 3.0 * rows, -1e3
+    if special == 1:
+        return 0.1 * rows, usual, usual
+    return (usual,)
+
+
+STEPS_BEHIND = 60
+"""Predictions of the delayed horizon after its ring is full."""
+SPECIAL = 6
+"""One of so many times a sample is too old, or of the future, or comes twice, or after a younger one."""

@@ -9,6 +9,8 @@ from kfgen.emit.align import Alignment
 from kfgen.emit.gather import GATHER_SAMPLES, gathered_inputs
 from kfgen.emit.ir.ir import Expr, Num, add, mul
 from kfgen.emit.ir.lower import Lowering
+from kfgen.emit.moving.places import SETTINGS as MOVING
+from kfgen.emit.moving.places import alignable
 from kfgen.emit.targets.names import identifier
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
@@ -49,7 +51,7 @@ SUPERVISION = (
 def settings(discrete: DiscreteModel) -> dict[str, Constant]:
     """Every setting of a filter by name."""
     model = discrete.model
-    found = [*SUPERVISION, *Alignment(model).constants()]
+    found = [*SUPERVISION, *Alignment(model).constants(), *(MOVING if alignable(model) else ())]
     if gathered_inputs(model):
         found.append(GATHER_SAMPLES)
     for i in model.motion.inputs:

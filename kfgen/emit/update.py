@@ -34,6 +34,7 @@ from kfgen.emit.ir.ir import (
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.settings import sample_variance, squared_gate
+from kfgen.emit.state import inject
 from kfgen.emit.supervisor import DUE, widened
 from kfgen.emit.targets.names import identifier
 from kfgen.model.parts.sensors import Sensor
@@ -75,11 +76,11 @@ def update(program: Program, sensor: Sensor) -> Routine:
     given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(H.rows)], strict=True))
     after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
     rejected = _rejected(program, sensor, rows, y)
-    inject = program.inject(guarded=True)
+    corrected = inject(program, guarded=True)
     if program.covariance.gates_first:
-        body += _joint(program, given, gate, inject, after, rejected)
+        body += _joint(program, given, gate, corrected, after, rejected)
     else:
-        body += fused_with_rollback(program.covariance, given, gate, [*inject, *after], rejected)
+        body += fused_with_rollback(program.covariance, given, gate, [*corrected, *after], rejected)
     z = Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels))
     others = program.sample_arguments(used)
     memory = (*program.covariance.scratch, *kept(program.covariance, H.rows))
@@ -130,7 +131,7 @@ def _joint(
     program: Program,
     given: Sequence[tuple[str, Row, Expr, Expr]],
     gate: Expr,
-    inject: Sequence[Stmt],
+    corrected: Sequence[Stmt],
     after: Sequence[Stmt],
     rejected: Sequence[Stmt],
 ) -> list[Stmt]:
@@ -143,7 +144,7 @@ def _joint(
     kept: list[Stmt] = []
     for i, value in enumerate(y):
         kept += [Store(Ref("innovation", i), value), Store(Ref("variance", i), S[i, i])]
-    return [*before, *gated(S, y, gate, [*accepted, *inject, *after], [*kept, *rejected])]
+    return [*before, *gated(S, y, gate, [*accepted, *corrected, *after], [*kept, *rejected])]
 
 
 def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr]) -> list[Stmt]:

@@ -15,10 +15,12 @@ from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter, read_folder
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, at_rest, scenario
-from kfgen.emit.targets.c import header
+from kfgen.emit.targets.c import TARGET, header, horizon_bytes, memory_bytes
 from kfgen.log.readers import LogOrPath, log_of
+from kfgen.verify.border import border_module, border_replay, together
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
@@ -33,7 +35,11 @@ def cores() -> dict[str, str]:
     return {**hosts, **{k: f"emulated {c.title}" for k, c in CHIPS.items()}}
 
 
-def maker_of(name: str, contract: bool) -> Callable[[Program, Path, Path], Core]:
+CoreMaker = Callable[[Program | Border, Path, Path], Core]
+"""What makes a core, for a program, the folder of its header and one for scratch files."""
+
+
+def maker_of(name: str, contract: bool) -> CoreMaker:
     """What makes a core of that name, for a program, the folder of its header and one for scratch files.
 
     Parameters
@@ -66,11 +72,15 @@ class Verification(Result):
     verdicts : tuple of CoreVerdict
     on_log : OnLog, optional
         What a log adds, where the calls are those of a log.
+    ram_bytes, horizon_bytes : int
+        What a filter in C takes, and what of it the delayed horizon takes.
     """
 
     model_hash: str
     verdicts: tuple[CoreVerdict, ...]
     on_log: OnLog | None = None
+    ram_bytes: int = 0
+    horizon_bytes: int = 0
 
     def __iter__(self) -> Iterator[CoreVerdict]:
         return iter(self.verdicts)
@@ -101,7 +111,8 @@ class Verification(Result):
         if exact:
             where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
             said.insert(0, f"Bit-exact on {where}: all {words} values equal the reference")
-        return said
+        own = f", {self.horizon_bytes} of them for the delayed horizon" if self.horizon_bytes else ""
+        return [*said, *([f"a filter takes {self.ram_bytes} bytes of RAM{own}"] if self.ram_bytes else [])]
 
     def short_table(self) -> ShortTable:
         """A row for each core."""
@@ -115,6 +126,8 @@ class Verification(Result):
             "model_hash": self.model_hash,
             "cores": {v.core: v.to_dict() for v in self.verdicts},
         }
+        if self.ram_bytes:
+            data |= {"ram_bytes": self.ram_bytes, "horizon_ram_bytes": self.horizon_bytes}
         return data if self.on_log is None else data | {"log": self.on_log.to_dict()}
 
 
@@ -161,8 +174,10 @@ def verify(
     on_log = None
     if log is not None:
         played, on_log = over_log(emitted.program, log_of(log))
-    verdicts = _verdicts(emitted, cores, contract, played)
-    return Verification(emitted.model_hash, tuple(verdicts), on_log)
+    verdicts = tuple(_verdicts(emitted, cores, contract, played))
+    program = emitted.program
+    sizes = (memory_bytes(program), horizon_bytes(program)) if emitted.target == TARGET else (0, 0)
+    return Verification(emitted.model_hash, verdicts, on_log, *sizes)
 
 
 def _verdicts(
@@ -175,15 +190,28 @@ def _verdicts(
             raise InputError(
                 "a Python module runs on the host only", where="--core", remedy="Leave --core out"
             )
-        return [MODULES[emitted.target](program, emitted.folder, played or simulated(program))]
+        verdict = MODULES[emitted.target](program, emitted.folder, played or simulated(program))
+        border = None if played else program.border
+        own = border and border_module(border, emitted.folder, emitted.target)
+        return [together(verdict, own) if own else verdict]
+    alone = played is not None or contract
     played = played or simulated(program)
     verdicts = []
     for name, make in counted(makers, "cores", alike=False):
         with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
             core = make(program, emitted.folder, Path(scratch))
             compare = _compare_contracted if contract else _compare
-            verdicts.append(compare(name, core, played, program))
+            verdict = compare(name, core, played, program)
+        border = None if alone else program.border
+        verdicts.append(together(verdict, _border(name, make, border, emitted.folder)) if border else verdict)
     return verdicts
+
+
+def _border(name: str, make: CoreMaker, border: Border, folder: Path) -> CoreVerdict:
+    """The border on a core, bit by bit."""
+    with tempfile.TemporaryDirectory(prefix="kfgen-verify-") as scratch:
+        core = make(border, folder, Path(scratch))
+        return _compare(name, core, border_replay(border))
 
 
 def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
@@ -218,7 +246,7 @@ def costs(program: Program, names: Sequence[str]) -> tuple[str, ...]:
             core = Emulated(CHIPS[name], program, folder, folder)
             core.call("init", ())
             most = COUNTED_CALLS + (program.settling + len(REFUSED)) * len(program.routines)
-            for call in scenario(program, most):
+            for call in scenario(program, None if program.delayed else most):
                 core.call(call.routine, call.inputs)
             for routine in program.align:
                 for inputs in at_rest(program, routine):
@@ -258,7 +286,7 @@ def _compare_contracted(name: str, core: Core, played: Replay, program: Program)
     return CoreVerdict(name, words, differing, 0, len(played.calls), core.cost(), CONTRACTED)
 
 
-def _compare(name: str, core: Core, played: Replay, program: Program) -> CoreVerdict:
+def _compare(name: str, core: Core, played: Replay, program: Program | None = None) -> CoreVerdict:
     _begin(core, played)
     words = differing = ulp = 0
     for call in played.calls:

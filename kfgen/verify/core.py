@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.c import call_arguments
 from kfgen.emit.targets.templates import render
@@ -120,7 +121,7 @@ class Core(Protocol):
         """What the calls so far have cost."""
 
 
-def place_of(program: Program, array: str) -> int:
+def place_of(program: Program | Border, array: str) -> int:
     """Numbers of the filter's memory that stand before an array.
 
     Parameters
@@ -133,7 +134,7 @@ def place_of(program: Program, array: str) -> int:
     return sum(list(sizes.values())[: list(sizes).index(array)])
 
 
-def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
+def write_harness(program: Program | Border, folder: Path, *, bare: bool) -> Path:
     """Write the harness that a core drives; returns its path.
 
     Parameters
@@ -159,6 +160,6 @@ def write_harness(program: Program, folder: Path, *, bare: bool) -> Path:
     return path
 
 
-def width(program: Program) -> int:
+def width(program: Program | Border) -> int:
     """Floats that the longest argument list needs."""
     return max(sum(a.size or 1 for a in r.required) for r in program.entries)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 from collections import Counter
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import CheckFailed
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED
 from kfgen.emit.targets.templates import template_folder
@@ -136,8 +137,8 @@ class Board:
         Where the program is built.
     contract : bool
         Fused products and sums.
-    counted : container of int
-        The calls of each function that are counted, from zero on.
+    counted : callable
+        Whether a call is counted, by its function and its number, from zero on.
 
     Raises
     ------
@@ -154,7 +155,7 @@ class Board:
         folder: Path,
         scratch: Path,
         contract: bool = False,
-        counted: Container[int] = range(COUNTED_CALLS_PER_ROUTINE),
+        counted: Callable[[str, int], bool] = lambda function, number: number < COUNTED_CALLS_PER_ROUTINE,
     ) -> None:
         for module in ("unicorn", "elftools"):
             if importlib.util.find_spec(module) is None:
@@ -205,8 +206,9 @@ class Board:
         hook = None
         number = self._calls[function]
         self._calls[function] = number + 1
-        if number in self._counted:
+        if self._counted(function, number):
             self._running = 0
+            uc.ctl_flush_tb()  # blocks that were translated without a hook would not be counted
             hook = uc.hook_add(UC_HOOK_BLOCK, self._block)
             uc.mem_write(STACK_TOP - STACK_SIZE, bytes([PAINT]) * STACK_SIZE)
         uc.reg_write(getattr(self._registers, family.stack), STACK_TOP)
@@ -246,7 +248,7 @@ class Emulated:
     """The filter on an emulated chip."""
 
     def __init__(
-        self, chip: Chip, program: Program, source: Path, scratch: Path, contract: bool = False
+        self, chip: Chip, program: Program | Border, source: Path, scratch: Path, contract: bool = False
     ) -> None:
         harness = write_harness(program, scratch, bare=True)
         self._board = Board(chip, harness, source, scratch, contract, _counted(program))
@@ -281,13 +283,16 @@ class Emulated:
         return InstructionCount(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
 
 
-def _counted(program: Program) -> set[int]:
-    """The first calls, and those about which noise that waits comes in: some steps are refused before."""
-    due = program.settling
-    return {
+def _counted(program: Program | Border) -> Callable[[str, int], bool]:
+    """The first calls, those about which noise that waits comes in (some steps are refused before), and behind the horizon."""
+    if isinstance(program, Border):
+        return lambda function, number: True
+    due, delayed = program.settling, {f"call_{r.name}" for r in program.delayed}
+    first = {
         *range(COUNTED_CALLS_PER_ROUTINE),
         *(range(due - 2, due + len(REFUSED) + 2) if due else ()),
     }
+    return lambda function, number: number in first or function in delayed
 
 
 def _build(chip: Chip, source: Path, folder: Path, elf: Path, contract: bool) -> Path:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kfgen.core.errors import CheckFailed, MissingExtra
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.verify.core import InstructionCount, Words, place_of, width, write_harness
 
@@ -101,7 +102,7 @@ class Host:
 
     def __init__(
         self,
-        program: Program,
+        program: Program | Border,
         source: Path,
         scratch: Path,
         language: Language = LANGUAGES["host"],

@@ -3,7 +3,7 @@
 Every operation has two operands and its own parentheses, so that C, the float32 reference and
 Python round in the same order. A routine works on named arrays (state, covariance, constants,
 arguments) and on local scalars, each assigned once. Loops run over whole numbers; an index is a number,
-a loop's variable, or a pair (i, j) with i <= j: the element of a triangle that is packed by rows.
+a loop's variable, a pair (i, j) with i <= j: the element of a triangle that is packed by rows, or the cell of a table.
 """
 
 from __future__ import annotations
@@ -22,7 +22,18 @@ class Num:
 
 Whole = int | str
 """A whole number, or a loop's variable by name."""
-Index = int | str | tuple[Whole, Whole]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A place in a table that is stored by rows: `row` and `column` are whole numbers or their names."""
+
+    row: Whole
+    width: int
+    column: Whole
+
+
+Index = int | str | tuple[Whole, Whole] | Cell
 
 
 @dataclass(frozen=True)
@@ -56,6 +67,14 @@ Expr = Num | Ref | Bin | Una
 @dataclass(frozen=True)
 class Let:
     """A new local scalar."""
+
+    name: str
+    value: Expr
+
+
+@dataclass(frozen=True)
+class Cursor:
+    """A new local whole number: that of an element."""
 
     name: str
     value: Expr
@@ -125,10 +144,14 @@ class For:
 
 @dataclass(frozen=True)
 class FunctionCall:
-    """An internal routine at work: arrays by name, scalars by value."""
+    """A routine at work: arrays by name, scalars by value.
+
+    An internal one has no status; that of another one is `merged` into the caller's, the graver of the two.
+    """
 
     routine: str
     arguments: tuple[Expr, ...]
+    merged: bool = False
 
 
 def comparisons(condition: Condition) -> tuple[Compare, ...]:
@@ -136,7 +159,7 @@ def comparisons(condition: Condition) -> tuple[Compare, ...]:
     return condition.comparisons if isinstance(condition, All) else (condition,)
 
 
-Stmt = Let | Store | When | StatusFlag | Note | For | FunctionCall
+Stmt = Let | Cursor | Store | When | StatusFlag | Note | For | FunctionCall
 
 STATUS = (
     "OK",
@@ -149,6 +172,13 @@ STATUS = (
     "LOST",
     "ALIGNING",
     "GATHERING",
+    "OUT_OF_ORDER",
+    "DOUBLED",
+    "NO_ROOM",
+    "TOO_OLD",
+    "ORIGIN_SET",
+    "RECENTRED",
+    "TOO_FAR",
 )
 """What a routine returns, in order of number and of gravity."""
 
@@ -216,7 +246,7 @@ def turns(loop: For, env: Mapping[str, int]) -> range:
 def _counted(body: Sequence[Stmt], env: Mapping[str, int]) -> int:
     total = 0
     for s in body:
-        if isinstance(s, Let | Store):
+        if isinstance(s, Let | Store | Cursor):
             total += _count(s.value)
         elif isinstance(s, When):
             total += sum(_count(c.a) + _count(c.b) for c in comparisons(s.condition))
@@ -232,7 +262,7 @@ def names_of(body: Sequence[Stmt]) -> set[str]:
     """Every name that statements read, store to or call."""
     found: set[str] = set()
     for s in body:
-        if isinstance(s, Let | Store):
+        if isinstance(s, Let | Store | Cursor):
             found |= _named(s.value) | (_named(s.target) if isinstance(s, Store) else {s.name})
         elif isinstance(s, When):
             found |= set().union(*(_named(c.a) | _named(c.b) for c in comparisons(s.condition)))

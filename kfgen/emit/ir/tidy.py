@@ -12,6 +12,7 @@ from dataclasses import replace
 from kfgen.emit.ir.ir import (
     All,
     Bin,
+    Cell,
     Compare,
     Condition,
     Expr,
@@ -66,7 +67,7 @@ class _Numbering:
                 self._forget_all(s)
                 out.append(replace(s, body=tuple(self._branch(s.body))))
             elif isinstance(s, FunctionCall):
-                out.append(FunctionCall(s.routine, tuple(self._seen(a) for a in s.arguments)))
+                out.append(replace(s, arguments=tuple(self._seen(a) for a in s.arguments)))
                 self._forget(Ref("", "any"))
             else:
                 out.append(s)
@@ -150,9 +151,13 @@ def _elements(e: Expr) -> Iterator[Ref]:
 
 def _fixed(*refs: Ref) -> bool:
     """Whether indices are numbers, so that unequal ones are different elements."""
-    return not any(
-        isinstance(i, str) for r in refs for i in (r.index if isinstance(r.index, tuple) else (r.index,))
-    )
+    return not any(isinstance(i, str) for r in refs for i in _indices(r))
+
+
+def _indices(r: Ref) -> tuple[object, ...]:
+    if isinstance(r.index, Cell):
+        return r.index.row, r.index.column
+    return r.index if isinstance(r.index, tuple) else (r.index,)
 
 
 def _key(e: Expr) -> Key:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from kfgen.core.errors import InputError
 from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.ir.ir import STATUS, Argument, Compare, Ref, Routine, names_of
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, split
@@ -51,7 +52,7 @@ REAL = {
 class CPrinter(Printer):
     """C in the program's precision."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program | Border) -> None:
         super().__init__(program.n)
         self.program = program
         self.real = REAL[program.real]
@@ -86,9 +87,17 @@ class CPrinter(Printer):
             return [f"for (int {var} = {first}; {var} >= {start}; {var}--) {{", *body, "}"]
         return [f"for (int {var} = {start}; {var} < {stop}; {var}++) {{", *body, "}"]
 
-    def call(self, routine: str, arguments: list[str]) -> str:
-        """A static function of the header."""
-        return f"{self.program.name}_{routine}({', '.join(['kf', *arguments])});"
+    def call(self, routine: str, arguments: list[str], merged: bool = False) -> str:
+        """A static function of the header; one that takes variances has them given."""
+        name = f"{self.program.name}_{routine}" + "_with_variance" * (routine in self.program.varied)
+        called = f"{name}({', '.join(['kf', *arguments])})"
+        if not merged:
+            return f"{called};"
+        return f"{{ const kf_status_t said = {called}; status = (said > status) ? said : status; }}"
+
+    def whole(self, name: str, value: str) -> str:
+        """A constant local."""
+        return f"const int {name} = KF_CAST(int, {value});"
 
     def root(self, argument: str) -> str:
         """By a macro that firmware can replace."""
@@ -168,7 +177,9 @@ class CFunction:
     short_signature: str = ""
 
 
-def _function(program: Program, routine: Routine) -> CFunction:
+def _function(
+    program: Program | Border, routine: Routine, printing: type[CPrinter] | None = None
+) -> CFunction:
     real = program.real
     fixed = "" if routine.internal else "const "
 
@@ -176,7 +187,7 @@ def _function(program: Program, routine: Routine) -> CFunction:
         own = [f"{fixed}{real} {a.name}[{a.size}]" if a.size else f"{real} {a.name}" for a in arguments]
         return ", ".join([f"{program.name}_t *kf", *own])
 
-    printer = CPrinter(program)
+    printer = (printing or CPrinter)(program)
     left_out = [a for a in routine.arguments if a.default]
     return CFunction(
         routine.name,
@@ -226,7 +237,8 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
             for s in program.settings.values()
         ],
         supervisor=list(enumerate(program.supervisor.places)),
-        bytes=sum(size for size, _ in program.arrays.values()) * np.dtype(program.type).itemsize,
+        bytes=memory_bytes(program),
+        horizon_bytes=horizon_bytes(program),
         sizes={"x": f"{program.name.upper()}_NX", program.covariance.ARRAY: f"{program.name.upper()}_NP"}
         | {HELD: f"{program.name.upper()}_N"},
         blocks=_blocks(program),
@@ -255,6 +267,23 @@ def _common(program: Program) -> dict[str, Any]:
     }
 
 
+def memory_bytes(program: Program) -> int:
+    """What a filter takes."""
+    return _bytes_of(program, program.arrays)
+
+
+def horizon_bytes(program: Program) -> int:
+    """What of that the delayed horizon takes."""
+    if not program.horizon:
+        return 0
+    memory = program.delayed_memory
+    return _bytes_of(program, memory.arrays | memory.waiting)
+
+
+def _bytes_of(program: Program, arrays: Mapping[str, tuple[int, str]]) -> int:
+    return sum(size for size, _ in arrays.values()) * np.dtype(program.type).itemsize
+
+
 def _blocks(program: Program) -> list[tuple[str, str, int, int]]:
     """Name, meaning, first place and size of each block of the stored state."""
     names = list(program.discrete.nominal_names)
@@ -271,7 +300,12 @@ def unobservable_at_rest(model: FilterModel) -> tuple[str, ...]:
 
     Nothing of a model that a driver acts on: it hides other directions at every temperature.
     """
-    return () if model.drivers else tuple(d.sentence for d in unobservable_directions(model))
+    if model.drivers:
+        return ()
+    try:
+        return tuple(d.sentence for d in unobservable_directions(model))
+    except InputError as error:
+        return (f"not known, for the audit has no exact answer: {error}",)
 
 
 PLAIN = ("main.c", "CMakeLists.txt", "library.properties", "library.json")
@@ -292,18 +326,31 @@ def files(program: Program) -> dict[str, str]:
     }
     return {
         f"{program.name}.h": header(program, unobservable_at_rest(program.discrete.model)),
-        f"{program.name}_delay.h": render(
-            "c/delay.h.j2",
-            **common,
-            predict=_function(program, program.predict),
-            inputs=program.predict.arguments,
-        ),
+        **_geodetic(program, common),
         "selftest.c": render("c/selftest.c.j2", **common),
         f"{program.name}_vectors.h": _vectors(program, calls),
         **{name: render(f"c/{name}.j2", **common) for name in PLAIN},
         "zephyr/module.yml": render("c/module.yml.j2", **common),
         "zephyr/CMakeLists.txt": render("c/zephyr.txt.j2", **common),
     }
+
+
+class BorderPrinter(CPrinter):
+    """C of the border: its settings are macros."""
+
+    def setting(self, name: str) -> str:
+        """A macro of its header."""
+        return f"{self.program.name.upper()}_{name}"
+
+
+def _geodetic(program: Program, common: dict[str, Any]) -> dict[str, str]:
+    """The header of the border, where there is one."""
+    border = program.border
+    if border is None:
+        return {}
+    functions = [_function(border, r, BorderPrinter) for r in border.routines]
+    own = border.words | {"double": REAL[border.real], "border_functions": functions}
+    return {f"{border.name}.h": render("c/geodetic.h.j2", **common, **own)}
 
 
 def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> list[list[str]]:

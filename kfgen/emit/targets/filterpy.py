@@ -13,6 +13,7 @@ from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.gather import memory as gathering
 from kfgen.emit.guards import MAX_SUM
 from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
+from kfgen.emit.moving.moving import MovingAlign
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import gates, sample_variance, squared_gate
 from kfgen.emit.supervisor import ARRAY
@@ -91,7 +92,40 @@ def _methods(program: Program) -> list[dict[str, str]]:
         for r in program.align
     ]
     made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
-    return [_method(program, *m) for m in made]
+    return [
+        *(_method(program, *m) for m in made),
+        *(_plain(program, r) for r in (*program.delayed, *program.recentre, *_moving(program))),
+    ]
+
+
+def _moving(program: Program) -> tuple[Routine, ...]:
+    return MovingAlign(program, matrix=True).routines() if program.moving else ()
+
+
+def _plain(program: Program, routine: Routine) -> dict[str, str]:
+    """A routine as a method, which may call others."""
+    printer = PythonPrinter(program.n)
+    start = ["status, x, k, supervisor = Status.OK, self.nominal, self.constants, self.supervisor"]
+    start += [f"{a} = self.{a}" for a in _lists(program)]
+    start += [f"{s.name} = [0.0] * {s.size}" for s in routine.scratch]
+    start += [
+        f"{a.name} = [{', '.join(map(printer.expression, a.default))}] if {a.name} is None else {a.name}"
+        for a in routine.arguments
+        if a.default
+    ]
+    lines = [*(f"        {line}" for line in start), *printer.statements(routine.body, 2)]
+    if any(s.name == "known" for s in routine.scratch):
+        lines += [
+            "        if known[0] > 0.0:",
+            "            self._known(np.array(gain), spread[0], tilted[0])",
+        ]
+    return {
+        "name": routine.name,
+        "arguments": _typed(routine.arguments),
+        "text": routine.text,
+        "result": "Status",
+        "body": "\n".join([*lines, "        return status"]),
+    }
 
 
 BEFORE = {
@@ -133,7 +167,16 @@ def _method(
 
 
 def _typed(arguments: tuple[Argument, ...]) -> str:
-    return "".join(f", {a.name}: {'Vector' if a.size else 'float'}" for a in arguments)
+    return "".join(
+        f", {a.name}: {'Vector' if a.size else 'float'}{' | None = None' if a.default else ''}"
+        for a in arguments
+    )
+
+
+def _lists(program: Program) -> dict[str, tuple[int, str]]:
+    """Arrays that a filter has beside those of its template."""
+    own = gathering(program.discrete.model)
+    return own | program.delayed_memory.arrays | program.delayed_memory.waiting if program.horizon else own
 
 
 def class_name(program: Program) -> str:
@@ -143,7 +186,9 @@ def class_name(program: Program) -> str:
 
 def files(program: Program) -> dict[str, str]:
     """The emitted files by name; raises as `module` does."""
-    emitted = module(program)
+    from kfgen.emit.targets.plain import geodetic
+
+    emitted = module(program) | geodetic(program, "nominal")
     calls = recorded(program)
     found = f"[*kf.nominal, *kf.P[np.triu_indices({program.n})], *kf.supervisor]"
     return emitted | {FILE: selftest(program, class_name(program), calls, nearly(program, calls), found)}
@@ -215,7 +260,8 @@ def module(program: Program) -> dict[str, str]:
         quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
         errors=AlignRoutine(program).errors if program.align else [],
         reasons=REASONS,
-        gathering={a: size for a, (size, _) in gathering(discrete.model).items()},
+        gathering={a: size for a, (size, _) in _lists(program).items()},
+        present=program.delayed_memory.names if program.horizon else (),
         norm_error=MAX_NORM_ERROR,
         gates={s.name: g.value for s, g in zip(discrete.model.sensors, gates(discrete.model))},
         huge=MAX_SUM,

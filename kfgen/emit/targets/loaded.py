@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,19 @@ def imported(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def beside(path: Path) -> ModuleType:
+    """The module of a file that imports others of its folder; raises what its import raises."""
+    known = set(sys.modules)
+    sys.path.insert(0, str(path.parent))
+    try:
+        return imported(path)
+    finally:
+        sys.path.remove(str(path.parent))
+        for name in set(sys.modules) - known:
+            if getattr(sys.modules[name], "__file__", None) in {str(p) for p in path.parent.glob("*.py")}:
+                del sys.modules[name]
 
 
 def loaded(files: Mapping[str, str]) -> ModuleType:

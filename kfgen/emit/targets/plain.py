@@ -7,6 +7,7 @@ from typing import Any
 import kfgen
 from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.packed import place
+from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.ir.ir import STATUS, Routine, names_of
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name
@@ -39,7 +40,7 @@ class NumpyPrinter(PythonPrinter):
         return f"np.rint({argument})"
 
 
-def _method(program: Program, routine: Routine) -> dict[str, Any]:
+def _method(program: Program | Border, routine: Routine) -> dict[str, Any]:
     used, printer = names_of(routine.body), NumpyPrinter(program.n)
     return {
         "name": f"_{routine.name}" if routine.internal else routine.name,
@@ -57,7 +58,33 @@ def files(program: Program) -> dict[str, str]:
     """The emitted files by name."""
     calls = recorded(program)
     found = f"[{', '.join(f'*kf.{array}' for array in program.compared)}]"
-    return module(program) | {FILE: selftest(program, class_name(program), calls, exactly(calls), found)}
+    own = module(program) | geodetic(program, "x")
+    return own | {FILE: selftest(program, class_name(program), calls, exactly(calls), found)}
+
+
+def geodetic(program: Program, state: str) -> dict[str, str]:
+    """The module of the border by name, where there is one.
+
+    Parameters
+    ----------
+    program : Program
+    state : str
+        The attribute of a filter that has its stored state.
+    """
+    border = program.border
+    if border is None:
+        return {}
+    text = render(
+        "python/geodetic.py.j2",
+        name=program.name,
+        model=program.discrete.model,
+        version=kfgen.__version__,
+        hash=program.discrete.hash[:16],
+        state=state,
+        border_methods=[_method(border, r) for r in border.routines],
+        **border.words,
+    )
+    return {f"{border.name}.py": text}
 
 
 def module(program: Program) -> dict[str, str]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import (
     Bin,
+    Cell,
     Compare,
     Condition,
+    Cursor,
     Expr,
     For,
     FunctionCall,
@@ -47,6 +49,8 @@ class Printer:
 
     def index(self, ref: Ref) -> str:
         """The index of an element; of a packed triangle by where its row begins."""
+        if isinstance(ref.index, Cell):
+            return f"{ref.index.row} * {ref.index.width} + {ref.index.column}"
         if not isinstance(ref.index, tuple):
             return str(ref.index)
         i, j = ref.index
@@ -71,14 +75,27 @@ class Printer:
         """
         raise NotImplementedError
 
-    def call(self, routine: str, arguments: list[str]) -> str:
-        """An internal routine at work.
+    def call(self, routine: str, arguments: list[str], merged: bool = False) -> str:
+        """A routine at work.
 
         Parameters
         ----------
         routine : str
             Its name.
         arguments : list of str
+            Printed.
+        merged : bool
+            It has a status, and the graver one is kept.
+        """
+        raise NotImplementedError
+
+    def whole(self, name: str, value: str) -> str:
+        """A new local whole number.
+
+        Parameters
+        ----------
+        name : str
+        value : str
             Printed.
         """
         raise NotImplementedError
@@ -197,8 +214,10 @@ class Printer:
                 lines.append(pad + self.note(s.text))
             elif isinstance(s, StatusFlag):
                 lines.append(pad + self.flag(s.status))
+            elif isinstance(s, Cursor):
+                lines.append(pad + self.whole(s.name, self.expression(s.value)))
             elif isinstance(s, FunctionCall):
-                lines.append(pad + self.call(s.routine, [self.expression(a) for a in s.arguments]))
+                lines.append(pad + self.call(s.routine, [self.expression(a) for a in s.arguments], s.merged))
             elif isinstance(s, For):
                 start = _sum(s.start, s.skip)
                 inner = self.statements(s.body, depth + 1)
@@ -275,9 +294,14 @@ class PythonPrinter(Printer):
         turns = f"reversed(range({start}, {stop}))" if down else f"range({start}, {stop})"
         return [f"for {var} in {turns}:", *body]
 
-    def call(self, routine: str, arguments: list[str]) -> str:
+    def call(self, routine: str, arguments: list[str], merged: bool = False) -> str:
         """A method of the class."""
-        return f"self._{routine}({', '.join(arguments)})"
+        called = f"self.{'' if merged else '_'}{routine}({', '.join(arguments)})"
+        return f"status = max(status, {called})" if merged else called
+
+    def whole(self, name: str, value: str) -> str:
+        """A local."""
+        return f"{name} = int({value})"
 
     def conjunction(self, texts: list[str]) -> str:
         """``and``."""
