@@ -18,6 +18,8 @@ SEARCH_SECONDS = 60.0
 """After which nothing more is added [s]."""
 FIT_SECONDS = 80.0
 """After which a fit ends with its next step [s]; what is left is for the proof, and for what would not have been seen."""
+IDENTIFY_SECONDS = 25.0
+"""The same of an identification, which has no proof to follow [s]."""
 MIN_SECONDS = 2.0
 """Of a search whose turn comes when all is spent [s]."""
 ENDED_EARLY = (
@@ -59,16 +61,18 @@ _CURRENT: ContextVar[TimeBudget | None] = ContextVar("time_budget", default=None
 
 
 @contextmanager
-def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
+def time_budget(parts: int = 1, search_s: float = SEARCH_SECONDS) -> Iterator[TimeBudget]:
     """A budget for all that is computed inside.
 
     Parameters
     ----------
     parts : int
         Searches, this one the first of them, that share what is left of the budget outside.
+    search_s : float
+        Seconds after which nothing more is added, where there is no budget outside.
     """
     outer = _CURRENT.get()
-    budget = TimeBudget(SEARCH_SECONDS, FIT_SECONDS)
+    budget = TimeBudget(search_s, FIT_SECONDS / SEARCH_SECONDS * search_s)
     if outer is not None:
         left = max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
         longer = outer.fit_s / outer.search_s if outer.search_s > 0.0 else 1.0
