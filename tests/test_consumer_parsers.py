@@ -187,19 +187,19 @@ def numbers_read(program: Path, file: Path) -> list[float]:
 @pytest.mark.long
 def test_sdformat_reads_it(tmp_path: Path) -> None:
     """The element of a sensor, in a link of a model of ours."""
-    told = (
+    flags = (
         subprocess.run(
             ["pkg-config", "--cflags", "--libs", "sdformat12"], capture_output=True, text=True, check=False
         )
         if shutil.which("pkg-config")
         else None
     )
-    if told is None or told.returncode:
+    if flags is None or flags.returncode:
         pytest.skip("SDFormat, the parser of Gazebo, is not installed (libsdformat-dev of Debian)")
     sensor = convert(imu(), "gazebo", rate=RATE).text
     model = tmp_path / "model.sdf"
     model.write_text(f'<sdf version="1.9"><model name="m"><link name="l">{sensor}</link></model></sdf>')
-    rate, *rest = numbers_read(compiled(tmp_path, READ_SDF, *told.stdout.split()), model)
+    rate, *rest = numbers_read(compiled(tmp_path, READ_SDF, *flags.stdout.split()), model)
     rows = np.reshape(rest, (6, 4))
     assert rate == RATE
     assert (rows[:, 0] == 1.0).all()

@@ -131,7 +131,7 @@ def test_shocks_are_left_out_with_their_times() -> None:
     assert all(b - a < 1.5 for a, b in times)
 
 
-def test_a_sensor_that_was_taken_in_the_hand_once_is_one_shock() -> None:
+def test_a_sensor_that_was_in_the_hand_once_has_one_shock() -> None:
     """Sixteen seconds of two hundred, at whose end it turns slowly for two seconds: N is that of the rest."""
     y, _ = planted(4, 0.0, 1.0)
     rng = np.random.default_rng(5)

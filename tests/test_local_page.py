@@ -315,7 +315,7 @@ def opened(folder: Path) -> Iterator[tuple[Browser, str]]:
         assert server.stdout is not None
         address = server.stdout.readline().strip()
         page.call("Page.navigate", url=address)
-        page.until("document.querySelector('#choose')")
+        page.until("document.readyState === 'complete' && document.querySelector('#choose')")
         yield page, address.split("?")[0]
         assert page.wrong() == []
         home = address.split("?")[0]
@@ -333,6 +333,7 @@ def links(page: Browser) -> list[str]:
     return page.run("[...document.querySelectorAll('.job:first-child a')].map(a => a.innerText)")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_the_page_in_a_browser(tmp_path: Path) -> None:
     """A log is chosen, looked at and identified; the model of this noise is audited."""
@@ -356,6 +357,7 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_a_gap_in_a_browser(tmp_path: Path) -> None:
     """The progress is seen while it works, the updated model is at hand when it ends."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
-from kfgen.core.time_budget import IDENTIFY_SECONDS, time_budget
+from kfgen.core.time_budget import SHARE_OF_IDENTIFICATION, time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects import effect_named
 from kfgen.effects.driven.proportional import DRIVERS
@@ -77,7 +77,7 @@ def identify(
     if names is None:
         names, said = default_channels(first)
     found, left_out = {}, list[InputError]()
-    with time_budget(search_s=IDENTIFY_SECONDS) as budget:
+    with time_budget(share=SHARE_OF_IDENTIFICATION) as budget:
         for k, name in enumerate(counted(names, "channels", alike=False)):
             with time_budget(parts=len(names) - k):
                 try:

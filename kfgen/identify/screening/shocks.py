@@ -28,7 +28,7 @@ POWER_OVER_NOISE_OF_TAIL = 2.5
 MAX_SHARE_OF_SHOCKS = 0.05
 """Of the record: beyond, it is its motion or its noise; unless it is few long ones."""
 MAX_HANDLINGS = 3
-"""Shocks that may be long: the sensor is put down, and taken away."""
+"""Shocks that may be long: the sensor is put down, and lifted."""
 MAX_SHARE_OF_HANDLINGS = 0.15
 """Of the record, of so few."""
 EDGE_SAMPLES = 16
