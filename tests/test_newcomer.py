@@ -85,8 +85,8 @@ def test_a_bag_at_rest_to_imu_yaml(kfgen: Cli) -> None:
 
 
 def test_a_folder_of_euroc_to_its_allan_plots(kfgen: Cli, tmp_path: Path) -> None:
-    euroc(tmp_path / "dataset-calib-imu-static2")
-    (answer,) = run(kfgen, typed("kfgen identify dataset-calib-imu-static2", 1))
+    euroc(tmp_path / "calib-imu-static2")
+    (answer,) = run(kfgen, typed("kfgen identify calib-imu-static2", 1))
     assert answer.exit_code == 0, answer.stderr
     page = Path("allan.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 6

@@ -54,7 +54,7 @@ class TimeBudget:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of it."""
-        return (ENDED_EARLY.format(seconds=self.search_s),) if self.ended_early else ()
+        return (ENDED_EARLY.format(seconds=self.spent_s),) if self.ended_early else ()
 
 
 _CURRENT: ContextVar[TimeBudget | None] = ContextVar("time_budget", default=None)
@@ -69,7 +69,7 @@ def time_budget(parts: int = 1, share: float = 1.0) -> Iterator[TimeBudget]:
     parts : int
         Searches, this one the first of them, that share what is left of the budget outside.
     share : float
-        Of `SEARCH_SECONDS` and `FIT_SECONDS`, where there is no budget outside.
+        Of `SEARCH_SECONDS` and `FIT_SECONDS`, or of what is left of the budget outside.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def time_budget(parts: int = 1, share: float = 1.0) -> Iterator[TimeBudget]:
     outer = _CURRENT.get()
     budget = TimeBudget(share * SEARCH_SECONDS, share * FIT_SECONDS)
     if outer is not None:
-        left = max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
+        left = share * max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
         longer = outer.fit_s / outer.search_s if outer.search_s > 0.0 else 1.0
         budget = TimeBudget(left, left * longer)
     else:
