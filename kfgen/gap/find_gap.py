@@ -314,7 +314,9 @@ def _at_rest(
     drive, words = drivers_of(log)
     warnings = [*said, *words]
     gaps = {}
-    with time_budget(share=min(max(log.n * len(names) / SAMPLES_OF_A_WHOLE_SEARCH, MIN_SHARE_OF_SEARCH), 1.0)):
+    with time_budget(
+        share=min(max(log.n * len(names) / SAMPLES_OF_A_WHOLE_SEARCH, MIN_SHARE_OF_SEARCH), 1.0)
+    ):
         for k, name in enumerate(counted(names, "channels", alike=False)):
             noise = assumed.channel(name)
             record, stamps, words = regular(log, name, noise.effects, drive)

@@ -57,9 +57,9 @@ def reader_of(path: Path) -> ModuleType:
     reader = next(known, None) or readers().get(path.suffix.lower())
     if reader is None:
         raise InputError(
-            f"'{path.suffix}' is no format that is read",
+            f"files with the ending '{path.suffix}' cannot be read",
             where=str(path),
-            remedy=f"Known are {', '.join(sorted(readers()))}",
+            remedy=f"Supported are {', '.join(sorted(readers()))}",
         )
     return reader
 
