@@ -54,6 +54,7 @@ SIZES = {
     "input_delay": 'u = [ { effect = "input_delay", delay = 0.13 } ]',
     "input_lag": 'u = [ { effect = "input_lag", tau = 0.1 } ]',
     "input_nonlinearity": 'u = [ { effect = "input_nonlinearity", k2 = 0.2, k3 = -0.05 } ]',
+    "square_law": 'u = [ { effect = "square_law", share = 0.4, full = 0.8 } ]',
     "saturation": 'u = [ { effect = "saturation", limit = 0.6 } ]',
     "input_dead_zone": 'u = [ { effect = "input_dead_zone", width = 0.2 } ]',
     "sensor_lag": '{ effect = "sensor_lag", tau = 0.1 }',

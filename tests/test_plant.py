@@ -213,6 +213,8 @@ def test_a_nonlinear_and_a_saturated_actuator() -> None:
     u = push(TIMES)
     bent, _ = run([("u", make("input_nonlinearity", k2=0.8, k3=-1.5))], TIMES, u)
     np.testing.assert_allclose(bent, motion(TIMES, u + 0.8 * u**2 - 1.5 * u**3, none), atol=5e-5)
+    square, _ = run([("u", make("square_law", share=0.6, full=0.3))], TIMES, u)
+    np.testing.assert_allclose(square, motion(TIMES, 0.4 * u + 2.0 * u * np.abs(u), none), atol=5e-5)
     cut, _ = run([("u", make("saturation", limit=0.1))], TIMES, u)
     np.testing.assert_allclose(cut, motion(TIMES, np.clip(u, -0.1, 0.1), none), atol=5e-5)
     dead, _ = run([("u", make("input_dead_zone", width=0.1))], TIMES, u)
@@ -462,6 +464,8 @@ def changed(name: str) -> Array:
         return np.asarray(motion(LONG, u, none, breaks=0.05)[:, 1])
     if name == "input_nonlinearity":
         return np.asarray(motion(LONG, u + 0.3 * u**2 - 0.6 * u**3, none)[:, 1])
+    if name == "square_law":
+        return np.asarray(motion(LONG, 0.3 * u + 0.7 * u * np.abs(u) / np.abs(u).max(), none)[:, 1])
     if name == "saturation":
         return np.asarray(motion(LONG, np.clip(u, -0.18, 0.18), none)[:, 1])
     if name == "input_dead_zone":
@@ -483,6 +487,7 @@ def changed(name: str) -> Array:
         ("input_delay", [0.05]),
         ("input_lag", [0.06]),
         ("input_nonlinearity", [0.3, -0.6]),
+        ("square_law", [0.7]),
         ("saturation", [0.18]),
         ("input_dead_zone", [0.02]),
     ],
@@ -528,7 +533,14 @@ def test_candidates_are_at_sensible_places_once() -> None:
         *(("omega", n) for n in TERMS),
         *(
             ("u", n)
-            for n in ("input_delay", "input_lag", "input_nonlinearity", "saturation", "input_dead_zone")
+            for n in (
+                "input_delay",
+                "input_lag",
+                "input_nonlinearity",
+                "square_law",
+                "saturation",
+                "input_dead_zone",
+            )
         ),
         *(("angle", n) for n in ("sensor_lag", "backlash")),
         ("g_over_l", "parameter_error"),

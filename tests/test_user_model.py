@@ -199,6 +199,7 @@ UNITS = {  # by hand: what a coefficient must be measured in, for a state in m/s
     "input_delay": {"delay": "s"},
     "input_lag": {"tau": "s"},
     "input_nonlinearity": {"k2": "1/(N m)", "k3": "1/(N m)^2"},
+    "square_law": {"share": "", "full": "N m"},
     "saturation": {"limit": "N m"},
     "input_dead_zone": {"width": "N m"},
 }

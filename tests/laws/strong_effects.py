@@ -134,6 +134,7 @@ PLANT = (
     strong("quadratic_drag", "v", coefficient=0.5),
     strong("saturation", "u", limit=0.5),
     strong("spring", "v", coefficient=1.0),
+    strong("square_law", "u", share=0.5, full=1.0),
     strong("viscous_friction", "v", coefficient=0.3),
 )
 EVERY = (*REST, *SHARED, *INERTIAL, *FAULTS, *REFERENCE, *PLANT)

@@ -81,7 +81,7 @@ class SensorLag(SensorChange):
         slope = np.diff(y, axis=0) / np.diff(t)[:, None]
         with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
             late = tau * np.sqrt(np.mean(slope**2, axis=0) + slope[0] ** 2)
-        return np.asarray(late * np.exp(-(t - t[0])[:, None] / tau))
+            return np.asarray(late * np.exp(-(t - t[0])[:, None] / tau))
 
 
 @dataclass(frozen=True)

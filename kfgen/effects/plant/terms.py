@@ -264,6 +264,26 @@ class InputNonlinearity(InputChange):
 
 
 @dataclass(frozen=True)
+class SquareLaw(InputChange):
+    """An actuator part of which goes with the square of its input, as a propeller's thrust with its speed.
+
+    ``(1 - share) u + share u |u| / full``: what flight controllers call a thrust curve; nothing is changed at `full`.
+    """
+
+    share: Any = parameter("", "signed")
+    full: Any = parameter("U", "setting", 1.0)
+
+    name: ClassVar[str] = "square_law"
+    title: ClassVar[str] = "square law of an actuator"
+    separating_experiment: ClassVar[str] = "inputs of several sizes of both signs"
+    sentence_template: ClassVar[str] = "acts with its square by a share of {share}"
+
+    def samples(self, u: Any) -> Any:
+        """``(1 - share) u + share u |u| / full``."""
+        return u * (1 - self.share + self.share * abs(u) / self.full)
+
+
+@dataclass(frozen=True)
 class Saturation(InputChange):
     """An actuator that gives no more than its limit."""
 

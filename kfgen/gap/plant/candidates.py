@@ -23,6 +23,7 @@ from kfgen.effects.plant.terms import (
     PlantEffect,
     QuadraticDrag,
     Saturation,
+    SquareLaw,
     StateTerm,
 )
 from kfgen.gap.plant.sensor_errors import SENSORS
@@ -164,7 +165,8 @@ def _changes(name: str, u: Array, late: Sequence[float]) -> list[list[PlantEffec
         [InputNonlinearity(0.0, 0.0)],
         [Saturation(s * largest) for s in LIMITS],
     ]
-    # Of one size alone a dead zone is a wrong gain, of one sign and never zero a constant.
-    if np.unique(np.abs(u[u != 0.0])).size > 1 and u.min() <= 0.0 <= u.max():
-        sizes.append([InputDeadZone(s * largest) for s in DEAD])
+    if np.unique(np.abs(u[u != 0.0])).size > 1:  # else a square is a wrong gain
+        sizes.append([SquareLaw(0.0, largest)])
+        if u.min() <= 0.0 <= u.max():  # else a dead zone is a constant
+            sizes.append([InputDeadZone(s * largest) for s in DEAD])
     return [*timing, *sizes]

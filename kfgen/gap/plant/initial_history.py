@@ -76,8 +76,8 @@ def changed(recorded: Mapping[str, RecordedChannel], shown: Mapping[str, Array],
     """
     parts = []
     for name, r in recorded.items():
-        step = shown[name][r.at, size:] - shown[name][r.at, :size]
         with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
+            step = shown[name][r.at, size:] - shown[name][r.at, :size]
             E = r.whitener.ordinates(np.where(np.isfinite(step), step, 0.0))
         parts.append(E)
     out = np.concatenate(parts)

@@ -30,6 +30,8 @@ MAX_FOLLOWED_SHARE = 0.5
 """Share of a channel's standard deviation that may be left where the model follows."""
 MAX_FOLLOWED_NOISE_SD = 2.0
 """Or this many standard deviations of its noise."""
+MAX_LEFT_SHARE_IN_ONE_PIECE = 0.75
+"""Share of it that may be left over a whole record in which errors of a start do not grow."""
 MAX_ERROR_GROWTH = 1e3
 """How much an error of the initial state may grow."""
 MAX_TOTAL_ERROR_GROWTH = 30.0
@@ -42,6 +44,10 @@ MAX_HIDDEN_SD = 1e-6
 """Standard deviations of the noise below which a change of a state by its size is not seen."""
 MIN_ALIKE_CORRELATION = 0.8
 """Correlation of channels with their simulation moved in time from which on they look like it."""
+DRAWS_OF_PARAMETERS = 32
+"""Within what is assumed of them, from the best of which a whole record is fitted."""
+MAX_WHOLE_FITS = 3
+"""From so many of them."""
 MAX_ITERATIONS = 12
 RELATIVE_GAIN_TOLERANCE = 1e-3
 """Relative gain at which an iteration ends."""
@@ -142,6 +148,18 @@ class Shooting:
         batch = Batch(parameters, effects, X0[:k][None])
         return batch, self.plant.simulate(self.t[a:b], inputs, batch)
 
+    def drawn(self, x0: Array) -> Array:
+        """The same with parameters drawn evenly within a standard deviation, shape (fitted, draws); none without any."""
+        deviations = np.array([sd for _, sd in self.free.values()])
+        if not deviations.size:
+            return np.empty((x0.size, 0))
+        from scipy.stats import qmc
+
+        even = qmc.Sobol(deviations.size, scramble=False).random(DRAWS_OF_PARAMETERS)
+        out = np.repeat(x0[:, None], DRAWS_OF_PARAMETERS, axis=1)
+        out[self.states :] += deviations[:, None] * (2.0 * even.T - 1.0)
+        return out
+
     def check(self, x0: Array, a: int, b: int) -> None:
         """Raise `InputError` where what is fitted cannot be simulated from sample a to b, or runs away."""
         batch, run = self._run(x0[:, None], a, b)
@@ -221,15 +239,37 @@ class Shooting:
     def follows(self, x0: Array, a: int, b: int) -> bool:
         """Whether a simulation stays with the data, and answers not too much to where it starts."""
         r, J = self.slope(x0, a, b)
+        most = {n: MAX_FOLLOWED_SHARE * min(self._spread(n, a, b), self._swing[n]) for n in self._full}
+        return self._within(r, a, b, most) and self._forgets(J, a, b)
+
+    def follows_whole(self, x0: Array) -> bool:
+        """Whether one simulation over the record looks like the data, and answers not too much to where it starts.
+
+        What it leaves may be large: a plant that forgets where it started needs no more starts, however wrong its model is,
+        and with more of them the parameters would be lost to them.
+        """
+        n = self.t.size
+        r, J = self.slope(x0, 0, n)
+        most = {c: MAX_LEFT_SHARE_IN_ONE_PIECE * self._spread(c, 0, n) for c in self._full}
+        return self._within(r, 0, n, most) and self._forgets(J, 0, n)
+
+    def _spread(self, name: str, a: int, b: int) -> float:
+        """Standard deviation of a channel over samples a to b [SI]; zero of fewer than two."""
+        seen = self._full[name][a:b]
+        seen = seen[np.isfinite(seen)]
+        return float(np.std(seen)) if seen.size > 1 else 0.0
+
+    def _within(self, r: Array, a: int, b: int, most: Mapping[str, float]) -> bool:
+        """Whether weighted residuals, shape (channels, b - a), have a root mean square of at most `most` [SI]."""
         for (name, full), part in zip(self._full.items(), r):
             good = np.isfinite(full[a:b])
-            if good.sum() < 2:
-                continue
-            spread = min(float(np.std(full[a:b][good])), self._swing[name]) * self.weights[name]
-            if float(np.sqrt(np.mean(part[good] ** 2))) > max(
-                MAX_FOLLOWED_SHARE * spread, MAX_FOLLOWED_NOISE_SD
-            ):
+            limit = max(most[name] * self.weights[name], MAX_FOLLOWED_NOISE_SD)
+            if good.sum() > 1 and float(np.sqrt(np.mean(part[good] ** 2))) > limit:
                 return False
+        return True
+
+    def _forgets(self, J: Array, a: int, b: int) -> bool:
+        """Whether errors of what is fitted do not grow, of derivatives of shape (channels, b - a, fitted)."""
         tenth, J = max(1, (b - a) // 10), J[:, :, : self.states]
         first, early, most = (
             np.abs(J[:, :k]).max(axis=(0, 1)) for k in (MIN_FIRST_WINDOW_SAMPLES, tenth, b - a)
@@ -296,6 +336,8 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
         shooting.check(shooting.trusted, 0, n)
         return (0,), np.zeros((1, 0)), shooting.trusted
     least = min(n, shortest(n))
+    if (whole := _in_one_piece(shooting)) is not None:
+        return (0,), whole[None, :k], whole[k:]
     starts, initial, a = [0], [], 0
     before: Array | None = None
     while True:
@@ -311,6 +353,24 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
         before = shooting.last(x0, a, b + 1)
         starts.append(b)
         a = b
+
+
+def _in_one_piece(shooting: Shooting) -> Array | None:
+    """What is fitted to a whole record where one simulation follows it; None where none does.
+
+    Where it starts from decides whether a fit over many turns of a plant ends where it should, so it starts from the best
+    of many parameters within what is assumed of them.
+    """
+    n = shooting.t.size
+    first = np.concatenate([shooting.guess(0, MIN_FIRST_WINDOW_SAMPLES), shooting.trusted])
+    tried = np.column_stack([first, shooting.drawn(first)])
+    for best in np.argsort(shooting.cost(tried, 0, n))[:MAX_WHOLE_FITS].tolist():
+        x0 = shooting.fit(tried[:, best], 0, n)
+        if shooting.follows_whole(x0):
+            return x0
+        if fit_is_over():
+            break
+    return None
 
 
 def shortest(n: int) -> int:

@@ -30,10 +30,10 @@ from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.evidence import evidence, time_limits
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted
 from kfgen.gap.scene.proof import unproven, unreached
-from kfgen.gap.scene.scene import Linearised, Placed, Scene, ScenePoint
+from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Placed, Scene, ScenePoint
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
 from kfgen.gap.scene.tempered_scene import TemperedScene
-from kfgen.gap.scene.unevenness import unevenness
+from kfgen.gap.scene.unevenness import unevenness_of_effect
 
 Array = NDArray[np.float64]
 
@@ -186,6 +186,20 @@ def explained(scene: Scene) -> Explained:
     return Explained(assumed, found.chosen, found.fit, found.scene, refused_of(found))
 
 
+def refitted(scene: Scene, found: Explained) -> Explained:
+    """What was found, fitted again.
+
+    Parameters
+    ----------
+    scene : Scene
+        The same world under another noise.
+    found : Explained
+    """
+    assumed = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
+    there, fit = relinearised(scene, fitted(scene, found.fit.point))
+    return Explained(assumed, with_values(found.added, fit), fit, there)
+
+
 def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
     """A world that is linear about a point, about its fit, until the fit moves by less than a tenth of its standard deviation.
 
@@ -209,6 +223,23 @@ def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
         if (change < CONVERGED_SIGMAS * np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))).all():
             break
     return scene, fit
+
+
+def evidence_of_all(scene: Scene, fit: SceneFit, named: Sequence[Chosen[FittedAddition]] = ()) -> float:
+    """Evidence of a fit with everything that it names, up to a constant of the log [nats].
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    named : sequence of Chosen
+        Its effects.
+    """
+    choice = sum(float(np.log(max(len(a.probabilities), 2))) for a in named)
+    world = scene.scene if isinstance(scene, TemperedScene) else scene
+    widths = float(world.log_widths.sum()) if isinstance(world, HasNoiseSizes) else 0.0
+    return evidence(scene, fit) - choice - widths
 
 
 def with_values(added: Sequence[Chosen[FittedAddition]], fit: SceneFit) -> tuple[Chosen[FittedAddition], ...]:
@@ -314,9 +345,7 @@ def _uneven_part(scene: Scene, base: SceneFit, fit: SceneFit) -> float:
     """What of a gain a misfit gives that is larger at some times than at others [nats]; nothing where none is left."""
     if not isinstance(scene, TemperedScene):
         return 0.0
-    last = len(fit.point.placed) - 1
-    own = [c for c, (i, _) in enumerate(fit.keys) if i == last]
-    wider = float(np.mean(unevenness(scene, fit)[own])) if own else 1.0
+    wider = unevenness_of_effect(scene, fit, base, len(fit.point.placed) - 1)
     return (1.0 - 1.0 / wider) * max(fit.value - base.value, 0.0)
 
 

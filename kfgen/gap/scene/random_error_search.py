@@ -17,11 +17,10 @@ from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.search import NO_EFFECT, Chosen, Label
 from kfgen.gap.core.thresholds import TIE_NATS
 from kfgen.gap.scene.assumed_parameters import Answered
-from kfgen.gap.scene.evidence import evidence
-from kfgen.gap.scene.explanation import FittedAddition, explained
-from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.explanation import FittedAddition, evidence_of_all, explained
+from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.random_error import FittedRandomError, HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Scene, ScenePoint
+from kfgen.gap.scene.scene import Linearised, ScenePoint
 
 MAX_ROUNDS = 2
 """Times that random errors are added, and effects looked for again."""
@@ -94,7 +93,7 @@ def _instead(answer: Answered) -> Answered:
     written = answer.written
     if not answer.found.added or not isinstance(written, HasRandomErrors):
         return answer
-    worth = total(answer) - _evidence(written, answer.found.assumed)
+    worth = total(answer) - evidence_of_all(written, answer.found.assumed)
     every = _gathered(written, answer.found.assumed.point)
     gained = sum(found[0].evidence for found in every)
     return _better(answer, every, written) if gained > MIN_WORTH_SHARE * worth else answer
@@ -158,13 +157,5 @@ def _shares(worth: Mapping[Label, float]) -> dict[Label, float]:
 
 def total(answer: Answered) -> float:
     """Evidence of an answer with everything that it names, up to a constant of the log [nats]."""
-    named = answer.found.added
-    ways = sum(float(np.log(max(len(a.probabilities), 2))) for a in named)
-    return (
-        _evidence(answer.scene, answer.found.fit) - ways + sum(w.fitted.occam for w in answer.random_errors)
-    )
-
-
-def _evidence(scene: Scene, fit: SceneFit) -> float:
-    widths = float(scene.log_widths.sum()) if isinstance(scene, HasNoiseSizes) else 0.0
-    return evidence(scene, fit) - widths
+    named = evidence_of_all(answer.scene, answer.found.fit, answer.found.added)
+    return named + sum(w.fitted.occam for w in answer.random_errors)

@@ -100,7 +100,9 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
         with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
             answer = answered(scene)
         if isinstance(scene, HasRandomErrors):
-            answer = with_random_errors(answer, is_unfinished=bool(_doubtful_channels(answer)))
+            is_unfinished = bool(_doubtful_channels(answer))
+            with time_budget(parts=2 if is_unfinished else 1):
+                answer = with_random_errors(answer, is_unfinished=is_unfinished)
         if doubtful := _doubtful_channels(answer):
             answer = without_events(under_misfit(answer), doubtful)
         return _gap_of(answer, unit_of)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,16 +15,24 @@ from kfgen.gap.core.search import Label, Refused, refused_of
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS
 from kfgen.gap.rest.second_recording import happens_once
 from kfgen.gap.scene.assumed_parameters import Answered
-from kfgen.gap.scene.explanation import Explained, SceneExplanation, explained
+from kfgen.gap.scene.explanation import (
+    Explained,
+    SceneExplanation,
+    evidence_of_all,
+    explained,
+    refitted,
+)
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading, Scene
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
-from kfgen.gap.scene.unevenness import scattered_deviations
+from kfgen.gap.scene.unevenness import scattered_deviations, unevenness_of_effect
 
 Array = NDArray[np.float64]
 
 MAX_SEARCHES = 3
 """With the misfit that the one before left."""
+MIN_GAIN_SHARE_FROM_NOTHING = 0.5
+"""Of what is left of the search before, which a search from nothing must gain."""
 RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
@@ -41,19 +49,42 @@ def under_misfit(answer: Answered) -> Answered:
     """
     if isinstance(answer.scene, ReadingByReading):
         return answer  # its residuals have no spectrum
+    best, best_worth = answer, -np.inf
     for _ in range(MAX_SEARCHES):
         if search_is_over():
             break
         before = _labels(answer)
-        again = _determined(explained(_with_misfit(answer)))
-        there = again.scene
-        assert isinstance(there, TemperedScene)  # what is looked for in one is found in one
+        there = _with_misfit(answer)
+        again, worth = _searched_again(there, answer.found)
+        scene = again.scene
+        assert isinstance(scene, TemperedScene)  # what is looked for in one is found in one
         refused = _refused(answer, again)
-        found = replace(again, assumed=answer.found.assumed, scene=there.scene, refused=refused)
-        answer = replace(answer, scene=there.scene, found=found, tempered=there)
+        found = replace(again, assumed=answer.found.assumed, scene=scene.scene, refused=refused)
+        answer = replace(answer, scene=scene.scene, found=found, tempered=scene)
+        if worth > best_worth:
+            best, best_worth = answer, worth
         if _labels(answer) == before:
             break
-    return answer
+    return best
+
+
+def _searched_again(there: TemperedScene, found: Explained) -> tuple[Explained, float]:
+    """What is found from nothing, unless what is left of what was found before gains far more; and what it is worth [nats].
+
+    From nothing the first of several effects has to stand out of all others, which only what is there can.
+    """
+    kept = _determined(refitted(there, found))
+    if found.added and search_is_over():
+        return _worth(kept)
+    anew = _determined(explained(there))
+    return _worth(anew if anew[1] > MIN_GAIN_SHARE_FROM_NOTHING * kept[1] else kept)
+
+
+def _worth(found: tuple[Explained, float]) -> tuple[Explained, float]:
+    """With what everything is worth: evidence, and what it costs that the noise is louder."""
+    there = found[0].scene
+    louder = float(np.log(there.misfit).sum()) if isinstance(there, TemperedScene) else 0.0
+    return found[0], evidence_of_all(there, found[0].assumed) + found[1] - louder
 
 
 def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
@@ -84,17 +115,36 @@ def _is_event(effect: Effect) -> bool:
     return happens_once(effect)
 
 
-def _determined(found: Explained) -> Explained:
-    """Without effects whose own size is no further from nothing than the scatter of the log's blocks allows."""
-    left = SceneExplanation(found.scene, found.fit, found.added, found.refused)
+def _determined(found: Explained) -> tuple[Explained, float]:
+    """Without effects that explain no more, beside the others, than the scatter of the log's blocks does by chance.
+
+    Second what is left gains over nothing [nats]: its evidence in the share that is no scatter.
+    """
+    left, share = SceneExplanation(found.scene, found.fit, found.added, found.refused), 1.0
     while left.chosen:
-        nats = _nats_of_sizes(left.scene, left.fit)
+        rest = [left.without(i) for i in range(len(left.chosen))]
+        gains = np.array([left.fit.value - r.fit.value for r in rest])
+        nats = _nats_beside_others(left, rest, gains)
         weakest = int(np.argmin(nats))
+        share = float(np.mean(np.minimum(nats / np.maximum(gains, MIN_EVIDENCE_NATS), 1.0)))
         if nats[weakest] >= MIN_EVIDENCE_NATS:
             break
         lost = Refused(*left.chosen[weakest].label, float(nats[weakest]), RESTS_ON_MISFIT)
-        left = left.without(weakest).refusing([lost])
-    return replace(found, added=left.chosen, fit=left.fit, refused=refused_of(left))
+        left, share = rest[weakest].refusing([lost]), 1.0
+    nothing = evidence_of_all(left.scene, found.assumed)
+    gained = share * (evidence_of_all(left.scene, left.fit, left.chosen) - nothing)
+    if gained < 0.0:
+        left, gained = SceneExplanation(left.scene, found.assumed, (), left.refused), 0.0
+    return replace(found, added=left.chosen, fit=left.fit, refused=refused_of(left)), gained
+
+
+def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation], gains: Array) -> Array:
+    """What each effect explains beside all others by the scatter of blocks [nats], shape (effects,).
+
+    By its best known number, or by its share as a whole, whichever is more: a fit without it may be far away.
+    """
+    wider = [unevenness_of_effect(left.scene, left.fit, r.fit, i) for i, r in enumerate(rest)]
+    return np.asarray(np.maximum(gains / np.array(wider), _nats_of_sizes(left.scene, left.fit)))
 
 
 def _nats_of_sizes(scene: Scene, fit: SceneFit) -> Array:

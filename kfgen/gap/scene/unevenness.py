@@ -40,14 +40,42 @@ def unevenness(scene: Scene, fit: SceneFit) -> Array:
     fit : SceneFit
         Of that scene.
     """
-    if min(scene.lengths) < BLOCKS or not fit.jacobian.shape[1]:
-        return np.ones(fit.jacobian.shape[1])
+    return _scatter(scene, fit, series(scene, fit.jacobian), fit.information, fit.covariance)
+
+
+def unevenness_of_effect(scene: Scene, fit: SceneFit, without: SceneFit, index: int) -> float:
+    """The same of the share of an effect, between none and all of it; of no other parameters than those it is written with.
+
+    A square and a cube of an input whose linear part may be as small as the data like are known ever less, each, and
+    together they may be beyond doubt.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit, without : SceneFit
+        Of that scene, with the effect and without it.
+    index : int
+        Of the effect in the fit.
+    """
+    rest = [k for k in range(fit.jacobian.shape[1]) if k >= len(fit.keys) or fit.keys[k][0] != index]
+    chord = over_levels(scene, fit.residual - without.residual, fit.levels)
+    J = np.column_stack([chord, fit.jacobian[:, rest]])
+    H = J.T @ J
+    H[1:, 1:] = fit.information[np.ix_(rest, rest)]
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    C = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+    return float(_scatter(scene, fit, series(scene, J), H, C)[0])
+
+
+def _scatter(scene: Scene, fit: SceneFit, J: Array, H: Array, C: Array) -> Array:
+    """Of columns of derivatives in time, shape (N, p), with an information H and a covariance C."""
+    if min(scene.lengths) < BLOCKS or not J.shape[1]:
+        return np.ones(J.shape[1])
     residual = series(scene, over_levels(scene, fit.residual, fit.levels))
-    J, H = series(scene, fit.jacobian), fit.information
     block = np.concatenate([np.arange(n) * BLOCKS // n for n in scene.lengths])
     moved = np.array([_moved(H, J[block == b], residual[block == b]) for b in range(BLOCKS)])
     scattered = (BLOCKS - 1) * moved.var(axis=0)
-    return np.asarray(np.maximum(scattered / np.maximum(np.diag(fit.covariance), 1e-300), 1.0))
+    return np.asarray(np.maximum(scattered / np.maximum(np.diag(C), 1e-300), 1.0))
 
 
 def scattered_deviations(scene: Scene, fit: SceneFit) -> Array:
