@@ -175,7 +175,7 @@ def test_the_paper_s_filter_scales_everything() -> None:
     assert cost.dc < 0.01
     assert cost.dc == pytest.approx(abs(response(model, found.gain, np.zeros(1))[0]), rel=0.05)
     assert cost.attenuation == pytest.approx(cost.dc, rel=0.1)
-    assert "no denoiser" in cost.words
+    assert "do not use it as a denoiser" in cost.words
     assert bandwidth(model, found.gain, 0.01) <= 50.0
 
 
@@ -288,7 +288,7 @@ def test_denoise_from_the_command_line(kfgen: Call, tmp_path: Path) -> None:
     log, out, js = write(tmp_path / "log.csv", y), tmp_path / "out.csv", tmp_path / "a.json"
     result = kfgen("denoise", log, "--filter", "kf", "-o", out, "--json", js, "--report", tmp_path / "p.html")
     assert result.exit_code == 0, result.output
-    assert "no denoiser" in result.stdout
+    assert "do not use it as a denoiser" in result.stdout
     answer = json.loads(js.read_text())["channels"]["gyro_x"]
     assert answer["cost"]["dc"] < 0.01
     assert np.rad2deg(answer["level"]) == pytest.approx(0.3, abs=0.01)

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import io
 import re
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import Result
+import typer.main
+from typer.testing import CliRunner, Result
 
 import kfgen as package
+from kfgen.cli.app import app
 from kfgen.core import elapsed
 from kfgen.core.elapsed import ElapsedTime, be_quiet, count, counted, elapsed_time, warn
 from kfgen.core.time_budget import time_budget
+from kfgen.report.help import COMMAND_GROUPS, EXAMPLES, wrapped
 
 Cli = Callable[..., Result]
 ROOT = Path(__file__).resolve().parents[1]
@@ -201,3 +206,40 @@ def test_the_version_is_one() -> None:
     assert cited
     assert cited.group(1) == package.__version__
     assert f"## {package.__version__}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+# Help.
+
+
+def commands() -> dict[str, Any]:
+    return typer.main.get_command(app).commands  # type: ignore[attr-defined, no-any-return]
+
+
+def test_every_command_is_in_one_group_and_has_examples() -> None:
+    grouped = [name for names in COMMAND_GROUPS.values() for name in names]
+    assert sorted(grouped) == sorted(commands())
+    assert set(EXAMPLES) == {"kfgen", *grouped}
+
+
+@pytest.mark.parametrize("of", EXAMPLES)
+def test_examples_are_commands_of_ours(of: str) -> None:
+    for _, line in EXAMPLES[of]:
+        program, name, *words = shlex.split(line)
+        assert program == "kfgen"
+        assert of in ("kfgen", name)
+        options = {o for p in commands()[name].params for o in (*p.opts, *p.secondary_opts)}
+        assert {w for w in words if re.match(r"--?[a-z]", w)} <= options, line
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+@pytest.mark.parametrize("words", [(), ("identify",), ("simulate",), ("convert",)])
+def test_help_is_as_wide_as_the_terminal(words: tuple[str, ...], width: int) -> None:
+    answer = CliRunner().invoke(app, [*words, "--help"], terminal_width=width)
+    lines = answer.output.splitlines()
+    assert max(map(len, lines)) <= width
+    for title in ("Examples:", "Answer:" if words else "Noise of a sensor:"):
+        assert title in lines
+
+
+def test_a_long_example_goes_on_after_a_backslash() -> None:
+    assert wrapped("kfgen gap 'a b.csv' --model m.toml", 24) == ["kfgen gap 'a b.csv' \\", "  --model m.toml"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +147,103 @@ def test_gtsam_runs_it(tmp_path: Path) -> None:
     assert params.getGyroscopeCovariance() == pytest.approx(gyro, rel=1e-6, abs=1e-30)
     walk = np.diag([(k * 1e-5) ** 2 for k in (1, 2, 3)])
     assert params.getBiasAccCovariance() == pytest.approx(walk, rel=1e-6, abs=1e-30)
+
+
+# SDFormat, the library by which Gazebo reads models; Debian has it (libsdformat-dev).
+
+READ_SDF = """
+#include <iostream>
+#include <sdf/sdf.hh>
+int main(int, char **argv) {
+  sdf::Root root;
+  for (const auto &error : root.Load(argv[1])) { std::cerr << error.Message() << "\\n"; return 1; }
+  const auto *sensor = root.Model()->LinkByIndex(0)->SensorByIndex(0);
+  const auto *imu = sensor->ImuSensor();
+  std::cout.precision(10);
+  std::cout << sensor->UpdateRate();
+  for (const auto &n : {imu->AngularVelocityXNoise(), imu->AngularVelocityYNoise(), imu->AngularVelocityZNoise(),
+                        imu->LinearAccelerationXNoise(), imu->LinearAccelerationYNoise(), imu->LinearAccelerationZNoise()})
+    std::cout << " " << (n.Type() == sdf::NoiseType::GAUSSIAN) << " " << n.StdDev() << " " << n.DynamicBiasStdDev()
+              << " " << n.DynamicBiasCorrelationTime();
+  std::cout << "\\n";
+}
+"""
+
+
+def compiled(folder: Path, source: str, *flags: str) -> Path:
+    """A program of C++."""
+    compiler = shutil.which("c++") or pytest.skip("there is no compiler of C++")
+    (folder / "read.cpp").write_text(source)
+    subprocess.run([compiler, "-std=c++17", "read.cpp", *flags, "-o", "read"], cwd=folder, check=True)
+    return folder / "read"
+
+
+def numbers_read(program: Path, file: Path) -> list[float]:
+    done = subprocess.run([program, file], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [float(word) for word in done.stdout.split()]
+
+
+@pytest.mark.long
+def test_sdformat_reads_it(tmp_path: Path) -> None:
+    """The element of a sensor, in a link of a model of ours."""
+    flags = (
+        subprocess.run(
+            ["pkg-config", "--cflags", "--libs", "sdformat12"], capture_output=True, text=True, check=False
+        )
+        if shutil.which("pkg-config")
+        else None
+    )
+    if flags is None or flags.returncode:
+        pytest.skip("SDFormat, the parser of Gazebo, is not installed (libsdformat-dev of Debian)")
+    sensor = convert(imu(), "gazebo", rate=RATE).text
+    model = tmp_path / "model.sdf"
+    model.write_text(f'<sdf version="1.9"><model name="m"><link name="l">{sensor}</link></model></sdf>')
+    rate, *rest = numbers_read(compiled(tmp_path, READ_SDF, *flags.stdout.split()), model)
+    rows = np.reshape(rest, (6, 4))
+    assert rate == RATE
+    assert (rows[:, 0] == 1.0).all()
+    gyro = [n * DEG / math.sqrt(DT) for n in (0.005, 0.006, 0.004)]
+    assert rows[:3, 1] == pytest.approx(gyro, rel=1e-6)
+    assert rows[3:, 2] == pytest.approx([k * 1e-5 for k in (1, 2, 3)], rel=1e-6)
+    assert (rows[:, 3] > 0.0).all()
+
+
+# cereal, the library by which Basalt reads its calibration; Debian has it (libcereal-dev). Basalt itself is in no registry.
+
+READ_BASALT = """
+#include <array>
+#include <fstream>
+#include <iostream>
+#include <cereal/archives/json.hpp>
+#include <cereal/types/array.hpp>
+struct Calibration {
+  double rate;
+  std::array<double, 3> accel, gyro, accel_bias, gyro_bias;
+  template <class Archive> void serialize(Archive &ar) {
+    ar(cereal::make_nvp("imu_update_rate", rate), cereal::make_nvp("accel_noise_std", accel),
+       cereal::make_nvp("gyro_noise_std", gyro), cereal::make_nvp("accel_bias_std", accel_bias),
+       cereal::make_nvp("gyro_bias_std", gyro_bias));
+  }
+};
+int main(int, char **argv) {
+  std::ifstream file(argv[1]);
+  cereal::JSONInputArchive archive(file);
+  Calibration c;
+  archive(c);
+  std::cout.precision(10);
+  std::cout << c.rate;
+  for (const auto &v : {c.accel, c.gyro, c.accel_bias, c.gyro_bias}) for (double x : v) std::cout << " " << x;
+}
+"""
+
+
+@pytest.mark.long
+def test_cereal_reads_it(tmp_path: Path) -> None:
+    if not Path("/usr/include/cereal/cereal.hpp").is_file():
+        pytest.skip("cereal, the parser of Basalt, is not installed (libcereal-dev of Debian)")
+    rate, *rest = numbers_read(compiled(tmp_path, READ_BASALT), written(tmp_path, "basalt", ".json"))
+    assert rate == RATE
+    rows = np.reshape(rest, (4, 3))
+    assert rows[1] == pytest.approx([n * DEG for n in (0.005, 0.006, 0.004)], rel=1e-6)
+    assert rows[2] == pytest.approx([k * 1e-5 for k in (1, 2, 3)], rel=1e-6)

@@ -131,6 +131,20 @@ def test_shocks_are_left_out_with_their_times() -> None:
     assert all(b - a < 1.5 for a, b in times)
 
 
+def test_a_sensor_that_was_in_the_hand_once_has_one_shock() -> None:
+    """Sixteen seconds of two hundred, at whose end it turns slowly for two seconds: N is that of the rest."""
+    y, _ = planted(4, 0.0, 1.0)
+    rng = np.random.default_rng(5)
+    y[2000:3400] += 300.0 * np.cumsum(rng.standard_normal(1400)) / 40.0
+    y[3400:3600] += np.linspace(200.0, 0.0, 200)
+    ((a, b),) = shocks(y)
+    assert (a, b) == (pytest.approx(2000, abs=50), pytest.approx(3600, abs=50))
+    lo, hi = found(y).intervals[0, "N"]
+    assert lo < 0.1 < hi
+    twice_as_often = np.concatenate([y[:6000]] * 3)
+    assert shocks(twice_as_often) == []  # more than a tenth of the record: its motion
+
+
 def test_what_bridges_a_shock_has_the_power_of_the_noise() -> None:
     y = shaken()
     spans = shocks(y)

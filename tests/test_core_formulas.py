@@ -11,7 +11,10 @@ from kfgen.core.errors import InputError
 from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import derived_unit
 from kfgen.effects import make
-from kfgen.emit.covariance.packed import batches, groups
+from kfgen.emit.covariance.packed import MIN_LOOP_COLUMNS, batches, each, groups
+from kfgen.emit.ir.ir import For, Let, Num, Stmt
+from kfgen.emit.reference import Machine
+from kfgen.emit.routines import Program
 from kfgen.identify.evidence.allan import degrees_of_freedom
 from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.evidence.whittle import SINGLE_ORDINATES, ordinates
@@ -197,3 +200,27 @@ def test_rows_are_stepped_before_those_that_they_need() -> None:
 def test_no_more_than_three_rows_are_stepped_together() -> None:
     one = sp.Integer(1)
     assert batches({k: {k: one} for k in range(7)}) == [[0, 1, 2], [3, 4, 5], [6]]
+
+
+@pytest.mark.parametrize(
+    ("share", "status"), [(0.79, "GATED"), (0.81, "OK"), (1.0, "OK"), (1.19, "OK"), (1.21, "GATED")]
+)
+def test_a_field_is_gated_by_its_length(share: float, status: str) -> None:
+    """A gate of a fifth of the field's length, on both sides."""
+    machine = Machine(Program(DiscreteModel(build("ahrs6", options={"field_gate": "0.2"})), "ud"))
+    machine.call("init")
+    assert machine.call("update_mag", [[20e-6 * share, 0.0, 44e-6 * share]]) == status
+
+
+def test_columns_beside_each_other_are_one_loop() -> None:
+    n = MIN_LOOP_COLUMNS
+    columns = [*range(n), *range(n + 1, 2 * n + 1), *range(2 * n + 2, 3 * n + 1)]
+
+    def of(k: object) -> list[Stmt]:
+        return [Let("v", Num(1.0))]
+
+    body = each(columns, set(), of, True)
+    loops = [(s.start, s.stop) for s in body if isinstance(s, For)]
+    assert loops == [(0, n), (n + 1, 2 * n + 1)]
+    assert len(body) == 2 + n - 1  # the last run is too short for a loop
+    assert len(each(columns, set(), of, False)) == len(columns)

@@ -18,10 +18,21 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import OF_A_COEFFICIENT
+from kfgen.gap.core.search import Distinguishability
+from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS
+from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.scene.evidence import evidence
 from kfgen.gap.scene.explanation import explained, ranked
-from kfgen.gap.scene.newton import NOISE_LEVEL_SD_OF_LOG, coordinates, fitted, levels_of, log_posterior, moved
+from kfgen.gap.scene.newton import (
+    NOISE_LEVEL_SD_OF_LOG,
+    coordinates,
+    derivative,
+    fitted,
+    levels_of,
+    log_posterior,
+    moved,
+)
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.gap.scene.scene_gap import scene_gap
 from kfgen.gap.scene.screen import screen
@@ -259,3 +270,69 @@ def test_at_zero_an_effect_leaves_the_residuals_as_they_are() -> None:
     R = scene.residuals([ScenePoint((), u), *(ScenePoint((off(p),), u) for p in starts)])
     for k, p in enumerate(starts):
         np.testing.assert_allclose(R[:, k + 1], R[:, 0], atol=1e-9, err_msg=str(p))
+
+
+# The parts of a fit, each by its formula.
+
+
+def test_the_posterior_is_that_of_gaussians() -> None:
+    """Of the residuals at their level, of the level, and of an unknown that is assumed to be 2 +- 0.5 and is 1."""
+
+    @dataclass(frozen=True)
+    class Assumed(Lines):
+        @property
+        def unknowns(self) -> tuple[Unknown, ...]:
+            return (Unknown("offset", "1", 2.0, 0.5),)
+
+    scene = Assumed(noise(2), known=True)
+    r = scene.residuals([ScenePoint((), np.array([1.0]))])[:, 0]
+    s, value = levels_of(scene, r), 0.0
+    for part, level in zip(np.split(r, 2), s):
+        value -= N * np.log(level) + 0.5 * (part @ part) / level**2
+        value -= 0.5 * (np.log(level) / NOISE_LEVEL_SD_OF_LOG) ** 2
+    assert log_posterior(scene, r, np.array([1.0])) == pytest.approx(value - 0.5 * (1.0 / 0.5) ** 2, abs=1e-9)
+
+
+@pytest.mark.parametrize("begun", [1e-9, 1e-3, 1e3])
+def test_differences_are_as_large_as_can_be_seen(begun: float) -> None:
+    """Of a line of unit length a step of 0.1 changes the residuals by 0.1; a hundredth to a hundred times that will do."""
+    scene = hidden(3)
+    point = ScenePoint((scale("a", 1.0),), np.zeros(0))
+    J, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.array([begun]))
+    assert 1e-3 < steps[0] < 10.0
+    assert J[:N, 0] == pytest.approx(-WAVE, abs=1e-9)
+    assert (J[N:, 0] == 0.0).all()
+    assert begun != 1e-3 or steps[0] == pytest.approx(0.1)
+
+
+def test_steps_that_are_seen_stay() -> None:
+    scene = hidden(3)
+    point = ScenePoint((scale("a", 1.0), scale("b", 1.0)), np.zeros(0))
+    _, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.array([0.5, 1e-6]))
+    assert steps == pytest.approx([0.5, 0.1])
+
+
+def test_a_fit_gives_derivatives_at_its_point() -> None:
+    """The decay's derivative in the logarithm of its time, at the time that was found."""
+    scene = hidden(4, 0.0, 2.0)
+    fit = fitted(scene, ScenePoint((Placed(make("sensor_lag", tau=1.0), "b"),), np.zeros(0)))
+    tau = fit.point.placed[0].effect.tau  # type: ignore[attr-defined]
+    assert tau == pytest.approx(2.0, rel=0.1)
+    expected = -3.0 * np.exp(-T / tau) * T / tau / levels_of(scene, fit.residual)[1]
+    assert fit.jacobian[N:, 0] == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
+    assert fit.information[0, 0] == pytest.approx(expected @ expected, rel=0.02)
+    assert fit.value == pytest.approx(log_posterior(scene, fit.residual, np.zeros(0)))
+
+
+def test_a_record_that_distinguishes_at_once_is_long_enough() -> None:
+    twice = Distinguishability("bias", "a", 0.9, 0.5 * MIN_EVIDENCE_NATS)
+    assert twice.record_factor == pytest.approx(2.0)
+    assert replace(twice, nats=1e6).record_factor == 1.0
+    assert replace(twice, nats=None).record_factor is None
+
+
+def test_the_weight_of_a_constant() -> None:
+    """Of white noise of 0.1 in 100 samples a second every ordinate has 1 / (0.1^2 100), the constant none unless it counts."""
+    white = [make("white_noise", N=0.1)]
+    assert Whitener.of(white, 64, 0.01).weight == pytest.approx(np.r_[0.0, np.full(63, 1.0)])
+    assert Whitener.of(white, 64, 0.01, constant=True).weight == pytest.approx(np.ones(64))

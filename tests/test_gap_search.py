@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import exp
+from math import exp, log
 
 import pytest
 
@@ -21,6 +21,7 @@ from kfgen.gap.core.search import (
     grown,
     labels,
     probabilities,
+    proven,
     reconsidered,
     refused_of,
     searched,
@@ -261,3 +262,24 @@ def test_an_effect_that_loses_beside_a_later_one_is_removed() -> None:
     table = Table({"a": "a", "b": "b"}, {"a": 30.0, "b": 20.0}).having("a", "b")
     found = reconsidered(replace(table, losing=frozenset({"a"})), LIMITS)
     assert names(found) == ["b"]
+
+
+# Weights and thresholds at their edges.
+
+
+def test_probabilities_of_overwhelming_evidence_are_numbers() -> None:
+    found = probabilities([Name("a", 2000.0), Name("b", 2000.0 - log(3.0))])
+    assert [found[Name(n, 0.0).label] for n in "ab"] == pytest.approx([0.75, 0.25])
+    assert found[NO_EFFECT] == 0.0
+
+
+def test_what_reaches_the_least_evidence_may_be_refused() -> None:
+    """One that has exactly as much evidence as is asked for counts: it is added, or refused in words."""
+    table = Table({"a": ("p",)}, {"p": 3.0}, losing=frozenset({"a"}))
+    gain = table.ranked()[0].gain
+    left, ranked = proven(table, table.ranked(), gain)
+    assert [r.effect for r in left.refused] == [table.ranked()[0].label[0]]
+    assert ranked == []
+    left, ranked = proven(table, table.ranked(), gain + 1e-9)
+    assert left.refused == ()
+    assert len(ranked) == 1

@@ -39,6 +39,7 @@ def test_an_interval_that_is_stretched_keeps_its_estimate_and_open_ends() -> Non
     assert stretched((1.0, 4.0), 2.0, 2.0) == pytest.approx((0.5, 8.0))
     assert stretched((0.0, np.inf), 2.0, 3.0) == (0.0, np.inf)
     assert stretched((1.0, 4.0), 2.0, 1.0) == (1.0, 4.0)
+    assert stretched((1.0, 4.0), 2.0, 1e5) == (0.0, np.inf)  # of noise that is motion
 
 
 def test_noise_of_the_model_is_not_widened() -> None:

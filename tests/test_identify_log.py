@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,46 @@ def log_of(**channels: tuple[Array, str]) -> Log:
 @pytest.fixture(scope="module")
 def gyro() -> Log:
     return log_of(gyro_x=(white(1), "deg/s"), gyro_y=(white(2, size=0.02), "deg/s"))
+
+
+# The channels.
+
+
+def test_a_channel_that_cannot_be_identified_costs_the_others_nothing(gyro: Log) -> None:
+    stuck = replace(gyro, channels={**gyro.channels, "accel_x": Channel.of(np.ones(gyro.n), "m/s^2")})
+    answer = identify(stuck)
+    assert list(answer.channels) == ["gyro_x", "gyro_y"]
+    assert any(
+        "not identified: bench.csv: channel accel_x: the channel never changes" in w for w in answer.warnings
+    )
+    for asked in (["accel_x"], ["gyro_x", "accel_x"]):
+        with pytest.raises(InputError, match="accel_x"):
+            identify(stuck, channels=asked)
+
+
+def test_a_slow_sensor_beside_a_fast_one_lacks_no_samples() -> None:
+    """Every twentieth row of the log, or a row beside it: 95 % of its cells are empty."""
+    rng, n = np.random.default_rng(6), 20_000
+    rows = np.arange(5, n - 5, 20) + rng.integers(-1, 2, 1000)[: len(range(5, n - 5, 20))]
+    y = np.full(n, np.nan)
+    y[rows] = 0.3 * rng.standard_normal(rows.size)
+    log = Log(np.arange(n) / 200.0, {"baro_height": Channel.of(y, "m")}, "flight.ulg")
+    answer = identify(log, effects=["white_noise"])
+    lo, hi = answer.channels["baro_height"].effects[0].ci95["N"]
+    assert lo < 0.3 / np.sqrt(10.0) < hi
+    assert not any("not a number" in w for w in answer.warnings)
+
+
+def test_drivers_beside_gaps() -> None:
+    """Pieces of different lengths, the longer one last."""
+    rng, n = np.random.default_rng(8), 8000
+    t = np.arange(n) / RATE + np.where(np.arange(n) < 2000, 0.0, 50.0)
+    warm = 300.0 + 5.0 * np.sin(2.0 * np.pi * t / 150.0)
+    y = 0.01 * rng.standard_normal(n) + 3e-3 * (warm - 300.0)
+    log = Log(t, {"gyro_x": Channel.of(y, "rad/s"), "temperature": Channel.of(warm, "K")}, "bench.csv")
+    effects = {e.name: e for e in identify(log).channels["gyro_x"].effects}
+    lo, hi = effects["temperature"].ci95["coefficient"]
+    assert lo < 3e-3 < hi
 
 
 # The result.

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, browser
+from browser import CHROMIUM, Browser, browser
 
 from kfgen.core.errors import InputError, MissingExtra
 from kfgen.local_page import work_folder
@@ -31,6 +31,11 @@ TestClient = pytest.importorskip("starlette.testclient", reason="httpx is not in
 PORT, TOKEN = 8765, "the-secret-of-this-page"
 HOME = f"http://127.0.0.1:{PORT}"
 T = np.arange(3000) / 100.0
+MODEL = """format = "kfgen-noise-1"
+[gyro_x]
+unit = "deg/s"
+effects = [ { effect = "white_noise", N = "0.005 deg/s/sqrt(Hz)" } ]
+"""
 
 
 def log_text() -> bytes:
@@ -289,32 +294,87 @@ def ended_at_last(process: subprocess.Popen[str]) -> Iterator[None]:
         process.terminate()
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
-def test_the_page_in_a_browser(tmp_path: Path) -> None:
-    """A log is chosen, looked at and identified; nothing else is asked for, and nothing sticks out at 390 px."""
-    log = tmp_path / "bench.csv"
-    log.write_bytes(log_text())
-    words = [sys.executable, "-m", "kfgen", "open", "--no-browser", "--folder", str(tmp_path / "work")]
+def field_text() -> bytes:
+    """Two minutes of that sensor beside a fan."""
+    t = np.arange(24000) / 200.0
+    y = np.random.default_rng(3).normal(0.0, 0.05, t.size) + 0.02 * np.sin(2.0 * np.pi * 7.3 * t)
+    out = io.BytesIO()
+    np.savetxt(out, np.column_stack([t, y]), delimiter=",", header="t [s],gyro_x [deg/s]", comments="")
+    return out.getvalue()
+
+
+@contextmanager
+def opened(folder: Path) -> Iterator[tuple[Browser, str]]:
+    """The page in a browser, and its address."""
+    words = [sys.executable, "-m", "kfgen", "open", "--no-browser", "--folder", str(folder / "work")]
     with (
         subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as server,
         ended_at_last(server),
-        browser(tmp_path) as page,
+        browser(folder) as page,
     ):
         assert server.stdout is not None
         address = server.stdout.readline().strip()
         page.call("Page.navigate", url=address)
-        page.until("document.querySelector('#choose')")
+        page.until("document.readyState === 'complete' && document.querySelector('#choose')")
+        yield page, address.split("?")[0]
+        assert page.wrong() == []
+        home = address.split("?")[0]
+        assert [a for a in page.asked() if a.startswith("http") and not a.startswith(home)] == []
+
+
+def fits(page: Browser, folder: Path, name: str) -> None:
+    """Nothing sticks out at 1200 and at 390 px."""
+    for width in (1200, 390):
+        page.picture(folder / f"{name}-{width}.png", width, 900)
+        assert page.run("document.documentElement.scrollWidth") <= width
+
+
+def links(page: Browser) -> list[str]:
+    return page.run("[...document.querySelectorAll('.job:first-child a')].map(a => a.innerText)")
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_the_page_in_a_browser(tmp_path: Path) -> None:
+    """A log is chosen, looked at and identified; the model of this noise is audited."""
+    log = tmp_path / "bench.csv"
+    log.write_bytes(log_text())
+    with opened(tmp_path) as (page, _):
         page.choose("#choose", log)
         page.until("document.querySelector('.job.done iframe')")
         assert "bench.csv" in page.run("document.querySelector('.job h3').innerText")
         page.run("document.querySelector('[data-action=identify]').click()")
         page.until("document.querySelector('#noise').selectedOptions[0].text.startsWith('noise.toml')", 240)
-        links = page.run("[...document.querySelectorAll('.job:first-child a')].map(a => a.innerText)")
-        assert links == ["noise file", "report", "JSON"]
-        for width in (1200, 390):
-            page.picture(tmp_path / f"{width}.png", width, 900)
-            assert page.run("document.documentElement.scrollWidth") <= width
-        assert page.wrong() == []
-        home = address.split("?")[0]
-        assert [a for a in page.asked() if a.startswith("http") and not a.startswith(home)] == []
+        assert links(page) == ["noise file", "report", "JSON"]
+        page.run("document.querySelector('#model').value = 'gyro-static'")
+        page.run("document.querySelector('[data-action=audit]').click()")
+        page.until("document.querySelector('.job.done h3')?.innerText.startsWith('audit')", 240)
+        assert links(page) == ["report", "JSON"]
+        fits(page, tmp_path, "audit")
     assert json.loads((tmp_path / "work" / "003" / "answer.json").read_text())["channels"]["gyro_x"]
+    assert json.loads((tmp_path / "work" / "004" / "answer.json").read_text())["format"].startswith(
+        "kfgen-audit"
+    )
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_a_gap_in_a_browser(tmp_path: Path) -> None:
+    """The progress is seen while it works, the updated model is at hand when it ends."""
+    log, model = tmp_path / "field.csv", tmp_path / "model.toml"
+    log.write_bytes(field_text())
+    model.write_text(MODEL)
+    with opened(tmp_path) as (page, _):
+        page.choose("#choose", model)
+        page.until("document.querySelector('#models option')")
+        page.choose("#choose", log)
+        page.until("document.querySelector('.job.done iframe')")
+        page.run("document.querySelector('[data-action=gap]').click()")
+        page.until("document.querySelector('.job.running progress')")
+        page.until("/\\d+ s/.test(document.querySelector('.job.running p')?.innerText)")
+        fits(page, tmp_path, "running")
+        page.until("document.querySelector('.job.done h3')?.innerText.startsWith('gap')", 240)
+        assert links(page) == ["updated model", "report", "JSON"]
+        assert "improved.toml" in page.run("document.querySelector('#noise').innerText")
+        fits(page, tmp_path, "gap")
+    assert "sinusoid" in (tmp_path / "work" / "004" / "improved.toml").read_text()

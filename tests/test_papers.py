@@ -101,7 +101,7 @@ def test_motion_shows_the_price() -> None:
 
 def test_static_table() -> None:
     text = Static.of(static_sensor(30.0), 0.01, ["kf"])
-    assert "no denoiser" in text.words()[0]
+    assert "do not use it as a denoiser" in text.words()[0]
     assert "raw data" in text.table()
 
 

@@ -312,7 +312,7 @@ def test_a_mapped_column_that_is_not_there_names_those_that_are(tmp_path: Path) 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
 def test_a_rate_that_is_none_is_refused(tmp_path: Path, rate: float) -> None:
-    with pytest.raises(InputError, match="no sampling rate"):
+    with pytest.raises(InputError, match="must be positive"):
         read_log(csv(tmp_path, "a [m]", "1", "2"), rate=rate)
 
 

@@ -55,8 +55,8 @@ PARTS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     "discretise": (("kfgen/model/discretise.py", "tests/test_discretise.py tests/test_core_formulas.py", ""),),
     "emit": (
-        ("kfgen/emit/update.py", "tests/test_emit.py", "batch_kalman and (gyro-static or ahrs6-1)"),
-        ("kfgen/emit/covariance/packed.py", "tests/test_core_formulas.py tests/test_budgets.py tests/test_emit.py", "rows_are or than_three_rows or covariance_prediction or (batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
+        ("kfgen/emit/update.py", "tests/test_core_formulas.py tests/test_emit.py", "gated_by_its_length or batch_kalman and (gyro-static or ahrs6-1) or far_row or gated_sample_is_said and gyro-static or own_variance or at_its_constant"),
+        ("kfgen/emit/covariance/packed.py", "tests/test_core_formulas.py tests/test_budgets.py tests/test_emit.py", "rows_are or than_three_rows or one_loop or covariance_prediction or (batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
         ("kfgen/emit/ir/lower.py", "tests/test_emit.py", "dense_formula and p-False and (gyro-static or ahrs6-1)"),
     ),
     "run": (

@@ -5,17 +5,23 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 import kfgen
 from kfgen.core.elapsed import be_quiet, elapsed_time
+from kfgen.report.help import CommandHelp, GroupHelp
+
+
+class Groups(GroupHelp, TyperGroup):
+    """The commands in groups, and examples."""
+
 
 app = typer.Typer(
     name="kfgen",
+    cls=Groups,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="From a log of a real sensor to a Kalman filter that is proven on its target.",
 )
 
 
@@ -35,7 +41,7 @@ def top(version: Annotated[bool, VERSION] = False, quiet: Annotated[bool, QUIET]
     be_quiet(quiet)
 
 
-class Guarded(TyperCommand):
+class Guarded(CommandHelp, TyperCommand):
     """A command that proves its outputs against its inputs first, writes all or none."""
 
     def invoke(self, ctx: Any) -> Any:

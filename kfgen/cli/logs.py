@@ -11,8 +11,6 @@ import typer
 from kfgen.cli import options as opt
 from kfgen.cli.app import app
 
-DEFAULT_RATE_HZ = 100.0
-"""Of a simulated log [Hz]."""
 TURN = typer.Option(help="The angle of each turn of a gyro, or multiples of it.")
 TURN_SD = typer.Option(help="Its standard deviation.")
 FIELD = typer.Option(help="The strength of the field, '48 uT'; one axis measures it when left out.")
@@ -124,7 +122,7 @@ def simulate(
     from kfgen.simulate.rates import read_rates
     from kfgen.simulate.simulate_log import simulate
 
-    of_log, rates = read_rates(rate or (), DEFAULT_RATE_HZ)
+    of_log, rates = read_rates(rate or (), 100.0)
     shaken = parse_quantity(vibration, "m/s^2", where="--vibration") if vibration else 0.0
     built, decoys = opt.model_of(model, noise, set_, sensor), tuple(decoy or ())
     log = simulate(built, manoeuvre, duration, of_log, seed, rates=rates, decoys=decoys, vibration=shaken)
@@ -187,13 +185,11 @@ def denoise(
     from kfgen.log.readers import write_log
     from kfgen.report.denoise import denoise_answer
     from kfgen.run.adaptive.denoise_log import denoise
-    from kfgen.run.adaptive.rules import rule_named
 
-    rule_named(filter)
     data = opt.read(log, rate, columns)
     still = opt.read(at_rest, rate, columns) if at_rest else None
     how = {"order": order, "estimator": estimator, "window": window, "ratio": ratio}
-    found = denoise(data, filter, opt.listed(channels), still, **how)  # type: ignore[arg-type]
+    found = denoise(data, filter, channels, still, **how)  # type: ignore[arg-type]
     if output:
         write_log(found.log, output)
     opt.deliver(denoise_answer(found), json, report)

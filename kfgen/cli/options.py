@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,27 +15,29 @@ if TYPE_CHECKING:
     from kfgen.model.filter import FilterModel
     from kfgen.report.page import Answer
 
+group: Any = lambda title: partial(typer.Option, rich_help_panel=title)  # noqa: E731
+of_model, of_log, of_answer = map(group, ("Model", "How the log is read", "Answer"))
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log, in a format of 'kfgen list'.")]
 ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="One of 'kfgen list', or a file (.toml).")]
 NoisePath = Annotated[Path, typer.Argument(metavar="NOISE.toml", help="The noise file of 'identify -o'.")]
-Rate = Annotated[float | None, typer.Option(help="Sampling rate [Hz] in place of the log's own time.")]
-SampleRate = Annotated[float, typer.Option("--rate", help="The sampling rate of the sensors [Hz].")]
+Rate = Annotated[float | None, of_log(help="Sampling rate [Hz] in place of the log's own time.")]
+SampleRate = Annotated[float, of_model("--rate", help="The sampling rate of the sensors [Hz].")]
 COLUMNS_HELP = "Foreign columns as channels: 'gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]'."
-Columns = Annotated[str | None, typer.Option(help=COLUMNS_HELP)]
-Topic = Annotated[str, typer.Option(help="Topic or message of a flight log to prefer, see 'kfgen list LOG'.")]
-Instance = Annotated[int | None, typer.Option(help="Which of several inertial sensors of a flight log.")]
+Columns = Annotated[str | None, of_log(help=COLUMNS_HELP)]
+Topic = Annotated[str, of_log(help="Topic or message of a flight log to prefer, see 'kfgen list LOG'.")]
+Instance = Annotated[int | None, of_log(help="Which of several inertial sensors of a flight log.")]
 Channels = Annotated[str | None, typer.Option(help="Only these channels, separated by commas.")]
-Noise = Annotated[Path | None, typer.Option(help="The noise file, as 'identify -o' writes it.")]
-OUTPUT = typer.Option("-o", "--output", metavar="FILE", help="The file to be written.")
+Noise = Annotated[Path | None, of_model(help="The noise file, as 'identify -o' writes it.")]
+OUTPUT = of_answer("-o", "--output", metavar="FILE", help="The file to be written.")
 Output = Annotated[Path | None, OUTPUT]
-Json = Annotated[str | None, typer.Option(metavar="FILE", help="Write the answer as JSON; - to print it.")]
-Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write the answer as a page.")]
-Order = Annotated[int, typer.Option(help="The order in the step of the motion's coupling, 1 to 3.")]
+Json = Annotated[str | None, of_answer(metavar="FILE", help="Write the answer as JSON; - to print it.")]
+Report = Annotated[Path | None, of_answer(metavar="FILE.html", help="Write the answer as a page.")]
+Order = Annotated[int, of_model(help="The order in the step of the motion's coupling, 1 to 3.")]
 MAX_STEP_HELP = "The longest step [s]; 0.1, or what the fastest effect allows, where left out."
-MaxStep = Annotated[float | None, typer.Option(help=MAX_STEP_HELP)]
-CHOICE = typer.Option("--set", metavar="NAME=VALUE", help="An option of 'kfgen list'; repeatable.")
+MaxStep = Annotated[float | None, of_model(help=MAX_STEP_HELP)]
+CHOICE = of_model("--set", metavar="NAME=VALUE", help="An option of 'kfgen list'; repeatable.")
 Set = Annotated[list[str] | None, CHOICE]
-AIDING = typer.Option(metavar="NAME", help="A sensor, in place of the model's own; repeatable.")
+AIDING = of_model(metavar="NAME", help="A sensor, in place of the model's own; repeatable.")
 Sensors = Annotated[list[str] | None, AIDING]
 
 
@@ -74,8 +77,3 @@ def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     print(data if json_to == "-" else printable(answer.text))
     if not answer.ok:
         raise typer.Exit(1)
-
-
-def listed(text: str | None) -> list[str] | None:
-    """Names separated by commas."""
-    return [part.strip() for part in text.split(",") if part.strip()] if text else None

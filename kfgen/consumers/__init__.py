@@ -25,6 +25,7 @@ from kfgen.consumers.base import IMU_RATE, SENSORS, Converted, Imu, Value
 from kfgen.consumers.conversion import Conversion
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import is_sampling_rate
+from kfgen.core.optional_library import modules_of_others
 from kfgen.core.units import parse_quantity
 from kfgen.effects.noise_model import NoiseModel, read_noise
 from kfgen.model.filter_file import FilterFile, is_filter_file, read_filter
@@ -37,9 +38,10 @@ MAX_SAFETY = 1e6
 
 @cache
 def consumers() -> dict[str, ModuleType]:
-    """The consumers by name, from every module of this package that declares one."""
+    """The consumers by name, from every module of this package or of another that declares one."""
     inner = pkgutil.walk_packages(__path__, f"{__name__}.")
-    modules = [importlib.import_module(info.name) for info in inner if not info.ispkg]
+    own = (importlib.import_module(info.name) for info in inner if not info.ispkg)
+    modules = (*own, *modules_of_others("consumers"))
     return {m.NAME: m for m in sorted(modules, key=lambda m: getattr(m, "NAME", "")) if hasattr(m, "NAME")}
 
 

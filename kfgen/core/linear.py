@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,15 @@ def stationary_covariance(A: Array, W: Array) -> Array:
     balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     P: Array = solve_continuous_lyapunov(balanced, -W / np.outer(scale, scale)) * np.outer(scale, scale)
     return 0.5 * (P + P.T)
+
+
+def beside(parts: Sequence[Array]) -> Array:
+    """Square matrices one after the other on the diagonal of one, zeros elsewhere."""
+    edges = np.cumsum([0, *(p.shape[0] for p in parts)])
+    out = np.zeros((edges[-1], edges[-1]))
+    for a, b, part in zip(edges[:-1], edges[1:], parts):
+        out[a:b, a:b] = part
+    return out
 
 
 def accumulate(Phi: Array, Qd: Array, C: Array, steps: int) -> tuple[Array, Array]:

@@ -18,6 +18,8 @@ SEARCH_SECONDS = 60.0
 """After which nothing more is added [s]."""
 FIT_SECONDS = 80.0
 """After which a fit ends with its next step [s]; what is left is for the proof, and for what would not have been seen."""
+SHARE_OF_IDENTIFICATION = 0.4
+"""Of these: an identification has no proof to follow, and is waited for."""
 MIN_SECONDS = 2.0
 """Of a search whose turn comes when all is spent [s]."""
 ENDED_EARLY = (
@@ -52,25 +54,32 @@ class TimeBudget:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of it."""
-        return (ENDED_EARLY.format(seconds=self.search_s),) if self.ended_early else ()
+        return (ENDED_EARLY.format(seconds=self.spent_s),) if self.ended_early else ()
 
 
 _CURRENT: ContextVar[TimeBudget | None] = ContextVar("time_budget", default=None)
 
 
 @contextmanager
-def time_budget(parts: int = 1) -> Iterator[TimeBudget]:
+def time_budget(parts: int = 1, share: float = 1.0) -> Iterator[TimeBudget]:
     """A budget for all that is computed inside.
 
     Parameters
     ----------
     parts : int
         Searches, this one the first of them, that share what is left of the budget outside.
+    share : float
+        Of `SEARCH_SECONDS` and `FIT_SECONDS`, or of what is left of the budget outside.
+
+    Returns
+    -------
+    TimeBudget
+        Of what is computed inside.
     """
     outer = _CURRENT.get()
-    budget = TimeBudget(SEARCH_SECONDS, FIT_SECONDS)
+    budget = TimeBudget(share * SEARCH_SECONDS, share * FIT_SECONDS)
     if outer is not None:
-        left = max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
+        left = share * max(outer.search_s - outer.spent_s, min(MIN_SECONDS, outer.search_s)) / parts
         longer = outer.fit_s / outer.search_s if outer.search_s > 0.0 else 1.0
         budget = TimeBudget(left, left * longer)
     else:

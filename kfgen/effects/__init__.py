@@ -1,6 +1,7 @@
 """The catalogue: every physical effect that kfgen knows, one class each.
 
-To add an effect, write one class in a file of this package; `catalogue` finds it.
+To add an effect, write one class in a file of this package; `catalogue` finds it. Another package brings its own by an entry
+point, see `kfgen.core.optional_library`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from functools import cache
 from typing import Any
 
 from kfgen.core.errors import InputError
+from kfgen.core.optional_library import modules_of_others
 from kfgen.effects.driven.history import LAGGED, lagged
 from kfgen.effects.driven.noise_level import NOISE_LEVEL, leveled
 from kfgen.effects.driven.proportional import COUPLING, coupled, is_plain
@@ -40,6 +42,7 @@ OF_CHANNELS = {COUPLING: coupled, LAGGED: lagged, NOISE_LEVEL: leveled}
 def _load() -> None:
     for info in pkgutil.walk_packages(__path__, f"{__name__}."):
         importlib.import_module(info.name)
+    modules_of_others("effects")
 
 
 def catalogue() -> dict[str, type[Effect]]:

@@ -11,15 +11,13 @@ import pkgutil
 from functools import cache
 from types import ModuleType
 
+from kfgen.core.optional_library import modules_of_others
 from kfgen.emit import targets as package
 
 
 @cache
 def targets() -> dict[str, ModuleType]:
-    """The emit targets by name, from every module of this package that declares one."""
-    found: dict[str, ModuleType] = {}
-    for info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{info.name}")
-        if hasattr(module, "TARGET"):
-            found[module.TARGET] = module
-    return found
+    """The emit targets by name, from every module of this package or of another that declares one."""
+    inner = pkgutil.iter_modules(package.__path__)
+    own = (importlib.import_module(f"{package.__name__}.{info.name}") for info in inner)
+    return {m.TARGET: m for m in (*own, *modules_of_others("targets")) if hasattr(m, "TARGET")}

@@ -48,6 +48,11 @@ from kfgen.run.filter_log import as_named_by
 
 Model = NoiseModel | UserModel | FilterModel
 
+SAMPLES_OF_A_WHOLE_SEARCH = 10_000
+"""In all channels of a log at rest, from which on its search may take all of the time."""
+MIN_SHARE_OF_SEARCH = 0.1
+"""Of the time, that the search over a shorter log has."""
+
 
 def find_gap(
     logs: Log | str | Path | Sequence[Log | str | Path],
@@ -309,13 +314,16 @@ def _at_rest(
     drive, words = drivers_of(log)
     warnings = [*said, *words]
     gaps = {}
-    for k, name in enumerate(counted(names, "channels", alike=False)):
-        noise = assumed.channel(name)
-        record, stamps, words = regular(log, name, noise.effects, drive)
-        warnings += [w for w in words if w not in warnings]
-        with time_budget(parts=len(names) - k):
-            gaps[name] = channel_gap(name, record, noise, stamps, log.stated, len(names))
-    gaps = with_pairs(gaps)
+    with time_budget(
+        share=min(max(log.n * len(names) / SAMPLES_OF_A_WHOLE_SEARCH, MIN_SHARE_OF_SEARCH), 1.0)
+    ):
+        for k, name in enumerate(counted(names, "channels", alike=False)):
+            noise = assumed.channel(name)
+            record, stamps, words = regular(log, name, noise.effects, drive)
+            warnings += [w for w in words if w not in warnings]
+            with time_budget(parts=len(names) - k):
+                gaps[name] = channel_gap(name, record, noise, stamps, log.stated, len(names))
+        gaps = with_pairs(gaps)
     proofs = tuple(p for other in others for p in _proofs(gaps, other))
     updated = _updated(assumed, gaps)
     return GapResult((_source(log),), tuple(gaps.values()), assumed, updated, tuple(warnings), proofs=proofs)

@@ -17,14 +17,14 @@ from kfgen.identify.evidence.long import Long, Stream, condense
 from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
+from kfgen.identify.evidence.sampling import drawn
 from kfgen.identify.fit.bounds import relative_bound
-from kfgen.identify.fit.estimate import Estimate
-from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
+from kfgen.identify.fit.fit import Fit, Key
 from kfgen.identify.fit.goodness import widening
-from kfgen.identify.fit.interval import intervals95, stretched
+from kfgen.identify.fit.interval import stretched
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
-from kfgen.identify.methods.likelihood import METHODS, covariance
+from kfgen.identify.methods.likelihood import METHODS
 from kfgen.identify.screening.cleaning import cleaned, outliers_said
 from kfgen.identify.screening.record_faults import (
     amplitude_faults,
@@ -102,12 +102,12 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
     own = may_oscillate(clean, wanted or ())
     lines = [] if own else lines_in(clean)
     clean = without_lines(clean, lines)
-    found = _estimated(clean, wanted, method)
+    found = METHODS[method](clean, wanted)
     if own:
         lines = lines_in(clean, found.fit.effects)
     if own and lines:
         clean = without_lines(clean, lines)
-        found = _estimated(clean, wanted, method)
+        found = METHODS[method](clean, wanted)
     bounds = {}
     if not isinstance(clean, Published):  # who knows how a curve was made
         bounds = relative_bound(found.fit.effects, clean.dt, *clean.lengths, skip=clean.skip)
@@ -128,19 +128,6 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
         found.covariance * np.outer(scale, scale),
         (*drift, *warnings, *found.warnings, *_misfit(factors)),
         tuple(lines),
-    )
-
-
-def _estimated(clean: Evidence, wanted: Sequence[str] | None, method: str) -> Estimate:
-    """The method's estimate; with gaps the terms are chosen on the pieces, and fitted to all of it."""
-    if not isinstance(clean, Exact) or method not in ("ml", "kalman"):
-        return METHODS[method](clean, wanted)
-    found = METHODS[method](clean.view, wanted)
-    problem = Problem(clean, found.fit.effects)
-    fit = maximise(problem)
-    open_ended = {k: v for k, v in found.intervals.items() if wanted and not np.isfinite(v[1])}
-    return replace(
-        found, fit=fit, intervals=intervals95(problem, fit) | open_ended, covariance=covariance(problem, fit)
     )
 
 
@@ -229,11 +216,10 @@ def _(record: Exact) -> tuple[Evidence, list[str]]:
     drive = {k: v[good] for k, v in record.drive.items()}
     clean = replace(record, t=record.t[good], y=record.y[good], drive=drive)
     said = shocks_said(record.t, spans) + outliers_said(record.t, bad)
-    if record.drawn and isinstance(record.view, Record):
-        return replace(
-            clean,
-            view=record.view.leaving_out((MAX_FREQUENCY_OVER_RATE_OF_DRAWN / record.period, float("inf"))),
-        ), said
+    if record.drawn:
+        even = drawn(clean.t, clean.y, clean.drive, record.view.dt)
+        too_fast = (MAX_FREQUENCY_OVER_RATE_OF_DRAWN / record.period, float("inf"))
+        return replace(clean, view=even.leaving_out(too_fast)), said
     view, _ = prepared(record.view)
     cuts = [lo for r in records_within(view) for lo, hi in r.skip if hi == float("inf")]
     if not cuts:

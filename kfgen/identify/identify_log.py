@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
-from kfgen.core.time_budget import time_budget
+from kfgen.core.time_budget import SHARE_OF_IDENTIFICATION, time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects import effect_named
 from kfgen.effects.driven.proportional import DRIVERS
@@ -73,13 +73,22 @@ def identify(
     for name in wanted or ():
         effect_named(name, where="--effects")
     names, said = checked(channels), list[str]()
+    asked = names is not None
     if names is None:
         names, said = default_channels(first)
-    found = {}
-    with time_budget() as budget:
+    found, left_out = {}, list[InputError]()
+    with time_budget(share=SHARE_OF_IDENTIFICATION) as budget:
         for k, name in enumerate(counted(names, "channels", alike=False)):
             with time_budget(parts=len(names) - k):
-                found[name] = _identify_channel(data, name, wanted, method)
+                try:
+                    found[name] = _identify_channel(data, name, wanted, method)
+                except InputError as error:
+                    if asked or len(names) == 1:
+                        raise
+                    left_out.append(error)
+    if not found:
+        raise left_out[0]
+    said += [f"not identified: {error}" for error in left_out]
     moving = [how for d in data if isinstance(d, Log) and (how := motion_in(d, names))]
     warnings = [
         *(w for d in data for w in d.warnings),

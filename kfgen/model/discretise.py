@@ -94,8 +94,7 @@ class DiscreteModel:
     def __post_init__(self) -> None:
         if not is_sampling_rate(self.rate):
             raise InputError(
-                f"a rate of {self.rate:g} Hz is no sampling rate",
-                remedy="Give --rate a positive number of hertz",
+                f"--rate must be positive (got {self.rate:g})", remedy="Give the sampling rate in hertz"
             )
         if not 0.0 < self.max_step < math.inf:
             raise InputError(

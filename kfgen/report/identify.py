@@ -135,10 +135,10 @@ def _limit(limit: Limit, seconds: float, unit: str) -> str:
         for p in limit.effect.parameters()
         if p.kind == "time"
     ]
-    hours = f"{limit.hours:.2g} h" if np.isfinite(limit.hours) else "more than any log"
+    log = f"a {limit.hours:.2g} h log" if np.isfinite(limit.hours) else "no log"
     return (
         f"not identifiable in {seconds:.0f} s: {limit.effect.name} {limit.parameter} below "
-        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {hours} would show half of that to 20 %"
+        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {log} would measure half of this limit to ±20 %"
     )
 
 

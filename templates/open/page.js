@@ -60,6 +60,7 @@ async function press(action) {
     for (const open of document.querySelectorAll("#jobs details[open]")) open.open = false;
     const place = document.createElement("section");
     $("jobs").prepend(place);
+    $("results").scrollIntoView();
     watch(job, place, `${action}${["audit", "emit"].includes(action) ? " of " + given.model : " of " + $("log").selectedOptions[0]?.text}`);
   } catch (error) { $("wrong").textContent = error.message; }
 }

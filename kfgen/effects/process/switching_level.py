@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core import linear
 from kfgen.effects.linear_system import LinearSystem, discretise, initial_covariance
 from kfgen.effects.process import markov_chain as chain
 
@@ -66,18 +67,17 @@ class Slow:
         steps = [discretise(f, dt) for f in forms]
         C = np.concatenate([np.zeros(0), *(np.array(f.C, dtype=np.float64) for f in forms)])
         starts = [initial_covariance(f) for f in forms]
-        return Slow(_blocks([Phi for Phi, _ in steps]), _blocks([Q for _, Q in steps]), _blocks(starts), C)
+        return Slow(
+            linear.beside([Phi for Phi, _ in steps]),
+            linear.beside([Q for _, Q in steps]),
+            linear.beside(starts),
+            C,
+        )
 
     @property
     def order(self) -> int:
         """Number of states."""
         return int(self.C.size)
-
-
-def _blocks(parts: Sequence[Array]) -> Array:
-    from scipy.linalg import block_diag
-
-    return np.asarray(block_diag(*parts)) if parts else np.zeros((0, 0))
 
 
 @dataclass(frozen=True)

@@ -203,9 +203,10 @@ class _System:
         single = pairs[:, 0] == 1
         A[single, :n, :n], Q[single, :n, :n] = linear.van_loan(*self.continuous, pairs[single, 1])
         A[:, k, :k] = self.C
-        for i in np.flatnonzero(~single):
-            count, step = int(pairs[i, 0]), float(pairs[i, 1])
-            A[i], Q[i] = self._block(count, max(step - count * dt, 0.0))
+        for count in np.unique(pairs[~single, 0]):
+            of_count = pairs[:, 0] == count
+            gaps = np.maximum(pairs[of_count, 1] - count * dt, 0.0)
+            A[of_count], Q[of_count] = self._blocks(int(count), gaps)
         Q[:, k, k] += white / pairs[:, 0]
         if self.quantised:  # the mean of a block has the error at its end less that at its beginning
             scale = 1.0 / (pairs[:, 0] * dt)
@@ -220,36 +221,34 @@ class _System:
         L[:, :k, k:] = np.eye(k)
         return L, Q
 
-    def _block(self, count: int, gap: float) -> tuple[Array, Array]:
-        """Transition and covariance of the states and the block's mean, over a block and the gap after it."""
+    def _blocks(self, count: int, gaps: Array) -> tuple[Array, Array]:
+        """Transitions and covariances of the states and the block's mean, over a block and the gaps after it."""
         k, n = self.order, self.continuous[0].shape[0]
         A, Q = linear.accumulate(self.A, self.Q, self.C / count, count)
-        if gap > 0.0:
-            Phi, Qd = linear.van_loan(*self.continuous, gap)
-            T = np.eye(k + 1)
-            T[:n, :n] = Phi
-            A, Q = T @ A, T @ Q @ T.T
-            Q[:n, :n] += Qd
-        return A, Q
+        T = np.zeros((gaps.size, k + 1, k + 1))
+        T[:] = np.eye(k + 1)
+        T[:, :n, :n], Qd = linear.van_loan(*self.continuous, gaps)
+        over = T @ Q @ np.swapaxes(T, 1, 2)
+        over[:, :n, :n] += Qd
+        return T @ A, over
 
 
 def _joined(forms: Sequence[LinearSystem], dt: float) -> _System:
     """All random effects side by side."""
-    from scipy.linalg import block_diag
-
     random = [f for f in forms if f.order]
-    A = block_diag(*(np.array(f.A, float) for f in random)) if random else np.zeros((0, 0))
-    W = block_diag(*(np.array(f.W, float) for f in random)) if random else np.zeros((0, 0))
+    A = linear.beside([np.array(f.A, float) for f in random])
+    W = linear.beside([np.array(f.W, float) for f in random])
     C = np.concatenate([np.array(f.C, float) for f in random]) if random else np.zeros(0)
     Phi, Qd = linear.van_loan(A, W, dt)
     # A state that keeps no variance starts from what one period gives it: its level is the constant's.
     starts = [linear.stationary_covariance(np.array(f.A, float), np.array(f.W, float)) for f in random]
-    start = block_diag(*starts) if random else np.zeros((0, 0))
+    start = linear.beside(starts)
     lost = ~start.any(axis=1) if random else np.zeros(0, bool)
     start[np.ix_(lost, lost)] = Qd[np.ix_(lost, lost)]
     Z = sum(float(f.Z) for f in forms)
     if Z:
-        Phi, Qd, start = block_diag(Phi, 0.0), block_diag(Qd, Z), block_diag(start, Z)
+        last = np.array([[Z]])
+        Phi, Qd, start = (linear.beside(p) for p in ((Phi, 0.0 * last), (Qd, last), (start, last)))
         C = np.append(C, 0.0)
     return _System(Phi, Qd, C, (A, W), start, Z)
 

@@ -39,6 +39,11 @@ MAX_UNEVEN_SAMPLES = 10_000
 """Samples at uneven times that are fitted."""
 MIN_SHARE_OF_NEIGHBOURS = 0.1
 """Share of steps of one period of the log, from which on a channel has the log's rate and lost samples."""
+MIN_STEPS_OF_A_RATE = 8
+MIN_SHARE_OF_OWN_STEPS = 0.5
+"""Of the steps of a channel with a rate of its own: those that are about a period long."""
+MAX_DIFFERENCE_OF_PERIODS = 0.005
+"""Relative, of the sampling periods of pieces that are fitted together."""
 MIN_PIECE_SAMPLES = 512
 """Samples of a piece that has a spectrum of its own."""
 
@@ -62,7 +67,7 @@ def evidence(
     """
     there = np.isfinite(y)
     limit = _gap_limit(t)
-    said = _missing(t, there) + _gaps(t, limit)
+    said = ([] if _is_slower(t, there) else _missing(t, there)) + _gaps(t, limit)
     logged, t, y = t, t[there], y[there]
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
@@ -89,8 +94,8 @@ def evidence(
     gaps = np.flatnonzero(steps >= limit * dt)
     if not gaps.size and error <= UNEVEN_IN_PERIODS:
         return Record(t, y, drive), tuple(said)
-    pieces = _pieces(t, y, drive, gaps, dt) if error <= UNEVEN_IN_PERIODS else []
-    view: Evidence = JointRecord(tuple(pieces)) if pieces else _regular(t, y, drive, dt)
+    pieces = _pieces(t, y, drive, gaps) if error <= UNEVEN_IN_PERIODS else []
+    view: Evidence = JointRecord(tuple(pieces)) if pieces else drawn(t, y, drive, dt)
     period = float((near if error <= UNEVEN_IN_PERIODS else steps).mean())
     if error > UNEVEN_IN_PERIODS:
         if t.size > MAX_UNEVEN_SAMPLES:
@@ -102,6 +107,15 @@ def evidence(
         said = [w for w in said if "missing in all" not in w]  # random times have no gaps
         said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
     return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
+
+
+def _is_slower(t: Array, there: NDArray[np.bool_]) -> bool:
+    """Whether a channel has a rate of its own below that of the log: nothing of it is missing between its samples."""
+    steps = np.diff(t[there])
+    if steps.size < MIN_STEPS_OF_A_RATE:
+        return False
+    own, is_own = _period(t, steps)
+    return is_own and float(np.mean(np.abs(steps / own - 1.0) < 0.5)) > MIN_SHARE_OF_OWN_STEPS
 
 
 def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
@@ -222,9 +236,7 @@ def _single_period(steps: Array) -> float:
     return float(np.median(steps[single]))
 
 
-def _pieces(
-    t: Array, y: Array, drive: Mapping[str, Array], gaps: NDArray[np.int64], dt: float
-) -> list[Record]:
+def _pieces(t: Array, y: Array, drive: Mapping[str, Array], gaps: NDArray[np.int64]) -> list[Record]:
     """The stretches between gaps that are long enough, if they are most of the record."""
     edges = [0, *(gaps + 1).tolist(), t.size]
     long = [(a, b) for a, b in pairwise(edges) if b - a >= MIN_PIECE_SAMPLES]
@@ -232,10 +244,21 @@ def _pieces(
         return []
     whole = Record(t, y, drive)
     pieces = [whole.cut(a, b) for a, b in long]
-    return [p for p in pieces if abs(p.dt / dt - 1.0) < 0.005] if len(long) > 1 else pieces
+    usual = float(np.median([p.dt for p in pieces]))  # stamps in whole milliseconds have another median step
+    return [p for p in pieces if abs(p.dt / usual - 1.0) < MAX_DIFFERENCE_OF_PERIODS]
 
 
-def _regular(t: Array, y: Array, drive: Mapping[str, Array], dt: float) -> Record:
-    """The record drawn onto an even grid by straight lines."""
+def drawn(t: Array, y: Array, drive: Mapping[str, Array], dt: float) -> Record:
+    """The record drawn onto an even grid by straight lines.
+
+    Parameters
+    ----------
+    t, y : ndarray, shape (n,)
+        Increasing times [s] and samples [SI].
+    drive : mapping of str to ndarray, shape (n,)
+        Recorded drivers.
+    dt : float
+        Step of the grid [s].
+    """
     grid = t[0] + dt * np.arange(max(int((t[-1] - t[0]) / dt) + 1, 3))
     return Record(grid, np.interp(grid, t, y), {k: np.interp(grid, t, v) for k, v in drive.items()})

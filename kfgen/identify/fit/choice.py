@@ -18,10 +18,11 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement, product
 
+from kfgen.core.time_budget import search_is_over
 from kfgen.effects import Effect, catalogue
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.drivers import Group, driver_groups, follow_their_drivers, promise
@@ -96,8 +97,8 @@ def choose(record: Evidence, fit: Fitter, *, drifting: bool = True) -> EffectSet
         Whether deterministic drifts are tried.
     """
     slow = [(), *_sets(slow_effects(record))]
-    trials = [fit(record, combined(record, ("white_noise", *s))) for s in slow]
-    best = max(trials, key=lambda t: t.score)
+    trials = (fit(record, combined(record, ("white_noise", *s))) for s in slow)
+    best = max(in_time(trials), key=lambda t: t.score)
     for name in fast_effects(record):
         best = max(
             best, fit(record, [(*best.fit.effects, e) for e in starts(name, record)]), key=lambda t: t.score
@@ -110,6 +111,14 @@ def choose(record: Evidence, fit: Fitter, *, drifting: bool = True) -> EffectSet
     return _with_drivers(record, fit, best, fast) if record.driven else best
 
 
+def in_time(trials: Iterator[EffectSet]) -> Iterator[EffectSet]:
+    """The first of the trials, and the others until the time of the search is spent."""
+    for trial in trials:
+        yield trial
+        if search_is_over():
+            return
+
+
 def _with_drift(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[str, ...]) -> EffectSet:
     """The best set with a drift in place of slow noise, or beside it, where that is better."""
     for name in drifts(record):
@@ -117,8 +126,8 @@ def _with_drift(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[str,
             ((promise(record, best.fit.effects, (e,)), e) for e in starts(name, record)), key=lambda g: g[0]
         )
         if gain > GAIN_OF_A_DRIFT_WORTH_FITTING:
-            trials = [fit(record, choices) for choices in _beside(record, fast, (start,))]
-            best = max([best, *trials], key=lambda t: t.score)
+            trials = (fit(record, choices) for choices in _beside(record, fast, (start,)))
+            best = max([best, *in_time(trials)], key=lambda t: t.score)
     return best
 
 
@@ -137,7 +146,8 @@ def _with_drivers(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[st
             kept = tuple(e for e in best.fit.effects if e.coefficients() and e.driver)
             trials = (fit(record, choices) for choices in _beside(record, fast, (*kept, *group)))
             found = max(
-                [found, *(t for t in trials if follow_their_drivers(record, t.fit))], key=lambda t: t.score
+                [found, *(t for t in in_time(trials) if follow_their_drivers(record, t.fit))],
+                key=lambda t: t.score,
             )
         if found is best:
             return best

@@ -5,7 +5,7 @@ coefficients of deterministic effects are linear and solved for inside the likel
 (mean and standard deviation of a logarithm) may hold trusted numbers.
 
 The maximum is found by Fisher's scoring: Newton's step with the expected information in place of the
-second derivatives, damped as Levenberg and Marquardt do.
+second derivatives, damped as Levenberg and Marquardt do, scaled by the curvature along the last step.
 
 References
 ----------
@@ -35,6 +35,10 @@ __all__ = ["Fit", "Key", "Prior", "Problem", "curvature", "inverse", "maximise",
 MAX_ITERATIONS = 80
 GAIN_TOLERANCE_NATS = 1e-7
 """Gain of log-likelihood [nats] below which the maximum is reached."""
+GAIN_TOLERANCE_OF_PROFILE_NATS = 1e-3
+"""The same where the likelihood is only compared with its maximum, a chi-square below."""
+MIN_CURVATURE_SHARE = 1e-3
+"""Of the expected information: the least curvature that counts."""
 MAX_LOG_STEP = 1.5
 """Longest step in a logarithm."""
 MAX_TIME_OVER_RECORD = 0.5
@@ -206,18 +210,26 @@ class Problem:
         return replace(self, effects=effects)
 
 
-def maximise(problem: Problem) -> Fit:
-    """The maximum from the problem's start values."""
+def maximise(problem: Problem, tolerance_nats: float = GAIN_TOLERANCE_NATS) -> Fit:
+    """The maximum from the problem's start values.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    tolerance_nats : float
+        Gain of log-likelihood [nats] below which the maximum is reached.
+    """
     point = problem.start()
     if point.size:
-        point = _scored(problem, point)
+        point = _scored(problem, point, tolerance_nats)
     effects = problem.at(point)
     likelihood = problem.data(effects).log_likelihood(effects)
     effects = _with_coefficients(effects, likelihood.coefficients)
     return Fit(effects, -problem.objective(point), likelihood, problem.free, point)
 
 
-def _scored(problem: Problem, point: Array) -> Array:
+def _scored(problem: Problem, point: Array, tolerance_nats: float) -> Array:
     """Damped scoring inside the box."""
     lo, hi = np.array(problem.bounds).T
     value, damping = problem.objective(point), 1e-3
@@ -231,17 +243,31 @@ def _scored(problem: Problem, point: Array) -> Array:
         found = problem.objective(trial)
         expected = -float(g @ (trial - point))
         if found < value:
+            moved = trial - point
             gain, point, value, damping = value - found, trial, found, max(damping / 8.0, 1e-9)
-            if gain < GAIN_TOLERANCE_NATS and expected < 10.0 * GAIN_TOLERANCE_NATS:
+            if gain < tolerance_nats and expected < 10.0 * tolerance_nats:
                 break
-            g, J = problem.gradient(point), problem.information(point)
+            before, g = g, problem.gradient(point)
+            J = _seen(problem.information(point), moved, g - before)
         else:
-            if expected < GAIN_TOLERANCE_NATS:
+            if expected < tolerance_nats:
                 break
             damping = max(8.0 * damping, 1e-3)
             if damping > 1e12:
                 break
     return point
+
+
+def _seen(J: Array, moved: Array, change: Array) -> Array:
+    """The information, scaled by the curvature that was seen along the last step where that was smaller.
+
+    Where the data are not of the model, the expected information may be far above the curvature of their likelihood, and its
+    steps far too short.
+    """
+    seen, expected = float(change @ moved), float(moved @ J @ moved)
+    if not (expected > 0.0 and np.isfinite(seen)):
+        return J
+    return J * min(max(seen / expected, MIN_CURVATURE_SHARE), 1.0)
 
 
 def _step(g: Array, J: Array, free: NDArray[np.bool_], damping: float) -> Array:
@@ -301,4 +327,4 @@ def profile(problem: Problem, best: Fit, key: Key, value: float) -> Fit:
     value : float
         At which it is held [SI].
     """
-    return maximise(problem.starting(best.effects).pin(key, value))
+    return maximise(problem.starting(best.effects).pin(key, value), GAIN_TOLERANCE_OF_PROFILE_NATS)

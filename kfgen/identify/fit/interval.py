@@ -186,9 +186,11 @@ def stretched(interval: tuple[float, float], value: float, factor: float) -> tup
     Returns
     -------
     (float, float)
+        An end that is too far away for a number is open.
     """
     lo, hi = interval
     if not (value > 0.0 and factor > 1.0):
         return interval
-    lower = value * (lo / value) ** factor if lo > 0.0 else lo
-    return lower, value * (hi / value) ** factor if np.isfinite(hi) else hi
+    with np.errstate(over="ignore", under="ignore"):
+        ends = value * (np.array([lo, hi]) / value) ** factor
+    return float(ends[0]), float(ends[1])

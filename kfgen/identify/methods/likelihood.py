@@ -9,12 +9,14 @@ not found or not resolved is reported with its upper limit and with the record t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
+from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.evidence.whittle import SpectralFit
@@ -59,6 +61,8 @@ def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
     wanted : sequence of str or None
         Exactly these effects; chosen by the data when None.
     """
+    if isinstance(record, Exact):
+        return _by_exact_likelihood(record, wanted)
     if wanted:
         best, problem, searched = _exactly(record, wanted)
         intervals = _open_intervals(problem, best) | searched
@@ -67,6 +71,20 @@ def by_likelihood(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
     found = choose(record, best_of)
     best, problem = found.fit, found.problem
     return _estimate(problem, best, intervals95(problem, best), covariance(problem, best))
+
+
+def _by_exact_likelihood(record: Exact, wanted: Sequence[str] | None) -> Estimate:
+    """The terms are chosen on the even pieces of a record with gaps, and fitted to all of it."""
+    if wanted:
+        found = by_likelihood(record.view, wanted)
+    else:
+        chosen = choose(record.view, best_of)
+        found = _estimate(chosen.problem, chosen.fit, {}, np.zeros((0, 0)))
+    problem = Problem(record, found.fit.effects)
+    fit = maximise(problem)
+    open_ended = {key: ends for key, ends in found.intervals.items() if not np.isfinite(ends[1])}
+    intervals = intervals95(problem, fit) | open_ended
+    return replace(found, fit=fit, intervals=intervals, covariance=covariance(problem, fit))
 
 
 def by_curve(

@@ -73,7 +73,8 @@ def _averages(log: Log, name: str, unit: str) -> _Averages | None:
     if name not in log.channels or not parse_unit(log.channels[name].unit).same_dimension(parse_unit(unit)):
         return None
     y = log.channels[name].values
-    block = ((log.t - log.t[0]) / AVERAGED_S).astype(np.int64)
+    second = np.floor((log.t - log.t[0]) / AVERAGED_S)
+    block = np.cumsum(np.diff(second, prepend=0.0) > 0.0)  # of seconds in which there is a row
     there, blocks = np.isfinite(y), int(block[-1]) + 1
     count = np.bincount(block[there], minlength=blocks)
     total = np.bincount(block[there], weights=y[there], minlength=blocks)

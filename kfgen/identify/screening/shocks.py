@@ -26,7 +26,11 @@ FALSE_ALARM_PER_RECORD = 1e-6
 POWER_OVER_NOISE_OF_TAIL = 2.5
 """Mean square of a window over that of the noise, above which a shock has not ended."""
 MAX_SHARE_OF_SHOCKS = 0.05
-"""Of the record: beyond, it is its motion or its noise."""
+"""Of the record: beyond, it is its motion or its noise; unless it is few long ones."""
+MAX_HANDLINGS = 3
+"""Shocks that may be long: the sensor is put down, and lifted."""
+MAX_SHARE_OF_HANDLINGS = 0.15
+"""Of the record, of so few."""
 EDGE_SAMPLES = 16
 """Samples on either side from which the straight line starts."""
 MAX_TIMES_SAID = 5
@@ -76,20 +80,36 @@ def shocks(y: Array) -> list[Span]:
     outliers = float(binom.isf(FALSE_ALARM_PER_RECORD / count, WINDOW_SAMPLES, chance))
     least = max(float(MIN_LARGE_IN_WINDOW), LARGE_OF_ONE_OUTLIER * outliers)
     loud = np.mean(np.minimum(windows, 1e6) ** 2, axis=1) > POWER_OVER_NOISE_OF_TAIL * _usual(windows)
+    away_from_level = _away_from_level(y, count)
     found: list[Span] = []
     for k in np.flatnonzero(large >= least).tolist():
         if found and k * WINDOW_SAMPLES < found[-1][1]:
             continue
-        first = last = k
-        while first > 0 and loud[first - 1]:
-            first -= 1
-        while last + 1 < count and loud[last + 1]:
-            last += 1
+        first, last = _along(loud, k, k, count)
+        first, last = _along(away_from_level, first, last, last - first + 1)
         start, stop = max(first * WINDOW_SAMPLES - EDGE_SAMPLES, 0), min((last + 1) * WINDOW_SAMPLES, y.size)
         if found and start <= found[-1][1]:
             start = found.pop()[0]
         found.append((start, stop))
-    return found if sum(b - a for a, b in found) <= MAX_SHARE_OF_SHOCKS * y.size else []
+    share = MAX_SHARE_OF_HANDLINGS if len(found) <= MAX_HANDLINGS else MAX_SHARE_OF_SHOCKS
+    return found if sum(b - a for a, b in found) <= share * y.size else []
+
+
+def _along(yes: NDArray[np.bool_], first: int, last: int, most: int) -> tuple[int, int]:
+    """A row of windows made longer at both ends by those next to it for which something holds, by so many at most."""
+    ends = first - most, last + most
+    while first > max(ends[0], 0) and yes[first - 1]:
+        first -= 1
+    while last < min(ends[1], yes.size - 1) and yes[last + 1]:
+        last += 1
+    return first, last
+
+
+def _away_from_level(y: Array, count: int) -> NDArray[np.bool_]:
+    """Windows whose mean is far from the usual one: a sensor that is put down turns slowly at the end."""
+    means = y[: count * WINDOW_SAMPLES].reshape(count, WINDOW_SAMPLES).mean(axis=1)
+    away = np.abs(means - np.median(means))
+    return np.asarray(away > LARGE_DEVIATIONS * 1.4826 * np.median(away))
 
 
 def _usual(windows: Array) -> float:

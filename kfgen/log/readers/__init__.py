@@ -202,9 +202,7 @@ def read_table(path: Path, rate: float | None, choice: LogChoice = ANY) -> tuple
     reader_of(path)
     sha256 = sha256_of(path)
     if rate is not None and not is_sampling_rate(rate):
-        raise InputError(
-            f"a rate of {rate:g} Hz is no sampling rate", remedy="Give --rate a positive number of hertz"
-        )
+        raise InputError(f"--rate must be positive (got {rate:g})", remedy="Give the sampling rate in hertz")
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # of numbers that a damaged file holds
         return _found(path, choice), sha256

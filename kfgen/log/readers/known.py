@@ -11,6 +11,7 @@ from types import ModuleType
 
 import kfgen.log.readers as package
 from kfgen.core.errors import InputError
+from kfgen.core.optional_library import modules_of_others
 
 MAGIC_BYTES = 16
 """Bytes at the beginning of a file by which its format may be known."""
@@ -20,11 +21,10 @@ READ_BLOCK_BYTES = 1 << 20
 
 @cache
 def modules() -> tuple[ModuleType, ...]:
-    """The modules in the folders of readers."""
+    """The modules in the folders of readers, and those of other packages."""
     inner = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
-    return tuple(
-        importlib.import_module(info.name) for info in inner if not info.ispkg and info.name != __name__
-    )
+    own = (importlib.import_module(i.name) for i in inner if not i.ispkg and i.name != __name__)
+    return (*own, *modules_of_others("readers"))
 
 
 @cache
@@ -57,9 +57,9 @@ def reader_of(path: Path) -> ModuleType:
     reader = next(known, None) or readers().get(path.suffix.lower())
     if reader is None:
         raise InputError(
-            f"'{path.suffix}' is no format that is read",
+            f"files with the ending '{path.suffix}' cannot be read",
             where=str(path),
-            remedy=f"Known are {', '.join(sorted(readers()))}",
+            remedy=f"Supported are {', '.join(sorted(readers()))}",
         )
     return reader
 

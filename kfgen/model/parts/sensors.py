@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from kfgen.core.optional_library import modules_of_others
 from kfgen.effects import make
 from kfgen.effects.filter_role import ReadingLag, Use
 from kfgen.model.option import NOTHING, STATE, Choice, Option, OrState, Quantity, YesNo
@@ -221,7 +222,8 @@ class AtRest(Sensor):
 
 
 def sensors() -> dict[str, type[Sensor]]:
-    """Every declared sensor by its name."""
+    """Every declared sensor by its name, those of other packages with them."""
+    modules_of_others("sensors")
     found: dict[str, type[Sensor]] = {}
     queue = list(Sensor.__subclasses__())
     while queue:

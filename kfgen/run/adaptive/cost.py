@@ -82,8 +82,11 @@ class FilterCost:
         """What kind of filter it is."""
         if self.dc < FULL:
             alike = abs(self.attenuation / max(self.dc, 1e-300) - 1.0) < SAME
-            same = "; its gain in slow noise is no more than that" if alike else ""
-            return f"it scales a constant rate by {self.dc:.3g}, the noise with the motion{same}: no denoiser"
+            same = ", and slow noise by no more" if alike else ""
+            return (
+                f"it suppresses motion with the noise (gain {self.dc:.3g} for a constant rate{same}): "
+                "do not use it as a denoiser"
+            )
         if self.hidden < FULL:
             return f"it keeps a rate that stands out of the noise and scales one that does not by {self.hidden:.3g}"
         if self.attenuation > 1.0 - SAME:

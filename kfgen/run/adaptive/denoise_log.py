@@ -15,6 +15,7 @@ import kfgen
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
+from kfgen.identify.channels import checked
 from kfgen.log.log import Channel, Log
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.run.adaptive.denoise import ORDER, Denoised, Settings, at_rest, denoise_samples
@@ -97,7 +98,7 @@ class DenoisedLog(Result):
 def denoise(  # noqa: PLR0913 - the choices of one command
     log: LogOrPath,
     filter: str = "shafkf-r",
-    channels: Sequence[str] | None = None,
+    channels: Sequence[str] | str | None = None,
     resting: LogOrPath | None = None,
     *,
     order: tuple[int, int] | str = ORDER,
@@ -113,7 +114,7 @@ def denoise(  # noqa: PLR0913 - the choices of one command
         Evenly sampled.
     filter : str
         The rule of adaptation: ``kf``, ``iae``, ``iae-q``, ``sage-husa``, ``shafkf-p`` or ``shafkf-r``.
-    channels : sequence of str, optional
+    channels : sequence of str, or str with commas, optional
         Those to be filtered; gyros and accelerometers where left out.
     resting : Log or path-like, optional
         A log at rest from which the noise is estimated; `log` itself where left out.
@@ -141,7 +142,7 @@ def denoise(  # noqa: PLR0913 - the choices of one command
     settings = Settings(filter, _order(order), estimator, window, ratio)
     data = log_of(log)
     still = data if resting is None else log_of(resting)
-    wanted = list(channels or [c for c in data.channels if c.startswith(FILTERED_UNASKED)])
+    wanted = list(checked(channels) or [c for c in data.channels if c.startswith(FILTERED_UNASKED)])
     if not wanted:
         raise InputError(
             f"there is no gyro or accel among {', '.join(data.channels)}",
