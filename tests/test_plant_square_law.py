@@ -6,9 +6,6 @@ followed from what is assumed, and the model in pieces would explain itself away
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -43,7 +40,6 @@ effects = [
 ]
 """
 RATE_HZ = 20.0
-DATA = Path(os.environ.get("KFGEN_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
 
 def beam(seed: int, duration_s: float = 60.0) -> Log:
@@ -92,21 +88,3 @@ def test_a_square_law_is_named_and_its_share_is_found() -> None:
     assert hi - lo < 0.2
     assert found.verdict == "effects_found"
     assert found.comparisons[0].gap.closed > 0.9
-
-
-@pytest.mark.long
-def test_the_published_square_of_a_recorded_beam() -> None:
-    """H. Ayala's beam with a propeller: theta'' = c1 sin(theta) + c2 u^2 + c3 theta'; a share of one, give or take a fifth."""
-    file = DATA / "systems" / "quarter_drone_sinal1_semi_estatica_malha_fechada.npz"
-    if not file.is_file():
-        pytest.skip(f"{file.name} is not here (set KFGEN_DATA)")
-    with np.load(file) as archive:
-        t, y, u = archive["data"][:, [0, 2, 3]].T
-    n = t.size // 5 * 5
-    held = u[:n].reshape(-1, 5).mean(axis=1)
-    channels = {"angle": Channel.of(y[:n:5], "deg"), "u": Channel.of(held, "")}
-    text = MODEL.replace("0.02 deg/sqrt(Hz)", "0.0007 deg/sqrt(Hz)").replace("0.3 deg", "3 deg")
-    found = find_gap(Log(t[:n:5] - t[0], channels, source=file.name), parse_model(text, "beam.toml"))
-    share = {f.name: f for f in found.findings}["square_law"].effect.share
-    assert 0.8 < share < 1.3
-    assert all(f.probability <= 0.9 for f in found.findings)
