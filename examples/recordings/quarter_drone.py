@@ -51,8 +51,10 @@ def drone(file: Path) -> Case:
     log = Log(t[:n:EVERY] - t[0], channels, source=file.name)
     scene = PlantScene.of(parse_model(MODEL, "drone.toml"), log)
     gap, said, answer = of_scene(log, scene, scene.unit)
+    there = gap.scene
+    assert isinstance(there, PlantScene)
     left = [
-        scene.simulated(f.point).channels["angle"][:, 0] - log.values("angle") for f in (gap.assumed, gap.fit)
+        there.simulated(f.point).channels["angle"][:, 0] - log.values("angle") for f in (gap.assumed, gap.fit)
     ]
     rms = [float(np.degrees(np.sqrt(np.mean(x**2)))) for x in left]
     return [*said, f"free run off by {rms[0]:.2f} deg, then by {rms[1]:.2f} deg"], answer

@@ -23,16 +23,18 @@ from kfgen.core.units import parse_unit
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.plant.candidates import additions
+from kfgen.gap.plant.columns import columns_of
 from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
+from kfgen.gap.plant.pieces import in_one_piece, lateness, segments, shortest
 from kfgen.gap.plant.reach import rms, unreached
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
-from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness, segments, shortest
+from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting
 from kfgen.gap.rest.trust import MAX_SHIFT_SD
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.equations import unknown_deviation
-from kfgen.model.plant.plant import Batch, Plant, Run, stacked
+from kfgen.model.plant.plant import Batch, Plant, Run
 from kfgen.model.plant.user import UserModel
 
 Array = NDArray[np.float64]
@@ -214,6 +216,24 @@ class PlantScene:
             return self.model.states[placed.where].unit
         return self.model.unit_at(placed.where, placed.effect)
 
+    def in_one_piece(self) -> PlantScene | None:
+        """See `kfgen.gap.scene.scene.InPieces`."""
+        shooting, states = self.shooting, len(self.model.states)
+        found = in_one_piece(shooting) if len(self.starts) > 1 else None
+        if found is None:
+            return None
+        begun = dict(zip(shooting.free, found[states:].tolist()))
+        hidden = shooting.hidden(found[:states])
+        return replace(self, starts=(0,), initial=found[None, :states], hidden=hidden, begun=begun)
+
+    def free_run(self, point: ScenePoint) -> float:
+        """See `kfgen.gap.scene.scene.InPieces`."""
+        k, segs = len(self.model.states), len(self.starts)
+        unknowns = np.concatenate([point.unknowns[:k], point.unknowns[k * segs :]])
+        whole = replace(self, starts=(0,), initial=self.initial[:1])
+        run = whole.simulated(ScenePoint(point.placed, unknowns))
+        return sum(rms(r.left(run.channels[n])[:, 0] / r.noise) ** 2 for n, r in self.recorded.items())
+
     def held(self, names: Collection[str]) -> PlantScene:
         """See `kfgen.gap.scene.scene.Trusting`."""
         parameters = {n: replace(p, sd=0.0) if n in names else p for n, p in self.model.parameters.items()}
@@ -316,30 +336,8 @@ class PlantScene:
 
     def _batch(self, own: Sequence[tuple[str, PlantEffect]], points: Sequence[ScenePoint]) -> Batch:
         """The points as columns."""
-        states, segs = len(self.model.states), len(self.starts)
-        values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
-        initial = values[: states * segs].reshape(segs, states, len(points)).copy()
-        for i, (name, state) in enumerate(self.model.states.items()):
-            if name in self.doubted:
-                initial[0, i] = state.initial
-        fitted = dict(zip([u.name for u in self.unknowns[states * segs :]], values[states * segs :]))
-        parameters = {
-            n: np.array(fitted.get(n, np.full(len(points), p.value)))
-            for n, p in self.model.parameters.items()
-        }
-        effects = [(w, stacked([e] * len(points))) for w, e in own]
-        for column in zip(*(p.placed for p in points)):
-            kind = [p.effect for p in column]
-            where = column[0].where
-            if isinstance(kind[0], ParameterError):
-                error = np.array([float(e.value) for e in kind])
-                if where in parameters:
-                    parameters[where] = parameters[where] + error
-                else:
-                    initial[0, list(self.model.states).index(where)] += error
-            else:
-                effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
-        return Batch(parameters, tuple(effects), initial)
+        names = [u.name for u in self.unknowns]
+        return columns_of(self.model, self.doubted, (names, len(self.starts)), own, points)
 
     def _whitened(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
         left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])

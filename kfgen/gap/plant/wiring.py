@@ -28,8 +28,9 @@ from kfgen.effects.faults.samples import (
 )
 from kfgen.effects.plant.terms import PlantEffect
 from kfgen.gap.plant.input_logged_late import logged_late
+from kfgen.gap.plant.pieces import lateness
 from kfgen.gap.plant.scene import PlantScene
-from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting, lateness
+from kfgen.gap.plant.shooting import MAX_DISTANCE_SD, MIN_FIRST_WINDOW_SAMPLES, Shooting
 from kfgen.gap.rest.faults import assumed_sd, by_chance, spotted_moving, stuck_spans
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Channel, Log

@@ -214,6 +214,17 @@ class HasNoiseSizes(Protocol):
 
 
 @runtime_checkable
+class InPieces(Protocol):
+    """A world that may be simulated in pieces, each with a start of its own: a plant that nobody can follow for long."""
+
+    def in_one_piece(self) -> Scene | None:
+        """The same in one piece; None where it is, or where one simulation follows nothing."""
+
+    def free_run(self, point: ScenePoint) -> float:
+        """Mean square of what one simulation over the whole log leaves at a point, in variances of the noise."""
+
+
+@runtime_checkable
 class HasOutages(Protocol):
     """A world of a filter from which aiding readings can be kept away."""
 

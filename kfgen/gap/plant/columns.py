@@ -1,0 +1,59 @@
+"""Points of a plant's scene as the columns of one simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from kfgen.effects.plant.terms import ParameterError, PlantEffect
+from kfgen.gap.scene.scene import ScenePoint
+from kfgen.model.plant.plant import Batch, stacked
+from kfgen.model.plant.user import UserModel
+
+
+def columns_of(
+    model: UserModel,
+    as_written: Collection[str],
+    unknowns: tuple[Sequence[str], int],
+    own: Sequence[tuple[str, PlantEffect]],
+    points: Sequence[ScenePoint],
+) -> Batch:
+    """A column for each point.
+
+    Parameters
+    ----------
+    model : UserModel
+    as_written : collection of str
+        States that start where the model file says.
+    unknowns : (sequence of str, int)
+        Their names: initial states of every segment, then parameters; and how many segments there are.
+    own : sequence of (where, PlantEffect)
+        The effects that the model file has.
+    points : sequence of ScenePoint
+        With the same effects at the same places.
+    """
+    names, segments = unknowns
+    states = len(model.states)
+    values = np.array([p.unknowns for p in points]).T.reshape(-1, len(points))
+    initial = values[: states * segments].reshape(segments, states, len(points)).copy()
+    for i, (name, state) in enumerate(model.states.items()):
+        if name in as_written:
+            initial[0, i] = state.initial
+    fitted = dict(zip(names[states * segments :], values[states * segments :]))
+    parameters = {
+        n: np.array(fitted.get(n, np.full(len(points), p.value))) for n, p in model.parameters.items()
+    }
+    effects = [(w, stacked([e] * len(points))) for w, e in own]
+    for column in zip(*(p.placed for p in points)):
+        kind = [p.effect for p in column]
+        where = column[0].where
+        if isinstance(kind[0], ParameterError):
+            error = np.array([float(e.value) for e in kind])
+            if where in parameters:
+                parameters[where] = parameters[where] + error
+            else:
+                initial[0, list(model.states).index(where)] += error
+        else:
+            effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
+    return Batch(parameters, tuple(effects), initial)
