@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -56,6 +57,15 @@ def test_motion_is_seen_where_no_drift_is_as_large(turn_deg: float, rate_deg_s: 
     found = motion_in(log_of(turn_deg, rate_deg_s), GYROS)
     assert found.startswith(said)
     assert bool(found) == bool(said)
+
+
+def test_rows_of_years_are_looked_at_at_once() -> None:
+    """Seconds in which there is no row take neither time nor memory; those that have one are one by one."""
+    rng, t = np.random.default_rng(1), 1e6 * np.arange(300.0)
+    log = Log(t, {"gyro_x": Channel.of(0.2 * rng.standard_normal(t.size), "rad/s")}, "years.csv")
+    begun = time.process_time()
+    assert motion_in(log, GYROS).startswith("gyro_x turns at")
+    assert time.process_time() - begun < 1.0
 
 
 def test_a_channel_of_another_kind_shows_no_motion() -> None:
