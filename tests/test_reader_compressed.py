@@ -86,7 +86,7 @@ def test_what_is_not_compressed_is_refused(tmp_path: Path, suffix: str) -> None:
 def test_an_unknown_content_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.doc.gz"
     path.write_bytes(packed("gz", TEXT))
-    with pytest.raises(InputError, match=r"a\.doc\.gz: '\.doc' is no format"):
+    with pytest.raises(InputError, match=r"a\.doc\.gz: files with the ending '\.doc' cannot be read"):
         read_log(path)
 
 
