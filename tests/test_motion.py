@@ -466,7 +466,9 @@ def test_each_effect_adds_what_its_formula_says() -> None:
     ("name", "start", "stop", "vector"),
     [
         ("33_disturbed_attached_magnet_2cm", 41.0, 99.0, (-3.1, -0.3, 26.9)),
-        ("36_disturbed_attached_magnet_5cm", 37.0, 100.0, (0.1, -0.2, -6.1)),
+        pytest.param(
+            "36_disturbed_attached_magnet_5cm", 37.0, 100.0, (0.1, -0.2, -6.1), marks=pytest.mark.long
+        ),
     ],
 )
 def test_the_magnet_of_a_recording(

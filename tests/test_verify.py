@@ -160,9 +160,12 @@ def test_what_watches_over_a_filter_costs_little(
 
 
 OTHERS = ["hostcpp", "m7f", "m33f", "m4", "m0", "rv32imfc", "rv32imc"]
+OFTEN = ("hostcpp", "m0", "rv32imc")
 
 
-@pytest.mark.parametrize("core", OTHERS)
+@pytest.mark.parametrize(
+    "core", [c if c in OFTEN else pytest.param(c, marks=pytest.mark.long) for c in OTHERS]
+)
 def test_no_word_differs_on_any_core(core: str, tmp_path: Path) -> None:
     """In both forms, with loops and without, in double precision on one."""
     need("m4f")
