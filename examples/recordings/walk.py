@@ -53,7 +53,7 @@ def recorded(file: Path) -> Log:
 
 
 def walk(file: Path) -> Case:
-    """The receiver's velocity is smoothed, the antenna's place is found to a centimetre, fixes are half as noisy as assumed."""
+    """The receiver's velocity is smoothed and later than its position, and fixes are half as noisy as assumed."""
     found = kf.find_gap(recorded(file), kf.build("ins15", noise=NOISE))
     (gap,) = found.comparisons
     said = [f"{finding_sentence(gap, f).split('. ')[0]} ({100 * f.probability:.0f} %)" for f in gap.findings]
