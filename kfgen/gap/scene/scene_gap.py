@@ -41,10 +41,10 @@ from kfgen.gap.scene.scene import (
     Inspected,
     Placed,
     Scene,
-    ScenePoint,
     Telling,
     Trusting,
     Undecided,
+    start_of,
 )
 from kfgen.gap.scene.screen import basis
 from kfgen.gap.scene.under_misfit import under_misfit, without_events
@@ -132,7 +132,7 @@ def _doubtful_channels(answer: Answered) -> set[str]:
 
 def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
     """The answer where a fit would mean nothing: the faults alone."""
-    assumed = fitted(scene, ScenePoint((), _values(scene)))
+    assumed = fitted(scene, start_of(scene))
     findings = tuple(_fault_finding(f, unit_of) for f in faults)
     if findings and isinstance(scene, Undecided):
         labels = dict.fromkeys((p.effect.name, p.where) for p in scene.either)
@@ -359,7 +359,3 @@ def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
         band = (0.5 * lo / (n * dt), 0.5 * hi / (n * dt))
         out.append(Test("power", chance_of(total, m), band, total / m))
     return out
-
-
-def _values(scene: Scene) -> Array:
-    return np.array([u.start for u in scene.unknowns])

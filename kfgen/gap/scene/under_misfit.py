@@ -71,7 +71,8 @@ def under_misfit(answer: Answered) -> Answered:
 def _searched_again(there: TemperedScene, found: Explained) -> tuple[Explained, float]:
     """What is found from nothing, unless what is left of what was found before gains far more; and what it is worth [nats].
 
-    From nothing the first of several effects has to stand out of all others, which only what is there can.
+    In a search from nothing the first of several effects must be significant while the others are still missing, which
+    few are: so what was found before stays a candidate.
     """
     kept = _determined(refitted(there, found))
     if found.added and search_is_over():
