@@ -47,7 +47,7 @@ from kfgen.gap.scene.scene import (
     start_of,
 )
 from kfgen.gap.scene.screen import basis
-from kfgen.gap.scene.under_misfit import under_misfit, without_events
+from kfgen.gap.scene.under_misfit import under_misfit, without_events, without_weakest
 from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
@@ -106,7 +106,11 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
                 answer = with_random_errors(answer, is_unfinished=is_unfinished)
         if doubtful := _doubtful_channels(answer):
             answer = without_events(under_misfit(answer), doubtful)
-        return _gap_of(answer, unit_of)
+        found = _gap_of(answer, unit_of)
+        while answer.found.added and found.gap.ci95[1] < 0.0:
+            answer = without_weakest(answer)
+            found = _gap_of(answer, unit_of)
+        return found
 
 
 def _answered(scene: Scene) -> Answered:

@@ -35,6 +35,10 @@ MIN_GAIN_SHARE_FROM_NOTHING = 0.5
 """Of what is left of the search before, which a search from nothing must gain."""
 RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
+MIN_EVENT_TO_MISFIT_RATIO = 5.0
+"""Nats of what happens once over those of all that is left, from which on it is not one of many."""
+GROWS_UNSEEN = "the mismatch on held-out data grows with it"
+"""Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
 """Why an event is not added beside a misfit."""
 
@@ -89,7 +93,7 @@ def _worth(found: tuple[Explained, float]) -> tuple[Explained, float]:
 
 
 def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
-    """The answer without what happens once on channels of which more is unexplained: nobody can tell one from the other.
+    """The answer without what happens once on channels of which as much is unexplained: nobody can tell one from the other.
 
     Parameters
     ----------
@@ -97,14 +101,48 @@ def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
     doubtful : collection of str
         Channels that fail their tests.
     """
-    there = answer.found.scene
-    left = SceneExplanation(there, answer.found.fit, answer.found.added, answer.found.refused)
+    left = _explanation(answer)
     for index in reversed(range(len(left.chosen))):
         one = left.chosen[index]
         placed = one.addition.placed
         if _is_event(placed.effect) and any(acts_on(placed.where, c) for c in doubtful):
-            lost = Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)
-            left = left.without(index).refusing([lost])
+            rest = left.without(index)
+            if not _stands_out(answer, left.fit, rest.fit):
+                left = rest.refusing([Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)])
+    return _explained_by(answer, left)
+
+
+def _stands_out(answer: Answered, fit: SceneFit, without: SceneFit) -> bool:
+    """Whether an event explains far more than all that is left with it, both by the noise that is assumed."""
+    scene, tempered_there = answer.scene, answer.tempered
+    seen = [f if tempered_there is None else tempered_there.untempered(f) for f in (fit, without)]
+    gained = 0.5 * float(np.sum(seen[1].residual ** 2) - np.sum(seen[0].residual ** 2))
+    louder = tempered(scene, seen[0]).misfit
+    left = float(np.sum(0.5 * (louder**2 - 1.0) - np.log(louder)))
+    return gained > MIN_EVENT_TO_MISFIT_RATIO * max(left, MIN_EVIDENCE_NATS)
+
+
+def without_weakest(answer: Answered) -> Answered:
+    """The answer without the effect that has the least evidence, for all together close nothing of what was not seen.
+
+    Parameters
+    ----------
+    answer : Answered
+        With an effect at least.
+    """
+    left = _explanation(answer)
+    index = int(np.argmin([a.gain for a in left.chosen]))
+    one = left.chosen[index]
+    return _explained_by(answer, left.without(index).refusing([Refused(*one.label, one.gain, GROWS_UNSEEN)]))
+
+
+def _explanation(answer: Answered) -> SceneExplanation:
+    """In the scene by whose noise it was found."""
+    found = answer.found
+    return SceneExplanation(answer.likelihood, found.fit, found.added, found.refused)
+
+
+def _explained_by(answer: Answered, left: SceneExplanation) -> Answered:
     found = replace(answer.found, added=left.chosen, fit=left.fit, refused=refused_of(left))
     return replace(answer, found=found)
 
