@@ -19,7 +19,7 @@ from kfgen.gap.motion.references.rounded_reference import rounded
 from kfgen.gap.motion.scene import MotionScene
 from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.motion.truth import held, truth_of
-from kfgen.gap.motion.untold_acceleration import at_rest_where_untold
+from kfgen.gap.motion.untold_acceleration import without_untold
 from kfgen.gap.rest.even_record import recorded
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
@@ -59,7 +59,7 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     compared = tuple(c for c, _, _ in sound)
     said = (*checked.said, *(p for _, ps, _ in sound for p in ps))
     spoilt = (*(p for _, _, ps in sound for p in ps), *rounded(log, compared))
-    scene = at_rest_where_untold(log, MotionScene(truth, compared, good, drive, own, said, spoilt))
+    scene = without_untold(log, MotionScene(truth, compared, good, drive, own, said, spoilt))
     if not any(scene.moving(c) for c in scene.compared):
         return None
     return slower_scene(replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth)))

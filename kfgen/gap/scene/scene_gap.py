@@ -185,6 +185,7 @@ def _rms(scene: Scene, before: SceneFit, after: SceneFit) -> tuple[tuple[str, fl
 
 def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     """The answer where effects were looked for."""
+    answer = _as_assumed(answer)
     scene, found, fit = answer.scene, answer.found, answer.fit
     before = tests_of(scene, found.assumed)
     after, noise_scales = _updated_tests(answer)
@@ -227,6 +228,14 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         assumed=found.assumed,
         fit=fit,
     )
+
+
+def _as_assumed(answer: Answered) -> Answered:
+    """The answer by the fit of what is assumed, where nothing was added: a fit with the misfit in its noise is another one."""
+    found = answer.found
+    if found.added or answer.random_errors or answer.scene is not answer.written:
+        return answer
+    return replace(answer, found=replace(found, fit=found.assumed), tempered=None)
 
 
 def _findings(answer: Answered, unit_of: UnitOf) -> tuple[Finding, ...]:

@@ -33,10 +33,12 @@ MAX_SEARCHES = 3
 """With the misfit that the one before left."""
 MIN_GAIN_SHARE_FROM_NOTHING = 0.5
 """Of what is left of the search before, which a search from nothing must gain."""
+MAX_LEFT_RATIO_FROM_NOTHING = 2.0
+"""Mismatch that it may leave, over what the one before leaves."""
 RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
-MIN_EVENT_TO_MISFIT_RATIO = 5.0
-"""Nats of what happens once over those of all that is left, from which on it is not one of many."""
+MIN_GAINED_TO_LEFT_RATIO = 5.0
+"""Mismatch that an effect takes away over all that is left with it, from which on it does not rest on what is left."""
 GROWS_UNSEEN = "the mismatch on held-out data grows with it"
 """Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
@@ -73,7 +75,7 @@ def under_misfit(answer: Answered) -> Answered:
 
 
 def _searched_again(there: TemperedScene, found: Explained) -> tuple[Explained, float]:
-    """What is found from nothing, unless what is left of what was found before gains far more; and what it is worth [nats].
+    """What is found from nothing, unless what was found before gains far more or leaves far less; and its worth [nats].
 
     In a search from nothing the first of several effects must be significant while the others are still missing, which
     few are: so what was found before stays a candidate.
@@ -82,7 +84,13 @@ def _searched_again(there: TemperedScene, found: Explained) -> tuple[Explained, 
     if found.added and search_is_over():
         return _worth(kept)
     anew = _determined(explained(there))
-    return _worth(anew if anew[1] > MIN_GAIN_SHARE_FROM_NOTHING * kept[1] else kept)
+    gains = anew[1] > MIN_GAIN_SHARE_FROM_NOTHING * kept[1]
+    return _worth(anew if gains and not _leaves_more(anew[0], kept[0]) else kept)
+
+
+def _leaves_more(one: Explained, other: Explained) -> bool:
+    left = [_mismatch(e.scene, e.fit) for e in (one, other)]
+    return left[0] > MAX_LEFT_RATIO_FROM_NOTHING * max(left[1], MIN_EVIDENCE_NATS)
 
 
 def _worth(found: tuple[Explained, float]) -> tuple[Explained, float]:
@@ -107,19 +115,23 @@ def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
         placed = one.addition.placed
         if _is_event(placed.effect) and any(acts_on(placed.where, c) for c in doubtful):
             rest = left.without(index)
-            if not _stands_out(answer, left.fit, rest.fit):
+            if not _explains_most(left.scene, left.fit, rest.fit):
                 left = rest.refusing([Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)])
     return _explained_by(answer, left)
 
 
-def _stands_out(answer: Answered, fit: SceneFit, without: SceneFit) -> bool:
-    """Whether an event explains far more than all that is left with it, both by the noise that is assumed."""
-    scene, tempered_there = answer.scene, answer.tempered
-    seen = [f if tempered_there is None else tempered_there.untempered(f) for f in (fit, without)]
-    gained = 0.5 * float(np.sum(seen[1].residual ** 2) - np.sum(seen[0].residual ** 2))
-    louder = tempered(scene, seen[0]).misfit
-    left = float(np.sum(0.5 * (louder**2 - 1.0) - np.log(louder)))
-    return gained > MIN_EVENT_TO_MISFIT_RATIO * max(left, MIN_EVIDENCE_NATS)
+def _explains_most(scene: Scene, fit: SceneFit, without: SceneFit) -> bool:
+    """Whether an effect takes away far more of the mismatch than all that is left with it."""
+    gained, left = (_mismatch(scene, f) for f in (without, fit))
+    return gained - left > MIN_GAINED_TO_LEFT_RATIO * max(left, MIN_EVIDENCE_NATS)
+
+
+def _mismatch(scene: Scene, fit: SceneFit) -> float:
+    """What a fit loses against one that knows the spectrum of what it leaves, by the noise that is assumed [nats]."""
+    if isinstance(scene, TemperedScene):
+        fit, scene = scene.untempered(fit), scene.scene
+    louder = tempered(scene, fit).misfit
+    return float(np.sum(0.5 * (louder**2 - 1.0) - np.log(louder)))
 
 
 def without_weakest(answer: Answered) -> Answered:
@@ -180,9 +192,15 @@ def _determined(found: Explained) -> tuple[Explained, float]:
 def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation], gains: Array) -> Array:
     """What each effect explains beside all others by the scatter of blocks [nats], shape (effects,).
 
-    By its best known number, or by its share as a whole, whichever is more: a fit without it may be far away.
+    By its best known number, or by its share as a whole, whichever is more: a fit without it may be far away. One that
+    explains most of the mismatch does not rest on the rest of it, however few blocks show it (a single step).
     """
-    wider = [unevenness_of_effect(left.scene, left.fit, r.fit, i) for i, r in enumerate(rest)]
+    wider = [
+        1.0
+        if _explains_most(left.scene, left.fit, r.fit)
+        else unevenness_of_effect(left.scene, left.fit, r.fit, i)
+        for i, r in enumerate(rest)
+    ]
     return np.asarray(np.maximum(gains / np.array(wider), _nats_of_sizes(left.scene, left.fit)))
 
 
