@@ -1,6 +1,6 @@
 """The blind benchmark of ``kfgen gap``: does it name what is hidden?
 
-Usage: python benchmarks/gap [--world static,real,motion,plant] [--count K] [--strength 100,30,10] [--only NAMES]
+Usage: python benchmarks/gap [--world static,real,motion,plant,recorded] [--count K] [--strength 100,30,10] [--only NAMES]
        [--nulls N] [--fresh | --seed S] [--jobs 2] [--keep DIR] [--json FILE]
 
 Records are made by numpy and scipy alone; the command line of kfgen sees a log and a model file; the
@@ -27,7 +27,7 @@ from score import Score
 from tables import report
 from trial import run, world
 
-WORLDS = ("static", "real", "motion", "plant")
+WORLDS = ("static", "real", "motion", "plant", "recorded")
 SEED = 20260101
 
 
