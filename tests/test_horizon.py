@@ -18,13 +18,14 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.emit.emit import emit
-from kfgen.emit.horizon.memory import MARGIN, longest_delay
+from kfgen.emit.horizon.memory import MARGIN
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import filterpy, plain
 from kfgen.emit.targets.c import header
 from kfgen.emit.targets.loaded import loaded
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.known_delays import longest_delay
 from kfgen.model.library import build
 from kfgen.verify.compare import verify
 from kfgen.verify.flight import _motion, flight

@@ -91,7 +91,11 @@ class ReadingError(FilterRole):
 
 @dataclass(frozen=True)
 class ReadingLag(FilterRole):
-    """What is read is late: by a delay, or by the time constant of a low-pass, to first order in it."""
+    """What is read is late: by a delay, or by the time constant of a low-pass.
+
+    To first order in it; a known delay of all axes of a sensor is exact where samples are fused at their own times: over
+    a log, and in the delayed horizon of emitted filters.
+    """
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ from kfgen.effects.noise_model import NoiseModel
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.folder import EmittedFilter, write_folder
-from kfgen.emit.horizon.memory import MARGIN, longest_delay
+from kfgen.emit.horizon.memory import MARGIN
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import filterpy
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.known_delays import longest_delay
 
 CostCounter = Callable[[Program], tuple[str, ...]]
 """What the routines of a program cost on a processor, in lines for its header."""

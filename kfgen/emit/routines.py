@@ -123,10 +123,12 @@ class Program:
     @cached_property
     def covariance(self) -> CovarianceForm:
         """How the covariance is stored and worked on."""
-        rows, _ = self.transition
+        rows, noise = self.transition
         names = tuple(s.name for s in self.discrete.model.states)
         Phi = {i: tuple(row) for i, row in rows.items()}
-        return FORMS[self.form](self.n, Phi, names, self.loops, self.slow, self.q_interval)
+        driven = tuple(i for i, j in noise if i == j and i not in self.slow)
+        form = FORMS[self.form]
+        return form(self.n, Phi, names, self.loops, self.slow, self.q_interval, driven)
 
     @cached_property
     def slow(self) -> dict[int, float]:

@@ -15,8 +15,10 @@ from kfgen.log.log import Log
 from kfgen.manoeuvre.truth import level_at
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import HEADING
+from kfgen.model.known_delays import shifts
 from kfgen.model.parts.motion import Input
 from kfgen.model.parts.sensors import Sensor
+from kfgen.run.own_times import SAME_TIME_PERIODS
 
 Array = NDArray[np.float64]
 
@@ -69,8 +71,9 @@ def align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str,
 
 
 def _first_mean(log: Log, part: Input | Sensor, model: FilterModel) -> Array:
-    """The mean of a triad over the alignment, without the errors that the filter knows of it; raises `InputError` where it says nothing."""
-    first = log.t - log.t[0] <= ALIGNMENT_S
+    """The mean of a triad over the alignment, late samples by their own times, without the errors that the filter knows of it; raises `InputError` where it says nothing."""
+    since = log.t - log.t[0] - shifts(model).get(part.name, 0.0)
+    first = (since >= -SAME_TIME_PERIODS * log.dt) & (since <= ALIGNMENT_S)
     values = np.column_stack([log.channel(c).values[first] for c in part.channels])
     good = values[np.isfinite(values).all(axis=1)]
     if not good.size or not np.linalg.norm(good.mean(axis=0)) > 0.0:

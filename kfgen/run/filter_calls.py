@@ -1,4 +1,4 @@
-"""A log as calls of a filter: how it starts, then sample by sample what it is given.
+"""A log as calls of a filter: how it starts, then sample by sample what it is given, late samples at their own times.
 
 Every target that runs over a log gets its calls from here: what `kfgen run` computes and what the proof replays
 through the emitted C are the same.
@@ -22,10 +22,12 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
+from kfgen.model.known_delays import shifts, without_shifts
 from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS, SAMPLES, Input
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.equations import Equations, Shown
 from kfgen.run.alignment import align_attitude
+from kfgen.run.own_times import OwnTimes
 
 Array = NDArray[np.float64]
 Given = dict[str, Array | float]
@@ -35,6 +37,29 @@ SLOWER_PERIODS = 1.5
 """Steps of a sensor's samples, in periods of the log, from which it has a rate of its own [1]."""
 OFF = 0.05
 """Periods by which the samples of a log may be off those of a filter that counts them."""
+
+
+@dataclass(frozen=True)
+class FilterCall:
+    """One call of a filter.
+
+    Parameters
+    ----------
+    routine : str
+    given : mapping of str to ndarray or float
+        Its arguments by name [SI].
+    row : int
+        Of the log: where the sample stands, or the inputs.
+    """
+
+    routine: str
+    given: Given
+    row: int
+
+    @property
+    def sensor(self) -> str:
+        """The sensor whose sample is fused; empty of a prediction."""
+        return self.routine.removeprefix("update_") if self.routine.startswith("update_") else ""
 
 
 @dataclass(frozen=True)
@@ -161,8 +186,17 @@ class FilterCalls:
 
     @property
     def constants(self) -> list[float]:
-        """The model's constants [SI], some of them as the sensors show them at rest."""
-        return list(self._aligned[1].values())
+        """The model's constants [SI], some of them as the sensors show them at rest; a delay is over at a sample's own time."""
+        return list((self._aligned[1] | without_shifts(self.program.discrete.model)).values())
+
+    @cached_property
+    def delays(self) -> dict[str, float]:
+        """By how much the samples of sensors come after their own times, as the filter knows [s]."""
+        return shifts(self.program.discrete.model)
+
+    @cached_property
+    def _own_times(self) -> OwnTimes:
+        return OwnTimes.of(np.asarray(self.log.t), self.log.dt, self.present, self.delays)
 
     @cached_property
     def present(self) -> dict[str, Array]:
@@ -182,29 +216,41 @@ class FilterCalls:
         found = {name: takes[f"expect_{name}"] for name in self._samples}
         return found | {"predict": tuple(n for n in self.inputs if n in stepping)}
 
-    def updates(self, k: int) -> Iterator[tuple[str, Given]]:
-        """The sensors that have a sample at k, with the arguments of their updates."""
+    def updates(self, k: int) -> Iterator[FilterCall]:
+        """The sensors that have a sample of time k, with the arguments of their updates."""
+        late = self._own_times.at(k)
         for name, samples in self.present.items():
-            if np.isfinite(samples[k]).all():
-                yield name, {"z": samples[k], **{n: self.inputs[n][k] for n in self._takes[name]}}
+            rows = [s.row for s in late if s.name == name] if name in self.delays else [k]
+            for row in rows:
+                if np.isfinite(samples[row]).all():
+                    given = {n: self.inputs[n][k] for n in self._takes[name]}
+                    yield FilterCall(f"update_{name}", {"z": samples[row], **given}, row)
 
-    def steps(self, k: int) -> Iterator[Given]:
-        """The arguments of the predictions from sample k to the next, none of them longer than the longest step.
+    def steps(self, k: int) -> Iterator[FilterCall]:
+        """From sample k to the next: predictions, none of them longer than the longest step, and what was taken between.
 
         Through a gap the input is held: nothing better is known of it. What keeps samples of a late input steps on
         by about one period of the filter's rate at a time.
         """
-        dt, parts = float(self.log.t[k + 1] - self.log.t[k]) if k + 1 < self.log.n else 0.0, self.parts(k)
-        for _ in range(parts):
-            yield {**{n: self._acting[n][k] for n in self._takes["predict"]}, "dt": dt / parts}
+        acting = {n: v[k] for n, v in self._acting.items()}
+        stepping = {n: acting[n] for n in self._takes["predict"]}
+        for length, late in self._own_times.between(k):
+            parts = self._parts(length)
+            for _ in range(parts):
+                yield FilterCall("predict", {**stepping, "dt": length / parts}, k)
+            for s in late:
+                given = {n: acting[n] for n in self._takes[s.name]}
+                yield FilterCall(f"update_{s.name}", {"z": self.present[s.name][s.row], **given}, s.row)
 
     def parts(self, k: int) -> int:
         """How many predictions there are from sample k to the next."""
-        if k + 1 >= self.log.n:
-            return 0
-        discrete, dt = self.program.discrete, float(self.log.t[k + 1] - self.log.t[k])
-        periods = round(dt * discrete.rate) if discrete.model.motion.late else 1
-        return max(1, ceil(dt / discrete.max_step), periods)
+        return sum(self._parts(length) for length, _ in self._own_times.between(k))
+
+    def _parts(self, length: float) -> int:
+        """Predictions of a time [s]."""
+        discrete = self.program.discrete
+        periods = round(length * discrete.rate) if discrete.model.motion.late else 1
+        return max(1, ceil(length / discrete.max_step), periods)
 
 
 def rates_in(log: Log, model: FilterModel) -> dict[str, float]:

@@ -20,7 +20,7 @@ from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 from kfgen.run.adaptive.rules import rule_named
-from kfgen.run.filter_calls import FilterCalls, rates_in
+from kfgen.run.filter_calls import FilterCall, FilterCalls, rates_in
 from kfgen.run.filter_log import as_named_by
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SensorRun:
-    """One sensor's updates: times (m,), innovations (m, rows), their normalised squares (m,)."""
+    """One sensor's updates: times of the samples in the log (m,), innovations (m, rows), their normalised squares (m,)."""
 
     t: Array
     innovation: Array
@@ -241,13 +241,19 @@ def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None) -
     estimate = np.empty((log.n, len(names)))
     deviation = np.empty((log.n, program.n))
     seen: dict[str, list[tuple[float, Array, float]]] = {name: [] for name in calls.present}
+
+    def make(call: FilterCall) -> None:
+        getattr(kf, call.routine)(**call.given)
+        if call.sensor:
+            rows = np.size(call.given["z"])
+            seen[call.sensor].append((log.t[call.row], kf.innovation[:rows].copy(), kf.nis))
+
     for k in range(log.n):
-        for name, given in calls.updates(k):
-            getattr(kf, f"update_{name}")(**given)
-            seen[name].append((log.t[k], kf.innovation[: np.size(given["z"])].copy(), kf.nis))
+        for call in calls.updates(k):
+            make(call)
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
-        for given in calls.steps(k):
-            kf.predict(**given)
+        for call in calls.steps(k):
+            make(call)
     sensors = {
         name: SensorRun(
             np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])

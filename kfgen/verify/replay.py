@@ -84,9 +84,9 @@ def replay(calls: FilterCalls) -> Replay:
     reference.put(start)
     ends = []
     for k in range(calls.log.n):
-        for name, given in calls.updates(k):
-            reference.call(f"update_{name}", given)
+        for call in calls.updates(k):
+            reference.call(call.routine, call.given)
         ends.append(len(reference.calls))
-        for given in calls.steps(k):
-            reference.call("predict", given)
+        for call in calls.steps(k):
+            reference.call(call.routine, call.given)
     return Replay(start, tuple(reference.calls), tuple(ends), dict(reference.refused))

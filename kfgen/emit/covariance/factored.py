@@ -1,15 +1,14 @@
 """The covariance as factors, ``P = U D U'`` with U unit upper triangular and D diagonal: never indefinite.
 
 D lies on the diagonal of the packed triangle, in an order of the states in which the transition is upper
-triangular, where there is one. Then ``U <- Phi U`` stays triangular and D as it is (a diagonal ``phi`` of
-a Gauss-Markov state scales column and D); noise comes in as rank-one updates of Agee and Turner; a transition
-that runs in circles goes through the weighted Gram-Schmidt orthogonalisation of Thornton.
+triangular. Then ``U <- Phi U`` stays triangular and D as it is (a diagonal ``phi`` of a Gauss-Markov state scales
+column and D); states that drive one another stand side by side, and only their own square is no triangle
+(`kfgen.emit.covariance.coupled`). Noise comes in as rank-one updates of Agee and Turner.
 The update is Bierman's (`kfgen.emit.covariance.bierman`).
 
 References
 ----------
-.. [1] G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, sec. VI.4 (prediction;
-   modified weighted Gram-Schmidt by Thornton).
+.. [1] G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, sec. VI (prediction).
 """
 
 from __future__ import annotations
@@ -20,8 +19,10 @@ from functools import cached_property
 import numpy as np
 
 from kfgen.core.errors import InputError
-from kfgen.emit.covariance.bierman import Bierman, U, agee_turner, let
+from kfgen.emit.covariance.bierman import ARRAY, Bierman, U, agee_turner, let
+from kfgen.emit.covariance.coupled import Square, scaled
 from kfgen.emit.covariance.forms import Array
+from kfgen.emit.covariance.order import Groups, filled, in_groups
 from kfgen.emit.covariance.packed import Noise, Place, Row, at, each, place, total
 from kfgen.emit.ir.ir import (
     Bin,
@@ -52,27 +53,6 @@ MIN_D_ENTRY = 1e-24
 """Floor of an entry of D [SI^2]: where one is zero, the Agee-Turner update adds no noise to the states above it."""
 
 
-def triangular(n: int, Phi: Mapping[int, Sequence[int]]) -> tuple[int, ...] | None:
-    """An order in which every row needs only later ones, None where rows drive one another.
-
-    Parameters
-    ----------
-    n : int
-        States.
-    Phi : mapping of int to sequence of int
-        Non-zeros of the rows that differ from the identity's.
-    """
-    needed = {i: {j for j in row if j != i} for i, row in Phi.items()}
-    left, out = list(range(n)), []
-    while left:
-        free = [k for k in left if not any(k in needed.get(i, ()) for i in left if i != k)]
-        if not free:
-            return None
-        out.append(free[0])
-        left.remove(free[0])
-    return tuple(out)
-
-
 class Factored(Bierman):
     """U and D."""
 
@@ -81,13 +61,13 @@ class Factored(Bierman):
     HAS_Q_INTERVAL = True
 
     @cached_property
-    def _triangular(self) -> tuple[int, ...] | None:
-        return triangular(self.n, self.Phi)
+    def _groups(self) -> Groups:
+        return in_groups(self.n, self.Phi, tuple(self.driven))
 
     @property
     def order(self) -> tuple[int, ...]:
-        """An order in which the transition is triangular, else their own."""
-        return self._triangular or tuple(range(self.n))
+        """An order in which the transition is triangular but for states that drive one another."""
+        return tuple(state for group in self._groups for state in group)
 
     def init(self, priors: Sequence[Num]) -> list[Stmt]:
         """U is the identity, D the variances."""
@@ -97,18 +77,21 @@ class Factored(Bierman):
         return [zero, *(Store(U(k, k), variance) for k, variance in enumerate(variances))]
 
     def predict(self, Phi: dict[int, Row], Qd: Noise) -> list[Stmt]:
-        """Triangular where it can be, else by orthogonalisation."""
+        """Rows from the top, then what is below the diagonal is turned away, then the noise."""
         rows = {self.at[i]: {self.at[j]: c for j, c in row.items()} for i, row in Phi.items()}
         noise: dict[tuple[int, ...], Expr] = {
             tuple(sorted((self.at[i], self.at[j]))): q for (i, j), q in Qd.items()
         }
-        if self._triangular is None:
-            return self._thornton(rows, noise) + self._waiting()
         body: list[Stmt] = []
-        for i in sorted(rows):
-            body += self._row(i, rows[i])
-        for k in sorted(rows):
-            body += self._rescale(k, rows[k].get(k, Num(0.0)))
+        rescaled: list[Stmt] = []
+        for group in self._groups:
+            places = [self.at[i] for i in group]
+            moving = {i: rows[i] for i in places if i in rows}
+            body += self._right(places, moving)
+            rescaled += (
+                self._square(places, moving) if len(group) > 1 else scaled(places[0], _own(rows, places[0]))
+            )
+        body += rescaled
         body.append(Note("process noise"))
         return body + factors(noise, self.n, self._rank_one) + self._waiting()
 
@@ -149,39 +132,43 @@ class Factored(Bierman):
         )
         return (*super().internals, settle)
 
-    def _row(self, i: int, row: Row) -> list[Stmt]:
-        """Row i of ``Phi U``: of later rows, whose diagonal is one, still old."""
-        d, body = row.get(i, Num(0.0)), []
-        terms = {l: c for l, c in sorted(row.items()) if l != i}
-        if not terms and d == Num(1.0):
-            return []
+    def _right(self, group: Sequence[int], rows: Mapping[int, Row]) -> list[Stmt]:
+        """Rows of a group in ``Phi U`` right of its own columns: of itself and of later rows, all still old."""
+        rows = {i: row for i, row in rows.items() if row != {i: Num(1.0)}}
+        coupled = {l for row in rows.values() for l in row}
 
         def column(k: Place) -> list[Stmt]:
-            here = at(i, k, self.ARRAY)
-            last = k if isinstance(k, int) else k.after
-            value = mul(d, here)
-            for l, c in terms.items():
-                if l == k:
-                    value = add(value, c)
-                elif l <= last:
-                    value = add(value, mul(c, at(l, k, self.ARRAY)))
-            return [Store(here, value)] if value != here else []
+            new = [(i, _times(i, row, k)) for i, row in rows.items()]
+            new = [(i, value) for i, value in new if value != at(i, k, ARRAY)]
+            body: list[Stmt] = []
+            if len(new) > 1:
+                names = [(i, f"v_{i}_{k if isinstance(k, int) else k.var}") for i, _ in new]
+                body += [Let(name, value) for (_, name), (_, value) in zip(names, new)]
+                new = [(i, Ref(name)) for i, name in names]
+            return [*body, *(Store(at(i, k, ARRAY), value) for i, value in new)]
 
-        special = {i, *terms}
-        for k in range(i + 1, self.n):
-            if k in terms:
-                body += column(k)
+        right = range(group[-1] + 1, self.n)
         # The columns that are special come first: a row's own element in them is read by no other column.
-        return body + each([k for k in range(i + 1, self.n) if k not in terms], special, column, self.loops)
+        body = [s for k in right if k in coupled for s in column(k)]
+        return body + each([k for k in right if k not in coupled], {*group, *coupled}, column, self.loops)
 
-    def _rescale(self, k: int, d: Expr) -> list[Stmt]:
-        """Column k of ``Phi U`` has d on its diagonal: it is divided by it, D takes its square."""
-        if d == Num(1.0):
-            return []
-        over = Ref(f"over_{k}")
-        body: list[Stmt] = [Let(over.name, Bin("/", Num(1.0), d))]
-        body += [Store(U(i, k), mul(U(i, k), over)) for i in range(k)]
-        return [*body, Store(U(k, k), mul(mul(d, d), U(k, k)))]
+    def _square(self, group: Sequence[int], rows: Mapping[int, Row]) -> list[Stmt]:
+        """A group's own columns of ``Phi U``, made a triangle again."""
+        first = group[0]
+        own = {i: rows.get(i, {i: Num(1.0)}) for i in group}
+        needs = {i: {l for l in own[i] if l != i} for i in group}
+        below = filled(group, needs)
+        body: list[Stmt] = []
+        made: dict[tuple[int, int], Expr] = {}
+        for k in group:
+            for i in group:
+                value = _times(i, own[i], k)
+                made[i - first, k - first] = value if value == U(i, k) else let(body, f"z_{i}_{k}", value)
+            body += [Store(U(i, k), made[i - first, k - first]) for i in range(first, k)]
+        size = range(len(group))
+        diagonal = [made[k, k] for k in size]
+        lower = {(i, c): made[i, c] for i in size for c in below[i]}
+        return body + Square(first, below, diagonal, lower, self.loops).triangle()
 
     def _rank_one(self, top: int, a: dict[int, Expr], c: Expr) -> list[Stmt]:
         """``P + c a a'`` with a one at its last place."""
@@ -206,45 +193,9 @@ class Factored(Bierman):
                 body.append(Store(U(i, j), add(U(i, j), mul(beta, a[i]))))
         return body
 
-    def _thornton(self, Phi: dict[int, Row], noise: dict[tuple[int, ...], Expr]) -> list[Stmt]:
-        """``W = [Phi U, A]`` with weights D and c, its rows made orthogonal from the last one up."""
-        n = self.n
-        body: list[Stmt] = []
-        for i in range(n):
-            row = Phi.get(i, {i: Num(1.0)})
-            for k in range(n):
-                terms = [c if l == k else mul(c, U(l, k)) for l, c in sorted(row.items()) if l <= k]
-                if terms:
-                    body.append(Store(Ref(f"W{i}", k), total(terms)))
-        body += [Store(Ref("weight", k), U(k, k)) for k in range(n)]
-
-        def weigh(top: int, a: dict[int, Expr], c: Expr) -> list[Stmt]:
-            return [
-                *(Store(Ref(f"W{i}", n + top), value) for i, value in a.items()),
-                Store(Ref("weight", n + top), c),
-            ]
-
-        body += factors(noise, n, weigh)
-        for j in range(n - 1, -1, -1):
-            w = Ref(f"W{j}", "m")
-            body += [
-                For("m", 0, 2 * n, (Store(Ref("g_", "m"), mul(w, Ref("weight", "m"))),)),
-                *_dot(U(j, j), w, 2 * n),
-            ]
-            if j:
-                body.append(Let(f"over_{j}", Bin("/", Num(1.0), U(j, j))))
-            for i in range(j):
-                v = Ref(f"W{i}", "m")
-                body += [*_dot(U(i, j), v, 2 * n), Store(U(i, j), mul(U(i, j), Ref(f"over_{j}")))]
-                body.append(For("m", 0, 2 * n, (Store(v, sub(v, mul(U(i, j), w))),)))
-        return body
-
     @property
     def predict_scratch(self) -> tuple[Scratch, ...]:
         """Local arrays of a prediction."""
-        if self._triangular is None:
-            rows = [Scratch(f"W{i}", 2 * self.n) for i in range(self.n)]
-            return (*rows, Scratch("weight", 2 * self.n), Scratch("g_", 2 * self.n), Scratch("o_", 1))
         return (Scratch("o_", 1), *((Scratch("a_", self.n), Scratch("c_", 1)) if self.loops else ()))
 
     def variances(self, stored: Array) -> Array:
@@ -269,12 +220,17 @@ class Factored(Bierman):
         return [[P[self.at[i]][self.at[j]] for j in range(n)] for i in range(n)]
 
 
-def _dot(target: Ref, row: Ref, size: int) -> list[Stmt]:
-    """A row times the weighted row ``g``."""
-    return [
-        Store(target, Num(0.0)),
-        For("m", 0, size, (Store(target, add(target, mul(row, Ref("g_", "m")))),)),
-    ]
+def _own(rows: Mapping[int, Row], k: int) -> Expr:
+    """The diagonal of Phi at a place."""
+    return rows[k].get(k, Num(0.0)) if k in rows else Num(1.0)
+
+
+def _times(i: int, row: Row, k: Place) -> Expr:
+    """Row i of Phi times column k of U, its own place first; a diagonal is one, and below it is nothing."""
+    last = k if isinstance(k, int) else k.after
+    ordered = sorted(row.items(), key=lambda item: (item[0] != i, item[0]))
+    terms = [c if l == k else mul(c, at(l, k, ARRAY)) for l, c in ordered if l == k or l <= last]
+    return total(terms) if terms else Num(0.0)
 
 
 def factors(

@@ -78,6 +78,8 @@ class CovarianceForm:
         States that keep their value under white noise of so much density [SI^2 s], whose noise waits.
     q_interval : float
         Until it has waited so long [s]; it then comes in at once.
+    driven : tuple of int
+        States with process noise.
     """
 
     n: int
@@ -86,6 +88,7 @@ class CovarianceForm:
     loops: bool = False
     slow: Mapping[int, float] = field(default_factory=dict)
     q_interval: float = 0.0
+    driven: tuple[int, ...] = ()
 
     NAME = ""
     TITLE = ""

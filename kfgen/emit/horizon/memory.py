@@ -8,10 +8,8 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from kfgen.core.errors import InputError
-from kfgen.effects.filter_role import ReadingLag
 from kfgen.emit.ir.ir import Argument, Cell, For, Ref, Scratch, Stmt, Store, Whole, mul, sub
-from kfgen.model.filter import FilterModel
-from kfgen.model.parts.attached_error import AttachedError, ErrorParameter
+from kfgen.model.known_delays import known_delays
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
 
@@ -37,18 +35,6 @@ SETTINGS = (
     Constant("TAU_PRESENT", "s", 0.25, "time in which the present state follows the filter"),
     Constant("STAMP_TOLERANCE", "s", 1e-3, "a sample so near to the end of a step is fused there"),
 )
-
-
-def longest_delay(model: FilterModel) -> float:
-    """The longest delay of a sensor that a filter knows [s]; zero where there is none."""
-    known = [p.value for e in model.errors if e.known for p in _delays(e)]
-    return max(known, default=0.0)
-
-
-def _delays(error: AttachedError) -> list[ErrorParameter]:
-    """Parameters of an attached error that are a delay of what is read."""
-    lag = isinstance(error.role, ReadingLag)
-    return [p for p in error.parameters if lag and p.parameter == "delay"]
 
 
 @dataclass(frozen=True)
@@ -162,9 +148,7 @@ class HorizonMemory:
     def lags(self, sensor: Sensor) -> tuple[int, ...]:
         """Places among the constants of the known delays of all channels of a sensor."""
         names = [c.name for c in self.program.constants]
-        errors = self.program.discrete.model.errors
-        own = [e for e in errors if e.known and all(e.acts_on(c) for c in sensor.channels)]
-        return tuple(names.index(p.name) for e in own for p in _delays(e))
+        return tuple(names.index(n) for n in known_delays(self.program.discrete.model, sensor))
 
     def moved(self) -> list[Stmt]:
         """Waiting positions less ``offset``, times ``scale``, of north and east."""

@@ -20,6 +20,7 @@ from kfgen.manoeuvre.manoeuvre import Manoeuvre
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_equations import FilterEquations
+from kfgen.model.known_delays import without_shifts
 from kfgen.simulate.expected import expected_log
 from kfgen.simulate.rates import sensor_rates
 
@@ -94,7 +95,8 @@ class ExpectedFlights:
         equations = self.equations
         x = _true_states(log, equations)
         flown = replace(flight_log(log, Program(self.discrete)), discrete=self.discrete, start=x[0])
-        flown = replace(flown, constants={c.name: float(c.value) for c in self.model.constants})
+        constants = {c.name: float(c.value) for c in self.model.constants} | without_shifts(self.model)
+        flown = replace(flown, constants=constants)
         return FlightScene(
             FlownPath(flown, equations, x, np.zeros_like(flown.u), np.zeros(rows_of(flown).t.size))
         )

@@ -123,7 +123,9 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     aiding = []
     for name, z in calls.present.items():
         there = np.isfinite(z).all(axis=1)
-        times = np.asarray(log.t)[there]
+        times = np.asarray(log.t)[there] - calls.delays.get(name, 0.0)
+        inside = (times > t[0] - 0.5 * dt) & (times < t[-1] + 0.5 * dt)
+        times, there = times[inside], np.flatnonzero(there)[inside]
         at = np.clip(np.rint((times - t[0]) / (t[1] - t[0])), 0, t.size - 1).astype(np.intp)
         if times.size:
             aiding.append(AidingSamples(model.sensor(name), times, z[there], at))

@@ -20,7 +20,7 @@ from typing import ClassVar
 
 import sympy as sp
 
-from kfgen.model.symbols.rotation import gibbs_quaternion, hamilton, skew, small_quaternion
+from kfgen.model.symbols.rotation import gibbs_quaternion, hamilton, rotated, skew, small_quaternion
 
 
 class Side:
@@ -68,7 +68,7 @@ class Left(Side):
     @staticmethod
     def rate(angle: sp.Matrix, R: sp.Matrix, change: sp.Matrix, omega: sp.Matrix) -> sp.Matrix:
         """``R (omega - omega_hat)``."""
-        return R * change
+        return rotated(R, change)
 
 
 class Right(Side):

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import sympy as sp
 
+from kfgen.model.symbols.expanded import expanded
+
 
 def skew(a: sp.Matrix) -> sp.Matrix:
     """The matrix with ``skew(a) b = a x b``, shape (3, 3)."""
@@ -35,6 +37,25 @@ def matrix_of(q: sp.Matrix) -> sp.Matrix:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def rotated(R: sp.Matrix, b: sp.Matrix) -> sp.Matrix:
+    """``R b`` with ``R R' = I`` used up: of ``b = R' c + d`` it is ``c + R d``, shape (3, k).
+
+    Parameters
+    ----------
+    R : Matrix, shape (3, 3)
+        Symbols of a rotation.
+    b : Matrix, shape (3, k)
+    """
+    through, rest = sp.zeros(3, b.cols), expanded(b)
+    for j in range(b.cols):
+        for i in range(3):
+            shares = {rest[k, j].diff(R[i, k]) for k in range(3)}
+            if len(shares) == 1 and not (share := shares.pop()).free_symbols & set(R):
+                through[i, j] = share
+                rest[:, j] = sp.Matrix([rest[k, j].xreplace({R[i, k]: sp.Integer(0)}) for k in range(3)])
+    return through + R * rest
 
 
 def hamilton(p: sp.Matrix, q: sp.Matrix) -> sp.Matrix:
