@@ -129,9 +129,9 @@ def plain(
 @pytest.mark.parametrize("name", sorted(rules()))
 @pytest.mark.parametrize("n", [41, 42])
 def test_the_loop_is_the_filter_of_the_textbook(name: str, n: int) -> None:
-    """Over a window of four, with a jump of the noise in the middle and two samples that are no numbers."""
+    """Over a window of four, with a jump of the noise in the middle and three samples that are no numbers, the first among them."""
     z = np.random.default_rng(5).standard_normal(n) * np.where(np.arange(n) > 20, 4.0, 1.0)
-    z[[3, 30]] = np.nan
+    z[[0, 3, 30]] = np.nan
     box = Bounds(0.05, 20.0, 5.0, 0.05, 20.0)
     found = run_filter(z, MODEL, rule_named(name), 4, B, box)
     expected = plain(z, MODEL, rule_named(name), 4, B, box)
