@@ -152,6 +152,7 @@ def test_one_sample_has_no_second_half() -> None:
     ("matrix", "pivot"),
     [
         (np.diag([4.0, 1.0]), 0.25),
+        (np.array([[0.0, 0.5], [0.5, 1.0]]), 0.0),
         (np.array([[4.0, 2.0], [2.0, 3.0]]), 0.5),
         (np.array([[1.0, 1.0], [1.0, 1.0]]), 0.0),
         (np.array([[2.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 2.0]]), -0.5),
@@ -180,6 +181,35 @@ def test_a_process_is_measured_with_its_own_noise() -> None:
     """``x' = 0.8 x + w`` of standard deviation 3: R is 9, Q a 980th of that."""
     model = ScalarModel.of(Arma((0.8,), (), 3.0))
     assert (model.R, model.Q[0, 0], model.A[0, 0]) == pytest.approx((9.0, 9.0 / 980.0, 0.8))
+
+
+def test_q_is_a_covariance_to_rounding_of_its_trace() -> None:
+    assert ScalarModel(np.eye(2), np.diag([1e3, -5e-7]), np.ones(2), 1.0).R == 1.0
+    with pytest.raises(InputError, match="no covariance"):
+        ScalarModel(np.eye(2), np.diag([1e-3, -5e-7]), np.ones(2), 1.0)
+    with pytest.raises((InputError, np.linalg.LinAlgError)):
+        ScalarModel(np.eye(2), np.diag([1.0, np.nan]), np.ones(2), 1.0)
+
+
+def test_a_process_of_two_terms_is_driven_through_both() -> None:
+    process = Arma((0.8, -0.2), (0.3,), 3.0)
+    A, r, H = process.state_space()
+    model = ScalarModel.of(process, 10.0)
+    assert pytest.approx(0.9 * np.outer(r, r)) == model.Q
+    assert pytest.approx(A) == model.A
+    assert pytest.approx(H) == model.H
+    assert len(set(np.abs(r))) == 2
+
+
+def test_the_mean_gain_of_the_second_half_of_two_samples_is_that_of_the_second() -> None:
+    z = np.array([1.0, 2.0])
+    found = run_filter(z, MODEL, rule_named("kf"), 1, B)
+    assert found.gain == pytest.approx(plain(z, MODEL, rule_named("kf"), 1, B, Bounds()).gain)
+
+
+def test_samples_beyond_numbers_are_refused() -> None:
+    with pytest.raises(InputError, match="leaves all bounds"):
+        run_filter(np.array([1.0, 1e200, 1.0]), MODEL, rule_named("shafkf-p"), 1, B)
 
 
 @pytest.mark.parametrize(("window", "b"), [(0, B), (4, B), (2, 0.0), (2, 1.0)])

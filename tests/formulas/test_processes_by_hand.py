@@ -107,7 +107,7 @@ def test_densities_of_samples_and_of_their_averages(block: int) -> None:
     ],
 )
 def test_resolvents_solve_their_equation(Phi: np.ndarray) -> None:
-    z, row = np.exp(1j * np.array([0.2, 1.0, 3.0])), np.arange(1.0, Phi.shape[0] + 1.0)
+    z, row = np.exp(1j * np.array([0.2, 1.0, 3.0])), np.arange(2.0, Phi.shape[0] + 2.0)
     found = _resolvent(z, Phi, row)
     for k, one in enumerate(z):
         np.testing.assert_allclose((one * np.eye(row.size) - Phi.T) @ found[:, k], row, rtol=1e-12)
@@ -134,6 +134,7 @@ def test_means_since_the_start() -> None:
     t = 3.0 + 0.5 * np.arange(5)
     assert mean(RAMP, t) == pytest.approx(2.0 + 0.5 * t)
     assert mean(RAMP, t[:1]) == pytest.approx([3.5])
+    assert mean(RAMP, t[:2]) == pytest.approx([3.5, 3.75])
     assert mean(WHITE, t) == pytest.approx(np.zeros(5))
     constant = LinearSystem(A=((0,),), W=((0,),), C=(3.0,), x0=(2.0,), states=(State("c"),))
     assert mean(constant, t) == pytest.approx(np.full(5, 6.0))
@@ -165,6 +166,22 @@ def test_simulations_have_their_variance() -> None:
     assert simulate(RAMP, t, rng) == pytest.approx(2.0 + 0.5 * t)
     walk = [simulate(make("rate_random_walk", K=2.0).form(), t[:26], rng)[-1] for _ in range(400)]
     assert np.std(walk) == pytest.approx(2.0 * math.sqrt(25 * dt), rel=4.5 / math.sqrt(800) + 0.02)
+
+
+def test_few_samples_of_noise_are_its_draws() -> None:
+    """White noise of density 4 every half second: the draws times ``sqrt(8)``; of steps their differences over the time."""
+    t = 3.0 + 0.5 * np.arange(5)
+    w = np.random.default_rng(4).standard_normal(6)
+    assert simulate(WHITE, t, np.random.default_rng(4)) == pytest.approx(math.sqrt(8.0) * w[:5])
+    assert simulate(WHITE, t[:2], np.random.default_rng(4)) == pytest.approx(math.sqrt(8.0) * w[:2])
+    assert simulate(STEPS, t, np.random.default_rng(4)) == pytest.approx(np.diff(0.5 * w) / 0.5)
+
+
+def test_every_state_starts_from_its_stationary_spread() -> None:
+    """``3 a - b`` of variances 1 and 4 has 13."""
+    rng, t = np.random.default_rng(5), np.array([0.0, 0.1])
+    found = np.std([simulate(two_rates(), t, rng)[0] for _ in range(800)])
+    assert found == pytest.approx(math.sqrt(13.0), rel=4.5 / math.sqrt(1600))
 
 
 LOOK = SimpleNamespace(

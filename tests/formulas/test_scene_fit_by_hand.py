@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,7 +68,7 @@ class Few:
                 if p.effect.name == "sensor_lag":
                     left = left - self.sizes * np.exp(-TIME / p.effect.tau)  # type: ignore[attr-defined]
                 else:
-                    left = left - p.effect.coefficient * {"a": A, "b": B}[p.where]  # type: ignore[attr-defined]
+                    left = left - p.effect.coefficient * {"a": A, "b": B, "nothing": 0.0 * A}[p.where]  # type: ignore[attr-defined]
             out.append(left)
         return np.array(out).T
 
@@ -170,6 +172,53 @@ def test_a_number_that_nothing_shows_has_a_long_step() -> None:
     J, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.full(2, 1e-4))
     assert (J[:, 0] == 0.0).all()
     assert steps[0] == pytest.approx(0.05)
+
+
+def test_a_number_that_nothing_shows_is_moved_no_further_than_a_bound() -> None:
+    """Twice by ``1e8``, but no further than ``1e12`` of itself, or of one."""
+    scene = Few(A)
+    for value, longest in ((1.5, 1.5e12), (0.1, 1e12)):
+        point = at(line("nothing", value))
+        _, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.full(2, 1e-3))
+        assert steps[0] == pytest.approx(longest)
+
+
+def test_steps_that_are_seen_are_kept() -> None:
+    """Changes of a hundredth to a hundred times a tenth will do."""
+    scene, point = Few(A), at(c=1.0)
+    size = math.sqrt(8.0)
+    for change, kept in ((0.002, True), (9.9, True), (0.0005, False), (11.0, False)):
+        _, steps = derivative(scene, point, scene.residuals([point])[:, 0], np.array([change / size]))
+        assert steps[0] == pytest.approx((change if kept else 0.1) / size)
+
+
+def test_without_numbers_there_is_no_derivative() -> None:
+    class Bare(Few):
+        unknowns = ()
+
+        def residuals(self, points: Sequence[ScenePoint]) -> Array:
+            return np.column_stack([self.y for _ in points])
+
+    scene = Bare(A)
+    none = ScenePoint((), np.zeros(0))
+    J, steps = derivative(scene, none, A, np.zeros(0))
+    assert (J.shape, steps.shape) == ((12, 0), (0,))
+    fit = fitted(scene, none)
+    assert fit.value == pytest.approx(log_posterior(scene, A, np.zeros(0)))
+    assert fit.jacobian.shape == (12, 0)
+
+
+def test_three_channels_have_three_levels() -> None:
+    """Each by its own readings, whatever those of the others are."""
+    parts = [np.full(n, v) for n, v in ((4, 3.0), (3, 0.2), (5, 1.5))]
+    three: Any = SimpleNamespace(lengths=(4, 3, 5), unknowns=())
+    alone = [levels_of(SimpleNamespace(lengths=(p.size,)), p)[0] for p in parts]  # type: ignore[arg-type]
+    assert levels_of(three, np.concatenate(parts)) == pytest.approx(alone)
+    values = [
+        log_posterior(SimpleNamespace(lengths=(p.size,), unknowns=()), p, np.zeros(0))  # type: ignore[arg-type]
+        for p in parts
+    ]
+    assert log_posterior(three, np.concatenate(parts), np.zeros(0)) == pytest.approx(sum(values))
 
 
 def test_a_linear_scene_is_solved_with_its_prior() -> None:
