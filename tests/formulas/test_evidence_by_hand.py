@@ -88,6 +88,14 @@ def test_the_likelihood_of_ordinates_in_full() -> None:
     assert o.relative_slopes([WHITE], key) == pytest.approx(2.0 * np.ones((1, 3)))
 
 
+def test_where_a_filter_stops_the_density_is_what_is_seen() -> None:
+    """In the bin of two ordinates nothing passes: there S is the power of the record over its count."""
+    o = some_ordinates()
+    o.__dict__["_shapes"] = Shapes(lambda _: np.ones(3), lambda _: np.array([0.5, 1.0, 1e-30]))
+    found = o.density([WHITE, make("low_pass", corner=1.0)])
+    assert found == pytest.approx([0.5 * 0.09, 0.09, (0.25 + 2.25) / 2.0])
+
+
 def test_power_that_is_left_without_a_regressor() -> None:
     o = some_ordinates()
     left = o.gram[:, 0, 0] - 4.0 * o.gram[:, 0, 1] + 4.0 * o.gram[:, 1, 1]
@@ -136,6 +144,7 @@ def test_low_coefficients_of_a_slow_function_from_its_cells() -> None:
     assert coarse.size == 25
     assert coarse[:4] == pytest.approx(fine[:4], rel=2e-3)
     assert coarse_transform(np.arange(3.0), 50).size == 1
+    assert coarse_transform(np.arange(43.0), 500).size == 10
     assert coarse_transform(np.arange(41.0), 5).size == 5
 
 
