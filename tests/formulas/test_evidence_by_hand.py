@@ -91,7 +91,9 @@ def test_the_likelihood_of_ordinates_in_full() -> None:
 def test_where_a_filter_stops_the_density_is_what_is_seen() -> None:
     """In the bin of two ordinates nothing passes: there S is the power of the record over its count."""
     o = some_ordinates()
-    o.__dict__["_shapes"] = Shapes(lambda _: np.ones(3), lambda _: np.array([0.5, 1.0, 1e-30]))
+    o.__dict__["_shapes"] = Shapes(
+        lambda e: np.full(3, float(e.name == "white_noise")), lambda _: np.array([0.5, 1.0, 1e-30])
+    )
     found = o.density([WHITE, make("low_pass", corner=1.0)])
     assert found == pytest.approx([0.5 * 0.09, 0.09, (0.25 + 2.25) / 2.0])
 
