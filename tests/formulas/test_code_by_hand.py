@@ -317,3 +317,21 @@ def test_a_sample_without_noise_needs_the_covariance() -> None:
                 variances(program, sensor)  # type: ignore[arg-type]
         else:
             assert variances(program, sensor).size == 3  # type: ignore[arg-type]
+
+
+def test_one_exact_channel_is_enough_to_need_the_covariance() -> None:
+    """Of three variances 1, 0 and 1 the least counts."""
+    program = machine("ud").program
+    sensor = program.discrete.model.sensors[0]  # type: ignore[union-attr]
+    exact = dict(zip(sensor.channels, (1.0, 0.0, 1.0), strict=True))
+
+    class Discrete:
+        @staticmethod
+        def measurement_variance(_: object, channel: str) -> float:
+            return exact[channel]
+
+    class Exact:
+        covariance, discrete = program.covariance, Discrete  # type: ignore[union-attr]
+
+    with pytest.raises(InputError, match="without noise"):
+        variances(Exact, sensor)  # type: ignore[arg-type]

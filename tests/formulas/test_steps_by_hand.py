@@ -231,3 +231,30 @@ def test_a_velocity_is_stepped_in_the_axes_of_the_middle() -> None:
     assert p == pytest.approx(0.5 * dt**2 * f, rel=1e-2)
     q = np.array([out[n] for n in names if n.startswith("q_")])
     assert q / np.linalg.norm(q) == pytest.approx([1.0, *(0.5 * dt * w)], abs=1e-5)
+
+
+def test_a_force_acts_on_the_velocity_error_in_the_axes_of_the_middle() -> None:
+    """First order: the entry of velocity by attitude is ``-dt [R (f + dt / 2 omega x f)]x``, in either sign."""
+    d, dt = DiscreteModel(INS), 0.01
+    f, w = np.array([1.0, 2.0, 3.0]), np.array([0.3, -0.2, 0.5])
+    names = [s.name for s in INS.states]
+    v, phi = (
+        [k for k, n in enumerate(names) if n.startswith(f"d{c}_") or n.startswith(f"{c}_")]
+        for c in ("v", "phi")
+    )
+    assert (len(v), len(phi)) == (3, 3), names
+    values: dict[str, float] = {"dt": dt, "g": 0.0}
+    values |= {f"R_nb_{i}{j}": float(i == j) for i in range(3) for j in range(3)}
+    values |= {f"accel_{a}": x for a, x in zip("xyz", f, strict=True)}
+    values |= {f"gyro_{a}": x for a, x in zip("xyz", w, strict=True)}
+    block = d.Phi[v, phi]
+    found = np.array(
+        [
+            [float(e.subs({s: values.get(s.name, 0.0) for s in e.free_symbols})) for e in row]
+            for row in block.tolist()
+        ]
+    )
+    u = f + 0.5 * dt * np.cross(w, f)
+    skew = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
+    assert np.abs(found) == pytest.approx(np.abs(dt * skew), rel=1e-9)
+    assert found == pytest.approx(-dt * skew) or found == pytest.approx(dt * skew)
