@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from test_memory import SIZES, text_of
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
@@ -23,6 +24,8 @@ from kfgen.model.discretise import (
 )
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
+from kfgen.model.plant.equations import filter_model
+from kfgen.model.plant.file import parse_model
 from kfgen.model.register import DT
 
 STATIC = build("gyro-static")
@@ -258,3 +261,16 @@ def test_a_force_acts_on_the_velocity_error_in_the_axes_of_the_middle() -> None:
     skew = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
     assert np.abs(found) == pytest.approx(np.abs(dt * skew), rel=1e-9)
     assert found == pytest.approx(-dt * skew) or found == pytest.approx(dt * skew)
+
+
+def test_within_a_backlash_nothing_follows() -> None:
+    """A cart at q, seen through a width of 0.2 that stood at 0: at 0.05 it shows 0, at 0.3 it shows 0.2 and follows."""
+    d = DiscreteModel(filter_model(parse_model(text_of(SIZES["backlash"]), "cart.toml")), rate=50.0)
+    (sensor,) = d.model.sensors
+    (q,) = d.model.clean(sensor)[0].free_symbols
+    known = {str(s): s for s in d.expected(sensor).free_symbols}
+    for at, shown, slope in ((0.05, 0.0, 0.0), (0.3, 0.2, 1.0), (-0.3, -0.2, 1.0)):
+        values = {q: at, known["place_stood"]: 0.0, known["place_backlash_width"]: 0.2}
+        assert float(d.expected(sensor)[0].subs(values)) == pytest.approx(shown, abs=1e-12)
+        row = [float(e) for e in d.H(sensor).subs(values)]
+        assert row == pytest.approx([slope, *([0.0] * (len(row) - 1))])
