@@ -276,6 +276,8 @@ def sentences(path: Path) -> list[str]:
         ):
             elsewhere |= {id(n) for n in ast.walk(node)}
     for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            elsewhere |= {id(n) for n in node.values}
         parts = node.values if isinstance(node, ast.JoinedStr) else [node]
         said = "".join(str(p.value) if isinstance(p, ast.Constant) else "#" for p in parts)
         if isinstance(node, ast.JoinedStr | ast.Constant) and id(node) not in elsewhere:

@@ -36,6 +36,10 @@ def painted(words: str, sense: str, stream: TextIO) -> str:
         Of `COLOURS`.
     stream : file
         To which they will be written. ``NO_COLOR`` and a terminal that calls itself dumb have no colours.
+
+    Returns
+    -------
+    str
     """
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty()
     return words if plain else f"\x1b[{COLOURS[sense]}m{words}\x1b[0m"

@@ -81,6 +81,11 @@ def curve_rises(below_s: float) -> str:
     return f"the curve does not fall as noise does below {below_s:.3g} s, left out of the fit"
 
 
+def allan_curve(points: int, shortest_s: float, longest_s: float) -> str:
+    """Of a published curve: how much of what it is."""
+    return f"Allan deviation at {points} averaging times, {shortest_s:.3g} to {longest_s:.4g} s, without its samples"
+
+
 def low_pass(above_hz: float) -> str:
     """Of an internal low-pass."""
     return f"an internal low-pass takes power away above {above_hz:.3g} Hz, left out of the fit"

@@ -92,8 +92,8 @@ def test_densities_of_samples_and_of_their_averages(block: int) -> None:
     a, found = math.exp(-dt / TAU), sampled_density(GM.form(), w, dt, block)
     lags = np.arange(-4000, 4001)
     inner = np.arange(block)
-    apart = np.abs(block * lags[:, None, None] + inner[:, None] - inner)
-    covariance = SIGMA**2 * np.power(a, apart).mean(axis=(1, 2))
+    distance = np.abs(block * lags[:, None, None] + inner[:, None] - inner)
+    covariance = SIGMA**2 * np.power(a, distance).mean(axis=(1, 2))
     assert found == pytest.approx(np.cos(np.outer(w, lags)) @ covariance, rel=1e-8)
 
 
