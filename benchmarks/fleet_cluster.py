@@ -31,6 +31,8 @@ from docs_table import write_table  # noqa: E402
 import kfgen as kf  # noqa: E402
 
 WORKERS = 2
+MAX_LOAD_FOR_SPEED_UP = 0.5
+"""Load by other work at the start above which a ratio of two times means nothing."""
 KILL_WORKER_AT, KILL_COMMAND_AT = 0.33, 0.5
 """Shares of the logs after which a worker and the command are killed."""
 EVERY = 10
@@ -99,6 +101,11 @@ def serial(paths: list[Path], folder: Path) -> float:
     return (times[1] - times[0]) / (len(paths[::EVERY]) - 1)
 
 
+def speed_up(ratio: float, load: float) -> str:
+    """The ratio of the times, unless other work was in one of them."""
+    return f"{ratio:.2f}" if load <= MAX_LOAD_FOR_SPEED_UP else f"not measured: load {load:.1f} by other work"
+
+
 def main() -> None:
     """Run it and say what came out."""
     parser = argparse.ArgumentParser(
@@ -135,7 +142,7 @@ def main() -> None:
         ("done before the command was killed", f"{known}; a worker was killed before that"),
         ("time, both runs", f"{seconds:.0f} s, {seconds / given.count:.2f} s a log"),
         ("one process", f"{per_log:.2f} s a log ({len(paths[::EVERY])} logs)"),
-        ("speed-up of two workers", f"{per_log * given.count / seconds:.2f}"),
+        ("speed-up of two workers", speed_up(per_log * given.count / seconds, load)),
     ]
     print("\n".join(f"{name}: {value}" for name, value in rows))
     if given.docs:

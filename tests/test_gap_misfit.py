@@ -15,7 +15,7 @@ from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
 from kfgen.gap.scene.scene_gap import scene_gap
 from kfgen.gap.scene.tempered_scene import tempered
-from kfgen.gap.scene.unevenness import unevenness
+from kfgen.gap.scene.unevenness import unevenness, unevenness_of_effect
 
 Array = NDArray[np.float64]
 N = 2048
@@ -127,3 +127,16 @@ def test_what_only_some_times_say_scatters_more() -> None:
         wider += [float(unevenness(s, fitted(s, point(s, PLACED)))[0]) / 30 for s in scenes]
     assert wider[0] < 1.4
     assert wider[1] == pytest.approx(5.5, rel=0.34)
+
+
+def test_an_effect_with_one_coefficient_scatters_as_its_coefficient_does() -> None:
+    """The residual is linear in it, so that the way from none to all of it is its derivative times its size."""
+    rng = np.random.default_rng(11)
+    course, e = rng.standard_normal((2, N))
+    e[256:384] *= 12.0
+    course[256:384] *= 3.0
+    scene = OneChannel(e + 0.4 * course, course)
+    fit, without = (fitted(scene, point(scene, *p)) for p in ((PLACED,), ()))
+    expected = float(unevenness(scene, fit)[0])
+    assert expected > 2.0
+    assert unevenness_of_effect(scene, fit, without, 0) == pytest.approx(expected, rel=1e-6)

@@ -20,7 +20,7 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.effects.series import noise_of
 from kfgen.gap.motion.motion_scene import motion_scene
-from kfgen.gap.motion.reference import heard
+from kfgen.gap.motion.references.reference import heard
 from kfgen.gap.rest.faults import spotted_moving
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap

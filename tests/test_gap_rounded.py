@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.motion.motion_scene import motion_scene
-from kfgen.gap.motion.reference import heard
-from kfgen.gap.motion.rounded_reference import step_of
+from kfgen.gap.motion.references.reference import heard
+from kfgen.gap.motion.references.rounded_reference import step_of
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from kfgen.core import time_budget
 from kfgen.effects.effect import Effect
+from kfgen.effects.inertial.errors import EarthRate
 from kfgen.effects.plant.sensor import Backlash
 from kfgen.effects.plant.terms import CoulombFriction, InputDeadZone, Saturation
 from kfgen.gap.core.unseen import LinearFit, parts_of, tail_of, unseen_gain
@@ -115,11 +116,9 @@ def test_what_is_there_is_added() -> None:
     [
         (Saturation(9.79), "u", "reaches"),
         (InputDeadZone(6.5), "u", "leaves"),
-        (CoulombFriction(-0.2), "w", "drive"),
         (Backlash(4.0), "speed", "crosses"),
         (Saturation(6.0), "u", ""),
         (InputDeadZone(1.0), "u", ""),
-        (CoulombFriction(0.2), "w", ""),
         (Backlash(0.1), "speed", ""),
     ],
 )
@@ -143,3 +142,17 @@ def test_searches_share_what_is_left_of_the_time() -> None:
             inner.ended_early = True
         assert outer.ended_early
     assert not time_budget.search_is_over()
+
+
+@pytest.mark.parametrize(
+    ("effect", "why"),
+    [
+        (CoulombFriction(-0.2), "drive"),
+        (CoulombFriction(0.2), ""),
+        (EarthRate(5e-5, 0.0, -5.3e-5), ""),
+        (EarthRate(-1e-3, -4e-3, -1e-3), "so fast"),
+    ],
+)
+def test_what_physics_forbids_is_no_finding(effect: Effect, why: str) -> None:
+    """Of the Earth 7.29e-5 rad/s, which noise may make somewhat more."""
+    assert (why in effect.forbidden()) if why else effect.forbidden() == ""

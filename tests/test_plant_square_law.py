@@ -6,40 +6,34 @@ followed from what is assumed, and the model in pieces would explain itself away
 
 from __future__ import annotations
 
+import runpy
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from kfgen.gap.find_gap import find_gap
 from kfgen.gap.plant.scene import PlantScene
-from kfgen.gap.scene.scene import ScenePoint
+from kfgen.gap.scene.scene import start_of
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
+from kfgen.model.plant.plant import Plant
 
-MODEL = """
-format = "kfgen-model-1"
-name = "beam"
-[parameters]
-c1 = { value = "-8 1/s^2", sd = "8 1/s^2" }
-c2 = { value = "0.3 rad/s^2", sd = "0.3 rad/s^2" }
-c3 = { value = "-1 1/s", sd = "1 1/s" }
-[states]
-theta = "rad"
-omega = "rad/s"
-[inputs]
-u = ""
-[dynamics]
-theta = "omega"
-omega = "c1*sin(theta) + c2*u + c3*omega"
-[measurements.angle]
-unit = "deg"
-expression = "theta"
-effects = [
-  { effect = "white_noise", N = "0.02 deg/sqrt(Hz)" },
-  { effect = "gauss_markov", sigma = "0.3 deg", tau = "1 s" },
-]
-"""
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 RATE_HZ = 20.0
+
+
+@pytest.fixture
+def model(monkeypatch: pytest.MonkeyPatch) -> Plant:
+    """That of the example with a recording, for an angle with more noise."""
+    monkeypatch.setattr(sys, "path", [str(EXAMPLES), *sys.path])
+    text = str(runpy.run_path(str(EXAMPLES / "quarter_drone.py"))["MODEL"])
+    for of_recording, of_simulation in (("0.0007 deg", "0.02 deg"), ("3 deg", "0.3 deg")):
+        assert of_recording in text
+        text = text.replace(f'"{of_recording}', f'"{of_simulation}')
+    return parse_model(text, "beam.toml")
 
 
 def beam(seed: int, duration_s: float = 60.0) -> Log:
@@ -61,26 +55,26 @@ def beam(seed: int, duration_s: float = 60.0) -> Log:
     return Log(t, {"angle": Channel.of(angle, "deg"), "u": Channel.of(u, "")}, source="beam")
 
 
-def test_one_piece_is_fitted_where_every_guess_from_what_is_assumed_diverges() -> None:
+def test_one_piece_is_fitted_where_every_guess_from_what_is_assumed_diverges(model: Plant) -> None:
     """A linear thrust that is fitted to a square one leaves a tenth of the motion's variance, over the whole record."""
     log = beam(2)
-    scene = PlantScene.of(parse_model(MODEL, "beam.toml"), log)
+    scene = PlantScene.of(model, log)
     assert len(scene.starts) > 1
     whole = scene.in_one_piece()
     assert whole is not None
     assert whole.starts == (0,)
     assert whole.in_one_piece() is None
-    point = ScenePoint((), np.array([u.start for u in whole.unknowns]))
-    left = np.degrees(whole.simulated(point).channels["angle"][:, 0]) - np.degrees(log.values("angle"))
+    left = np.degrees(whole.simulated(start_of(whole)).channels["angle"][:, 0]) - np.degrees(
+        log.values("angle")
+    )
     assert np.var(left) < 0.2 * np.var(np.degrees(log.values("angle")))
-    pieces = ScenePoint((), np.array([u.start for u in scene.unknowns]))
-    assert whole.free_run(point) < scene.free_run(pieces)
+    assert whole.free_run(start_of(whole)) < scene.free_run(start_of(scene))
 
 
 @pytest.mark.long
-def test_a_square_law_is_named_and_its_share_is_found() -> None:
+def test_a_square_law_is_named_and_its_share_is_found(model: Plant) -> None:
     """The interval holds the truth in 95 % of records; the name's chance is that of the search."""
-    found = find_gap(beam(1), parse_model(MODEL, "beam.toml"))
+    found = find_gap(beam(1), model)
     (first,) = (f for f in found.findings if f.name == "square_law")
     assert first.where == "u"
     lo, hi = first.ci95["share"]

@@ -238,11 +238,11 @@ def test_rows_of_a_rate_that_does_not_divide_are_as_even_as_can_be() -> None:
 
 
 def test_rates_are_read_from_texts() -> None:
-    assert read_rates(["200", "gnss=5", "baro = 20"], 100.0) == (200.0, {"gnss": 5.0, "baro": 20.0})
-    assert read_rates([], 100.0) == (100.0, {})
+    assert read_rates(["200", "gnss=5", "baro = 20"]) == (200.0, {"gnss": 5.0, "baro": 20.0})
+    assert read_rates([]) == (100.0, {})
     for bad in ("fast", "gnss=", "=5", "gnss=nan"):
         with pytest.raises(InputError, match="--rate"):
-            read_rates([bad], 100.0)
+            read_rates([bad])
     discrete = DiscreteModel(bare(), rate=RATE)
     with pytest.raises(InputError, match=r"no sensor 'sonar'.*barometer"):
         sensor_rates(discrete, {"sonar": 5.0})

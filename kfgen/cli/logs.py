@@ -122,7 +122,7 @@ def simulate(
     from kfgen.simulate.rates import read_rates
     from kfgen.simulate.simulate_log import simulate
 
-    of_log, rates = read_rates(rate or (), 100.0)
+    of_log, rates = read_rates(rate or ())
     shaken = parse_quantity(vibration, "m/s^2", where="--vibration") if vibration else 0.0
     built, decoys = opt.model_of(model, noise, set_, sensor), tuple(decoy or ())
     log = simulate(built, manoeuvre, duration, of_log, seed, rates=rates, decoys=decoys, vibration=shaken)

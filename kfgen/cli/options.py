@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from kfgen.model.filter import FilterModel
     from kfgen.report.page import Answer
 
-group: Any = lambda title: partial(typer.Option, rich_help_panel=title)  # noqa: E731
-of_model, of_log, of_answer = map(group, ("Model", "How the log is read", "Answer"))
+of_model, of_log, of_answer = (
+    partial(typer.Option, rich_help_panel=p) for p in ("Model", "How the log is read", "Answer")
+)
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="The log, in a format of 'kfgen list'.")]
 ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="One of 'kfgen list', or a file (.toml).")]
 NoisePath = Annotated[Path, typer.Argument(metavar="NOISE.toml", help="The noise file of 'identify -o'.")]

@@ -19,6 +19,8 @@ SEMI_MAJOR = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
 """Squared eccentricity of the meridian."""
+EARTH_RATE = 7.292115e-5
+"""Rotation of the Earth [rad/s]."""
 
 
 def local_metres(latitude: Array, longitude: Array, height: Array) -> tuple[Array, Array, Array]:

@@ -1,7 +1,7 @@
 """`Effect`: a physical effect, declared once.
 
-A subclass states its name, its parameters and its `LinearSystem`; Allan variance, spectrum,
-simulation, likelihood, filter states, report row and sentence follow from that.
+A subclass states its name, its parameters and its `LinearSystem`; Allan variance, spectrum, simulation, likelihood,
+filter states, report row and sentence follow from that.
 """
 
 from __future__ import annotations
@@ -233,6 +233,10 @@ class Effect:
         """What would tell it from another effect, by name."""
         return self.separating_experiment
 
+    def forbidden(self) -> str:
+        """Why physics allows no effect with these values; empty where it does."""
+        return ""
+
     def is_itself(self, duration: float) -> bool:
         """Whether in a record of that length [s] it is not a mere double of another effect."""
         return True
@@ -314,18 +318,14 @@ class Effect:
         return cls(**cls._converted(values, aliases, where))
 
     @classmethod
-    def _converted(
-        cls, values: dict[str, float], aliases: Mapping[str, float], where: str
-    ) -> dict[str, float]:
+    def _converted(cls, values: dict[str, float], aliases: Mapping[str, float], at: str) -> dict[str, float]:
         """The parameters, those of the aliases put in by the order in which the meanings are declared."""
         for m in cls.meanings:
             if m.name in aliases:
-                value = m.to(aliases[m.name], values)
-                if not (math.isfinite(value) and value > 0.0):
-                    raise InputError(
-                        f"{m.name} makes {m.parameter} = {value:g}, beyond any number", where=where
-                    )
-                values[m.parameter] = value
+                values[m.parameter] = value = m.to(aliases[m.name], values)
+                if not 0.0 < value < math.inf:
+                    what = f"{m.name} makes {m.parameter} = {value:g}"
+                    raise InputError(f"{what}, beyond any number", where=at)
         return values
 
     def draw(self, rng: np.random.Generator) -> Self:

@@ -11,19 +11,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from kfgen.core.channel_names import acts_on
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
-from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, read_noise
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, read_noise
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing
 from kfgen.gap.motion.motion_scene import motion_scene
+from kfgen.gap.motion.scene import MotionScene
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.rest.channel_gap import channel_gap
@@ -33,9 +33,9 @@ from kfgen.gap.rest.even_record import drivers_of, regular
 from kfgen.gap.rest.second_recording import gap_on, happens_once
 from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
 from kfgen.gap.result import GapResult, LogSource, ModelFile, Proof, RecordingGap
-from kfgen.gap.scene.noise_scale import scaled
 from kfgen.gap.scene.scene import Placed
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
+from kfgen.gap.updated_noise import rescaled, with_findings
 from kfgen.gap.words import refused_sentence
 from kfgen.identify.screening.motion import motion_in
 from kfgen.identify.words import COUNTS_AS_NOISE
@@ -204,9 +204,9 @@ def _plant(assumed: UserModel, log: Log) -> GapResult:
     trusted = {n: v for n, (_, v) in found.unknowns.items() if n in assumed.parameters}
     missing = [Placed(f.effect, f.where) for f in found.findings if not isinstance(f.effect, Fault)]
     after = updated_model(assumed, missing, trusted if missing else None)
-    noises = _rescaled({n: m.noise for n, m in after.measurements.items()}, found)
+    noises = rescaled({n: m.noise for n, m in after.measurements.items()}, [found])
     measurements = {n: replace(m, noise=noises[n]) for n, m in after.measurements.items()}
-    return _of_scene(log, found, assumed, replace(after, measurements=measurements))
+    return _of_scenes(log, [found], assumed, replace(after, measurements=measurements))
 
 
 def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
@@ -222,8 +222,8 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     gap = scene_gap(found, units_of(log))
     written = as_given(model, assumed_noise(model, log))
     sized = with_sizes(written, model, gap.noise_scales)
-    updated = filter_file(model, _with_findings(sized, gap, model.channel_units))
-    return _of_scene(log, gap, filter_file(model, written), updated, warnings)
+    updated = filter_file(model, with_findings(sized, [gap], model.channel_units))
+    return _of_scenes(log, [gap], filter_file(model, written), updated, warnings)
 
 
 def _beside_references(
@@ -237,10 +237,10 @@ def _beside_references(
     _, warnings = _common(
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
-    gap = scene_gap(scene, units_of(log))
+    gaps = _of_each_sensor(scene, log)
     written = as_given(model, noise)
-    updated = filter_file(model, _with_findings(written, gap, model.channel_units))
-    return _of_scene(log, gap, filter_file(model, written), updated, warnings)
+    updated = filter_file(model, with_findings(written, gaps, model.channel_units))
+    return _of_scenes(log, gaps, filter_file(model, written), updated, warnings)
 
 
 def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
@@ -248,64 +248,42 @@ def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
     whole, said = with_missing(log)
     scene = motion_scene(whole, assumed)
     if scene is not None:
-        found = scene_gap(scene, units_of(log))
-        return _of_scene(log, found, assumed, _with_findings(assumed, found), said)
+        gaps = _of_each_sensor(scene, log)
+        return _of_scenes(log, gaps, assumed, with_findings(assumed, gaps), (*said, *scene.warnings))
     try:
         poses = norm_scene(log, assumed)
     except InputError:  # holes or uneven time: at rest, one channel by itself can do with them
         return None
     if poses is None:
         return None
-    found = scene_gap(poses, units_of(log))
-    return _of_scene(log, found, assumed, _with_findings(assumed, found))
+    gaps = [scene_gap(poses, units_of(log))]
+    return _of_scenes(log, gaps, assumed, with_findings(assumed, gaps))
 
 
-def _of_scene(
+def _of_each_sensor(scene: MotionScene, log: Log) -> list[SceneGap]:
+    """Of every sensor that moves, each with its share of the time."""
+    out, scenes = [], scene.by_sensor()
+    for k, one in enumerate(counted(scenes, "sensors", alike=False)):
+        with time_budget(parts=len(scenes) - k):
+            out.append(scene_gap(one, units_of(log)))
+    return out
+
+
+def _of_scenes(
     log: Log,
-    found: SceneGap,
+    gaps: Sequence[SceneGap],
     assumed: ModelFile,
     updated: ModelFile,
     warnings: Sequence[str] = (),
 ) -> GapResult:
-    still = [f"the input {n} never changes: no effect of it can be seen" for n in found.constant_inputs]
-    return GapResult((_source(log),), (found,), assumed, updated, (*warnings, *still))
+    constant = dict.fromkeys(n for g in gaps for n in g.constant_inputs)
+    still = [f"the input {n} never changes: no effect of it can be seen" for n in constant]
+    return GapResult((_source(log),), tuple(gaps), assumed, updated, (*warnings, *still))
 
 
 def units_of(log: Log) -> UnitOf:
     """Units of effects placed at channels of a log, or at a triad of them."""
     return lambda placed: log.unit_at(placed.where)
-
-
-def _with_findings(
-    assumed: NoiseModel, found: SceneGap, sensor_units: Mapping[str, str] | None = None
-) -> NoiseModel:
-    """Every finding but a fault of the rig as a term of the channels where it acts.
-
-    Parameters
-    ----------
-    assumed : NoiseModel
-    found : SceneGap
-    sensor_units : mapping of str to str, optional
-        Units of all channels of a filter, whose file has an effect of a whole sensor once and not once a channel.
-    """
-    channels = _rescaled(assumed.channels, found)
-    units = sensor_units or {c: n.unit for c, n in channels.items()}
-    for f in [f for f in found.findings if not isinstance(f.effect, Fault)]:
-        held = [c for c in units if acts_on(f.where, c)]
-        for name in [f.where] if sensor_units else held:
-            old = channels.get(name, ChannelNoise(units[held[0]], ()))
-            channels[name] = replace(old, terms=(*old.terms, Term(f.effect, f.ci95)), covariance=None)
-    return replace(assumed, channels=channels)
-
-
-def _rescaled(channels: Mapping[str, ChannelNoise], found: SceneGap) -> dict[str, ChannelNoise]:
-    """The noise of channels, of the size that was found."""
-    out = dict(channels)
-    for s in [s for s in found.noise_scales if not s.white]:
-        for name in [c for c in out if acts_on(s.channel, c)]:
-            terms = tuple(Term(scaled(t.effect, s.times)) for t in out[name].terms)
-            out[name] = replace(out[name], terms=terms, covariance=None)
-    return out
 
 
 def _at_rest(

@@ -15,6 +15,8 @@ from kfgen.model.parts.sensors import Sensor
 
 IMU = "imu"
 """Name of the inputs among rates."""
+DEFAULT_RATE_HZ = 100.0
+"""Of a simulated log and its inputs."""
 
 
 def sensor_rates(discrete: DiscreteModel, asked: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -68,7 +70,7 @@ def rows_of(n: int, log_rate: float, rate: float) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(count, prepend=-1.0) > 0.0)
 
 
-def read_rates(texts: Iterable[str], usual: float) -> tuple[float, dict[str, float]]:
+def read_rates(texts: Iterable[str], usual: float = DEFAULT_RATE_HZ) -> tuple[float, dict[str, float]]:
     """``200``, ``gnss=5``: the rate of the log, and those of sensors by name [Hz]; raises `InputError`."""
     own, others = usual, dict[str, float]()
     for text in texts:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.channel_names import AXES
+from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.effects.effect import parameter
 from kfgen.effects.filter_role import AntennaOffset, FilterPlace, FilterRole, NotModelled
 from kfgen.effects.inertial.felt import Felt, Signals
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 
 PRODUCTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 """Pairs of axes whose products of the specific force a rate sensor may feel."""
+MAX_EARTH_RATE_RATIO = 2.0
+"""Of a rate that noise may make the Earth's."""
 
 
 def products(f_b: Array) -> dict[str, Array]:
@@ -287,3 +290,8 @@ class EarthRate(InertialError):
         """``R_bn omega_ie``."""
         row = felt.axes[axis]
         return row[0] * self.x + row[1] * self.y + row[2] * self.z
+
+    def forbidden(self) -> str:
+        """The Earth turns at one rate."""
+        rate = float(np.linalg.norm([self.x, self.y, self.z]))
+        return "the Earth does not turn so fast" if rate > MAX_EARTH_RATE_RATIO * EARTH_RATE else ""

@@ -112,6 +112,10 @@ class CoulombFriction(StateTerm):
 
         return -self.level * sp.tanh(s / self.v0)
 
+    def forbidden(self) -> str:
+        """It takes energy away."""
+        return "friction does not drive" if float(self.level) < 0.0 else ""
+
     @property
     def rate(self) -> Any:
         """``level / v0``, at rest."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
+from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.emit.guards import every, within
 from kfgen.emit.ir.ir import (
     All,
@@ -35,7 +36,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.model.parts.constant import Constant
-from kfgen.model.parts.earth import EARTH_RATE, radii
+from kfgen.model.parts.earth import radii
 from kfgen.model.parts.motion import Strapdown
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.channel_names import AXES, acts_on
 from kfgen.core.units import STANDARD_GRAVITY
+from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.effects import Effect, Look, catalogue, effect_named
 from kfgen.effects.driven.proportional import DriverProportional
 from kfgen.effects.inertial.barometer import StaticPressureError
@@ -41,7 +42,6 @@ SMALL = 1e-3
 """A typical size of a relative error, from which fits start."""
 SOME = 4000
 """Samples from which is seen whether directions can be distinguished."""
-EARTH = 7.292115e-5
 """Rate of the earth [rad/s]."""
 IN_TIME = ("rate_ramp", "warm_up")
 """Effects of time alone that compete, beside those proportional to a driver: they are linear in a coefficient."""
@@ -120,7 +120,7 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
     if "accel" in sensors:
         found += _forces(bench)
     if len(bench.axes("gyro")) == 3 and bench.truth.R_bn is not None:
-        found.append([Placed(EarthRate(EARTH, EARTH, EARTH), "gyro")])
+        found.append([Placed(EarthRate(EARTH_RATE, EARTH_RATE, EARTH_RATE), "gyro")])
     if "mag" in sensors:
         found += list(_magnetic(bench))
     if "baro" in bench.truth.read and bench.truth.speed_squared is not None:

@@ -13,7 +13,7 @@ from kfgen.effects import Effect
 from kfgen.effects.faults.samples import Clipping, RepeatedSamples
 from kfgen.effects.noise_model import NoiseModel
 from kfgen.effects.series import DetectedFault
-from kfgen.gap.motion.reference import frozen
+from kfgen.gap.motion.references.reference import frozen
 from kfgen.gap.motion.truth import Truth
 from kfgen.gap.rest.faults import assumed_sd, spotted_moving
 from kfgen.gap.scene.scene import Placed

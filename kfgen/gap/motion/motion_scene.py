@@ -11,13 +11,15 @@ import numpy as np
 from kfgen.effects.faults.reference import OtherMotion
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.noise_model import NoiseModel
-from kfgen.gap.motion.attitude_convention import misread
 from kfgen.gap.motion.compared_channel import compared_of, sound_samples
 from kfgen.gap.motion.likeness import MAX_UNEXPLAINED_SHARE
-from kfgen.gap.motion.reference import heard, references
-from kfgen.gap.motion.rounded_reference import rounded
+from kfgen.gap.motion.references.attitude_convention import misread
+from kfgen.gap.motion.references.reference import heard, references
+from kfgen.gap.motion.references.rounded_reference import rounded
 from kfgen.gap.motion.scene import MotionScene
+from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.motion.truth import held, truth_of
+from kfgen.gap.motion.untold_acceleration import without_untold
 from kfgen.gap.rest.even_record import recorded
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
@@ -29,7 +31,8 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     Raises
     ------
     InputError
-        Time is uneven, a reference has no numbers, or a channel's unit does not meet its noise's.
+        Time is uneven, a reference has no numbers, a channel's unit does not meet its noise's, or the reference tells
+        nothing of the channels.
     """
     if not any(name.startswith("ref_") for name in log.channels):
         return None
@@ -56,10 +59,10 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     compared = tuple(c for c, _, _ in sound)
     said = (*checked.said, *(p for _, ps, _ in sound for p in ps))
     spoilt = (*(p for _, _, ps in sound for p in ps), *rounded(log, compared))
-    scene = MotionScene(truth, compared, good, drive, own, said, spoilt)
-    if not any(scene.moving(c) for c in compared):
+    scene = without_untold(log, MotionScene(truth, compared, good, drive, own, said, spoilt))
+    if not any(scene.moving(c) for c in scene.compared):
         return None
-    return replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth))
+    return slower_scene(replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth)))
 
 
 def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:

@@ -10,7 +10,7 @@ its bandwidth, nothing is compared.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,6 +60,10 @@ class MotionScene:
         Faults of the samples and the references that were left out, or corrected.
     spoilt : tuple of Placed
         Faults with which a fit would mean nothing.
+    warnings : tuple of str
+        What is not compared, and why.
+    sensors : int
+        Of the log, each of which is compared in a scene of its own: an effect may be in any of them.
     """
 
     truth: Truth
@@ -69,6 +73,26 @@ class MotionScene:
     own: tuple[Placed, ...] = ()
     said: tuple[Placed, ...] = ()
     spoilt: tuple[Placed, ...] = ()
+    warnings: tuple[str, ...] = ()
+    sensors: int = 1
+
+    def by_sensor(self) -> tuple[MotionScene, ...]:
+        """A scene of each sensor: none changes what another should have read, and what one lacks must not hide another.
+
+        One whose samples are spoilt stays as it is.
+        """
+        sensors = list(dict.fromkeys(c.sensor for c in self.compared))
+        if len(sensors) == 1 or self.faults():
+            return (self,)
+        return tuple(self._of(s, len(sensors)) for s in sensors)
+
+    def _of(self, sensor: str, sensors: int) -> MotionScene:
+        compared = tuple(c for c in self.compared if c.sensor == sensor)
+        own, said = (
+            tuple(p for p in ps if any(acts_on(p.where, c.name) for c in compared))
+            for ps in (self.own, self.said)
+        )
+        return replace(self, compared=compared, own=own, said=said, sensors=sensors)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -282,12 +306,19 @@ class MotionScene:
         field = self.assumed_field()
         u = self.truth.signals(c.sensor, field).y[:, c.axis]
         white = self.whiteners[self.compared.index(c)]
-        z = white.ordinates(np.where(self.good, u - u[self.good].mean(), 0.0)[c.at])[1 : c.keep]
+        good = self.good & c.there
+        if not good.any():
+            return False
+        z = white.ordinates(np.where(good, u - u[good].mean(), 0.0)[c.at])[1 : c.keep]
         return is_motion(float(np.linalg.norm(z)))
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""
-        return offers(self.bench(placed), placed)
+        rarer = float(np.log(self.sensors))
+        return [
+            [replace(p, prior_penalty_nats=p.prior_penalty_nats + rarer) for p in starts]
+            for starts in offers(self.bench(placed), placed)
+        ]
 
     def bench(self, placed: Sequence[Placed]) -> MotionCandidates:
         """What the candidates are chosen by."""

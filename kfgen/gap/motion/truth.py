@@ -25,7 +25,7 @@ from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.series import noise_of_differences
-from kfgen.gap.motion.reference import long_holes
+from kfgen.gap.motion.references.reference import long_holes
 from kfgen.gap.motion.wiener import noiseless
 from kfgen.log.log import Log
 
@@ -122,7 +122,7 @@ class Truth:
         if sensor in self.read:
             return self._known[sensor]
         assert self.R_bn is not None
-        return self._felt_by(sensor, self.R_bn @ np.asarray(m_n))
+        return self._felt_by(sensor, (self.R_bn.reshape(-1, 3) @ np.asarray(m_n)).reshape(-1, 3))
 
     @cached_property
     def _known(self) -> dict[str, Signals]:

@@ -18,7 +18,7 @@ from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import Shooting
 from kfgen.gap.scene.explanation import ranked
 from kfgen.gap.scene.newton import fitted
-from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.scene import Placed, start_of
 from kfgen.gap.scene.screen import screen
 from kfgen.log.log import Channel
 
@@ -92,9 +92,9 @@ def _tried(scene: PlantScene, name: str, k: int) -> _Advance | None:
     """An advance of about so many samples against every effect over the same samples."""
     ahead = k + 1
     here, moved = (_in_one(scene, name, ahead, by) for by in (0, ahead))
-    base = fitted(here, _start(here))
+    base = fitted(here, start_of(here))
     rest = Placed(InputDelay(scene.dt), name)
-    fit = fitted(moved, replace(_start(moved), placed=(rest,)))
+    fit = fitted(moved, replace(start_of(moved), placed=(rest,)))
     gain, count = fit.value - base.value, fit.residual.size
     beyond, left = (float(np.sum(f.residual**2)) - count for f in (base, fit))
     advance = ahead * scene.dt - float(fit.point.placed[0].effect.late)  # type: ignore[attr-defined]
@@ -124,7 +124,3 @@ def _in_one(scene: PlantScene, name: str, lost: int, by: int) -> PlantScene:
     return replace(
         bare, initial=x0[None, : shooting.states], begun=begun, hidden=shooting.hidden(x0[: shooting.states])
     )
-
-
-def _start(scene: PlantScene) -> ScenePoint:
-    return ScenePoint((), np.array([u.start for u in scene.unknowns]))

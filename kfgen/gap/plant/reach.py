@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.plant.sensor import Backlash
-from kfgen.effects.plant.terms import CoulombFriction, InputDeadZone, Saturation
+from kfgen.effects.plant.terms import InputDeadZone, Saturation
 from kfgen.gap.scene.scene import Placed
 
 Array = NDArray[np.float64]
@@ -30,8 +30,6 @@ def unreached(placed: Placed, inputs: Mapping[str, Array], channels: Mapping[str
         return f"{where} never leaves its width"
     if isinstance(effect, Backlash) and float(effect.width) >= float(np.ptp(channels[where])):
         return f"{where} never crosses its width"
-    if isinstance(effect, CoulombFriction) and float(effect.level) < 0.0:
-        return "friction does not drive"
     return ""
 
 

@@ -31,7 +31,7 @@ from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting
 from kfgen.gap.rest.trust import MAX_SHIFT_SD
-from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
+from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown, start_of
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.equations import unknown_deviation
 from kfgen.model.plant.plant import Batch, Plant, Run
@@ -244,7 +244,7 @@ class PlantScene:
             return scene
         scene = scene.cut()
         if scene.follows_nowhere:
-            run = scene.simulated(ScenePoint((), np.array([u.start for u in scene.unknowns])))
+            run = scene.simulated(start_of(scene))
             check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as assumed")
         return scene
 

@@ -26,7 +26,7 @@ MAX_FOLLOWED_SHARE = 0.5
 MAX_FOLLOWED_NOISE_SD = 2.0
 """Or this many standard deviations of its noise."""
 MAX_LEFT_SHARE_IN_ONE_PIECE = 0.75
-"""Share of it that may be left over a whole record in which errors of a start do not grow."""
+"""Share of a channel's standard deviation that may be left over a whole record, where errors of a start do not grow."""
 MAX_ERROR_GROWTH = 1e3
 """How much an error of the initial state may grow."""
 MAX_TOTAL_ERROR_GROWTH = 30.0

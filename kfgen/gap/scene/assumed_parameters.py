@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.core.search import Chosen
@@ -18,7 +16,7 @@ from kfgen.gap.core.thresholds import MAX_ITERATIONS
 from kfgen.gap.scene.explanation import Explained, FittedAddition, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.random_error import NamedRandomError
-from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting
+from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting, start_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
 
@@ -90,11 +88,6 @@ def answered(scene: Scene) -> Answered:
 
 def _is_error(added: Chosen[FittedAddition]) -> bool:
     return isinstance(added.addition.placed.effect, ParameterError)
-
-
-def start_of(scene: Scene) -> ScenePoint:
-    """Where fits begin."""
-    return ScenePoint((), np.array([u.start for u in scene.unknowns]))
 
 
 def moved(scene: Scene, point: ScenePoint) -> set[str]:

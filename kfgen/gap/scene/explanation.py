@@ -30,7 +30,7 @@ from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.evidence import evidence, time_limits
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted
 from kfgen.gap.scene.proof import unproven, unreached
-from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Placed, Scene, ScenePoint
+from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Placed, Scene, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
 from kfgen.gap.scene.tempered_scene import TemperedScene
 from kfgen.gap.scene.unevenness import unevenness_of_effect
@@ -181,7 +181,7 @@ class Explained:
 
 def explained(scene: Scene) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
-    assumed = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
+    assumed = fitted(scene, start_of(scene))
     found = searched(SceneExplanation(scene, assumed), LIMITS)
     return Explained(assumed, found.chosen, found.fit, found.scene, refused_of(found))
 
@@ -195,7 +195,7 @@ def refitted(scene: Scene, found: Explained) -> Explained:
         The same world under another noise.
     found : Explained
     """
-    assumed = fitted(scene, ScenePoint((), np.array([u.start for u in scene.unknowns])))
+    assumed = fitted(scene, start_of(scene))
     there, fit = relinearised(scene, fitted(scene, found.fit.point))
     return Explained(assumed, with_values(found.added, fit), fit, there)
 

@@ -37,7 +37,7 @@ def series(scene: Scene, X: Array) -> Array:
 
 
 def unreached(scene: Scene, fit: SceneFit) -> str:
-    """Why an effect of a fit says nothing that the record can show; empty where all do.
+    """Why an effect of a fit says nothing that the record can show, or that physics forbids; empty where all do.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def unreached(scene: Scene, fit: SceneFit) -> str:
         Of that scene.
     """
     for index, placed in enumerate(fit.point.placed):
-        why = scene.unreached(placed) if isinstance(scene, Reaching) else ""
+        why = placed.effect.forbidden()
+        why = why or (scene.unreached(placed) if isinstance(scene, Reaching) else "")
         why = why or _too_slow(scene, placed) or _undetermined(scene, fit, index)
         if why:
             return why

@@ -120,6 +120,11 @@ class Scene(Protocol):
         """
 
 
+def start_of(scene: Scene) -> ScenePoint:
+    """Where fits begin: no effect, every unknown at its start."""
+    return ScenePoint((), np.array([u.start for u in scene.unknowns], float))
+
+
 @runtime_checkable
 class Inspected(Protocol):
     """A world that can look at its readings before anything is fitted."""

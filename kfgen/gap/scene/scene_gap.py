@@ -41,13 +41,13 @@ from kfgen.gap.scene.scene import (
     Inspected,
     Placed,
     Scene,
-    ScenePoint,
     Telling,
     Trusting,
     Undecided,
+    start_of,
 )
 from kfgen.gap.scene.screen import basis
-from kfgen.gap.scene.under_misfit import under_misfit, without_events
+from kfgen.gap.scene.under_misfit import under_misfit, without_events, without_weakest
 from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
@@ -106,7 +106,11 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
                 answer = with_random_errors(answer, is_unfinished=is_unfinished)
         if doubtful := _doubtful_channels(answer):
             answer = without_events(under_misfit(answer), doubtful)
-        return _gap_of(answer, unit_of)
+        found = _gap_of(answer, unit_of)
+        while answer.found.added and found.gap.ci95[1] < 0.0:
+            answer = without_weakest(answer)
+            found = _gap_of(answer, unit_of)
+        return found
 
 
 def _answered(scene: Scene) -> Answered:
@@ -132,7 +136,7 @@ def _doubtful_channels(answer: Answered) -> set[str]:
 
 def _spoilt(scene: Scene, faults: Sequence[Placed], unit_of: UnitOf) -> SceneGap:
     """The answer where a fit would mean nothing: the faults alone."""
-    assumed = fitted(scene, ScenePoint((), _values(scene)))
+    assumed = fitted(scene, start_of(scene))
     findings = tuple(_fault_finding(f, unit_of) for f in faults)
     if findings and isinstance(scene, Undecided):
         labels = dict.fromkeys((p.effect.name, p.where) for p in scene.either)
@@ -181,6 +185,7 @@ def _rms(scene: Scene, before: SceneFit, after: SceneFit) -> tuple[tuple[str, fl
 
 def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     """The answer where effects were looked for."""
+    answer = _as_assumed(answer)
     scene, found, fit = answer.scene, answer.found, answer.fit
     before = tests_of(scene, found.assumed)
     after, noise_scales = _updated_tests(answer)
@@ -223,6 +228,14 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
         assumed=found.assumed,
         fit=fit,
     )
+
+
+def _as_assumed(answer: Answered) -> Answered:
+    """The answer by the fit of what is assumed, where nothing was added: a fit with the misfit in its noise is another one."""
+    found = answer.found
+    if found.added or answer.random_errors or answer.scene is not answer.written:
+        return answer
+    return replace(answer, found=replace(found, fit=found.assumed), tempered=None)
 
 
 def _findings(answer: Answered, unit_of: UnitOf) -> tuple[Finding, ...]:
@@ -359,7 +372,3 @@ def _band_tests(X: Array, left: Array, dt: float) -> list[Test]:
         band = (0.5 * lo / (n * dt), 0.5 * hi / (n * dt))
         out.append(Test("power", chance_of(total, m), band, total / m))
     return out
-
-
-def _values(scene: Scene) -> Array:
-    return np.array([u.start for u in scene.unknowns])

@@ -33,8 +33,14 @@ MAX_SEARCHES = 3
 """With the misfit that the one before left."""
 MIN_GAIN_SHARE_FROM_NOTHING = 0.5
 """Of what is left of the search before, which a search from nothing must gain."""
+MAX_LEFT_RATIO_FROM_NOTHING = 2.0
+"""Mismatch that it may leave, over what the one before leaves."""
 RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
+MIN_GAINED_TO_LEFT_RATIO = 5.0
+"""Mismatch that an effect takes away over all that is left with it, from which on it does not rest on what is left."""
+GROWS_UNSEEN = "the mismatch on held-out data grows with it"
+"""Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
 """Why an event is not added beside a misfit."""
 
@@ -69,15 +75,22 @@ def under_misfit(answer: Answered) -> Answered:
 
 
 def _searched_again(there: TemperedScene, found: Explained) -> tuple[Explained, float]:
-    """What is found from nothing, unless what is left of what was found before gains far more; and what it is worth [nats].
+    """What is found from nothing, unless what was found before gains far more or leaves far less; and its worth [nats].
 
-    From nothing the first of several effects has to stand out of all others, which only what is there can.
+    In a search from nothing the first of several effects must be significant while the others are still missing, which
+    few are: so what was found before stays a candidate.
     """
     kept = _determined(refitted(there, found))
     if found.added and search_is_over():
         return _worth(kept)
     anew = _determined(explained(there))
-    return _worth(anew if anew[1] > MIN_GAIN_SHARE_FROM_NOTHING * kept[1] else kept)
+    gains = anew[1] > MIN_GAIN_SHARE_FROM_NOTHING * kept[1]
+    return _worth(anew if gains and not _leaves_more(anew[0], kept[0]) else kept)
+
+
+def _leaves_more(one: Explained, other: Explained) -> bool:
+    left = [_mismatch(e.scene, e.fit) for e in (one, other)]
+    return left[0] > MAX_LEFT_RATIO_FROM_NOTHING * max(left[1], MIN_EVIDENCE_NATS)
 
 
 def _worth(found: tuple[Explained, float]) -> tuple[Explained, float]:
@@ -88,7 +101,7 @@ def _worth(found: tuple[Explained, float]) -> tuple[Explained, float]:
 
 
 def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
-    """The answer without what happens once on channels of which more is unexplained: nobody can tell one from the other.
+    """The answer without what happens once on channels of which as much is unexplained: nobody can tell one from the other.
 
     Parameters
     ----------
@@ -96,14 +109,52 @@ def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
     doubtful : collection of str
         Channels that fail their tests.
     """
-    there = answer.found.scene
-    left = SceneExplanation(there, answer.found.fit, answer.found.added, answer.found.refused)
+    left = _explanation(answer)
     for index in reversed(range(len(left.chosen))):
         one = left.chosen[index]
         placed = one.addition.placed
         if _is_event(placed.effect) and any(acts_on(placed.where, c) for c in doubtful):
-            lost = Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)
-            left = left.without(index).refusing([lost])
+            rest = left.without(index)
+            if not _explains_most(left.scene, left.fit, rest.fit):
+                left = rest.refusing([Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)])
+    return _explained_by(answer, left)
+
+
+def _explains_most(scene: Scene, fit: SceneFit, without: SceneFit) -> bool:
+    """Whether an effect takes away far more of the mismatch than all that is left with it."""
+    gained, left = (_mismatch(scene, f) for f in (without, fit))
+    return gained - left > MIN_GAINED_TO_LEFT_RATIO * max(left, MIN_EVIDENCE_NATS)
+
+
+def _mismatch(scene: Scene, fit: SceneFit) -> float:
+    """What a fit loses against one that knows the spectrum of what it leaves, by the noise that is assumed [nats]."""
+    if isinstance(scene, TemperedScene):
+        fit, scene = scene.untempered(fit), scene.scene
+    louder = tempered(scene, fit).misfit
+    return float(np.sum(0.5 * (louder**2 - 1.0) - np.log(louder)))
+
+
+def without_weakest(answer: Answered) -> Answered:
+    """The answer without the effect that has the least evidence, for all together close nothing of what was not seen.
+
+    Parameters
+    ----------
+    answer : Answered
+        With an effect at least.
+    """
+    left = _explanation(answer)
+    index = int(np.argmin([a.gain for a in left.chosen]))
+    one = left.chosen[index]
+    return _explained_by(answer, left.without(index).refusing([Refused(*one.label, one.gain, GROWS_UNSEEN)]))
+
+
+def _explanation(answer: Answered) -> SceneExplanation:
+    """In the scene by whose noise it was found."""
+    found = answer.found
+    return SceneExplanation(answer.likelihood, found.fit, found.added, found.refused)
+
+
+def _explained_by(answer: Answered, left: SceneExplanation) -> Answered:
     found = replace(answer.found, added=left.chosen, fit=left.fit, refused=refused_of(left))
     return replace(answer, found=found)
 
@@ -141,9 +192,15 @@ def _determined(found: Explained) -> tuple[Explained, float]:
 def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation], gains: Array) -> Array:
     """What each effect explains beside all others by the scatter of blocks [nats], shape (effects,).
 
-    By its best known number, or by its share as a whole, whichever is more: a fit without it may be far away.
+    By its best known number, or by its share as a whole, whichever is more: a fit without it may be far away. One that
+    explains most of the mismatch does not rest on the rest of it, however few blocks show it (a single step).
     """
-    wider = [unevenness_of_effect(left.scene, left.fit, r.fit, i) for i, r in enumerate(rest)]
+    wider = [
+        1.0
+        if _explains_most(left.scene, left.fit, r.fit)
+        else unevenness_of_effect(left.scene, left.fit, r.fit, i)
+        for i, r in enumerate(rest)
+    ]
     return np.asarray(np.maximum(gains / np.array(wider), _nats_of_sizes(left.scene, left.fit)))
 
 

@@ -44,10 +44,10 @@ def unevenness(scene: Scene, fit: SceneFit) -> Array:
 
 
 def unevenness_of_effect(scene: Scene, fit: SceneFit, without: SceneFit, index: int) -> float:
-    """The same of the share of an effect, between none and all of it; of no other parameters than those it is written with.
+    """The same for an effect as a whole: for the factor between 0 (the fit without it) and 1 (the fit with it).
 
-    A square and a cube of an input whose linear part may be as small as the data like are known ever less, each, and
-    together they may be beyond doubt.
+    Two coefficients of one effect that nearly exchange (a square and a cube of an input) are each known badly, while
+    the effect itself is certain.
 
     Parameters
     ----------

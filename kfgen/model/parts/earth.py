@@ -14,10 +14,8 @@ import math
 
 import sympy as sp
 
-from kfgen.core.wgs84 import ECCENTRICITY2, FLATTENING, SEMI_MAJOR
+from kfgen.core.wgs84 import EARTH_RATE, ECCENTRICITY2, FLATTENING, SEMI_MAJOR
 
-EARTH_RATE = 7.292115e-5
-"""Rotation of the Earth [rad/s]."""
 GM = 3.986004418e14
 """Gravitational constant of the Earth [m^3/s^2]."""
 J2 = 1.0826298e-3

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import sympy as sp
 
+from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.model.option import Option, YesNo
 from kfgen.model.parts.constant import Constant
-from kfgen.model.parts.earth import EARTH_RATE, geodetic, gravity_e, place
+from kfgen.model.parts.earth import geodetic, gravity_e, place
 from kfgen.model.parts.motion import (
     COMMON,
     CONSTANT,

@@ -18,11 +18,12 @@ from typing import Any, ClassVar
 import sympy as sp
 
 from kfgen.core.units import STANDARD_GRAVITY
+from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.model.option import NOTHING, Choice, Configured, Option, Quantity, YesNo
 from kfgen.model.parts.attached_error import AttachedError
 from kfgen.model.parts.bounded_velocity import ACCELERATION, BOUNDED, SPEED, SPEED_TIME, BoundedVelocity
 from kfgen.model.parts.constant import Constant
-from kfgen.model.parts.earth import EARTH_RATE, normal_gravity, radii
+from kfgen.model.parts.earth import normal_gravity, radii
 from kfgen.model.parts.intrinsics import (
     FULL,
     G_SENSITIVITY,

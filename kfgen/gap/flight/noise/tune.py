@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
 from kfgen.gap.flight.flight_scene import flight_scene
@@ -17,7 +15,7 @@ from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.scene.explanation import relinearised
 from kfgen.gap.scene.newton import fitted
-from kfgen.gap.scene.scene import ScenePoint
+from kfgen.gap.scene.scene import start_of
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, filter_file, filter_of
 from kfgen.model.filter_file import FilterFile
@@ -116,7 +114,7 @@ def tune(model: ModelSource, log: LogOrPath) -> Tuning:
             where=data.source,
             remedy="Give a log with gnss, barometer or airspeed; at rest, kfgen identify measures the noise",
         )
-    fit = fitted(flight, ScenePoint((), np.array([u.start for u in flight.unknowns])))
+    fit = fitted(flight, start_of(flight))
     start, fit = relinearised(flight, fit)
     assert isinstance(start, FlightScene)  # a flight about another path is one
     found = start.tuned(fit.point)

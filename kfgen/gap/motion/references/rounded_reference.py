@@ -14,7 +14,7 @@ from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects.faults.reference import RoundedReference
 from kfgen.effects.series import RawSamples
 from kfgen.gap.motion.compared_channel import Compared
-from kfgen.gap.motion.reference import references
+from kfgen.gap.motion.references.reference import references
 from kfgen.gap.rest.faults import assumed_sd
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log

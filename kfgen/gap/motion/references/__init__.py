@@ -1,0 +1,1 @@
+"""References of a motion: holes, rounding, axes and frames."""
