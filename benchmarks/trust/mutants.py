@@ -6,7 +6,8 @@ A change swaps a comparison, an operator, a number, `and` with `or`, `min` with 
 only makes messages, annotations or names is left alone. The tests of the module run in a forked process with the changed
 source; that a test fails, or that they take too long, means that the change was noticed. Survivors are printed with
 their line, and with the reason where `same_answer.py` has one why no answer changes. ``--record`` keeps what was tried
-in a file, from which ``--again`` prints the table once more; ``--docs`` writes it into the page.
+in a file; ``--again`` tries the survivors of that file once more, with the tests of now, and prints its table;
+``--docs`` writes it into the page.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
 from types import ModuleType
@@ -301,6 +302,18 @@ def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: flo
             print(f"survives: {mutant.path}:{mutant.line}: {mutant.words}{why and f' ({why})'}", flush=True)
 
 
+def again(trial: Trial) -> Trial:
+    """A survivor without a reason, tried with the tests of now: noticed if each such change of its line is."""
+    if trial.is_noticed or trial.reason:
+        return trial
+    ((_, tests, which),) = (m for m in PARTS[trial.part] if m[0] == trial.path)
+    same = [m for m in mutants_of(trial.path) if (m.line, m.words) == (trial.line, trial.words)]
+    noticed = all(os.waitpid(started(m, tests, which), 0)[1] for m in same)
+    if not noticed:
+        print(f"survives: {trial.path}:{trial.line}: {trial.words}", flush=True)
+    return replace(trial, is_noticed=noticed)
+
+
 def table(trials: list[Trial], of: dict[str, int]) -> str:
     """Markdown: by part how many were tried, noticed, and have a reason why they cannot be."""
     rows = [
@@ -327,15 +340,12 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="one part")
     parser.add_argument("--record", type=Path, help="file that keeps what was tried")
-    parser.add_argument("--again", action="store_true", help="the table of what the record has")
+    parser.add_argument("--again", action="store_true", help="try the survivors of the record once more")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     os.chdir(ROOT)
     parts = {p: m for p, m in PARTS.items() if not given.only or p == given.only}
     of = {p: sum(len(mutants_of(path)) for path, _, _ in m) for p, m in parts.items()}
-    if given.again:
-        seen = [Trial(**t) for t in json.loads(given.record.read_text(encoding="utf-8"))]
-        return shown(table(seen, of), given.docs)
     for heavy in (
         "numpy",
         "scipy.stats",
@@ -348,6 +358,9 @@ def main() -> int:
         "typer.testing",
     ):
         importlib.import_module(heavy)
+    if given.again:
+        seen = [again(Trial(**t)) for t in json.loads(given.record.read_text(encoding="utf-8"))]
+        return shown(table(seen, of), given.docs)
     for modules in parts.values():
         for path, tests, which in modules:
             if os.waitpid(started(None, tests, which), 0)[1]:

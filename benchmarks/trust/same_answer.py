@@ -74,6 +74,12 @@ SAME_ANSWER: tuple[tuple[str, str, str, str], ...] = (
         "1 -> 2",
         "of twelve samples and more there are two octaves at least",
     ),
+    (
+        "kfgen/emit/covariance/packed.py",
+        "max((s for s in special if s < run[0]), default=-1)",
+        "0 -> 1",
+        "no special column lies inside a run of columns",
+    ),
     ("kfgen/gap/scene/newton.py", "least = 0", "0 -> 1", PATH),
     ("kfgen/gap/scene/newton.py", "max(damping * (1e-1 if best < least else 1e1), 1e-9)", "", PATH),
     ("kfgen/gap/scene/newton.py", "for factor in (1.0, 1e2, 1e4, 1e6):", "", PATH),
