@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import re
+import subprocess
 from pathlib import Path
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+
+def measured_at(load: float) -> str:
+    """Commit and machine of a figure, with the load by other work when it began."""
+    words = ["git", "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+    return (
+        f"Commit {commit}, {os.cpu_count()} processors ({platform.machine()}) with a load of {load:.1f} by other work at "
+        "the start"
+    )
 
 
 def write_table(page: str, name: str, text: str) -> Path:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import signal
 import subprocess
 import sys
@@ -26,7 +25,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
 
-from docs_table import write_table  # noqa: E402
+from docs_table import measured_at, write_table  # noqa: E402
 
 import kfgen as kf  # noqa: E402
 
@@ -118,9 +117,6 @@ def main() -> None:
     from distributed import LocalCluster
 
     load = os.getloadavg()[0]
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
-    ).stdout.strip()
     with tempfile.TemporaryDirectory(prefix="kfgen-fleet-") as scratch:
         folder = Path(scratch)
         paths = make_logs(folder, given.count, 3600.0 * given.hours, given.rate, given.seed)
@@ -146,10 +142,7 @@ def main() -> None:
     ]
     print("\n".join(f"{name}: {value}" for name, value in rows))
     if given.docs:
-        where = (
-            f"Commit {commit}, {os.cpu_count()} processors ({platform.machine()}) with a load of {load:.1f} by other "
-            "work at the start, `benchmarks/fleet_cluster.py`."
-        )
+        where = f"{measured_at(load)}, `benchmarks/fleet_cluster.py`."
         lines = ["| what | figure |", "|---|---|", *(f"| {a} | {b} |" for a, b in rows), "", where]
         write_table("benchmarks.md", "fleet cluster", "\n".join(lines))
     if once < given.count:

@@ -199,6 +199,7 @@ def noisy_log(seed: int, n: int, dt: float, N: float) -> Log:
     return Log(np.arange(n) * dt, {"gyro_x": Channel(bias + level * rng.standard_normal(n), "rad/s")})
 
 
+@pytest.mark.long
 def test_the_emitted_filter_returns_to_its_band() -> None:
     dt, N = 0.01, 1e-3
     program, _ = emitted(dt, N)

@@ -45,7 +45,7 @@ def test_a_line_is_found_and_removed(frequency: float) -> None:
 
 
 def test_without_a_line_none_is_found() -> None:
-    assert [len(found(white(seed)).lines) for seed in range(10)] == [0] * 10
+    assert [len(found(white(seed)).lines) for seed in range(5)] == [0] * 5
 
 
 def test_outliers_are_left_out_and_said() -> None:

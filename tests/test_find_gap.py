@@ -149,6 +149,7 @@ def test_a_plant_is_compared_by_its_model() -> None:
         find_gap([log, log], plant())
 
 
+@pytest.mark.long
 def test_recordings_in_memory_are_compared_together() -> None:
     logs = [log_of(0.2, seed) for seed in (1, 2)]
     logs = [dataclasses.replace(log, source=f"record {k}") for k, log in enumerate(logs)]

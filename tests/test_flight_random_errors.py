@@ -108,6 +108,7 @@ def test_nothing_random_is_found_in_a_clean_flight() -> None:
     assert all(f.evidence < 5.0 for f in scene.likely_random_errors(fit.point))
 
 
+@pytest.mark.long
 def test_a_random_walk_is_named() -> None:
     found = kf.find_gap(log_of(("rate_random_walk", "gyro_z", {"K": 3e-3}), duration=40.0), model())
     top = found.findings[0]

@@ -88,14 +88,14 @@ def names(gap: ChannelGap) -> list[str]:
 
 def test_no_gap_where_there_is_none() -> None:
     verdicts = []
-    for seed in range(20):
+    for seed in range(10):
         rng = np.random.default_rng([seed, 100])
         slow = seed % 2
         y = white(rng) + (wander(rng, *SLOW) if slow else 0.0)
         gap = gap_of(y, model_slow() if slow else model_white(), thermometer(rng))
         verdicts.append((gap.verdict, names(gap)))
     wrong = [v for v in verdicts if v[0] != "no_gap"]
-    assert len(wrong) <= 2, wrong
+    assert len(wrong) <= 1, wrong
     assert all(not found for verdict, found in verdicts if verdict == "no_gap")
 
 

@@ -29,6 +29,7 @@ def recording_at(path: Path, seed: int, *, temperature: float, step: float) -> P
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("coefficient", "least", "most"),
     [(0.002, 0.95, 1.0), pytest.param(-0.002, -1.0, 0.2, marks=pytest.mark.long)],

@@ -93,6 +93,7 @@ def test_g_sensitivity_beside_a_shaken_accelerometer(seed: int) -> None:
         assert abs(0.5 * (lo + hi) - g) < 4.5 / 1.96 * 0.5 * (hi - lo)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.long) for k in range(2, 6))])
 def test_a_hard_iron_along_one_axis_is_no_warm_up(seed: int) -> None:
     """A constant on one axis is a settling that takes longer than the log, which is none."""

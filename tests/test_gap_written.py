@@ -99,6 +99,7 @@ def test_a_number_within_its_deviation_is_no_gap(asked: Asked) -> None:
     assert answer["unknowns"]["k"]["value"] == pytest.approx(150.8, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_state_that_starts_elsewhere(asked: Asked, tmp_path: Path) -> None:
     """Fifty millimetres from where it is assumed to start within two."""
     answer = asked(150.0, x0=0.05)
@@ -115,6 +116,7 @@ def test_a_state_that_starts_within_its_deviation_is_no_gap(asked: Asked) -> Non
     assert (answer["verdict"], answer["steps"]) == ("no_gap", [])
 
 
+@pytest.mark.long
 def test_an_effect_is_not_laid_to_where_the_motion_starts(asked: Asked) -> None:
     """Twice the damping: without it even the start does not fit, and with it there is nothing wrong with that."""
     answer = asked(150.0, more=1.5)

@@ -59,6 +59,7 @@ def test_derive_prints_a_model_of_the_earth(kfgen: Kfgen, form: str) -> None:
     assert "H barometer" in done.output
 
 
+@pytest.mark.long
 def test_an_emitted_filter_keeps_its_options(kfgen: Kfgen, tmp_path: Path) -> None:
     words = (
         "--set",

@@ -39,7 +39,9 @@ effects = [ { effect = "white_noise", N = "0.0005 rad/sqrt(Hz)" } ]
 NOISE = 0.005
 
 
-@pytest.mark.parametrize("width", [0.01, pytest.param(0.005, marks=pytest.mark.long), 0.0])
+@pytest.mark.parametrize(
+    "width", [pytest.param(0.01, marks=pytest.mark.long), pytest.param(0.005, marks=pytest.mark.long), 0.0]
+)
 def test_a_backlash_that_is_small_against_the_travel(width: float, kfgen: Cli, tmp_path: Path) -> None:
     Phi = expm(0.01 * np.array([[0.0, 1.0, 0.0], [0.0, -5.0, 30.0], [0.0, 0.0, 0.0]]))
     rng, x, rows, stands = np.random.default_rng(22), np.zeros(2), [], 0.0

@@ -77,6 +77,7 @@ def test_what_makes_a_plant_quicker_or_slower_is_no_time_advance(a: float, drag:
     assert not plant_scene(parse_model(MOTOR, "motor.toml"), recorded(0, a, drag)[0]).spoilt
 
 
+@pytest.mark.long
 def test_the_command_says_so(kfgen: Cli, tmp_path: Path) -> None:
     log, _ = recorded(30)
     path, model, out = tmp_path / "log.csv", tmp_path / "model.toml", tmp_path / "out.json"

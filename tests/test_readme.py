@@ -146,6 +146,8 @@ LONG_EXAMPLES = tuple(
     f"{n}.py"
     for n in (
         "gallery",
+        "own_effect",
+        "drone_magnetometer",
         "emitted_on_recordings",
         "hemerly_2017",
         "ahrs_on_recording",

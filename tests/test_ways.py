@@ -97,6 +97,7 @@ def waits(q_interval: float) -> Program:
     return Program(DiscreteModel(walking()), "ud", q_interval=q_interval)
 
 
+@pytest.mark.long
 def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
     """The call in which it comes in is run and counted: it is the dearest, and of few."""
     program = waits(0.2)

@@ -1,7 +1,7 @@
 """The blind benchmark of ``kfgen gap``: does it name what is hidden?
 
-Usage: python benchmarks/gap [--world static,real,motion,plant] [--count K] [--strength 100,30,10] [--only NAMES]
-       [--nulls N] [--fresh | --seed S] [--jobs 2] [--keep DIR] [--json FILE]
+Usage: python benchmarks/gap [--world static,real,motion,plant,recorded] [--count K] [--strength 100,30,10] [--only NAMES]
+       [--nulls N] [--fresh | --seed S] [--jobs 2] [--keep DIR] [--json FILE] [--docs]
 
 Records are made by numpy and scipy alone; the command line of kfgen sees a log and a model file; the
 truth lies elsewhere and is read afterwards.
@@ -22,12 +22,17 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
 from case import Request
+from docs_table import write_table
+from recorded_table import recorded_table
 from score import Score
 from tables import report
 from trial import run, world
 
-WORLDS = ("static", "real", "motion", "plant")
+WORLDS = ("static", "real", "motion", "plant", "recorded")
 SEED = 20260101
 
 
@@ -63,6 +68,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="folder of logs, truths and answers")
     parser.add_argument("--json", type=Path, help="every score")
+    parser.add_argument(
+        "--docs", action="store_true", help="write the table of recordings into the documentation"
+    )
     return parser.parse_args()
 
 
@@ -78,6 +86,7 @@ def main() -> None:
     only = {n for n in wanted.only.split(",") if n}
     nulls = 5 * wanted.count if wanted.nulls is None else wanted.nulls
     everything: list[Score] = []
+    load = os.getloadavg()[0]
     for name in wanted.world.split(","):
         if name not in WORLDS:
             sys.exit(f"no world '{name}': there are {', '.join(WORLDS)}")
@@ -94,6 +103,8 @@ def main() -> None:
         print(f"\n{name}: {len(scores)} cases, seed {seed}, {time.perf_counter() - start:.0f} s\n")
         print(report(scores), flush=True)
         everything += scores
+        if wanted.docs and name == "recorded":
+            write_table("benchmarks.md", "recorded", recorded_table(scores, seed, load))
     if wanted.json:
         record = {"seed": seed, "count": wanted.count, "scores": [s.plain for s in everything]}
         wanted.json.write_text(json.dumps(record, indent=1), encoding="utf-8")

@@ -95,7 +95,7 @@ def _pieces() -> list[Piece]:
     return [p for p in out if (DATA / f"{p.file}.npz").is_file()]
 
 
-def _adc_step(y: Array) -> float:
+def adc_step(y: Array) -> float:
     """The step of the values that occur."""
     steps = np.diff(np.unique(y))
     return float(steps[steps > 1e-6 * np.ptp(y)].min())
@@ -137,7 +137,7 @@ def _base(index: int) -> Base | None:
     offset = float(np.median(y))
     return Base(
         name, p.channel, p.unit, p.rate, y.size, white, offset=offset,
-        samples=y - offset, step=_adc_step(y), text=text,
+        samples=y - offset, step=adc_step(y), text=text,
     )  # fmt: skip
 
 
@@ -153,9 +153,11 @@ def _assumed(p: Piece, y: Array) -> str:
         table = np.column_stack([np.arange(y.size) / p.rate, y])
         np.savetxt(log, table, fmt=["%.9f", "%.10g"], delimiter=",", header=head, comments="")
         CliRunner().invoke(app, ["identify", str(log), "-o", str(model)], catch_exceptions=False)
-        for _ in range(ROUNDS):
-            words = ["gap", str(log), "--model", str(model), "--json", str(answer), "-o", str(model)]
+        for k in range(ROUNDS):
+            updated = Path(folder) / f"updated{k}.toml"
+            words = ["gap", str(log), "--model", str(model), "--json", str(answer), "-o", str(updated)]
             CliRunner().invoke(app, words, catch_exceptions=False)
+            model = updated if updated.is_file() else model
             if json.loads(answer.read_text(encoding="utf-8"))["verdict"] == "no_gap":
                 return model.read_text(encoding="utf-8")
     return ""

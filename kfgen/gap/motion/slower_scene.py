@@ -20,7 +20,7 @@ from kfgen.gap.motion.truth import Truth
 Array = NDArray[np.float64]
 Name = TypeVar("Name", bound=str)
 
-MAX_SAMPLES = 16_000
+MAX_SAMPLES = 8_000
 """Up to which a log is compared at its own rate."""
 MIN_RATE_HZ = 60.0
 """Motion of hands, vehicles and machines ends below half of it."""
