@@ -142,6 +142,8 @@ def test_the_gyro_that_is_calm_is_not_held_to_fade() -> None:
         ("1/(U)", "", ""),
         ("U*s", "rad/s", "rad"),
         ("U", "m/s^2", "m/s^2"),
+        ("U", "g/16384", "g/16384"),
+        ("U*s", "g/16384", "(g/16384)*s"),
     ],
 )
 def test_units_that_follow_from_a_channels(template: str, unit: str, derived: str) -> None:

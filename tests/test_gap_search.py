@@ -16,6 +16,7 @@ from kfgen.gap.core.search import (
     NO_EFFECT,
     Chosen,
     Contest,
+    Distinguishability,
     Label,
     Refused,
     grown,
@@ -27,7 +28,7 @@ from kfgen.gap.core.search import (
     searched,
     settled,
 )
-from kfgen.gap.core.thresholds import SearchLimits
+from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, SearchLimits
 from kfgen.gap.rest import explanation
 from kfgen.gap.scene import explanation as scene_explanation
 
@@ -283,3 +284,55 @@ def test_what_reaches_the_least_evidence_may_be_refused() -> None:
     left, ranked = proven(table, table.ranked(), gain + 1e-9)
     assert left.refused == ()
     assert len(ranked) == 1
+
+
+# Every decision at its edge.
+
+
+def test_how_much_longer_a_record_would_have_to_be() -> None:
+    """The evidence that is asked for over what is expected, never below one; nobody knows where it was not computed."""
+    half = Distinguishability("bias", "", 0.9, 0.5 * MIN_EVIDENCE_NATS)
+    assert half.record_factor == pytest.approx(2.0)
+    assert replace(half, nats=4.0 * MIN_EVIDENCE_NATS).record_factor == 1.0
+    assert replace(half, nats=0.0).record_factor == pytest.approx(MIN_EVIDENCE_NATS / 1e-9)
+    assert replace(half, nats=None).record_factor is None
+
+
+def test_of_two_searches_that_are_worth_the_same_the_free_one_stays() -> None:
+    """With the shapes first 35 nats and no more; freely 35 by what absorbs."""
+    table = Table({"slow": "12", "x": "1", "y": "2"}, {"1": 20.0, "2": 15.0}, absorbers=frozenset({"slow"}))
+    assert names(searched(table, LIMITS)) == ["slow"]
+
+
+def test_two_effects_are_enough_for_a_second_look() -> None:
+    """The first of two that the second makes superfluous is removed; one alone is never looked at again."""
+    table = Table({"a": "1", "b": "12"}, {"1": 20.0, "2": 10.0})
+    assert names(settled(table.having("a", "b"), LIMITS)) == ["b"]
+    asked: list[int] = []
+
+    class Watched(Table):
+        def doubts(self) -> list[bool]:
+            asked.append(len(self.chosen))
+            return super().doubts()
+
+    alone = Watched({"a": "1"}, {"1": 20.0})
+    settled(alone.having("a"), LIMITS)
+    assert asked == []
+    settled(Watched({"a": "1", "b": "2"}, {"1": 20.0, "2": 10.0}).having("a", "b"), LIMITS)
+    assert asked == [2]  # nothing changed: once
+
+
+def test_evidence_that_is_just_enough_keeps_an_effect() -> None:
+    table = Table({"a": "1", "b": "2"}, {"1": 20.0, "2": LIMITS.min_evidence_nats})
+    assert names(reconsidered(table.having("a", "b"), LIMITS)) == ["a", "b"]
+    less = replace(table, worth={"1": 20.0, "2": LIMITS.min_evidence_nats - 1e-9})
+    assert names(reconsidered(less.having("a", "b"), LIMITS)) == ["a"]
+
+
+def test_a_whole_tie_goes_to_the_better_name() -> None:
+    table = Table({"a": "1", "b": "1"}, {"1": 40.0}, bonus={"b": LIMITS.tie_nats})
+    assert names(reconsidered(table.having("a"), LIMITS)) == ["b"]
+
+
+def test_a_first_effect_with_just_enough_evidence_is_added() -> None:
+    assert names(grown(Table({"a": "1"}, {"1": LIMITS.min_first_evidence_nats}), LIMITS)) == ["a"]

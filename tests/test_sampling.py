@@ -329,6 +329,18 @@ def test_logs_of_different_rates_are_refused_together() -> None:
     assert "separately" in str(caught.value.remedy)
 
 
+def test_one_log_whose_time_stamps_drift_is_no_several_logs() -> None:
+    """A period that grows by 4 % along one log: 0.67 and 3.33 % in the middles of its first and last thirds."""
+    n = 1500
+    t = np.cumsum(DT * (1.0 + 0.04 * np.linspace(0.0, 1.0, n)))
+    whole = Record(t, noise(3, n))
+    with pytest.raises(
+        InputError, match=r"drifts along the log, from part to part 96\.77 to 99\.34 Hz"
+    ) as caught:
+        JointRecord((whole.cut(0, n // 3), whole.cut(2 * n // 3, n)))
+    assert "--rate HZ" in str(caught.value.remedy)
+
+
 def test_logs_of_different_lengths_are_fitted_together() -> None:
     records = tuple(Record(T[:n], noise(50 + n, n)) for n in (700, 2400, 6000))
     found = identify(JointRecord(records), ["white_noise"])

@@ -92,3 +92,10 @@ def test_a_series_tells_its_white_part_from_its_slow_one() -> None:
     parts = [e.sampled_density(omega, DT) for e in fitted]
     np.testing.assert_allclose(series.slow[1:], parts[1] / (parts[0] + parts[1]), rtol=1e-3, atol=1e-6)
     np.testing.assert_allclose(series.in_time(series.X), series.z, atol=1e-12)
+
+
+def test_a_constant_is_weighed_by_the_lowest_density() -> None:
+    """Of slow noise every frequency has another; that of the constant is the lowest one's."""
+    weight = Whitener.of(SLOW, 64, DT, constant=True).weight
+    assert weight[0] == pytest.approx(weight[1])
+    assert weight[2] != pytest.approx(weight[1])

@@ -260,6 +260,46 @@ def test_functions_say_what_they_take_and_give(path: Path) -> None:
     assert silent == []
 
 
+MAX_WORDS_OUT_OF_PLACE = 12
+"""Words of a text that a module of mathematics may have beside its errors and its docstrings."""
+SAYING = sorted(
+    p for f in ("evidence", "screening", "fit") for p in (ROOT / "kfgen/identify" / f).glob("*.py")
+)
+
+
+def sentences(path: Path) -> list[str]:
+    """Long texts of a module that are neither raised nor docstrings."""
+    tree, elsewhere, out = ast.parse(path.read_text(encoding="utf-8")), set[int](), []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) or (
+            isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        ):
+            elsewhere |= {id(n) for n in ast.walk(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            elsewhere |= {id(n) for n in node.values}
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        said = "".join(str(p.value) if isinstance(p, ast.Constant) else "#" for p in parts)
+        if isinstance(node, ast.JoinedStr | ast.Constant) and id(node) not in elsewhere:
+            out += [said] if len(said.split()) > MAX_WORDS_OUT_OF_PLACE else []
+    return out
+
+
+@pytest.mark.parametrize("path", SAYING, ids=lambda p: p.stem)
+def test_sentences_on_a_record_stand_in_one_place(path: Path) -> None:
+    """In `kfgen.identify.words`, not between formulas."""
+    assert sentences(path) == []
+
+
+def test_a_sentence_out_of_place_is_found(tmp_path: Path) -> None:
+    text = " ".join(["word"] * (MAX_WORDS_OUT_OF_PLACE + 1))
+    module = tmp_path / "m.py"
+    module.write_text(
+        f'"""{text}"""\nx = f"{text} {{1}}"\ny = "short"\n\ndef f():\n    raise ValueError("{text}")\n'
+    )
+    assert sentences(module) == [f"{text} #"]
+
+
 VAGUE = frozenset(
     [
         "BEHIND",

@@ -35,12 +35,12 @@ def recorded_table(scores: Sequence[Score], seed: int, load: float) -> str:
     lines += [
         "",
         f"Planted: {sum(s.right_first for s in planted)} of {len(planted)} said first, "
-        f"{sum(bool(set(s.truths) & set(s.named)) for s in planted)} among the names, {sum(held)} of {len(held)} numbers "
-        f"in their 95 % interval. Nothing planted: {len(plain) - len(named)} of {len(plain)} without a name, {many} names in "
+        f"{sum(bool(set(s.truths) & set(s.named)) for s in planted)} among the names, {sum(held)} of {len(held)} numbers",
+        f"in their 95 % interval. Nothing planted: {len(plain) - len(named)} of {len(plain)} without a name, {many} names in",
         f"the others, {sum(s.probability > 0.9 for s in named)} of them above 90 %. No answer: "
         f"{sum(bool(s.error) for s in scores)}.",
         "",
-        f"{measured_at(load)}, `python benchmarks/gap --world recorded --seed {seed} --docs`.",
+        f"{measured_at(load)},\n`python benchmarks/gap --world recorded --seed {seed} --docs`.",
     ]
     return "\n".join(lines)
 

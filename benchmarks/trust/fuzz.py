@@ -1,20 +1,23 @@
 """Hostile inputs by the million: parsers, readers and whole commands, in processes of their own.
 
-Usage: python benchmarks/trust/fuzz.py [--share 1.0] [--minutes 60] [--first SEED] [--docs]
+Usage: python benchmarks/trust/fuzz.py [--share 1.0] [--minutes 60] [--first SEED] [--only KINDS] [--with OUTPUT] [--docs]
 
 The inputs are those of ``tests/hostile.py``, the rules those of ``tests/hostile_trials.py``. Chunks run in processes, so
 that an input that kills the interpreter is counted and the next goes on. ``--docs`` writes the table into the page.
+``--with`` adds what earlier runs printed, so that kinds can be shown at different times.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import resource
 import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -126,6 +129,34 @@ def chunk(kind: str, seed: int, count: int, tally: Tally) -> None:
     process.join()
 
 
+COUNTED = re.compile(r"(\w+) +(\d+) +([\d.]+) s +(\d+) MB")
+WRONG = re.compile(r"    (\d+) x (.*)")
+
+
+def printed(output: Path) -> dict[str, Tally]:
+    """What an earlier run printed of each kind that it showed."""
+    found, last = dict[str, Tally](), Tally()
+    for line in output.read_text(encoding="utf-8").splitlines():
+        if counted := COUNTED.fullmatch(line):
+            kind, inputs, seconds, peak = counted.groups()
+            last = found[kind] = Tally(int(inputs), float(seconds), float(peak))
+        elif wrong := WRONG.fullmatch(line):
+            last.wrong[wrong.group(2)] += int(wrong.group(1))
+    return {kind: tally for kind, tally in found.items() if tally.inputs}
+
+
+def with_earlier(tallies: dict[str, Tally], outputs: Sequence[Path]) -> dict[str, Tally]:
+    """The tallies of this run and of earlier ones, in the order of the table; added where both have a kind."""
+    out = {kind: Tally() for kind in COUNTS}
+    for each in (tallies, *(printed(output) for output in outputs)):
+        for kind, tally in each.items():
+            known = out[kind]
+            known.inputs, known.seconds = known.inputs + tally.inputs, known.seconds + tally.seconds
+            known.peak_mb = max(known.peak_mb, tally.peak_mb)
+            known.wrong.update(tally.wrong)
+    return {kind: tally for kind, tally in out.items() if tally.inputs}
+
+
 def table(tallies: dict[str, Tally]) -> str:
     """Markdown of what was seen."""
     rows = ["| input | shown | tracebacks, hangs, numbers that are none | peak memory |", "|---|---|---|---|"]
@@ -148,11 +179,16 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--only", default="", help="kinds, separated by commas")
+    parser.add_argument(
+        "--with", dest="earlier", action="append", default=[], type=Path, help="earlier output"
+    )
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     until, tallies = time.monotonic() + 60.0 * given.minutes, {}
     for kind, count in COUNTS.items():
         if given.only and kind not in given.only.split(","):
+            continue
+        if not given.share:
             continue
         tally = tallies[kind] = Tally()
         left, seed = round(given.share * count), given.first
@@ -162,6 +198,7 @@ def main() -> int:
         print(f"{kind:12s} {tally.inputs:8d} {tally.seconds:7.1f} s {tally.peak_mb:6.0f} MB", flush=True)
         for said, times in tally.wrong.most_common(10):
             print(f"    {times} x {said}", flush=True)
+    tallies = with_earlier(tallies, given.earlier)
     print(table(tallies))
     if given.docs:
         write_table("trust.md", "fuzz", table(tallies))

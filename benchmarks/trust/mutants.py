@@ -1,11 +1,13 @@
 """Do the fast tests notice when a core module computes something else? Small changes of its code, one at a time.
 
-Usage: python benchmarks/trust/mutants.py [--count 300] [--minutes 30] [--seed 0] [--only PART] [--docs]
+Usage: python benchmarks/trust/mutants.py [--count 300] [--minutes 60] [--seed 0] [--only PART] [--record F] [--docs]
 
 A change swaps a comparison, an operator, a number, `and` with `or`, `min` with `max`, or takes the opposite of a condition. What
 only makes messages, annotations or names is left alone. The tests of the module run in a forked process with the changed
 source; that a test fails, or that they take too long, means that the change was noticed. Survivors are printed with
-their line. ``--docs`` writes the table into the page.
+their line, and with the reason where `same_answer.py` has one why no answer changes. ``--record`` keeps what was tried
+in a file; ``--again`` tries the survivors of that file once more, with the tests of now, and prints its table;
+``--docs`` writes it into the page.
 """
 
 from __future__ import annotations
@@ -16,14 +18,14 @@ import contextlib
 import importlib.abc
 import importlib.util
 import io
+import json
 import os
 import random
 import signal
 import sys
 import time
-from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
 from types import ModuleType
@@ -32,36 +34,42 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
 
 from docs_table import write_table  # noqa: E402
+from same_answer import reason  # noqa: E402
 
 LIMIT_S = 60
 """Seconds of the processor after which a change counts as noticed: it never ends."""
+HAND = "tests/formulas/test_{}_by_hand.py"
+EVIDENCE, PROCESSES, FIT, STEPS, CODE, ADAPTIVE = (
+    HAND.format(n) for n in ("evidence", "processes", "scene_fit", "steps", "code", "adaptive")
+)
+CORE = "tests/test_core_formulas.py"
 PARTS: dict[str, tuple[tuple[str, str, str], ...]] = {
-    "core": (("kfgen/core/linear.py", "tests/test_linear.py tests/test_core_formulas.py", ""), ("kfgen/core/units.py", "tests/test_units.py tests/test_core_formulas.py", "")),
+    "core": (("kfgen/core/linear.py", f"{EVIDENCE} {CORE} tests/test_linear.py", ""), ("kfgen/core/units.py", f"{CORE} tests/test_units.py", "")),
     "effects": (
-        ("kfgen/effects/linear_system.py", "tests/test_effects.py tests/test_core_formulas.py", ""),
-        ("kfgen/effects/process/stochastic.py", "tests/test_effects.py tests/test_core_formulas.py", ""),
+        ("kfgen/effects/linear_system.py", f"{PROCESSES} {CORE} tests/test_effects.py", ""),
+        ("kfgen/effects/process/stochastic.py", f"{PROCESSES} {CORE} tests/test_effects.py", ""),
     ),
     "identify": (
-        ("kfgen/identify/evidence/whittle.py", "tests/test_identify.py tests/test_core_formulas.py", "sine_transform or ordinates_are or bound_is or information or looked_at or constant_offset or bins or band or stand_alone"),
-        ("kfgen/identify/evidence/shapes.py", "tests/test_identify.py tests/test_core_formulas.py", "bound_is or information or constant_offset or shape"),
-        ("kfgen/identify/evidence/allan.py", "tests/test_core_formulas.py tests/test_allan.py", ""),
-        ("kfgen/identify/evidence/kalman.py", "tests/test_kalman.py", ""),
+        ("kfgen/identify/evidence/whittle.py", f"{EVIDENCE} {CORE} tests/test_identify.py", "by_hand or sine_transform or ordinates_are or bound_is or information or looked_at or constant_offset or bins or band or stand_alone"),
+        ("kfgen/identify/evidence/shapes.py", f"{EVIDENCE} {CORE} tests/test_identify.py", "by_hand or bound_is or information or constant_offset or shape"),
+        ("kfgen/identify/evidence/allan.py", f"{EVIDENCE} {CORE} tests/test_allan.py", ""),
+        ("kfgen/identify/evidence/kalman.py", f"{EVIDENCE} tests/test_kalman.py", ""),
     ),
     "gap/core": (
-        ("kfgen/gap/scene/newton.py", "tests/test_gap_engine.py tests/test_gap_search.py", ""),
+        ("kfgen/gap/scene/newton.py", f"{FIT} tests/test_gap_engine.py tests/test_gap_search.py", ""),
         ("kfgen/gap/core/search.py", "tests/test_gap_search.py", ""),
-        ("kfgen/gap/scene/screen.py", "tests/test_gap_engine.py", ""),
-        ("kfgen/gap/core/whitener.py", "tests/test_gap_engine.py tests/test_whitened.py", ""),
+        ("kfgen/gap/scene/screen.py", f"{FIT} tests/test_gap_engine.py", ""),
+        ("kfgen/gap/core/whitener.py", "tests/test_whitened.py tests/test_gap_engine.py", ""),
     ),
-    "discretise": (("kfgen/model/discretise.py", "tests/test_discretise.py tests/test_core_formulas.py", ""),),
+    "discretise": (("kfgen/model/discretise.py", f"{STEPS} {CORE} tests/test_discretise.py", ""),),
     "emit": (
-        ("kfgen/emit/update.py", "tests/test_core_formulas.py tests/test_emit.py", "gated_by_its_length or batch_kalman and (gyro-static or ahrs6-1) or far_row or gated_sample_is_said and gyro-static or own_variance or at_its_constant"),
-        ("kfgen/emit/covariance/packed.py", "tests/test_core_formulas.py tests/test_budgets.py tests/test_emit.py", "rows_are or than_three_rows or one_loop or covariance_prediction or (batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
-        ("kfgen/emit/ir/lower.py", "tests/test_emit.py", "dense_formula and p-False and (gyro-static or ahrs6-1)"),
+        ("kfgen/emit/update.py", f"{CODE} {CORE} tests/test_emit.py", "by_hand or gated_by_its_length or batch_kalman and (gyro-static or ahrs6-1) or far_row or gated_sample_is_said and gyro-static or own_variance or at_its_constant"),
+        ("kfgen/emit/covariance/packed.py", f"{CODE} {CORE} tests/test_budgets.py tests/test_emit.py", "by_hand or rows_are or than_three_rows or one_loop or covariance_prediction or (batch_kalman or dense_formula) and p- and (gyro-static or ahrs6-1)"),
+        ("kfgen/emit/ir/lower.py", f"{CODE} tests/test_emit.py", "by_hand or dense_formula and p-False and (gyro-static or ahrs6-1)"),
     ),
     "run": (
-        ("kfgen/run/adaptive/rules.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or nis_returns or q_follows or knows_is_best or calm or by_chance or sage_husa"),
-        ("kfgen/run/adaptive/loop.py", "tests/test_adaptive.py tests/test_core_formulas.py", "bounds or filterpys or nis_returns or q_follows"),
+        ("kfgen/run/adaptive/rules.py", f"{ADAPTIVE} {CORE} tests/test_adaptive.py", "by_hand or bounds or nis_returns or q_follows or knows_is_best or calm or by_chance or sage_husa"),
+        ("kfgen/run/adaptive/loop.py", f"{ADAPTIVE} {CORE} tests/test_adaptive.py", "by_hand or bounds or filterpys or nis_returns or q_follows"),
     ),
 }  # fmt: skip
 """Modules with the tests that are theirs, and which of them."""
@@ -259,10 +267,28 @@ def rounds(
                 yield part, *left.pop()
 
 
-def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: float) -> dict[str, list[int]]:
-    """How many changes were tried in each part and how many noticed; survivors are printed."""
-    seen: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-    until, running = time.monotonic() + 60.0 * minutes, {}
+@dataclass(frozen=True)
+class Trial:
+    """A change that was tried."""
+
+    part: str
+    path: str
+    line: int
+    words: str
+    is_noticed: bool
+
+    @property
+    def reason(self) -> str:
+        """Why nobody can notice it; empty where it was noticed, or could be."""
+        if self.is_noticed:
+            return ""
+        source = (ROOT / self.path).read_text(encoding="utf-8").splitlines()
+        return reason(self.path, source[self.line - 1], self.words)
+
+
+def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: float) -> list[Trial]:
+    """What was tried; survivors are printed."""
+    until, running, seen = time.monotonic() + 60.0 * minutes, {}, []
     while True:
         while len(running) < jobs and time.monotonic() < until and (one := next(order, None)):
             running[started(*one[1:])] = one
@@ -270,34 +296,56 @@ def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: flo
             return seen
         child, status = os.wait()
         part, mutant, _, _ = running.pop(child)
-        seen[part][0] += 1
-        seen[part][1] += status != 0
+        seen.append(Trial(part, mutant.path, mutant.line, mutant.words, status != 0))
         if status == 0:
-            print(f"survives: {mutant.path}:{mutant.line}: {mutant.words}", flush=True)
+            why = seen[-1].reason
+            print(f"survives: {mutant.path}:{mutant.line}: {mutant.words}{why and f' ({why})'}", flush=True)
 
 
-def table(seen: dict[str, list[int]], of: dict[str, int]) -> str:
-    """Markdown: by part how many were tried, and how many noticed."""
-    rows = ["| part | changes possible | tried | noticed by the fast tests |", "|---|---|---|---|"]
-    for part, (tried, killed) in seen.items():
-        rows.append(f"| {part} | {of[part]} | {tried} | {100 * killed / max(tried, 1):.0f} % |")
-    tried, killed = (sum(v[k] for v in seen.values()) for k in (0, 1))
-    return "\n".join(
-        [*rows, f"| all | {sum(of.values())} | {tried} | {100 * killed / max(tried, 1):.0f} % |"]
-    )
+def again(trial: Trial) -> Trial:
+    """A survivor without a reason, tried with the tests of now: noticed if each such change of its line is."""
+    if trial.is_noticed or trial.reason:
+        return trial
+    ((_, tests, which),) = (m for m in PARTS[trial.part] if m[0] == trial.path)
+    same = [m for m in mutants_of(trial.path) if (m.line, m.words) == (trial.line, trial.words)]
+    noticed = all(os.waitpid(started(m, tests, which), 0)[1] for m in same)
+    if not noticed:
+        print(f"survives: {trial.path}:{trial.line}: {trial.words}", flush=True)
+    return replace(trial, is_noticed=noticed)
+
+
+def table(trials: list[Trial], of: dict[str, int]) -> str:
+    """Markdown: by part how many were tried, noticed, and have a reason why they cannot be."""
+    rows = [
+        "| part | changes possible | tried | noticed by the fast tests | change no answer | neither |",
+        "|---|---|---|---|---|---|",
+    ]
+    for part in [*dict.fromkeys(t.part for t in trials), "all"]:
+        own = [t for t in trials if part in (t.part, "all")]
+        noticed, same = sum(t.is_noticed for t in own), sum(bool(t.reason) for t in own)
+        possible = sum(of.values()) if part == "all" else of[part]
+        share = f"{100 * noticed / max(len(own), 1):.0f} %"
+        rows.append(
+            f"| {part} | {possible} | {len(own)} | {noticed} ({share}) | {same} | {len(own) - noticed - same} |"
+        )
+    return "\n".join(rows)
 
 
 def main() -> int:
     """Try changes until there are enough, or the time is over."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="one part")
+    parser.add_argument("--record", type=Path, help="file that keeps what was tried")
+    parser.add_argument("--again", action="store_true", help="try the survivors of the record once more")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     os.chdir(ROOT)
+    parts = {p: m for p, m in PARTS.items() if not given.only or p == given.only}
+    of = {p: sum(len(mutants_of(path)) for path, _, _ in m) for p, m in parts.items()}
     for heavy in (
         "numpy",
         "scipy.stats",
@@ -310,17 +358,25 @@ def main() -> int:
         "typer.testing",
     ):
         importlib.import_module(heavy)
-    parts = {p: m for p, m in PARTS.items() if not given.only or p == given.only}
+    if given.again:
+        seen = [again(Trial(**t)) for t in json.loads(given.record.read_text(encoding="utf-8"))]
+        return shown(table(seen, of), given.docs)
     for modules in parts.values():
         for path, tests, which in modules:
             if os.waitpid(started(None, tests, which), 0)[1]:
                 print(f"the tests of {path} fail without a change: {tests} -k '{which}'", flush=True)
                 return 2
     seen = tried(islice(rounds(parts, given.seed), given.count), given.jobs, given.minutes)
-    of = {p: sum(len(mutants_of(path)) for path, _, _ in m) for p, m in parts.items()}
-    print(table(seen, of))
-    if given.docs:
-        write_table("trust.md", "mutants", table(seen, of))
+    if given.record:
+        given.record.write_text(json.dumps([asdict(t) for t in seen], indent=1), encoding="utf-8")
+    return shown(table(seen, of), given.docs)
+
+
+def shown(text: str, is_for_docs: bool) -> int:
+    """Print a table, and write it into the page where that is wanted."""
+    print(text)
+    if is_for_docs:
+        write_table("trust.md", "mutants", text)
     return 0
 
 

@@ -63,11 +63,11 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     """Print an answer, write what was asked for, and exit with 1 when a check failed."""
     from kfgen.core.files.whole_file import publish, write_text
-    from kfgen.core.terminal import json_text, printable
+    from kfgen.core.terminal import json_text
     from kfgen.report.page import write_page
 
     for warning in answer.warnings:
-        warn(printable(warning))
+        warn(warning)
     data = json_text(answer.data)
     if report is not None:
         write_page(answer.page, report)
@@ -75,6 +75,6 @@ def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
         write_text(json_to, data + "\n")
     publish()
     end_elapsed_time()
-    print(data if json_to == "-" else printable(answer.text))
+    print(data if json_to == "-" else answer.shown())
     if not answer.ok:
         raise typer.Exit(1)

@@ -15,6 +15,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TextIO, TypeVar
 
+from kfgen.core.terminal import painted, printable
+
 Item = TypeVar("Item")
 
 SHOWN_AFTER_S = 2.0
@@ -166,4 +168,4 @@ def warn(words: str) -> None:
     """A warning on standard error, unless nothing is to be said."""
     if not _QUIET.get():
         end_elapsed_time()
-        sys.stderr.write(f"warning: {words}\n")
+        sys.stderr.write(f"{painted('warning:', 'attention', sys.stderr)} {printable(words)}\n")

@@ -13,13 +13,36 @@ import traceback
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from kfgen.core.errors import InputError, KfgenError
 from kfgen.core.files.destination import reason_of
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 _TEMPORARY = re.compile(r"\.([^/]+)\.[a-z0-9_]{8}\.kfgen(-old)?")
+
+
+COLOURS = {"good": "1;32", "attention": "1;33", "error": "1;31"}
+"""What is painted on a terminal, by its sense: green, yellow, red."""
+
+
+def painted(words: str, sense: str, stream: TextIO) -> str:
+    """Words in a colour, where the stream is a terminal that a person looks at; as they are in a file or a pipe.
+
+    Parameters
+    ----------
+    words : str
+    sense : str
+        Of `COLOURS`.
+    stream : file
+        To which they will be written. ``NO_COLOR`` and a terminal that calls itself dumb have no colours.
+
+    Returns
+    -------
+    str
+    """
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty()
+    return words if plain else f"\x1b[{COLOURS[sense]}m{words}\x1b[0m"
 
 
 def printable(text: str) -> str:
@@ -66,10 +89,17 @@ def _end(number: int, _: FrameType | None) -> NoReturn:
 
 
 def ending_of(error: BaseException) -> tuple[int, str]:
-    """The exit status of a command that met an error, and its one message; empty where the user asked for the end.
+    """The exit status of a command that met an error, and its one message for standard error; empty where the user
+    asked for the end.
 
     A defect is said as such, with its place; ``KFGEN_TRACEBACK=1`` shows all of it.
     """
+    status, message = _ending_of(error)
+    name, colon, said = message.partition(": ")
+    return status, painted(name + colon.strip(), "error", sys.stderr) + colon[1:] + said if colon else message
+
+
+def _ending_of(error: BaseException) -> tuple[int, str]:
     if isinstance(error, KfgenError):
         return error.exit_status, printable(f"kfgen: {error}")
     if isinstance(error, BrokenPipeError | KeyboardInterrupt):

@@ -37,7 +37,8 @@ from kfgen.gap.scene.scene import Placed
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.updated_noise import rescaled, with_findings
 from kfgen.gap.words import refused_sentence
-from kfgen.identify.screening.motion import COUNTS_AS_NOISE, motion_in
+from kfgen.identify.screening.motion import motion_in
+from kfgen.identify.words import COUNTS_AS_NOISE
 from kfgen.log.log import Log
 from kfgen.log.readers import read_log
 from kfgen.model.build import build, filter_file

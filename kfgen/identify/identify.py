@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
+from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.long import Long, Stream, condense
@@ -165,14 +166,11 @@ def _(record: Record) -> tuple[Evidence, list[str]]:
     warnings += amplitude_faults(record.y)
     change = noise_change(record.y)
     if change is not None:
-        warnings.append(
-            f"the noise is not the same all along: its standard deviation between stretches goes by a factor of "
-            f"{change[1] / change[0]:.3g}; N is an average"
-        )
+        warnings.append(words.noise_changes(change[1] / change[0]))
     cut = roll_off(record)
     if cut is None:
         return record, warnings
-    return record.leaving_out((cut, float("inf"))), [*warnings, _low_pass(cut)]
+    return record.leaving_out((cut, float("inf"))), [*warnings, words.low_pass(cut)]
 
 
 @prepared.register
@@ -181,10 +179,10 @@ def _(record: JointRecord) -> tuple[Evidence, list[str]]:
     blocks = [replace(r, block=block) for r in record.records]
     checked = [prepared(r) for r in blocks]
     records = tuple(r for r, _ in checked if isinstance(r, Record))
-    said = list(dict.fromkeys(w for _, words in checked for w in words))
+    said = list(dict.fromkeys(w for _, warnings in checked for w in warnings))
     ratio = _noise_ratio(records)
     if ratio > MAX_NOISE_RATIO_OF_LOGS:
-        said.append(f"the logs differ in their noise by a factor of {ratio:.3g}; one is fitted to all")
+        said.append(words.logs_differ(ratio))
     return JointRecord(records), said
 
 
@@ -197,11 +195,11 @@ def _noise_ratio(records: Sequence[Record]) -> float:
 @prepared.register
 def _(record: Long) -> tuple[Evidence, list[str]]:
     _check(record.head.y)
-    warnings = _outliers(record.lost, record.samples)
+    warnings = [words.outlier_share(record.lost / record.samples)] if record.lost else []
     cut = roll_off(record.head)
     if cut is None:
         return record, warnings
-    return record.leaving_out((cut, float("inf"))), [*warnings, _low_pass(cut)]
+    return record.leaving_out((cut, float("inf"))), [*warnings, words.low_pass(cut)]
 
 
 @prepared.register
@@ -224,15 +222,13 @@ def _(record: Exact) -> tuple[Evidence, list[str]]:
     cuts = [lo for r in records_within(view) for lo, hi in r.skip if hi == float("inf")]
     if not cuts:
         return replace(clean, view=view), said
-    return replace(clean, view=view, shortest=1.0 / min(cuts)), [*said, _low_pass(min(cuts))]
+    return replace(clean, view=view, shortest=1.0 / min(cuts)), [*said, words.low_pass(min(cuts))]
 
 
 @prepared.register
 def _(record: Published) -> tuple[Evidence, list[str]]:
     clean, cut = record.falling()
-    return clean, [
-        f"the curve does not fall as noise does below {cut:.3g} s, left out of the fit"
-    ] if cut else []
+    return clean, [words.curve_rises(cut)] if cut else []
 
 
 def records_within(view: Evidence) -> tuple[Record, ...]:
@@ -326,12 +322,7 @@ def _value(fit: Fit, key: Key) -> float:
 def _misfit(factors: Mapping[Key, float]) -> list[str]:
     """A sentence on a spectrum that the terms do not explain."""
     worst = max(factors.values(), default=1.0)
-    if worst < MIN_WIDENING_SAID:
-        return []
-    return [
-        f"the spectrum differs from that of the terms beyond chance: intervals are up to {worst:.2g} times as wide as "
-        "they would be if it did not"
-    ]
+    return [words.spectrum_differs(worst)] if worst >= MIN_WIDENING_SAID else []
 
 
 def _check(y: Array) -> None:
@@ -344,17 +335,5 @@ def _check(y: Array) -> None:
         raise InputError("the values are too large to be squared", remedy="Check the unit and the column")
 
 
-def _outliers(bad: int, n: int) -> list[str]:
-    return [f"{100 * bad / n:.2g} % of the samples are outliers, left out"] if bad else []
-
-
-def _low_pass(cut: float) -> str:
-    return f"an internal low-pass takes power away above {cut:.3g} Hz, left out of the fit"
-
-
 def _drift_warning(best: Fit, unresolved: frozenset[int], record: Evidence) -> str:
-    names = " and ".join(best.effects[i].title for i in sorted(unresolved))
-    return (
-        f"there is a slow drift, fitted as {names}; {record.longest:.0f} s are too short to tell "
-        "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature"
-    )
+    return words.drift([best.effects[i].title for i in sorted(unresolved)], record.longest)

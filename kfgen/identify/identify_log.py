@@ -23,7 +23,8 @@ from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identification import Identification, IdentifiedChannel
 from kfgen.identify.identify import identify as identify_record
-from kfgen.identify.screening.motion import COUNTS_AS_NOISE, motion_in
+from kfgen.identify.screening.motion import motion_in
+from kfgen.identify.words import COUNTS_AS_NOISE
 from kfgen.log.log import Channel, Log, StoredLog
 from kfgen.log.readers import read_long
 

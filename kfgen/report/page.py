@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ from typing import Any
 
 import kfgen
 from kfgen.core.files.whole_file import write_text
-from kfgen.core.terminal import command_line
+from kfgen.core.terminal import command_line, painted, printable
 from kfgen.emit.targets.templates import render
 from kfgen.report.plots import Picture
 
@@ -141,6 +142,17 @@ class Answer:
     page: Page
     ok: bool = True
     warnings: tuple[str, ...] = field(default=())
+
+    def shown(self) -> str:
+        """The text as it is printed; on a terminal the verdict in green, or in yellow where it was not hoped for."""
+        is_bad = self.page.good is False or not self.ok
+        verdict = set() if self.page.good is None and self.ok else set(self.page.verdict)
+        sense = "attention" if is_bad else "good"
+        lines = [
+            painted(printable(line), sense, sys.stdout) if line in verdict else printable(line)
+            for line in self.text.split("\n")
+        ]
+        return "\n".join(lines)
 
 
 def heading(text: str) -> PagePart:

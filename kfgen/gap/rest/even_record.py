@@ -61,8 +61,14 @@ def recorded(log: Log) -> dict[str, Array]:
 def smoothed(values: Array) -> Array:
     """A driver without its own noise, as far as that leaves nothing of it behind: parabolas over windows.
 
-    A noisy regressor explains less than the quantity that it stands for.
+    A noisy regressor explains less than the quantity that it stands for. In units of its size to a power of two, which
+    changes no digit: squares of any number are numbers then.
     """
+    _, size = np.frexp(np.abs(values).max(initial=0.0))
+    return np.asarray(np.ldexp(_smoothed(np.ldexp(values, -size)), size))
+
+
+def _smoothed(values: Array) -> Array:
     # The mean square of third differences of white noise is 20 times its variance.
     noise2 = float(np.mean(np.diff(values, 3) ** 2)) / 20.0 if values.size > 8 else 0.0
     best, window = values, 5

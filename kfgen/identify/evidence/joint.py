@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,18 +26,25 @@ class JointRecord(Evidence):
     Raises
     ------
     InputError
-        Their sampling periods differ by more than one percent.
+        Their sampling periods differ by more than one percent: of several logs, or along one.
     """
 
     records: tuple[Record, ...]
 
     def __post_init__(self) -> None:
         periods = [r.dt for r in self.records]
-        if max(periods) > 1.01 * min(periods):
+        if max(periods) <= 1.01 * min(periods):
+            return
+        rates = f"{1 / max(periods):.4g} to {1 / min(periods):.4g} Hz"
+        if _of_one_log(self.records):
             raise InputError(
-                f"the logs are sampled at {1 / max(periods):.6g} to {1 / min(periods):.6g} Hz",
-                remedy="Fit logs of one rate together, the others separately",
+                f"the sampling rate drifts along the log, from part to part {rates}",
+                remedy="Give the sensor's rate with --rate HZ if only the time stamps drift, or cut the log into parts "
+                "of one rate",
             )
+        raise InputError(
+            f"the logs are sampled at {rates}", remedy="Fit logs of one rate together, the others separately"
+        )
 
     @property
     def dt(self) -> float:
@@ -126,3 +134,10 @@ def records_of(evidence: Evidence) -> tuple[Record, ...]:
     if isinstance(evidence, Record):
         return (evidence,)
     raise TypeError(f"{type(evidence).__name__} is not made of even records")
+
+
+def _of_one_log(records: Sequence[Record]) -> bool:
+    """Whether they are parts of one log: switched on at one time, and each before the next."""
+    ordered = sorted(records, key=lambda r: float(r.t[0]))
+    follow = all(a.t[-1] < b.t[0] for a, b in pairwise(ordered))
+    return follow and len({r.since for r in records}) == 1

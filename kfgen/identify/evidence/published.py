@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, Look
+from kfgen.identify import words
 from kfgen.identify.evidence.allan import AllanCurve, degrees_of_freedom
 from kfgen.identify.evidence.record import Evidence, Peaks
 from kfgen.identify.evidence.whittle import Ordinates
@@ -82,7 +83,7 @@ class Published(Evidence):
     def words(self) -> str:
         """How much of what."""
         tau = self.given.tau
-        return f"Allan deviation at {tau.size} averaging times, {tau[0]:.3g} to {tau[-1]:.4g} s, without its samples"
+        return words.allan_curve(tau.size, float(tau[0]), float(tau[-1]))
 
     @staticmethod
     def of(tau: Array, deviation: Array, lo: Array | None = None, hi: Array | None = None) -> Published:

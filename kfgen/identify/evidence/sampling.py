@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.record import Evidence, Record
@@ -72,7 +73,7 @@ def evidence(
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
         raise InputError(
-            f"{counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
+            f"{words.counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
             remedy="Log more",
         )
     refuse_noise_free(y)
@@ -82,15 +83,12 @@ def evidence(
     if single and float(np.mean(np.diff(logged) > GAP_IN_PERIODS * single)) > MAX_GAP_SHARE_OF_STEPS:
         share = 1.0 - logged.size / (1.0 + (logged[-1] - logged[0]) / single)
         dt, of_channel = single, False
-        said = [w for w in said if "missing in all" not in w] + [
-            f"{100.0 * share:.2g} % of the samples are missing, all along the log, at a rate of {1.0 / single:.4g} Hz; "
-            "the fit takes them as missing"
-        ]
+        said = [w for w in said if not words.is_of_gaps(w)] + [words.missing_all_along(share, 1.0 / single)]
     near = steps[steps < GAP_IN_PERIODS * dt]
     _check_rate(*((t, steps) if of_channel else (logged, np.diff(logged))))
     error = float(np.sqrt(np.mean((near / near.mean() - 1.0) ** 2))) if near.size else 1.0
     if error > JITTER_SAID_IN_PERIODS:
-        said.append(f"the time stamps jitter by {100 * error:.2g} % of a period (root mean square)")
+        said.append(words.jitter(error))
     gaps = np.flatnonzero(steps >= limit * dt)
     if not gaps.size and error <= UNEVEN_IN_PERIODS:
         return Record(t, y, drive), tuple(said)
@@ -104,8 +102,8 @@ def evidence(
                 remedy=f"Give the sensor's own rate with --rate HZ, if it samples evenly and only the stamps are "
                 f"late (its mean is {1.0 / float(steps.mean()):.4g} Hz); or cut the log to {MAX_UNEVEN_SAMPLES} samples",
             )
-        said = [w for w in said if "missing in all" not in w]  # random times have no gaps
-        said.append(f"time is uneven: white noise is counted as if each sample stood for {period:.4g} s")
+        said = [w for w in said if not words.is_of_gaps(w)]  # random times have no gaps
+        said.append(words.uneven_time(period))
     return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
 
 
@@ -129,23 +127,7 @@ def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
         )
     runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
     longest = max(runs, key=len)
-    return [
-        f"{counted(lost.size, 'sample')} {'is' if lost.size == 1 else 'are'} not a number, in {counted(len(runs), 'run')}, the longest of {longest.size} at "
-        f"t = {t[longest[0]]:.6g} s; the fit takes them as missing"
-    ]
-
-
-def counted(n: int, noun: str) -> str:
-    """A number with its noun.
-
-    Parameters
-    ----------
-    n : int
-        How many.
-    noun : str
-        In the singular.
-    """
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+    return [words.not_numbers(lost.size, len(runs), longest.size, float(t[longest[0]]))]
 
 
 def _filled(v: Array) -> Array:
@@ -174,10 +156,7 @@ def _gaps(t: Array, limit: float) -> list[str]:
         return []
     longest = int(gaps[np.argmax(steps[gaps])])
     lost = float(np.sum(steps[gaps] / dt - 1.0))
-    return [
-        f"{counted(gaps.size, 'gap')}, {counted(round(lost), 'sample')} missing in all, the longest gap "
-        f"{steps[longest]:.4g} s at t = {t[longest]:.6g} s; the fit takes them as missing"
-    ]
+    return [words.gaps(gaps.size, round(lost), float(steps[longest]), float(t[longest]))]
 
 
 def _period(logged: Array, steps: Array) -> tuple[float, bool]:

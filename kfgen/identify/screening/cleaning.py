@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from kfgen.effects.samples.event import Outliers
 from kfgen.effects.samples.mixture import Mixture
 from kfgen.effects.series import Detection, adc_step
+from kfgen.identify import words
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.screening.left_out import LeftOut
 from kfgen.identify.screening.record_faults import interpolated, is_outlier
 from kfgen.identify.screening.shocks import (
-    MAX_TIMES_SAID,
     away_from_neighbours,
     bridged,
     on_grid,
@@ -144,11 +144,7 @@ def outliers_said(t: Array, bad: NDArray[np.bool_]) -> list[str]:
     at = np.flatnonzero(bad)
     if not at.size:
         return []
-    times = ", ".join(f"{t[k]:.6g} s" for k in at[:MAX_TIMES_SAID])
-    more = f" and {at.size - MAX_TIMES_SAID} more" if at.size > MAX_TIMES_SAID else ""
-    return [
-        f"{100 * at.size / bad.size:.2g} % of the samples are outliers, left out of the fit: at t = {times}{more}"
-    ]
+    return [words.outliers(at.size / bad.size, t[at].tolist())]
 
 
 def _mixture_said(found: Detection) -> str:
@@ -156,7 +152,4 @@ def _mixture_said(found: Detection) -> str:
     lo, hi = found.ci95["share"]
     effect = found.effect
     assert isinstance(effect, Outliers)
-    return (
-        f"{100 * effect.share:.2g} % of the samples are outliers ({100 * lo:.2g} to {100 * hi:.2g} %): they have a size "
-        "of their own, and N is that of the noise without them. Look for glitches of the bus or of the supply"
-    )
+    return words.outlier_law(effect.share, lo, hi)

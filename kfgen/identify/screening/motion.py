@@ -28,10 +28,6 @@ MIDDLE = (5.0, 95.0)
 """Percentiles between which averages count: a knock on the bench is no motion."""
 
 
-COUNTS_AS_NOISE = "the sensors moved ({how}), and this motion counts as noise here: log them at rest"
-"""What is said where noise is looked for in a log of sensors that moved."""
-
-
 def motion_in(log: Log, channels: Collection[str]) -> str:
     """How a log shows that its sensors moved, in words; empty where it does not.
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.series import adc_step
+from kfgen.identify import words
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import frequencies
 
@@ -112,13 +113,9 @@ def amplitude_faults(y: Array) -> list[str]:
     ends = float(np.mean(y == y.max()) + np.mean(y == y.min()))
     step, said = adc_step(y), list[str]()
     if step > COARSE_STEP_IN_DEVIATIONS * white:
-        said.append(
-            f"neighbouring values are {step / white:.2g} standard deviations apart: too coarse for sizes to be trusted"
-        )
+        said.append(words.coarse_grid(step / white))
     elif ends > CLIPPED_SHARE and step < 0.1 * white:
-        said.append(
-            f"{100 * ends:.2g} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
-        )
+        said.append(words.clipped(ends))
     return said
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.series import adc_step
+from kfgen.identify import words
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]
@@ -33,8 +34,6 @@ MAX_SHARE_OF_HANDLINGS = 0.15
 """Of the record, of so few."""
 EDGE_SAMPLES = 16
 """Samples on either side from which the straight line starts."""
-MAX_TIMES_SAID = 5
-"""Times that one sentence says."""
 
 
 def away_from_neighbours(y: Array) -> tuple[Array, float]:
@@ -166,7 +165,4 @@ def shocks_said(t: Array, spans: list[Span]) -> list[str]:
     """
     if not spans:
         return []
-    times = [f"at t = {t[a]:.6g} s for {t[b - 1] - t[a]:.3g} s" for a, b in spans]
-    more = f" and {len(times) - MAX_TIMES_SAID} more" if len(times) > MAX_TIMES_SAID else ""
-    count = "a shock is" if len(spans) == 1 else f"{len(spans)} shocks are"
-    return [f"{count} left out of the fit: {', '.join(times[:MAX_TIMES_SAID])}{more}"]
+    return [words.shocks([(float(t[a]), float(t[b - 1] - t[a])) for a, b in spans])]

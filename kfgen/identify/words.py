@@ -1,0 +1,147 @@
+"""What a record of a sensor at rest is said to have, in words: warnings of sampling, cleaning and fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+MAX_TIMES_SAID = 5
+"""Events of which the times are said."""
+COUNTS_AS_NOISE = "the sensors moved ({how}), and this motion counts as noise here: log them at rest"
+"""What is said where noise is looked for in a log of sensors that moved."""
+
+
+def counted(n: int, noun: str) -> str:
+    """A number with its noun.
+
+    Parameters
+    ----------
+    n : int
+        How many.
+    noun : str
+        In the singular.
+    """
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def missing_all_along(share: float, rate: float) -> str:
+    """Of a log that lost a share of its samples at a rate [Hz]."""
+    return (
+        f"{100.0 * share:.2g} % of the samples are missing, all along the log, at a rate of {rate:.4g} Hz; "
+        "the fit takes them as missing"
+    )
+
+
+def not_numbers(lost: int, runs: int, longest: int, at_s: float) -> str:
+    """Of samples that are not numbers, in so many runs, the longest one of so many samples at a time [s]."""
+    are = "is" if lost == 1 else "are"
+    return (
+        f"{counted(lost, 'sample')} {are} not a number, in {counted(runs, 'run')}, the longest of {longest} at "
+        f"t = {at_s:.6g} s; the fit takes them as missing"
+    )
+
+
+def gaps(count: int, lost: int, longest_s: float, at_s: float) -> str:
+    """Of times at which nothing was logged."""
+    return (
+        f"{counted(count, 'gap')}, {counted(lost, 'sample')} missing in all, the longest gap "
+        f"{longest_s:.4g} s at t = {at_s:.6g} s; the fit takes them as missing"
+    )
+
+
+def is_of_gaps(sentence: str) -> bool:
+    """Whether a sentence is that of `gaps`."""
+    return "missing in all" in sentence
+
+
+def jitter(share: float) -> str:
+    """Of time stamps whose steps differ from a period by a share (root mean square)."""
+    return f"the time stamps jitter by {100 * share:.2g} % of a period (root mean square)"
+
+
+def uneven_time(period_s: float) -> str:
+    """Of samples at uneven times, each of which stands for a period."""
+    return f"time is uneven: white noise is counted as if each sample stood for {period_s:.4g} s"
+
+
+def noise_changes(times: float) -> str:
+    """Of a record whose stretches differ in their noise by a factor."""
+    return (
+        "the noise is not the same all along: its standard deviation between stretches goes by a factor of "
+        f"{times:.3g}; N is an average"
+    )
+
+
+def logs_differ(times: float) -> str:
+    """Of logs whose noises differ by a factor."""
+    return f"the logs differ in their noise by a factor of {times:.3g}; one is fitted to all"
+
+
+def curve_rises(below_s: float) -> str:
+    """Of a published curve that does not fall below a time."""
+    return f"the curve does not fall as noise does below {below_s:.3g} s, left out of the fit"
+
+
+def allan_curve(points: int, shortest_s: float, longest_s: float) -> str:
+    """Of a published curve: how much of what it is."""
+    return f"Allan deviation at {points} averaging times, {shortest_s:.3g} to {longest_s:.4g} s, without its samples"
+
+
+def low_pass(above_hz: float) -> str:
+    """Of an internal low-pass."""
+    return f"an internal low-pass takes power away above {above_hz:.3g} Hz, left out of the fit"
+
+
+def drift(titles: Sequence[str], longest_s: float) -> str:
+    """Of effects that the record is too short to tell what they are."""
+    return (
+        f"there is a slow drift, fitted as {' and '.join(titles)}; {longest_s:.0f} s are too short to tell "
+        "what it is: a random walk, a Gauss-Markov bias, warm-up or temperature"
+    )
+
+
+def spectrum_differs(times: float) -> str:
+    """Of a spectrum that the terms do not explain: intervals are so many times as wide."""
+    return (
+        f"the spectrum differs from that of the terms beyond chance: intervals are up to {times:.2g} times as wide as "
+        "they would be if it did not"
+    )
+
+
+def outlier_share(share: float) -> str:
+    """Of outliers that were left out."""
+    return f"{100 * share:.2g} % of the samples are outliers, left out"
+
+
+def outliers(share: float, times_s: Sequence[float]) -> str:
+    """Of single outliers, with the times [s] of the first ones."""
+    times = ", ".join(f"{t:.6g} s" for t in times_s[:MAX_TIMES_SAID])
+    return f"{outlier_share(share)} of the fit: at t = {times}{_more(len(times_s))}"
+
+
+def outlier_law(share: float, lo: float, hi: float) -> str:
+    """Of outliers that have a size of their own: their share with its interval."""
+    return (
+        f"{100 * share:.2g} % of the samples are outliers ({100 * lo:.2g} to {100 * hi:.2g} %): they have a size "
+        "of their own, and N is that of the noise without them. Look for glitches of the bus or of the supply"
+    )
+
+
+def shocks(begun_and_length_s: Sequence[tuple[float, float]]) -> str:
+    """Of shocks, with beginning and length [s] of the first ones."""
+    n = len(begun_and_length_s)
+    times = ", ".join(f"at t = {t:.6g} s for {d:.3g} s" for t, d in begun_and_length_s[:MAX_TIMES_SAID])
+    return f"{'a shock is' if n == 1 else f'{n} shocks are'} left out of the fit: {times}{_more(n)}"
+
+
+def coarse_grid(step_in_sd: float) -> str:
+    """Of an ADC grid wider than the noise."""
+    return f"neighbouring values are {step_in_sd:.2g} standard deviations apart: too coarse for sizes to be trusted"
+
+
+def clipped(share: float) -> str:
+    """Of samples at the ends of the range."""
+    return f"{100 * share:.2g} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
+
+
+def _more(n: int) -> str:
+    return f" and {n - MAX_TIMES_SAID} more" if n > MAX_TIMES_SAID else ""
