@@ -58,6 +58,7 @@ def test_the_list_has_twenty_faults_with_floors() -> None:
     assert sum(f.reported_within <= REPORTED_WITHIN_S for f in FAULTS) >= 18
 
 
+@pytest.mark.long
 def test_without_a_fault_nothing_is_reported(emitted: Callable[..., EmittedFilter]) -> None:
     for seed in range(1, 4):
         (v,) = fly_faults(emitted(), faults=[SOUND], seed=seed)

@@ -233,6 +233,7 @@ def test_a_parked_log_names_nothing() -> None:
     assert (found.verdict, list(found.findings)) == ("no_gap", [])
 
 
+@pytest.mark.long
 def test_an_arm_is_in_body_axes_whatever_the_navigation_axes_are() -> None:
     """A filter in Earth-fixed axes, whose receiver's readings are Earth-fixed as well; four standard deviations."""
     model = kf.build("ins15", options={"frame": "ecef"})

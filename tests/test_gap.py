@@ -152,6 +152,7 @@ def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> No
         assert abs(value - centre) < 2.5 * half
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_temperature_is_named_beside_a_slow_bias(seed: int) -> None:
     rng = np.random.default_rng([seed, 7])

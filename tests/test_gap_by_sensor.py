@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import STANDARD_GRAVITY
+from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.find_gap import find_gap
@@ -174,3 +175,22 @@ def test_an_attitude_does_not_tell_how_a_body_accelerates() -> None:
     assert "ref_accel_x" in said
     with pytest.raises(InputError, match="accel cannot be compared: the body accelerates"):
         accelerated(0.5, "accel")
+
+
+def test_a_gyro_that_is_quiet_enough_feels_the_earth() -> None:
+    """15 deg/h over two minutes under noise of 2e-5 rad/s a sample: every component is within four standard deviations."""
+    n, rate, sd = 6000, 50.0, 2e-5
+    t, nb, w = turning(n, rate)
+    earth = EARTH_RATE * np.array([np.cos(0.8), 0.0, -np.sin(0.8)])
+    y = w + nb.inv().apply(earth) + sd * np.random.default_rng(6).standard_normal((n, 3))
+    channels = {f"gyro_{a}": Channel(y[:, i], "rad/s") for i, a in enumerate(AXES)}
+    channels |= {f"ref_gyro_{a}": Channel(w[:, i], "rad/s") for i, a in enumerate(AXES)}
+    q = nb.as_quat(scalar_first=True)
+    channels |= {f"ref_q_{c}": Channel(q[:, i], "") for i, c in enumerate("wxyz")}
+    white = ChannelNoise("rad/s", (Term(make("white_noise", N=sd / np.sqrt(rate))),))
+    found = find_gap(Log(t, channels, source="gyro"), NoiseModel({f"gyro_{a}": white for a in AXES}))
+    (finding,) = found.findings
+    assert finding.name == "earth_rate"
+    for axis, truth in zip(AXES, earth.tolist()):
+        lo, hi = finding.ci95[axis]
+        assert lo - 0.5 * (hi - lo) < truth < hi + 0.5 * (hi - lo)

@@ -92,6 +92,7 @@ def test_a_bias_that_follows_any_channel_is_coupled_to_it() -> None:
     assert effect.values[0] == pytest.approx(gap.findings[0].effect.values[0], rel=1e-6)
 
 
+@pytest.mark.long
 def test_another_sensor_is_no_driver() -> None:
     """Two gyros drift alike where the thermometer is missing: neither is the cause."""
     c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD

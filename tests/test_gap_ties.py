@@ -59,6 +59,7 @@ effects = [ { effect = "white_noise", N = "1 A/sqrt(Hz)" } ]
 """
 
 
+@pytest.mark.long
 def test_a_constant_outflow_is_no_friction(kfgen: Cli, tmp_path: Path) -> None:
     rng, h, rows = np.random.default_rng(8), 0.5, []
     for k, u in enumerate(np.repeat(rng.uniform(2.0, 4.5, 20), 60)):

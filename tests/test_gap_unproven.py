@@ -105,6 +105,7 @@ def test_what_makes_it_worse_is_not_added() -> None:
     assert found.to_dict()["refused"]
 
 
+@pytest.mark.long
 def test_what_is_there_is_added() -> None:
     found = motor(2, 0.0, friction=0.3)
     assert [f.name for f in found.findings][:1] == ["coulomb_friction"]

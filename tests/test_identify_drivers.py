@@ -90,6 +90,7 @@ def test_two_drivers_at_once() -> None:
     assert {"temperature", "supply_current"} <= set(names(answer))
 
 
+@pytest.mark.long
 def test_a_driver_that_drives_nothing_is_not_named() -> None:
     """Twenty records with two idle drivers: each is named by chance in less than one of ten thousand."""
     warm, current = chamber(), 1.0 + 0.5 * np.sin(2 * np.pi * T / 700.0)

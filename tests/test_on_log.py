@@ -93,6 +93,7 @@ def flight(path: Path) -> tuple[Log, dict[str, float], FilterModel]:
     return (*example["flight"](path), example["model"]())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", [pytest.param("p", marks=pytest.mark.long), "ud"])
 def test_ins15_over_a_real_flight(form: str, recording: Find, tmp_path: Path) -> None:
     """Steps of 5.5 to 18.2 ms as they came; a fix of 5 Hz, 0.22 s late."""
@@ -122,7 +123,7 @@ def test_a_gap_is_gone_through_in_steps_that_the_filter_takes(
     channels = {n: replace(c, values=c.values[keep]) for n, c in log.channels.items()}
     gappy = Log(log.t[keep], channels, source="gappy")
     steps = list(FilterCalls(program, gappy).steps(99))
-    assert [g["dt"] for g in steps] == pytest.approx([0.52 / 6] * 6)
+    assert [call.given["dt"] for call in steps] == pytest.approx([0.52 / 6] * 6)
     assert proven(program, gappy, {}, tmp_path / "c").share < WITHIN
     # what the gap adds to the variance of position without a fix: at least sd_v^2 T^2
     result = run(program, gappy)

@@ -81,13 +81,13 @@ class MotionScene:
 
         One whose samples are spoilt stays as it is.
         """
-        sensors = list(dict.fromkeys(c.sensor for c in self.compared))
+        sensors = list(dict.fromkeys(_device(c) for c in self.compared))
         if len(sensors) == 1 or self.faults():
             return (self,)
         return tuple(self._of(s, len(sensors)) for s in sensors)
 
     def _of(self, sensor: str, sensors: int) -> MotionScene:
-        compared = tuple(c for c in self.compared if c.sensor == sensor)
+        compared = tuple(c for c in self.compared if _device(c) == sensor)
         own, said = (
             tuple(p for p in ps if any(acts_on(p.where, c.name) for c in compared))
             for ps in (self.own, self.said)
@@ -370,3 +370,8 @@ class MotionScene:
         return likeness(
             [(w, about(c.y, good)[c.at], about(X, good)[c.at], c.axis, top) for c, w, good in pairs]
         )
+
+
+def _device(c: Compared) -> str:
+    """What a channel is read by: position and velocity of one receiver are late together."""
+    return c.name.partition("_")[0]
