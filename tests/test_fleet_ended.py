@@ -163,8 +163,9 @@ def test_a_signal_ends_a_fleet_at_once_and_nothing_is_lost(number: signal.Signal
         write(tmp_path / f"{k}.csv", k)
     journal = tmp_path / "f.json.unfinished"
     words = ["fleet", str(tmp_path / "*.csv"), "--jobs", "2", "--json", str(tmp_path / "f.json")]
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "  # in a shell's background too
     run = subprocess.Popen(
-        [sys.executable, "-c", "from kfgen.cli import main; main()", *words],
+        [sys.executable, "-c", f"{heard}from kfgen.cli import main; main()", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
