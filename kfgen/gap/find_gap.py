@@ -24,6 +24,7 @@ from kfgen.gap.motion.known_length import norm_scene
 from kfgen.gap.motion.missing_rows import with_missing
 from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.scene import MotionScene
+from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
 from kfgen.gap.rest.channel_gap import channel_gap
@@ -262,7 +263,7 @@ def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
 
 def _of_each_sensor(scene: MotionScene, log: Log) -> list[SceneGap]:
     """Of every sensor that moves, each with its share of the time."""
-    out, scenes = [], scene.by_sensor()
+    out, scenes = [], [slower_scene(s) for s in scene.by_sensor()]
     for k, one in enumerate(counted(scenes, "sensors", alike=False)):
         with time_budget(parts=len(scenes) - k):
             out.append(scene_gap(one, units_of(log)))

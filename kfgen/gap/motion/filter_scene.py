@@ -11,7 +11,6 @@ from kfgen.effects.noise_model import NoiseModel
 from kfgen.gap.motion.compared_channel import compared_of, sound_samples
 from kfgen.gap.motion.model_truth import model_truth
 from kfgen.gap.motion.scene import MotionScene
-from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
@@ -56,4 +55,4 @@ def filter_scene(
     said = tuple(p for _, ps, _ in sound for p in ps)
     spoilt = tuple(p for _, _, ps in sound for p in ps)
     scene = MotionScene(truth, compared, truth.good, recorded(log), found.own, said, spoilt)
-    return (slower_scene(scene), noise) if any(scene.moving(c) for c in compared) else None
+    return (scene, noise) if any(scene.moving(c) for c in compared) else None

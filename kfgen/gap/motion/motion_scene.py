@@ -17,7 +17,6 @@ from kfgen.gap.motion.references.attitude_convention import misread
 from kfgen.gap.motion.references.reference import heard, references
 from kfgen.gap.motion.references.rounded_reference import rounded
 from kfgen.gap.motion.scene import MotionScene
-from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.motion.truth import held, truth_of
 from kfgen.gap.motion.untold_acceleration import without_untold
 from kfgen.gap.rest.even_record import recorded
@@ -62,7 +61,7 @@ def motion_scene(log: Log, noise: NoiseModel) -> MotionScene | None:
     scene = without_untold(log, MotionScene(truth, compared, good, drive, own, said, spoilt))
     if not any(scene.moving(c) for c in scene.compared):
         return None
-    return slower_scene(replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth)))
+    return replace(scene, spoilt=spoilt or _unlike(scene, log, checked.bandwidth))
 
 
 def _unlike(scene: MotionScene, log: Log, bandwidth: Mapping[str, float]) -> tuple[Placed, ...]:

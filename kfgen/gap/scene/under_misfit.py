@@ -135,7 +135,7 @@ def _mismatch(scene: Scene, fit: SceneFit) -> float:
 
 
 def without_weakest(answer: Answered) -> Answered:
-    """The answer without the effect that has the least evidence, for all together close nothing of what was not seen.
+    """The answer without the effect that has the least evidence, because with all of them the held-out mismatch grows.
 
     Parameters
     ----------
