@@ -52,8 +52,9 @@ def flight(file: Path) -> Case:
     log = Log(np.arange(gps.shape[0]) * dt, channels, source=file.name)
     gap, said, answer = of_scene(log, motion_scene(log, NoiseModel({f"gps_{x}": NOISE for x in AXES})))
     lag = {f.effect.name: f.effect.row("") for f in gap.findings if f.where == "gps"}
-    late = lag["time_delay"]["delay"][0]
-    late += np.arctan(BAND / lag["bandwidth"]["corner"][0]) / (2.0 * np.pi * BAND)
+    late = lag["time_delay"]["delay"][0] if "time_delay" in lag else 0.0
+    if "bandwidth" in lag:
+        late += np.arctan(BAND / lag["bandwidth"]["corner"][0]) / (2.0 * np.pi * BAND)
     return [*said, f"in all {late:.2f} s late at {BAND:g} Hz"], answer
 
 
