@@ -14,10 +14,11 @@ def table(scores: Sequence[Score]) -> str:
         "| flights | right first | in the printed set | mean set | nothing said |",
         "|---|---|---|---|---|",
     ]
-    for X in sorted({s.case.strength for s in scores if s.case.effect}, reverse=True):
-        of = [s for s in scores if s.case.strength == X and s.case.effect]
+    singles = [s for s in scores if s.case.effect and not s.case.beside]
+    for X in sorted({s.case.strength for s in singles}, reverse=True):
+        of = [s for s in singles if s.case.strength == X]
         said = [s for s in of if s.findings]
-        right = sum((s.first) == f"{s.case.effect} {s.case.where}" for s in of)
+        right = sum(s.first == s.case.label for s in of)
         sets = float(np.mean([s.set_size for s in said])) if said else 0.0
         inside = sum(s.in_set for s in said)
         lines.append(
@@ -29,9 +30,14 @@ def table(scores: Sequence[Score]) -> str:
     others = [s for s in scores if s.case.unlisted]
     unknown = sum(s.verdict == "unknown_effect" for s in others)
     lines.append(f"| outside of the catalogue | {unknown} of {len(others)} said unknown | | | |")
+    for kind, count in (("pairs", 1), ("triples", 2)):
+        of = [s for s in scores if len(s.case.beside) == count]
+        if of:
+            exact = sum(s.is_exact for s in of)
+            lines.append(f"| {kind}, X = {of[0].case.strength:g} each | {exact} of {len(of)} exactly | | | |")
     covered = [c for s in scores for c in s.covered]
     sure = [s for s in scores if s.probability > 0.9 and not s.case.unlisted]
-    good = sum(s.first == f"{s.case.effect} {s.case.where}" for s in sure)
+    good = sum(s.first in {c.label for c in (s.case, *s.case.beside)} for s in sure)
     held = f"95 % intervals hold the truth in {sum(covered)} of {len(covered)}"
     lines += [
         "",
