@@ -39,6 +39,8 @@ RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
 MIN_GAINED_TO_LEFT_RATIO = 5.0
 """Mismatch that an effect takes away over all that is left with it, from which on it does not rest on what is left."""
+MIN_EVENT_TO_LEFT_RATIO = 1.0
+"""The same of what happens once, from which on it stands out of the rest."""
 GROWS_UNSEEN = "the mismatch on held-out data grows with it"
 """Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
@@ -115,15 +117,20 @@ def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
         placed = one.addition.placed
         if _is_event(placed.effect) and any(acts_on(placed.where, c) for c in doubtful):
             rest = left.without(index)
-            if not _explains_most(left.scene, left.fit, rest.fit):
+            if _gained_to_left(left.scene, left.fit, rest.fit) < MIN_EVENT_TO_LEFT_RATIO:
                 left = rest.refusing([Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)])
     return _explained_by(answer, left)
 
 
 def _explains_most(scene: Scene, fit: SceneFit, without: SceneFit) -> bool:
     """Whether an effect takes away far more of the mismatch than all that is left with it."""
-    gained, left = (_mismatch(scene, f) for f in (without, fit))
-    return gained - left > MIN_GAINED_TO_LEFT_RATIO * max(left, MIN_EVIDENCE_NATS)
+    return _gained_to_left(scene, fit, without) > MIN_GAINED_TO_LEFT_RATIO
+
+
+def _gained_to_left(scene: Scene, fit: SceneFit, without: SceneFit) -> float:
+    """Mismatch that an effect takes away, over all that is left with it."""
+    before, left = (_mismatch(scene, f) for f in (without, fit))
+    return (before - left) / max(left, MIN_EVIDENCE_NATS)
 
 
 def _mismatch(scene: Scene, fit: SceneFit) -> float:
