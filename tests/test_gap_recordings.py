@@ -76,8 +76,28 @@ def test_turns_give_the_scale(said: Callable[..., str]) -> None:
 def test_gps_is_late(said: Callable[..., str]) -> None:
     """230 ms by the author of the recording, 250 to 300 ms by cross-correlation of the same accelerations."""
     text = said("flight", "flight", "dynamic/inertialnav_swisslog1.npz")
-    assert "time delay" in line_of(text, "model of gps is missing", "delay")
     assert 0.2 < number(text, "in all ") < 0.35
+
+
+@long
+def test_a_receiver_is_late_without_a_reference(said: Callable[..., str]) -> None:
+    """Its author flies with 0.23 s of velocity and 0.21 s of position; the interval is wide enough for one of them."""
+    text = said("fixed_wing_flight", "fixed-wing", "dynamic/inertialnav_swisslog1.npz")
+    line = line_of(text, "model of gnss is missing", "time delay")
+    lo, hi = (float(x) for x in re.findall(r"95 %: ([0-9.]+) to ([0-9.]+)", line)[0])
+    assert 0.19 < number(line, "delay = ") < 0.25
+    assert lo < 0.23 and hi > 0.21
+    drift = re.findall(r"drifts ([0-9.]+) m as assumed and ([0-9.]+) m", text)[0]
+    assert float(drift[1]) < 0.8 * float(drift[0])
+
+
+@long
+def test_a_walk_with_a_receiver_beside(said: Callable[..., str]) -> None:
+    """The antenna is 0.05 m beside the sensor, by its author's ruler."""
+    text = said("walk", "walk", "flights/rtk_walk_imu.csv")
+    arm = line_of(text, "model of gnss is missing", "lever arm")
+    assert abs(number(arm, "y = ")) == pytest.approx(0.05, abs=0.01)
+    assert number(line_of(text, "gnss_v", "finite bandwidth"), "corner = ") == pytest.approx(1.4, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -226,10 +226,16 @@ def _nats_of_sizes(scene: Scene, fit: SceneFit) -> Array:
 
 
 def _with_misfit(answer: Answered) -> TemperedScene:
-    """The scene in which effects are looked for again: noises of the sizes that the log asks for, then the misfit in them."""
+    """The scene in which effects are looked for again: noises of the sizes that the log asks for, then the misfit in them.
+
+    Beside random errors noises keep their sizes: what no random error explains would make those of the inputs so large and
+    those of the aiding sensors so small that the filter follows these blindly.
+    """
     scene, fit = answer.scene, answer.fit
     start = answer.written if isinstance(scene, Linearised) else scene
-    if isinstance(scene, HasNoiseSizes):
+    if answer.random_errors:
+        start = scene
+    elif isinstance(scene, HasNoiseSizes):
         start = scene.tuned(fit.point)
         scene = start.about(fit.point) if isinstance(start, Linearised) else start
         fit = fitted(scene, fit.point)
