@@ -186,7 +186,6 @@ def explained(scene: Scene, limits: SearchLimits = LIMITS) -> Explained:
     ----------
     scene : Scene
     limits : SearchLimits
-        When the search ends.
     """
     assumed = fitted(scene, start_of(scene))
     found = searched(SceneExplanation(scene, assumed), limits)
