@@ -21,12 +21,10 @@ VERDICTS = {
 }
 WITH_IT, WITHOUT_IT, STAND_IN = "with it", "without it", "with what stands in for it"
 """What simulated records hold."""
-MIN_FOUND_SHARE = 0.8
-"""Of the records that hold it, in which it is to be named."""
-MAX_FALSE_SHARE = 0.1
-"""Of the records that do not, in which it may be named."""
-MIN_COVERED_SHARE = 0.8
-"""Of its numbers, whose 95 % intervals are to hold the truth; one of few may miss."""
+FOUND_SHARE, FALSE_SHARE, COVERED_SHARE = 0.9, 0.01, 0.95
+"""Of records that hold it, in which it should be named; of records that do not; of its numbers in their intervals."""
+OBJECTION_CHANCE = 0.01
+"""Chance of a count as bad at these shares, below which it is an objection."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +87,8 @@ class Judgement(Result):
     @property
     def objections(self) -> tuple[str, ...]:
         """What speaks against it although the log shows it."""
+        from scipy.stats import binom
+
         said = []
         before, after = self.without.gap.after, self.found.gap.after
         if self.shown is not None and after > before:
@@ -96,11 +96,11 @@ class Judgement(Result):
                 f"the held-out mismatch is {after:.3g} nats per sample with it and {before:.3g} without"
             )
         for t in self.trials:
-            if t.holding == WITH_IT and t.share < MIN_FOUND_SHARE:
+            if t.holding == WITH_IT and binom.cdf(t.named, t.count, FOUND_SHARE) < OBJECTION_CHANCE:
                 said.append(f"it is named in {t.named} of {t.count} simulated records that hold it")
-            if t.holding != WITH_IT and t.share > MAX_FALSE_SHARE:
+            if t.holding != WITH_IT and binom.sf(t.named - 1, t.count, FALSE_SHARE) < OBJECTION_CHANCE:
                 said.append(f"it is named in {t.named} of {t.count} simulated records {t.holding}")
-            if t.numbers and t.covered < MIN_COVERED_SHARE * t.numbers:
+            if binom.cdf(t.covered, t.numbers, COVERED_SHARE) < OBJECTION_CHANCE:
                 said.append(f"its intervals hold {t.covered} of {t.numbers} true numbers")
         return tuple(said)
 
