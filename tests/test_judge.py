@@ -57,7 +57,7 @@ def test_what_is_there_earns_its_place() -> None:
 def test_what_is_not_there_is_not_shown() -> None:
     judged = kf.judge(DECLARED, log(0.0, 2), ASSUMED)
     assert (judged.verdict, judged.trials) == ("not_shown", ())
-    assert repr(judged).startswith("the log does not show supply_squared")
+    assert repr(judged).startswith("The log does not show supply_squared")
 
 
 def test_objections_are_said_with_their_numbers() -> None:
@@ -84,7 +84,7 @@ def test_the_command_says_it_and_ends_with_one_where_it_is_not_shown(tmp_path: P
     words = ["judge", str(DECLARED), str(tmp_path / "log.csv"), "--model", str(tmp_path / "noise.toml")]
     done = CliRunner().invoke(app, [*words, "--report", str(tmp_path / "page.html")])
     assert done.exit_code == 1
-    assert "the log does not show supply_squared." in done.output
+    assert "The log does not show supply_squared." in done.output
     assert "on trial" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 

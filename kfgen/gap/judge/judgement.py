@@ -16,8 +16,8 @@ from kfgen.gap.words import finding_sentence, percent
 EARNS_ITS_PLACE, NOT_SHOWN, DOUBTFUL = "earns_its_place", "not_shown", "doubtful"
 VERDICTS = {
     EARNS_ITS_PLACE: "{name} earns its place in the catalogue by this log",
-    NOT_SHOWN: "the log does not show {name}",
-    DOUBTFUL: "the log shows {name}, but it is no effect of the catalogue yet",
+    NOT_SHOWN: "The log does not show {name}",
+    DOUBTFUL: "The log shows {name}, but it is no effect of the catalogue yet",
 }
 WITH_IT, WITHOUT_IT, STAND_IN = "with it", "without it", "with what stands in for it"
 """What simulated records hold."""
