@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import kfgen as kf
+
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "examples" / "recordings"
 long = pytest.mark.long
@@ -174,3 +176,13 @@ def test_a_propeller_is_quadratic(said: Callable[..., str], case: str, file: str
     text = said("quarter_drone", case, f"systems/quarter_drone_{file}.npz")
     assert 0.5 < number(line_of(text, "square law of an actuator"), "share = ") < 1.5
     assert number(text, "deg, then by ") < 4.1
+
+
+@long
+def test_a_climb_shows_that_the_receiver_is_late(recording: Callable[[str], Path]) -> None:
+    """PX4-ECL's replay of a simulated quadrotor whose receiver is 0.12 s late at its output and has 5 Hz: up and down only."""
+    found = kf.find_gap(recording("flights/ecl_iris_gps_replay.csv"), "ins15")
+    assert {f.name for f in found.findings} == {"time_delay"}
+    assert all(f.where.startswith("gnss") for f in found.findings)
+    delays = [float(f.effect.row("")["delay"][0]) for f in found.findings]
+    assert all(0.11 < d < 0.22 for d in delays)

@@ -41,6 +41,8 @@ MIN_GAINED_TO_LEFT_RATIO = 5.0
 """Mismatch that an effect takes away over all that is left with it, from which on it does not rest on what is left."""
 MIN_EVENT_TO_LEFT_RATIO = 1.0
 """The same of what happens once, from which on it stands out of the rest."""
+MAX_INTERVAL_RATIO = 1000.0
+"""Upper over lower end of the 95 % interval of a positive number of which a log says anything."""
 GROWS_UNSEEN = "the mismatch on held-out data grows with it"
 """Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
@@ -208,21 +210,24 @@ def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation]
         else unevenness_of_effect(left.scene, left.fit, r.fit, i)
         for i, r in enumerate(rest)
     ]
-    return np.asarray(np.maximum(gains / np.array(wider), _nats_of_sizes(left.scene, left.fit)))
+    of_sizes, known = _nats_of_sizes(left.scene, left.fit)
+    return np.asarray(np.maximum(gains / np.array(wider), of_sizes) * known)
 
 
-def _nats_of_sizes(scene: Scene, fit: SceneFit) -> Array:
+def _nats_of_sizes(scene: Scene, fit: SceneFit) -> tuple[Array, NDArray[np.bool_]]:
     """How far the best known number of each effect is from nothing [nats], shape (effects,); by scattered blocks.
 
-    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation.
+    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation. Second
+    whether the log says anything of such numbers: a time of which it does not is that of another effect.
     """
     x = coordinates(fit.point)
     deviation = scattered_deviations(scene, fit)
-    sigmas = np.zeros(len(fit.point.placed))
+    sigmas, known = np.zeros(len(fit.point.placed)), np.ones(len(fit.point.placed), dtype=bool)
     for k, (i, name) in enumerate(fit.keys):
-        size = abs(x[k]) if is_signed(fit.point.placed[i].effect, name) else 1.0
-        sigmas[i] = max(sigmas[i], size / max(float(deviation[k]), 1e-300))
-    return np.asarray(0.5 * sigmas**2)
+        signed = is_signed(fit.point.placed[i].effect, name)
+        sigmas[i] = max(sigmas[i], (abs(x[k]) if signed else 1.0) / max(float(deviation[k]), 1e-300))
+        known[i] &= signed or 2.0 * 1.96 * deviation[k] < np.log(MAX_INTERVAL_RATIO)
+    return np.asarray(0.5 * sigmas**2), known
 
 
 def _with_misfit(answer: Answered) -> TemperedScene:
