@@ -34,6 +34,28 @@ def first_flight(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array]
     InputError
         The filter diverges, or the extra ``kfgen[fast]`` is not installed.
     """
+    best, X, score = _likeliest(log, eq)
+    if not np.isfinite(score):
+        raise InputError(
+            f"the filter {log.discrete.model.name} diverges over the log",
+            remedy="Check the units and axes of its inputs, or start it at rest",
+        )
+    return best, X
+
+
+def flight_score(log: FlightLog, eq: FilterEquations) -> float:
+    """Log-likelihood of the first flight, its outliers limited [nats]; minus infinity where the filter diverges.
+
+    Parameters
+    ----------
+    log, eq
+        As of `first_flight`.
+    """
+    return _likeliest(log, eq)[2]
+
+
+def _likeliest(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array, float]:
+    """The start that fits best, the stored states and their log-likelihood."""
     try:
         from kfgen.gap.flight.closed_loop import fly
     except ImportError:
@@ -41,13 +63,7 @@ def first_flight(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array]
             "the gap of a filter over a flight needs numba", remedy='Install it: pip install "kfgen[fast]"'
         ) from None
     tried = [(start, *_flown(fly, start, eq)) for start in headings(log, eq)]
-    best, X, score = max(tried, key=lambda t: t[2])
-    if not np.isfinite(score):
-        raise InputError(
-            f"the filter {log.discrete.model.name} diverges over the log",
-            remedy="Check the units and axes of its inputs, or start it at rest",
-        )
-    return best, X
+    return max(tried, key=lambda t: t[2])
 
 
 def _flown(fly: Callable[..., None], log: FlightLog, eq: FilterEquations) -> tuple[Array, float]:

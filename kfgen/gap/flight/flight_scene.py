@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from kfgen.core.errors import InputError
+from kfgen.emit.routines import Program
+from kfgen.gap.flight.faults.stuck_sensor import stuck_sensors
+from kfgen.gap.flight.faults.wrong_axes import wrong_axes
 from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
+from kfgen.gap.scene.scene import Placed, start_of
+from kfgen.gap.scene.scene_gap import MAX_FOLLOWED_SIGMAS
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
 from kfgen.run.run import program_over
@@ -45,7 +54,30 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
     program = program_over(model, log)
     if program.discrete.memories:
         return None
-    return FlightScene(flown(flight_log(log, program)))
+    try:
+        scene = FlightScene(flown(flight_log(log, program)))
+    except InputError as error:
+        if faults := _exchanged(log, program):
+            said = "; ".join(f.effect.sentence(f.where, "") for f in faults)
+            raise InputError(
+                error.what, where=error.where, remedy=f"With this it does not: {said}"
+            ) from error
+        raise
+    faults = stuck_sensors(scene.path) or (_exchanged(log, program) if _is_lost(scene) else ())
+    return replace(scene, spoilt=faults)
+
+
+def _exchanged(log: Log, program: Program) -> tuple[Placed, ...]:
+    """What is wrong with the axes of a log that the filter follows without it."""
+    faults, otherwise = wrong_axes(log, program)
+    return faults if faults and not _is_lost(FlightScene(flown(flight_log(otherwise, program)))) else ()
+
+
+def _is_lost(scene: FlightScene) -> bool:
+    """Whether the filter does not follow a channel at all, so that its axes are doubted."""
+    start = scene.residuals([start_of(scene)])[:, 0]
+    parts = np.split(start, np.cumsum(scene.lengths)[:-1])
+    return any(float(np.sqrt(np.mean(p**2))) > MAX_FOLLOWED_SIGMAS for p in parts if p.size)
 
 
 def _check(log: Log) -> None:

@@ -70,6 +70,8 @@ class FlightScene:
         Of steps, where they are known about a path nearby.
     memory : dict
         Responses of the innovations that were computed before.
+    spoilt : tuple of Placed
+        Faults of the log.
     """
 
     path: FlownPath
@@ -77,6 +79,7 @@ class FlightScene:
     sizes: tuple[TunedSize, ...] = ()
     energies: StepEnergies | None = None
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
+    spoilt: tuple[Placed, ...] = ()
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -129,6 +132,10 @@ class FlightScene:
                 out[:, k] -= self._response(p)
             out[:, k] -= self.of_constants @ (point.unknowns - self._constants)
         return out
+
+    def faults(self) -> tuple[Placed, ...]:
+        """See `kfgen.gap.scene.scene.Inspected`."""
+        return self.spoilt
 
     @property
     def _constants(self) -> Array:

@@ -1,0 +1,1 @@
+"""Faults of a flight log that a fit would be spoilt by."""

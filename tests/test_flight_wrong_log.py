@@ -1,0 +1,92 @@
+"""Proves that a flight whose log is wrong is said to be, and that nothing is fitted to it.
+
+Flights come from `benchmarks/flight`, plain numpy that shares no code with kfgen; what is wrong is done to their columns.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import kfgen as kf
+from kfgen.gap.flight.flight_scene import flight_scene
+from kfgen.log.log import Log
+from kfgen.model.filter import FilterModel
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "flight"))
+trial = pytest.importorskip("trial")
+
+pytest.importorskip("numba")
+
+Columns = dict[str, NDArray[np.float64]]
+
+
+@lru_cache
+def model() -> FilterModel:
+    sensors = ["gnss_position", "gnss_velocity", "mag", "barometer"]
+    return kf.build("ins15", options={"left_out": "false"}, sensors=sensors)
+
+
+def log_with(change: Callable[[Columns, NDArray[np.float64]], object]) -> Log:
+    log = trial.log_of(trial.Case("quadrotor", 112_351, 60.0), [])
+    columns = {n: np.array(c.values) for n, c in log.channels.items()}
+    change(columns, log.t)
+    channels = {n: replace(c, values=columns[n]) for n, c in log.channels.items()}
+    return Log(log.t, channels, source="flight")
+
+
+def exchanged(a: str, b: str, sign: float = 1.0) -> Callable[[Columns, NDArray[np.float64]], object]:
+    return lambda c, t: c.update({a: sign * c[b], b: sign * c[a]})
+
+
+def held(sensor: str, start: float, stop: float) -> Callable[[Columns, NDArray[np.float64]], object]:
+    def change(c: Columns, t: NDArray[np.float64]) -> None:
+        for name in (n for n in c if n.startswith(sensor)):
+            rows = np.flatnonzero(np.isfinite(c[name]) & (t >= start) & (t < stop))
+            c[name][rows] = c[name][rows[0]]
+
+    return change
+
+
+def faults(log: Log) -> set[tuple[str, str]]:
+    scene = flight_scene(log, model())
+    assert scene is not None
+    return {(p.effect.name, p.where) for p in scene.faults()}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (exchanged("gyro_z", "gyro_z", -1.0), {("sign_error", "gyro_z")}),
+        (exchanged("mag_y", "mag_y", -1.0), {("sign_error", "mag_y")}),
+        (exchanged("gyro_x", "gyro_y"), {("axis_swap", "gyro_x"), ("axis_swap", "gyro_y")}),
+        (held("gnss", 30.0, 40.0), {("stuck", "gnss_p"), ("stuck", "gnss_v")}),
+        (held("baro", 0.0, 60.0), {("stuck", "baro")}),
+        (held("gyro", 30.0, 32.0), {("stuck", "gyro")}),
+    ],
+)
+def test_what_is_wrong_with_a_log_is_named(
+    change: Callable[[Columns, NDArray[np.float64]], object], said: set[tuple[str, str]]
+) -> None:
+    assert faults(log_with(change)) == said
+
+
+def test_a_receiver_that_holds_its_position_at_rest_is_none() -> None:
+    """The vehicle rests for 3 s; a flight as it is has no fault either."""
+    assert faults(log_with(held("gnss", 0.0, 2.9))) == set()
+    assert faults(log_with(lambda c, t: None)) == set()
+
+
+def test_nothing_is_fitted_to_a_wrong_log() -> None:
+    found = kf.find_gap(log_with(held("gnss", 30.0, 40.0)), model())
+    assert found.verdict == "bad_data"
+    stuck = next(f.effect for f in found.findings if f.where == "gnss_p")
+    assert stuck.row("")["time"][0] == pytest.approx(30.0, abs=0.3)  # a fix is every 0.2 s
+    assert stuck.row("")["lasting"][0] == pytest.approx(10.0, abs=0.5)
