@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from textwrap import wrap
 
 import numpy as np
 from trial import Score
 
+PROSE_COLUMNS = 118
 CLAIMED = (0.0, 0.5, 0.9, 0.99, 1.0)
 """Edges of the probabilities that are counted together."""
 
@@ -41,11 +43,9 @@ def table(scores: Sequence[Score]) -> str:
             lines.append(f"| {kind}, X = {of[0].case.strength:g} each | {exact} of {len(of)} exactly | | | |")
     covered = [c for s in scores for c in s.covered]
     held = f"95 % intervals hold the truth in {sum(covered)} of {len(covered)}"
-    lines += [
-        "",
-        f"{held}. {_reliability(scores)} "
-        f"A flight of {scores[0].case.duration_s:g} s takes {np.median([s.seconds for s in scores]):.1f} s (median).",
-    ]
+    seconds = np.median([s.seconds for s in scores])
+    prose = f"{held}. {_reliability(scores)} A flight of {scores[0].case.duration_s:g} s takes {seconds:.1f} s (median)."
+    lines += ["", *wrap(prose, PROSE_COLUMNS)]
     return "\n".join(lines)
 
 
