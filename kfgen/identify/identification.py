@@ -272,7 +272,7 @@ class Identification(Result):
     method : str
         How it was identified, see `kfgen.identify.methods.likelihood.METHODS`.
     warnings : tuple of str
-        Of the logs, of the choice of channels, and of every channel (``channel: warning``).
+        Of the logs, of the choice of channels, and of channels (``gyro, accel_x: warning``).
     """
 
     channels: Mapping[str, IdentifiedChannel]

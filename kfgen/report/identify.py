@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from kfgen.core.numbers import quantity
+from kfgen.core.numbers import few_digits, quantity
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
 from kfgen.effects.noise_model import noise_text
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine
 from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation
+from kfgen.identify.words import measured_by
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import (
     Answer,
@@ -97,7 +98,11 @@ def _bound(bound: float | None) -> str:
     """The Cramér-Rao bound in words."""
     if bound is None:
         return ""
-    return f"bound {100 * bound:.2g} %" if bound < SHOWN_BOUND else "no bound: the record does not show it"
+    return (
+        f"bound {few_digits(100 * bound)} %"
+        if bound < SHOWN_BOUND
+        else "no bound: the record does not show it"
+    )
 
 
 def one_line(channel: IdentifiedChannel) -> str:
@@ -135,10 +140,9 @@ def _limit(limit: Limit, seconds: float, unit: str) -> str:
         for p in limit.effect.parameters()
         if p.kind == "time"
     ]
-    log = f"a {limit.hours:.2g} h log" if np.isfinite(limit.hours) else "no log"
     return (
         f"not identifiable in {seconds:.0f} s: {limit.effect.name} {limit.parameter} below "
-        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {log} would measure half of this limit to ±20 %"
+        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {measured_by(limit.hours)}"
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import moment
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
@@ -146,7 +147,7 @@ def regular(
     if error > MAX_STEP_ERROR_PERIODS or count > stamps.size / MAX_MISSING_SHARE:
         raise InputError(
             f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
-            f"t = {stamps[int(np.argmax(np.diff(stamps)))]:.6g} s",
+            f"t = {moment(stamps[int(np.argmax(np.diff(stamps)))])} s",
             where=log.source,
             remedy="Cut the log at its gaps, or resample it evenly",
         )
