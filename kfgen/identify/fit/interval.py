@@ -63,13 +63,14 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
     origin = float(best.point[index])
     inside, r_in, warm = origin, 0.0, best
     outside: float | None = None
-    spreads = _spreads(problem, best)
+    information = problem.information(best.point)
+    spreads = _spreads(information)
     wanted = NORMAL_975 * _widened(spreads, index)
     r_out, step = np.inf, max(wanted * float(spreads[index]), 1e-3)
     for _ in range(_MAX_SECANT_STEPS):
         if fit_is_over():  # by the expected information, as far as the likelihood was not followed
-            if not 0.0 < spreads[index] < MAX_SPREAD:
-                return None  # there is none of it
+            if spreads[index] >= MAX_SPREAD or information[index, index] <= MAX_SPREAD**-2:
+                return None  # there is none of it, which a pseudoinverse does not show
             return float(np.exp(origin + direction * wanted * float(spreads[index])))
         x = (
             inside + direction * step
@@ -101,9 +102,9 @@ def _secant(near: tuple[float, float], far: tuple[float, float], wanted: float) 
     return float(a + min(max(share, 0.05), 0.95) * (b - a))
 
 
-def _spreads(problem: Problem, best: Fit) -> Array:
-    """Standard deviations of the logarithms from the expected information, at most `MAX_SPREAD`, shape (k,)."""
-    variance = np.diag(inverse(problem.information(best.point)))
+def _spreads(information: Array) -> Array:
+    """Standard deviations of the logarithms from their information, at most `MAX_SPREAD`, shape (k,)."""
+    variance = np.diag(inverse(information))
     return np.asarray(np.minimum(np.sqrt(np.maximum(variance, 0.0)), MAX_SPREAD))
 
 
