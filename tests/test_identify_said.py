@@ -17,6 +17,9 @@ from kfgen.identify.fit.interval import interval95, stretched
 from kfgen.identify.screening.motion import motion_in
 from kfgen.identify.words import measured_by, of_channels, record_length
 from kfgen.log.log import Channel, Log
+from kfgen.report.identify import identify_answer
+from kfgen.run.run import SensorRun
+from kfgen.run.words import consistency
 
 pytestmark = pytest.mark.quick
 RATE_HZ = 10.0
@@ -92,6 +95,34 @@ def test_a_barometer_is_not_explained_by_its_own_pressure() -> None:
     assert found.values["N"] == pytest.approx(
         0.0832 * 4.0 / np.sqrt(RATE_HZ), rel=5.0 / np.sqrt(2.0 * T.size)
     )
+
+
+def test_a_page_leads_with_the_motion_and_makes_no_sentence_of_what_is_not_shown() -> None:
+    """A walk and no white noise in one channel, and a body that turns: limits instead of numbers, cautions first."""
+    walk = 0.05 * np.cumsum(np.random.default_rng(6).standard_normal(T.size))
+    found = kf.identify(
+        log_of(gyro_x=(walk, "deg/s"), gyro_z=(20.0 * np.sin(0.1 * T) + 0.01 * walk, "deg/s")),
+        effects=["white_noise", "rate_random_walk"],
+    )
+    page = identify_answer(found).page
+    assert page.verdict[0].startswith("The sensors moved (gyro_z turns at")
+    assert "N below" in page.verdict[1]
+    said = [str(p.content) for p in page.parts if p.kind == "sentence"]
+    assert [w for w in said if w.startswith("gyro_x carries white noise")] == []
+    assert any(w.startswith("gyro_x") for w in said)
+    assert page.parts[0].kind == "figure"  # all channels side by side
+
+
+@pytest.mark.parametrize(
+    ("nis", "said"),
+    [(3.02, "as of a consistent"), (3.8, "too little noise"), (2.2, "more noise than there is")],
+)
+def test_a_run_says_whether_its_innovations_are_as_large_as_expected(nis: float, said: str) -> None:
+    """Of 150 updates of three rows: a mean of chi-squares with 450 degrees of freedom, 3 +- 1.96 sqrt(6 / 150)."""
+    run = SensorRun(np.arange(150.0), np.zeros((150, 3)), np.full(150, nis))
+    lo, hi = run.expected_nis95
+    assert (lo, hi) == pytest.approx((3.0 - 1.96 * 0.2, 3.0 + 1.96 * 0.2), abs=0.02)
+    assert said in consistency("gnss", nis, 150, (lo, hi))
 
 
 def field(turn_deg: float) -> Log:
