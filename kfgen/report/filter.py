@@ -80,7 +80,7 @@ def run_answer(result: FilterRun) -> Answer:
         f"{consistency(name, float(s.nis.mean()), s.t.size, s.expected_nis95)}."
         for name, s in result.updated.items()
     )
-    facts = (("log", source_words(result.source, result.sha256)), ("filter", result.title))
+    facts = (("log", source_words(result.source, result.sha256)), ("length", f"{result.duration:.6g} s"))
     page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts), verdict, None, facts)
     return Answer("\n".join(lines), result.to_dict(), page)
 
