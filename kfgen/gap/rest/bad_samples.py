@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.numbers import moment
 from kfgen.effects.faults.samples import Stuck, runs
 from kfgen.effects.samples.event import Outliers
 from kfgen.effects.series import DetectedFault, RawSamples
 from kfgen.gap.rest.faults import standing
+from kfgen.gap.rest.words import no_measurements
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -102,7 +102,5 @@ def words_of(name: str, t: Array, invalid: Mask, found: Sequence[DetectedFault])
     """
     if not invalid.any():
         return []
-    first, last = t[invalid][[0, -1]]
-    when = f"at {moment(first)} s" if first == last else f"between {moment(first)} and {moment(last)} s"
-    kinds = " and ".join(f.effect.title for f in found)
-    return [f"{int(invalid.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]
+    first, last = t[invalid][[0, -1]].tolist()
+    return [no_measurements(int(invalid.sum()), name, (first, last), [f.effect.title for f in found])]
