@@ -145,3 +145,14 @@ def test_a_receiver_that_walks_moves() -> None:
     rng = np.random.default_rng(4)
     assert motion_in(log_of(gnss_v_E=(v, "m/s")), ["gnss_v_E"]).startswith("gnss_v_E is -1.")
     assert not motion_in(log_of(gnss_v_E=(0.2 * rng.standard_normal(T.size), "m/s")), ["gnss_v_E"])
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e200, 1e-200])
+def test_motion_is_seen_at_any_scale(scale: float) -> None:
+    """Whose squares are no numbers: nothing is said of the size, which other checks look at."""
+    log = field(90.0)
+    scaled = {
+        n.replace("mag", "accel"): Channel.of(scale * 1e6 * c.values, "m/s^2")
+        for n, c in log.channels.items()
+    }
+    assert motion_in(replace(log, channels=scaled), list(scaled)).startswith("gravity turns by")

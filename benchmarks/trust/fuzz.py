@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -116,7 +116,7 @@ class Journal:
             self.ended[name] = chunk(kind, seed, count)
             if self.path:
                 with self.path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"chunk": name, **asdict(self.ended[name])}) + "\n")
+                    file.write(json.dumps({"chunk": name, **vars(self.ended[name])}) + "\n")
         return self.ended[name]
 
 

@@ -100,12 +100,16 @@ def _averages(log: Log, name: str, unit: str) -> _Averages | None:
     inside = y[there] - mean[block[there]]
     freedom = max(int(there.sum()) - int((count > 0).sum()), 1)
     usual = max(float(np.median(count[count > 0])), 1.0) if there.any() else 1.0
-    return _Averages(np.asarray(mean), float(np.sqrt(inside @ inside / freedom / usual)))
+    largest = float(np.abs(inside).max(initial=0.0)) or 1.0  # whose square need not be a number
+    inside /= largest
+    return _Averages(np.asarray(mean), largest * float(np.sqrt(inside @ inside / freedom / usual)))
 
 
 def _turn(f: Array, sd: float) -> tuple[float, float]:
     """Angle from the usual direction that few of the averages exceed, and the standard deviation of one by chance [rad]."""
     f = f[np.isfinite(f).all(axis=1)]
+    largest = float(np.abs(f).max(initial=0.0)) or 1.0
+    f, sd = f / largest, sd / largest
     size = np.linalg.norm(f, axis=1)
     f = f[size > 0.0] / size[size > 0.0, None]
     if f.shape[0] < MIN_AVERAGES:
