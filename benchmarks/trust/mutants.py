@@ -21,6 +21,7 @@ import io
 import json
 import os
 import random
+import re
 import signal
 import sys
 import time
@@ -330,19 +331,25 @@ def again(record: Record) -> None:
         record.add(replace(trial, is_noticed=os.waitpid(started(mutant, tests, which), 0)[1] != 0))
 
 
-def table(trials: list[Trial], of: dict[str, int]) -> str:
-    """Markdown: by part how many were tried, noticed, and have a reason why they cannot be."""
+ROW = re.compile(r"\| ([^|]+) \| (\d+) \| (\d+) \| (\d+) \(\d+ %\) \| (\d+) \| \d+ \|")
+
+
+def table(trials: list[Trial], of: dict[str, int], page: str = "") -> str:
+    """Markdown: by part how many were tried, noticed, and have a reason why they cannot be; other parts as a page has them."""
     rows = [
         "| part | changes possible | tried | noticed by the fast tests | change no answer | neither |",
         "|---|---|---|---|---|---|",
     ]
-    for part in [*dict.fromkeys(t.part for t in trials), "all"]:
-        own = [t for t in trials if part in (t.part, "all")]
-        noticed, same = sum(t.is_noticed for t in own), sum(bool(t.reason) for t in own)
-        possible = sum(of.values()) if part == "all" else of[part]
-        share = f"{100 * noticed / max(len(own), 1):.0f} %"
+    counts = {name: [int(n) for n in numbers] for name, *numbers in ROW.findall(page) if name in PARTS}
+    for part in dict.fromkeys(t.part for t in trials):
+        own = [t for t in trials if t.part == part]
+        counts[part] = [of[part], len(own), sum(t.is_noticed for t in own), sum(bool(t.reason) for t in own)]
+    counts = {part: counts[part] for part in PARTS if part in counts}
+    counts["all"] = [sum(column) for column in zip(*counts.values(), strict=True)]
+    for part, (possible, count, noticed, same) in counts.items():
+        share = f"{100 * noticed / max(count, 1):.0f} %"
         rows.append(
-            f"| {part} | {possible} | {len(own)} | {noticed} ({share}) | {same} | {len(own) - noticed - same} |"
+            f"| {part} | {possible} | {count} | {noticed} ({share}) | {same} | {count - noticed - same} |"
         )
     return "\n".join(rows)
 
@@ -377,21 +384,23 @@ def main() -> int:
     record = Record(given.record)
     if given.again:
         again(record)
-        return shown(table(list(record.trials.values()), of), given.docs)
+        return shown(record, of, given.docs)
     for modules in parts.values():
         for path, tests, which in modules:
             if os.waitpid(started(None, tests, which), 0)[1]:
                 print(f"the tests of {path} fail without a change: {tests} -k '{which}'", flush=True)
                 return 2
     tried(islice(rounds(parts, given.seed), given.count), given.jobs, given.minutes, record)
-    return shown(table(list(record.trials.values()), of), given.docs)
+    return shown(record, of, given.docs)
 
 
-def shown(text: str, is_for_docs: bool) -> int:
-    """Print a table, and write it into the page where that is wanted."""
-    print(text)
+def shown(record: Record, of: dict[str, int], is_for_docs: bool) -> int:
+    """Print the table, and write it into the page where that is wanted: its rows of parts that were not tried stay."""
+    trials = list(record.trials.values())
+    print(table(trials, of))
     if is_for_docs:
-        write_table("trust.md", "mutants", text)
+        page = (ROOT / "docs/trust.md").read_text(encoding="utf-8").partition("<!-- table mutants -->")[2]
+        write_table("trust.md", "mutants", table(trials, of, page.partition("<!-- end mutants -->")[0]))
     return 0
 
 
