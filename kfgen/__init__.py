@@ -50,6 +50,7 @@ VERBS = {
     "find_gap": "kfgen.gap.find_gap",
     "fleet": "kfgen.fleet.fleet",
     "identify": "kfgen.identify.identify_log",
+    "judge": "kfgen.gap.judge.judge",
     "list_all": "kfgen.catalogue",
     "load": "kfgen.model.files",
     "plan": "kfgen.identify.plan",

@@ -8,6 +8,7 @@ from kfgen.emit.emit import emit as emit
 from kfgen.fleet.fleet import fleet as fleet  # type: ignore[attr-defined,import-not-found,import-untyped,unused-ignore]
 from kfgen.gap.find_gap import find_gap as find_gap  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from kfgen.gap.flight.noise.tune import tune as tune
+from kfgen.gap.judge.judge import judge as judge
 from kfgen.gap.plan_between import plan_between as plan_between
 from kfgen.identify.identify_log import identify as identify  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from kfgen.identify.plan import plan as plan

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import kfgen as kf
+
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "examples" / "recordings"
 long = pytest.mark.long
@@ -76,8 +78,29 @@ def test_turns_give_the_scale(said: Callable[..., str]) -> None:
 def test_gps_is_late(said: Callable[..., str]) -> None:
     """230 ms by the author of the recording, 250 to 300 ms by cross-correlation of the same accelerations."""
     text = said("flight", "flight", "dynamic/inertialnav_swisslog1.npz")
-    assert "time delay" in line_of(text, "model of gps is missing", "delay")
     assert 0.2 < number(text, "in all ") < 0.35
+
+
+@long
+def test_a_receiver_is_late_without_a_reference(said: Callable[..., str]) -> None:
+    """Its author flies with 0.23 s of velocity and 0.21 s of position; the interval is wide enough for one of them."""
+    text = said("fixed_wing_flight", "fixed-wing", "dynamic/inertialnav_swisslog1.npz")
+    line = line_of(text, "model of gnss is missing", "time delay")
+    lo, hi = (float(x) for x in re.findall(r"95 %: ([0-9.]+) to ([0-9.]+)", line)[0])
+    assert 0.19 < number(line, "delay = ") < 0.25
+    assert lo < 0.23
+    assert hi > 0.21
+    drift = re.findall(r"drifts ([0-9.]+) m as assumed and ([0-9.]+) m", text)[0]
+    assert float(drift[1]) < 0.8 * float(drift[0])
+
+
+@long
+def test_a_walk_with_a_receiver_beside(said: Callable[..., str]) -> None:
+    """The antenna is 0.05 m beside the sensor, by its author's ruler."""
+    text = said("walk", "walk", "flights/rtk_walk_imu.csv")
+    arm = line_of(text, "model of gnss is missing", "lever arm")
+    assert abs(number(arm, "y = ")) == pytest.approx(0.05, abs=0.01)
+    assert number(line_of(text, "gnss_v", "finite bandwidth"), "corner = ") == pytest.approx(1.4, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -153,3 +176,13 @@ def test_a_propeller_is_quadratic(said: Callable[..., str], case: str, file: str
     text = said("quarter_drone", case, f"systems/quarter_drone_{file}.npz")
     assert 0.5 < number(line_of(text, "square law of an actuator"), "share = ") < 1.5
     assert number(text, "deg, then by ") < 4.1
+
+
+@long
+def test_a_climb_shows_that_the_receiver_is_late(recording: Callable[[str], Path]) -> None:
+    """PX4-ECL's replay of a simulated quadrotor whose receiver is 0.12 s late at its output and has 5 Hz: up and down only."""
+    found = kf.find_gap(recording("flights/ecl_iris_gps_replay.csv"), "ins15")
+    assert {f.name for f in found.findings} == {"time_delay"}
+    assert all(f.where.startswith("gnss") for f in found.findings)
+    delays = [float(f.effect.row("")["delay"][0]) for f in found.findings]
+    assert all(0.11 < d < 0.22 for d in delays)

@@ -44,3 +44,22 @@ def test_a_change_of_level_is_still_one() -> None:
     assert change.name == "noise_change"
     assert change.effect.time == pytest.approx(30.0, abs=1.0)  # type: ignore[attr-defined]
     assert change.ci95["ratio"][0] < 1.5 < change.ci95["ratio"][1]
+
+
+@pytest.mark.parametrize(("sigma", "tau"), [(4e-4, 30.0), (2e-4, 90.0)])
+def test_a_wrong_number_of_a_bias_is_no_second_bias(sigma: float, tau: float) -> None:
+    """Of an hour, N trusted to 1 % and the bias to 10 %: once it was a second Gauss-Markov bias beside the first."""
+    dt, n = 0.1, 36_000
+    rng = np.random.default_rng([112_331, int(tau)])
+    t = dt * np.arange(n)
+    y = 1e-4 / np.sqrt(dt) * rng.standard_normal(n)
+    y = y + make("gauss_markov", sigma=sigma, tau=tau).simulate(t, rng)
+    white = Term(make("white_noise", N=1e-4), {"N": (0.99e-4, 1.01e-4)})
+    bias = Term(make("gauss_markov", sigma=2e-4, tau=30.0), {"sigma": (1.8e-4, 2.2e-4), "tau": (25.0, 36.0)})
+    assumed = NoiseModel({"gyro_x": ChannelNoise("rad/s", (white, bias))})
+    found = find_gap(Log(t, {"gyro_x": Channel.of(y, "rad/s")}), assumed)
+    assert (found.findings, found.to_dict()["retuned"]) == ((), ["gyro_x"])
+    (updated,) = (e for e in found.comparisons[0].updated.effects if e.name == "gauss_markov")  # type: ignore[attr-defined]
+    # An hour has n / (2 tau) independent parts: sigma is known to a share of sqrt(tau / 3600).
+    assert updated.sigma == pytest.approx(sigma, rel=4.0 * np.sqrt(tau / 3600.0))
+    assert updated.tau == pytest.approx(tau, rel=8.0 * np.sqrt(tau / 3600.0))

@@ -34,6 +34,13 @@ class Case:
     parameters: tuple[str, ...] = ()
     unlisted: str = ""
     fixed: tuple[tuple[str, float], ...] = ()
+    beside: tuple[Case, ...] = ()
+    """Other effects of the same flight."""
+
+    @property
+    def label(self) -> str:
+        """Effect and place, as they are said."""
+        return f"{self.effect} {self.where}"
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,11 @@ class Score:
     findings: tuple[str, ...] = ()
     seconds: float = 0.0
     values: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether what is said is what is hidden, no more and no less."""
+        return sorted(self.findings) == sorted(c.label for c in (self.case, *self.case.beside))
 
 
 def log_of(case: Case, effects: list[Effect]) -> Any:
@@ -119,7 +131,7 @@ def run(case: Case) -> Score:
     from kfgen.gap.find_gap import find_gap
 
     warnings.simplefilter("ignore")
-    effects = [_sized(case)] if case.effect else []
+    effects = [_sized(c) for c in (case, *case.beside)] if case.effect else []
     log = log_of(case, effects)
     begun = time.perf_counter()
     try:
@@ -133,7 +145,7 @@ def run(case: Case) -> Score:
         return Score(case, found.verdict, seconds=seconds, values=values)
     top = found.findings[0]
     printed = {(top.name, top.where), *((e, w) for e, w, p in top.alternatives if p > 0.05)}
-    meant = _meant(case)
+    meant = {(case.effect, case.where)}
     covered = ()
     if (top.name, top.where) in meant:
         pairs = [(values[n], top.ci95[n]) for n in case.parameters if n in top.ci95]
@@ -142,8 +154,3 @@ def run(case: Case) -> Score:
         case, found.verdict, findings[0], top.probability, bool(meant & printed), len(printed), covered, findings,
         seconds, values,
     )  # fmt: skip
-
-
-def _meant(case: Case) -> set[tuple[str, str]]:
-    """The names that are right: of one channel of a triad that has but one, either."""
-    return {(case.effect, case.where)}

@@ -17,10 +17,11 @@ from kfgen.gap.find_gap import find_gap, units_of
 from kfgen.gap.result import GapResult, LogSource
 from kfgen.gap.scene.scene import Scene
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
-from kfgen.gap.words import finding_sentence
+from kfgen.gap.words import finding_sentence, noise_scale_sentence, outage_sentence
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.log.log import Log
+from kfgen.model.filter import FilterModel
 from kfgen.report.gap import gap_answer
 from kfgen.report.page import Answer, write_page
 
@@ -63,6 +64,17 @@ def of_scene(log: Log, scene: Scene | None, unit: UnitOf | None = None) -> tuple
     found = GapResult((LogSource(log.source, log.sha256),), (gap,), nothing, nothing)
     said = [f"{_said(gap, f)} ({100 * f.probability:.0f} %)" for f in gap.findings]
     return gap, [f"verdict {gap.verdict}", *said], gap_answer(found)
+
+
+def of_flight(log: Log, model: FilterModel) -> Case:
+    """The gap of a filter over a log without a reference."""
+    found = find_gap(log, model)
+    (gap,) = found.comparisons
+    said = [f"{_said(gap, f)} ({100 * f.probability:.0f} %)" for f in gap.findings]
+    said += [noise_scale_sentence(s) for s in gap.noise_scales]
+    said += [outage_sentence(*pair) for pair in gap.outages]
+    closed = f"{100 * gap.gap.closed:.0f} % of the gap closed"
+    return [f"verdict {gap.verdict}", *said, closed], gap_answer(found)
 
 
 def _said(gap: Comparison, finding: Finding) -> str:

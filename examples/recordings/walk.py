@@ -7,15 +7,13 @@ antenna, its axes turned; no clock offset was found by hand, and the noise of th
 from pathlib import Path
 
 import numpy as np
-from common import AXES, Array, Case, main
+from common import AXES, Array, Case, main, of_flight
 from scipy.spatial.transform import Rotation
 
 import kfgen as kf
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
-from kfgen.gap.words import finding_sentence, noise_scale_sentence, outage_sentence
 from kfgen.log.log import Channel, Log
-from kfgen.report.gap import gap_answer
 
 MOUNTED = Rotation.from_euler("xyz", [180.0, 0.0, -90.0], degrees=True)
 STANDARD_GRAVITY = 9.80665
@@ -54,15 +52,7 @@ def recorded(file: Path) -> Log:
 
 def walk(file: Path) -> Case:
     """The receiver's velocity is smoothed and later than its position, and fixes are half as noisy as assumed."""
-    found = kf.find_gap(recorded(file), kf.build("ins15", noise=NOISE))
-    (gap,) = found.comparisons
-    said = [f"{finding_sentence(gap, f).split('. ')[0]} ({100 * f.probability:.0f} %)" for f in gap.findings]
-    said += [noise_scale_sentence(s) for s in gap.noise_scales] + [
-        outage_sentence(*pair) for pair in gap.outages
-    ]
-    return [f"verdict {gap.verdict}", *said, f"{100 * gap.gap.closed:.0f} % of the gap closed"], gap_answer(
-        found
-    )
+    return of_flight(recorded(file), kf.build("ins15", noise=NOISE))
 
 
 if __name__ == "__main__":

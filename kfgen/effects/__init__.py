@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
@@ -30,12 +33,43 @@ __all__ = [
     "effect_named",
     "filtered",
     "make",
+    "on_trial",
     "sampled_spectrum",
+    "tried",
 ]
 
 
 OF_CHANNELS = {COUPLING: coupled, LAGGED: lagged, NOISE_LEVEL: leveled}
 """What makes the effect of any channel, by the beginning of its name."""
+
+
+_ON_TRIAL: set[type[Effect]] = set()
+_TRIED: ContextVar[type[Effect] | None] = ContextVar("tried", default=None)
+
+
+def on_trial(cls: type[Effect]) -> None:
+    """Leave a declaration out of the catalogue but where it is `tried`.
+
+    Parameters
+    ----------
+    cls : type of Effect
+    """
+    _ON_TRIAL.add(cls)
+
+
+@contextmanager
+def tried(cls: type[Effect]) -> Iterator[None]:
+    """The catalogue with a declaration that is on trial.
+
+    Parameters
+    ----------
+    cls : type of Effect
+    """
+    before = _TRIED.set(cls)
+    try:
+        yield
+    finally:
+        _TRIED.reset(before)
 
 
 @cache
@@ -46,14 +80,14 @@ def _load() -> None:
 
 
 def catalogue() -> dict[str, type[Effect]]:
-    """Every declared effect by its name, in order of declaration."""
+    """Every declared effect by its name, in order of declaration; of those on trial, the one that is `tried`."""
     _load()
     found: dict[str, type[Effect]] = {}
     queue = list(Effect.__subclasses__())
     while queue:
         cls = queue.pop(0)
         queue.extend(cls.__subclasses__())
-        if cls.name and ":" not in cls.name:
+        if cls.name and ":" not in cls.name and (cls not in _ON_TRIAL or cls is _TRIED.get()):
             found[cls.name] = cls
     return found
 

@@ -10,7 +10,7 @@ COMMAND_GROUPS: Mapping[str, tuple[str, ...]] = {
     "Start here": ("demo", "open", "list"),
     "Noise of a sensor": ("identify", "calibrate", "plan", "convert", "denoise", "fleet"),
     "Filter": ("derive", "audit", "emit", "verify"),
-    "Model against log": ("simulate", "run", "gap"),
+    "Model against log": ("simulate", "run", "gap", "judge"),
 }
 """Every command, by what it is about."""
 EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
@@ -52,6 +52,12 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         (
             "Which manoeuvre distinguishes two effects",
             "kfgen plan --between time_delay@gnss,lever_arm@gnss --model ins15",
+        ),
+    ),
+    "judge": (
+        (
+            "Whether an effect of your own explains a log",
+            "kfgen judge supply_squared.py log.csv --model noise.toml",
         ),
     ),
     "convert": (

@@ -11,6 +11,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.result import Result
 from kfgen.core.units import display_unit
 from kfgen.fleet.result import FleetResult
+from kfgen.gap.judge.judgement import Judgement
 from kfgen.gap.plan_between import BetweenPlan
 from kfgen.gap.result import GapResult
 from kfgen.identify.identification import Identification
@@ -21,6 +22,7 @@ from kfgen.report.figures.gap_figures import figures
 from kfgen.report.filter import run_picture
 from kfgen.report.fleet import fleet_pictures
 from kfgen.report.identify import panel
+from kfgen.report.judge import named_picture
 from kfgen.report.plan import between_picture, plan_picture
 from kfgen.report.plots import Picture, panels_picture
 from kfgen.run.adaptive.denoise_log import DenoisedLog
@@ -126,6 +128,13 @@ def _(result: GapResult) -> Pictures:
     if not drawn:
         raise _none(f"this comparison has no picture: {'; '.join(result.summary()[:1])}")
     return drawn
+
+
+@pictures_of.register
+def _(result: Judgement) -> Pictures:
+    if not result.trials:
+        raise _none(f"there is no picture of this judgement: {'; '.join(result.summary()[:2])}")
+    return [(f"Simulated records that name {result.name}", named_picture(result))]
 
 
 @pictures_of.register

@@ -16,7 +16,7 @@ from kfgen.core.files.whole_file import all_or_none
 
 WRITTEN = ("output", "out", "json", "report", "table")
 """Parameters of commands that say what is written."""
-READ_BY_NAME = ("model", "manoeuvre", "logs", "log", "noise", "folder", "at_rest", "proof")
+READ_BY_NAME = ("declaration", "model", "manoeuvre", "logs", "log", "noise", "folder", "at_rest", "proof")
 """Parameters that may be the name of a file that is read, or a pattern of names; older versions of typer give texts."""
 
 

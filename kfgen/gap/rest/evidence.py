@@ -240,9 +240,15 @@ def _new(starts: Sequence[Detection], present: frozenset[str] | set[str]) -> boo
 
 
 def _retuned(base: Candidate, reference: float) -> Candidate:
-    problem = replace(base.problem, priors=loosened(base.problem.priors))
-    fit = maximise(problem.starting(base.fit.effects))
-    return Candidate(RETUNE, fit, problem, log_evidence(problem, fit) - reference)
+    """Other numbers of what is assumed: one of them wrong and the others trusted, or all wrong; each as likely before."""
+    priors = base.problem.priors
+    all_wrong = loosened(priors)
+    one_wrong = [{**priors, key: all_wrong[key]} for key in priors] if len(priors) > 1 else []
+    problems = [replace(base.problem, priors=p) for p in (all_wrong, *one_wrong)]
+    fits = [maximise(p.starting(base.fit.effects)) for p in problems]
+    values = np.array([log_evidence(p, f) for p, f in zip(problems, fits)])
+    best = int(np.argmax(values))
+    return Candidate(RETUNE, fits[best], problems[best], log_mean(values) - reference)
 
 
 def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:

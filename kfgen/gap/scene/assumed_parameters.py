@@ -7,17 +7,20 @@ not needed, the number is given its freedom back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.core.search import Chosen
 from kfgen.gap.core.thresholds import MAX_ITERATIONS
-from kfgen.gap.scene.explanation import Explained, FittedAddition, explained, with_values
+from kfgen.gap.scene.explanation import LIMITS, Explained, FittedAddition, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
-from kfgen.gap.scene.random_error import NamedRandomError
+from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting, start_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
+
+FIRST_LIMITS = replace(LIMITS, max_effects=4)
+"""Of a world that has random errors: beyond, one of these is likelier than a long list, and all is looked for again."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Answered:
 def answered(scene: Scene) -> Answered:
     """Explain a scene, the numbers in question as they are written."""
     if not isinstance(scene, Trusting):
-        plain = explained(scene)
+        plain = explained(scene, FIRST_LIMITS if isinstance(scene, HasRandomErrors) else LIMITS)
         return Answered(plain.scene, scene, plain)
     here: Scene = scene
     # A start far from where it should be is mostly a sign of something else, and takes up little of it.

@@ -179,10 +179,16 @@ class Explained:
     refused: tuple[Refused, ...] = ()
 
 
-def explained(scene: Scene) -> Explained:
-    """Add what has evidence, take out what a later addition makes superfluous, until nothing changes."""
+def explained(scene: Scene, limits: SearchLimits = LIMITS) -> Explained:
+    """Add what has evidence, take out what a later addition makes superfluous, until nothing changes.
+
+    Parameters
+    ----------
+    scene : Scene
+    limits : SearchLimits
+    """
     assumed = fitted(scene, start_of(scene))
-    found = searched(SceneExplanation(scene, assumed), LIMITS)
+    found = searched(SceneExplanation(scene, assumed), limits)
     return Explained(assumed, found.chosen, found.fit, found.scene, refused_of(found))
 
 

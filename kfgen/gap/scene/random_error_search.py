@@ -16,7 +16,7 @@ import numpy as np
 from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.search import NO_EFFECT, Chosen, Label
 from kfgen.gap.core.thresholds import TIE_NATS
-from kfgen.gap.scene.assumed_parameters import Answered
+from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, Answered
 from kfgen.gap.scene.explanation import FittedAddition, evidence_of_all, explained
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.random_error import FittedRandomError, HasRandomErrors, NamedRandomError
@@ -45,9 +45,11 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         if not isinstance(answer.scene, HasRandomErrors) or search_is_over():
             break
         count = len(answer.random_errors)
-        answer = _beside(answer, is_unfinished)
-        if not answer.random_errors:
-            answer = _instead(answer)
+        beside = _beside(answer, is_unfinished)
+        is_long = not count and len(answer.found.added) >= FIRST_LIMITS.max_effects
+        if not beside.random_errors or is_long:
+            beside = max(beside, _instead(answer), key=total)
+        answer = beside
         if len(answer.random_errors) == count:
             break
     answer = _pruned(answer)

@@ -39,6 +39,10 @@ RESTS_ON_MISFIT = "it explains no more than what is left unexplained could"
 """Why an effect is not added that was found as long as that was no noise."""
 MIN_GAINED_TO_LEFT_RATIO = 5.0
 """Mismatch that an effect takes away over all that is left with it, from which on it does not rest on what is left."""
+MIN_EVENT_TO_LEFT_RATIO = 1.0
+"""The same of what happens once, from which on it stands out of the rest."""
+MAX_INTERVAL_RATIO = 1000.0
+"""Upper over lower end of the 95 % interval of a positive number of which a log says anything."""
 GROWS_UNSEEN = "the mismatch on held-out data grows with it"
 """Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
@@ -115,15 +119,20 @@ def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
         placed = one.addition.placed
         if _is_event(placed.effect) and any(acts_on(placed.where, c) for c in doubtful):
             rest = left.without(index)
-            if not _explains_most(left.scene, left.fit, rest.fit):
+            if _gained_to_left(left.scene, left.fit, rest.fit) < MIN_EVENT_TO_LEFT_RATIO:
                 left = rest.refusing([Refused(*one.label, one.gain, AMONG_OTHER_EVENTS)])
     return _explained_by(answer, left)
 
 
 def _explains_most(scene: Scene, fit: SceneFit, without: SceneFit) -> bool:
     """Whether an effect takes away far more of the mismatch than all that is left with it."""
-    gained, left = (_mismatch(scene, f) for f in (without, fit))
-    return gained - left > MIN_GAINED_TO_LEFT_RATIO * max(left, MIN_EVIDENCE_NATS)
+    return _gained_to_left(scene, fit, without) > MIN_GAINED_TO_LEFT_RATIO
+
+
+def _gained_to_left(scene: Scene, fit: SceneFit, without: SceneFit) -> float:
+    """Mismatch that an effect takes away, over all that is left with it."""
+    before, left = (_mismatch(scene, f) for f in (without, fit))
+    return (before - left) / max(left, MIN_EVIDENCE_NATS)
 
 
 def _mismatch(scene: Scene, fit: SceneFit) -> float:
@@ -201,28 +210,37 @@ def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation]
         else unevenness_of_effect(left.scene, left.fit, r.fit, i)
         for i, r in enumerate(rest)
     ]
-    return np.asarray(np.maximum(gains / np.array(wider), _nats_of_sizes(left.scene, left.fit)))
+    of_sizes, known = _nats_of_sizes(left.scene, left.fit)
+    return np.asarray(np.maximum(gains / np.array(wider), of_sizes) * known)
 
 
-def _nats_of_sizes(scene: Scene, fit: SceneFit) -> Array:
+def _nats_of_sizes(scene: Scene, fit: SceneFit) -> tuple[Array, NDArray[np.bool_]]:
     """How far the best known number of each effect is from nothing [nats], shape (effects,); by scattered blocks.
 
-    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation.
+    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation. Second
+    whether the log says anything of such numbers: a time of which it does not is that of another effect.
     """
     x = coordinates(fit.point)
     deviation = scattered_deviations(scene, fit)
-    sigmas = np.zeros(len(fit.point.placed))
+    sigmas, known = np.zeros(len(fit.point.placed)), np.ones(len(fit.point.placed), dtype=bool)
     for k, (i, name) in enumerate(fit.keys):
-        size = abs(x[k]) if is_signed(fit.point.placed[i].effect, name) else 1.0
-        sigmas[i] = max(sigmas[i], size / max(float(deviation[k]), 1e-300))
-    return np.asarray(0.5 * sigmas**2)
+        signed = is_signed(fit.point.placed[i].effect, name)
+        sigmas[i] = max(sigmas[i], (abs(x[k]) if signed else 1.0) / max(float(deviation[k]), 1e-300))
+        known[i] &= signed or 2.0 * 1.96 * deviation[k] < np.log(MAX_INTERVAL_RATIO)
+    return np.asarray(0.5 * sigmas**2), known
 
 
 def _with_misfit(answer: Answered) -> TemperedScene:
-    """The scene in which effects are looked for again: noises of the sizes that the log asks for, then the misfit in them."""
+    """The scene in which effects are looked for again: noises of the sizes that the log asks for, then the misfit in them.
+
+    Beside random errors noises keep their sizes: what no random error explains would make those of the inputs so large and
+    those of the aiding sensors so small that the filter follows these blindly.
+    """
     scene, fit = answer.scene, answer.fit
     start = answer.written if isinstance(scene, Linearised) else scene
-    if isinstance(scene, HasNoiseSizes):
+    if answer.random_errors:
+        start = scene
+    elif isinstance(scene, HasNoiseSizes):
         start = scene.tuned(fit.point)
         scene = start.about(fit.point) if isinstance(start, Linearised) else start
         fit = fitted(scene, fit.point)
