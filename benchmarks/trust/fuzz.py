@@ -1,15 +1,17 @@
 """Hostile inputs by the million: parsers, readers and whole commands, in processes of their own.
 
-Usage: python benchmarks/trust/fuzz.py [--share 1.0] [--minutes 60] [--first SEED] [--only KINDS] [--with OUTPUT] [--docs]
+Usage: python benchmarks/trust/fuzz.py [--share 1.0] [--minutes 60] [--first SEED] [--only KINDS] [--kept FILE] [--docs]
 
 The inputs are those of ``tests/hostile.py``, the rules those of ``tests/hostile_trials.py``. Chunks run in processes, so
-that an input that kills the interpreter is counted and the next goes on. ``--docs`` writes the table into the page.
-``--with`` adds what earlier runs printed, so that kinds can be shown at different times.
+that an input that kills the interpreter is counted and the next goes on. ``--kept`` writes what each chunk showed into a
+file as it ends, and a run with the same file goes on where that one ended. ``--docs`` writes the rows of the kinds that
+were shown into the page, and leaves the others.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import resource
@@ -17,7 +19,6 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -31,8 +32,8 @@ from hostile import Commands, Comparisons  # noqa: E402
 from hostile_trials import commands, trials  # noqa: E402
 
 DATA = Path(os.environ.get("KFGEN_DATA") or ROOT.parent / "shared" / "data")
-CHUNK = 5000
-"""Inputs that a process is shown."""
+CHUNK, CHUNK_OF_COMMANDS = 5000, 100
+"""Inputs, and whole commands, that a process is shown."""
 COUNTS = {
     **{"unit": 200_000, "quantity": 150_000, "formula": 250_000, "noise": 130_000, "model": 80_000},
     **{
@@ -85,6 +86,39 @@ class Tally:
     peak_mb: float = 0.0
     wrong: Counter[str] = field(default_factory=Counter)
 
+    def add(self, other: Tally) -> None:
+        """What a chunk showed."""
+        self.inputs, self.seconds = self.inputs + other.inputs, self.seconds + other.seconds
+        self.peak_mb = max(self.peak_mb, other.peak_mb)
+        self.wrong.update(other.wrong)
+
+
+@dataclass
+class Journal:
+    """What every chunk showed, in a file that grows as they end; without a path nothing is kept."""
+
+    path: Path | None
+    ended: dict[str, Tally] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for line in (
+            self.path.read_text(encoding="utf-8").splitlines() if self.path and self.path.exists() else ()
+        ):
+            chunk = json.loads(line)
+            self.ended[chunk["chunk"]] = Tally(
+                chunk["inputs"], chunk["seconds"], chunk["peak_mb"], Counter(chunk["wrong"])
+            )
+
+    def shown(self, kind: str, seed: int, count: int) -> Tally:
+        """What a chunk showed, now or in an earlier run."""
+        name = f"{kind} {seed} {count}"
+        if name not in self.ended:
+            self.ended[name] = chunk(kind, seed, count)
+            if self.path:
+                with self.path.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"chunk": name, **vars(self.ended[name])}) + "\n")
+        return self.ended[name]
+
 
 def shown(kind: str, seed: int, count: int, end: Connection) -> None:
     """In a process of its own: show a chunk, send what is wrong."""
@@ -111,58 +145,47 @@ def _command_line():
     return conftest.kfgen.__wrapped__()
 
 
-def chunk(kind: str, seed: int, count: int, tally: Tally) -> None:
+def chunk(kind: str, seed: int, count: int) -> Tally:
     """Show one chunk; a process that dies is a defect of its own."""
     here, there = get_context("fork").Pipe(duplex=False)
     process = get_context("fork").Process(target=shown, args=(kind, seed, count, there))
     process.start()
     there.close()
     try:
-        seen, seconds, peak, wrong = here.recv()
-        tally.inputs += seen
-        tally.seconds += seconds
-        tally.peak_mb = max(tally.peak_mb, peak)
-        tally.wrong.update(wrong)
+        return Tally(*here.recv())
     except EOFError:
         process.join()
-        tally.wrong[f"the process died with {process.exitcode} (seed {seed})"] += 1
-    process.join()
+        return Tally(wrong=Counter({f"the process died with {process.exitcode} (seed {seed})": 1}))
+    finally:
+        process.join()
 
 
-COUNTED = re.compile(r"(\w+) +(\d+) +([\d.]+) s +(\d+) MB")
-WRONG = re.compile(r"    (\d+) x (.*)")
+ROW = re.compile(r"\| ([^|]+) \| ([\d,]+) \| (\d+) \| (\d+) MB \|")
 
 
-def printed(output: Path) -> dict[str, Tally]:
-    """What an earlier run printed of each kind that it showed."""
-    found, last = dict[str, Tally](), Tally()
-    for line in output.read_text(encoding="utf-8").splitlines():
-        if counted := COUNTED.fullmatch(line):
-            kind, inputs, seconds, peak = counted.groups()
-            last = found[kind] = Tally(int(inputs), float(seconds), float(peak))
-        elif wrong := WRONG.fullmatch(line):
-            last.wrong[wrong.group(2)] += int(wrong.group(1))
-    return {kind: tally for kind, tally in found.items() if tally.inputs}
+def with_the_others(tallies: dict[str, Tally], page: str) -> dict[str, Tally]:
+    """The tallies of this run, and of the other kinds those of a page, in the order of the table."""
+    said = {name: row for name, *row in ROW.findall(page)}
+    out = {}
+    for kind in COUNTS:
+        if kind in tallies:
+            out[kind] = tallies[kind]
+        elif row := said.get(title(kind)):
+            wrong = Counter({"in an earlier run": int(row[1])})
+            out[kind] = Tally(int(row[0].replace(",", "")), 0.0, float(row[2]), wrong)
+    return out
 
 
-def with_earlier(tallies: dict[str, Tally], outputs: Sequence[Path]) -> dict[str, Tally]:
-    """The tallies of this run and of earlier ones, in the order of the table; added where both have a kind."""
-    out = {kind: Tally() for kind in COUNTS}
-    for each in (tallies, *(printed(output) for output in outputs)):
-        for kind, tally in each.items():
-            known = out[kind]
-            known.inputs, known.seconds = known.inputs + tally.inputs, known.seconds + tally.seconds
-            known.peak_mb = max(known.peak_mb, tally.peak_mb)
-            known.wrong.update(tally.wrong)
-    return {kind: tally for kind, tally in out.items() if tally.inputs}
+def title(kind: str) -> str:
+    """How a kind is called in the table."""
+    return TITLES.get(kind, f"logs: {kind.upper()}")
 
 
 def table(tallies: dict[str, Tally]) -> str:
     """Markdown of what was seen."""
     rows = ["| input | shown | tracebacks, hangs, numbers that are none | peak memory |", "|---|---|---|---|"]
     for kind, t in tallies.items():
-        name = TITLES.get(kind, f"logs: {kind.upper()}")
-        rows.append(f"| {name} | {t.inputs:,} | {sum(t.wrong.values())} | {t.peak_mb:.0f} MB |")
+        rows.append(f"| {title(kind)} | {t.inputs:,} | {sum(t.wrong.values())} | {t.peak_mb:.0f} MB |")
     total, wrong = (
         sum(t.inputs for t in tallies.values()),
         sum(sum(t.wrong.values()) for t in tallies.values()),
@@ -179,29 +202,31 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--only", default="", help="kinds, separated by commas")
-    parser.add_argument(
-        "--with", dest="earlier", action="append", default=[], type=Path, help="earlier output"
-    )
+    parser.add_argument("--kept", type=Path, help="a file of what each chunk showed")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
-    until, tallies = time.monotonic() + 60.0 * given.minutes, {}
+    until, tallies, journal = time.monotonic() + 60.0 * given.minutes, {}, Journal(given.kept)
     for kind, count in COUNTS.items():
         if given.only and kind not in given.only.split(","):
             continue
         if not given.share:
             continue
         tally = tallies[kind] = Tally()
-        left, seed = round(given.share * count), given.first
+        left, seed, most = (
+            round(given.share * count),
+            given.first,
+            CHUNK_OF_COMMANDS if kind in WHOLE else CHUNK,
+        )
         while left > 0 and time.monotonic() < until:
-            chunk(kind, seed, min(left, CHUNK), tally)
-            left, seed = left - CHUNK, seed + 1
+            tally.add(journal.shown(kind, seed, min(left, most)))
+            left, seed = left - most, seed + 1
         print(f"{kind:12s} {tally.inputs:8d} {tally.seconds:7.1f} s {tally.peak_mb:6.0f} MB", flush=True)
         for said, times in tally.wrong.most_common(10):
             print(f"    {times} x {said}", flush=True)
-    tallies = with_earlier(tallies, given.earlier)
     print(table(tallies))
     if given.docs:
-        write_table("trust.md", "fuzz", table(tallies))
+        page = (ROOT / "docs/trust.md").read_text(encoding="utf-8")
+        write_table("trust.md", "fuzz", table(with_the_others(tallies, page)))
     return int(any(t.wrong for t in tallies.values()))
 
 

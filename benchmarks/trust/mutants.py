@@ -6,8 +6,8 @@ A change swaps a comparison, an operator, a number, `and` with `or`, `min` with 
 only makes messages, annotations or names is left alone. The tests of the module run in a forked process with the changed
 source; that a test fails, or that they take too long, means that the change was noticed. Survivors are printed with
 their line, and with the reason where `same_answer.py` has one why no answer changes. ``--record`` keeps what was tried
-in a file; ``--again`` tries the survivors of that file once more, with the tests of now, and prints its table;
-``--docs`` writes it into the page.
+in a file, a line each as it ends: a run with the same file goes on where that one ended. ``--again`` tries the survivors
+of that file once more, with the tests of now; ``--docs`` writes the table into the page.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import io
 import json
 import os
 import random
+import re
 import signal
 import sys
 import time
@@ -273,6 +274,7 @@ class Trial:
 
     part: str
     path: str
+    node: int
     line: int
     words: str
     is_noticed: bool
@@ -286,47 +288,68 @@ class Trial:
         return reason(self.path, source[self.line - 1], self.words)
 
 
-def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: float) -> list[Trial]:
-    """What was tried; survivors are printed."""
-    until, running, seen = time.monotonic() + 60.0 * minutes, {}, []
+class Record:
+    """What was tried, in a file that grows with each trial; without a path nothing is kept."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self.trials: dict[tuple[str, int], Trial] = {}
+        for line in path.read_text(encoding="utf-8").splitlines() if path and path.exists() else ():
+            trial = Trial(**json.loads(line))
+            self.trials[trial.path, trial.node] = trial
+
+    def add(self, trial: Trial) -> None:
+        """A trial that ended, the last of its change counts."""
+        self.trials[trial.path, trial.node] = trial
+        if self.path:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(trial)) + "\n")
+        if not trial.is_noticed:
+            why = trial.reason and f" ({trial.reason})"
+            print(f"survives: {trial.path}:{trial.line}: {trial.words}{why}", flush=True)
+
+
+def tried(order: Iterator[tuple[str, Mutant, str, str]], jobs: int, minutes: float, record: Record) -> None:
+    """Try what is not in the record."""
+    until, running = time.monotonic() + 60.0 * minutes, {}
+    left = (one for one in order if (one[1].path, one[1].node) not in record.trials)
     while True:
-        while len(running) < jobs and time.monotonic() < until and (one := next(order, None)):
+        while len(running) < jobs and time.monotonic() < until and (one := next(left, None)):
             running[started(*one[1:])] = one
         if not running:
-            return seen
+            return
         child, status = os.wait()
         part, mutant, _, _ = running.pop(child)
-        seen.append(Trial(part, mutant.path, mutant.line, mutant.words, status != 0))
-        if status == 0:
-            why = seen[-1].reason
-            print(f"survives: {mutant.path}:{mutant.line}: {mutant.words}{why and f' ({why})'}", flush=True)
+        record.add(Trial(part, **vars(mutant), is_noticed=status != 0))
 
 
-def again(trial: Trial) -> Trial:
-    """A survivor without a reason, tried with the tests of now: noticed if each such change of its line is."""
-    if trial.is_noticed or trial.reason:
-        return trial
-    ((_, tests, which),) = (m for m in PARTS[trial.part] if m[0] == trial.path)
-    same = [m for m in mutants_of(trial.path) if (m.line, m.words) == (trial.line, trial.words)]
-    noticed = all(os.waitpid(started(m, tests, which), 0)[1] for m in same)
-    if not noticed:
-        print(f"survives: {trial.path}:{trial.line}: {trial.words}", flush=True)
-    return replace(trial, is_noticed=noticed)
+def again(record: Record) -> None:
+    """Survivors without a reason, tried with the tests of now."""
+    for trial in [t for t in record.trials.values() if not (t.is_noticed or t.reason)]:
+        ((_, tests, which),) = (m for m in PARTS[trial.part] if m[0] == trial.path)
+        mutant = Mutant(trial.path, trial.node, trial.line, trial.words)
+        record.add(replace(trial, is_noticed=os.waitpid(started(mutant, tests, which), 0)[1] != 0))
 
 
-def table(trials: list[Trial], of: dict[str, int]) -> str:
-    """Markdown: by part how many were tried, noticed, and have a reason why they cannot be."""
+ROW = re.compile(r"\| ([^|]+) \| (\d+) \| (\d+) \| (\d+) \(\d+ %\) \| (\d+) \| \d+ \|")
+
+
+def table(trials: list[Trial], of: dict[str, int], page: str = "") -> str:
+    """Markdown: by part how many were tried, noticed, and have a reason why they cannot be; other parts as a page has them."""
     rows = [
         "| part | changes possible | tried | noticed by the fast tests | change no answer | neither |",
         "|---|---|---|---|---|---|",
     ]
-    for part in [*dict.fromkeys(t.part for t in trials), "all"]:
-        own = [t for t in trials if part in (t.part, "all")]
-        noticed, same = sum(t.is_noticed for t in own), sum(bool(t.reason) for t in own)
-        possible = sum(of.values()) if part == "all" else of[part]
-        share = f"{100 * noticed / max(len(own), 1):.0f} %"
+    counts = {name: [int(n) for n in numbers] for name, *numbers in ROW.findall(page) if name in PARTS}
+    for part in dict.fromkeys(t.part for t in trials):
+        own = [t for t in trials if t.part == part]
+        counts[part] = [of[part], len(own), sum(t.is_noticed for t in own), sum(bool(t.reason) for t in own)]
+    counts = {part: counts[part] for part in PARTS if part in counts}
+    counts["all"] = [sum(column) for column in zip(*counts.values(), strict=True)]
+    for part, (possible, count, noticed, same) in counts.items():
+        share = f"{100 * noticed / max(count, 1):.0f} %"
         rows.append(
-            f"| {part} | {possible} | {len(own)} | {noticed} ({share}) | {same} | {len(own) - noticed - same} |"
+            f"| {part} | {possible} | {count} | {noticed} ({share}) | {same} | {count - noticed - same} |"
         )
     return "\n".join(rows)
 
@@ -358,25 +381,26 @@ def main() -> int:
         "typer.testing",
     ):
         importlib.import_module(heavy)
+    record = Record(given.record)
     if given.again:
-        seen = [again(Trial(**t)) for t in json.loads(given.record.read_text(encoding="utf-8"))]
-        return shown(table(seen, of), given.docs)
+        again(record)
+        return shown(record, of, given.docs)
     for modules in parts.values():
         for path, tests, which in modules:
             if os.waitpid(started(None, tests, which), 0)[1]:
                 print(f"the tests of {path} fail without a change: {tests} -k '{which}'", flush=True)
                 return 2
-    seen = tried(islice(rounds(parts, given.seed), given.count), given.jobs, given.minutes)
-    if given.record:
-        given.record.write_text(json.dumps([asdict(t) for t in seen], indent=1), encoding="utf-8")
-    return shown(table(seen, of), given.docs)
+    tried(islice(rounds(parts, given.seed), given.count), given.jobs, given.minutes, record)
+    return shown(record, of, given.docs)
 
 
-def shown(text: str, is_for_docs: bool) -> int:
-    """Print a table, and write it into the page where that is wanted."""
-    print(text)
+def shown(record: Record, of: dict[str, int], is_for_docs: bool) -> int:
+    """Print the table, and write it into the page where that is wanted: its rows of parts that were not tried stay."""
+    trials = list(record.trials.values())
+    print(table(trials, of))
     if is_for_docs:
-        write_table("trust.md", "mutants", text)
+        page = (ROOT / "docs/trust.md").read_text(encoding="utf-8").partition("<!-- table mutants -->")[2]
+        write_table("trust.md", "mutants", table(trials, of, page.partition("<!-- end mutants -->")[0]))
     return 0
 
 

@@ -98,6 +98,18 @@ SAME_ANSWER: tuple[tuple[str, str, str, str], ...] = (
     ),
     (
         "kfgen/model/discretise.py",
+        "first = len(self.model.states) - self.model.effect_dynamics[0].rows",
+        "0 -> 1",
+        "the dynamics of the effects and the density that drives them have as many rows",
+    ),
+    (
+        "kfgen/model/discretise.py",
+        "fastest = max(float(poles.max(initial=0.0)), 1e-300)",
+        "0.0 -> 1.0",
+        "slower than one a second the longest step is a tenth of a second in either case",
+    ),
+    (
+        "kfgen/model/discretise.py",
         "1.05 / rate if rate > 0.0 else 0.0",
         "0.0 -> 1.0",
         "a rate that is not positive is refused in the next line",

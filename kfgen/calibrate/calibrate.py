@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.calibrate import words
 from kfgen.calibrate.coverage import covered_share, missing_turn
 from kfgen.calibrate.ellipsoid import MIN_READINGS, ellipsoid
 from kfgen.calibrate.fit import Fitted, fitted
@@ -172,8 +173,7 @@ def _not_turned(log: Log, sensor: str) -> InputError:
             )
     share = covered_share(y - y.mean(axis=0))
     return InputError(
-        f"the readings of {sensor} cover {100.0 * share:.0f} % of the directions and lie near one plane: bias and scale "
-        "across it cannot be distinguished",
+        words.near_one_plane(sensor, share),
         where=log.source,
         remedy=missing_turn(y).capitalize(),
     )
@@ -219,7 +219,7 @@ def _by_length(log: Log, noise: NoiseModel, scene: NormScene, length: float) -> 
         after=float(np.sqrt(np.mean((np.linalg.norm(u, axis=1) - (length or fit.values[-1])) ** 2))),
         length=float(length or fit.values[-1]),
         said=tuple(
-            f"{e.label}: the poses do not tell it; rest the sensor on an edge between these two axes"
+            words.open_angle(e.label)
             for e, half in zip(entries, fit.half_widths)
             if e.effect == "misalignment" and half > USUAL_ANGLE_RAD
         ),
@@ -263,7 +263,7 @@ def _refuse_open(
         return
     name = entries[worst].label if worst < len(entries) else "the strength of the field"
     raise InputError(
-        f"the readings of {sensor} cover {100.0 * covered_share(u):.0f} % of the directions, which leaves {name} open",
+        f"{words.covers(sensor, covered_share(u))}, which leaves {name} open",
         where=log.source,
         remedy=missing_turn(u).capitalize(),
     )
@@ -291,14 +291,12 @@ def _by_turns(log: Log, noise: NoiseModel, known: Known) -> CalibratedSensor:
     count = len(entries)
     scale = np.array([1.0] * count + [1e-3] * len(scene.axes))
     fit = fitted(residual, np.zeros(scale.size), scale, in_blocks=False)
-    said = [f"{AXES[i]} was not turned, and is not calibrated" for i in range(3) if i not in axes]
+    said = [words.not_turned(AXES[i]) for i in range(3) if i not in axes]
     if skipped:
-        said.append(
-            f"{skipped} motions between rests are no turn by {np.degrees(angle):.4g} deg, and are left out"
-        )
+        said.append(words.other_turns(skipped, float(np.degrees(angle))))
     count_of_turns = sum(bool(t.angle) for t in scene.turns)
     if count_of_turns == len(axes):
-        said.append("each axis was turned once: no second turn checks the first. Turn each both ways")
+        said.append(words.EACH_TURNED_ONCE)
     wrong = np.array([abs(v) - a for v, t in zip(scene.integral, scene.turns) if (a := abs(t.angle))])
     left = (fit.residual * scene.deviation)[[bool(t.angle) for t in scene.turns]]
     return CalibratedSensor(

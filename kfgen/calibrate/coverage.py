@@ -1,10 +1,11 @@
-"""Which directions readings cover, and what is said where they do not tell enough."""
+"""Which directions readings cover, and where more are needed."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.calibrate.words import how_to_turn
 from kfgen.core.channel_names import AXES
 
 Array = NDArray[np.float64]
@@ -47,4 +48,4 @@ def missing_turn(u: Array) -> str:
     away = u - u.mean(axis=0)
     least = np.linalg.eigh(away.T @ away)[1][:, 0]
     axis = AXES[int(np.argmax(np.abs(least)))]
-    return f"turn it so that its {axis} axis points up, down and sideways too"
+    return how_to_turn(axis)

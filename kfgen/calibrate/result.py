@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import kfgen
+from kfgen.calibrate import words
 from kfgen.calibrate.fit import Fitted
 from kfgen.calibrate.parameters import CalibratedNumber, placed
 from kfgen.core.result import Result, ShortTable
@@ -67,34 +68,25 @@ class CalibratedSensor:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of it."""
-        words = list(self.said)
+        said = list(self.said)
         if self.sensor != "gyro" and self.coverage < LOW_COVERAGE:
-            words.append(
-                f"{self.sensor}: the readings cover {100.0 * self.coverage:.0f} % of the directions; numbers along the "
-                "others are less well known than a full turn would make them"
-            )
+            said.append(words.low_coverage(self.sensor, self.coverage))
         if self.sensor == "mag" and self.after > MIN_SHARE_LEFT * self.before:
-            words.append(
-                f"{self.sensor}: the calibration takes the error of the length from {self.before * 1e6:.3g} uT to "
-                f"{self.after * 1e6:.3g} uT only: the field is not the same in all places of the log, and the numbers "
-                "describe it as much as the sensor. Turn the sensor in one place, away from iron"
-            )
+            said.append(words.uneven_field(self.sensor, self.before, self.after))
         elif self.fit.misfit > LARGE_MISFIT:
-            words.append(
-                f"{self.sensor}: what is left is {self.fit.misfit:.2g} times the noise; the intervals include it"
-            )
-        return tuple(words)
+            said.append(words.misfit(self.sensor, self.fit.misfit))
+        return tuple(said)
+
+    @property
+    def counted(self) -> str:
+        """How much was read, in words."""
+        return words.readings(self.sensor, self.readings, self.coverage)
 
     @property
     def sentence(self) -> str:
         """What was read, and what the calibration does to its error."""
         unit = "deg" if self.sensor == "gyro" else display_unit(self.unit)
-        what = "angle" if self.sensor == "gyro" else "length"
-        before, after = (f"{from_si(v, unit):.3g}" for v in (self.before, self.after))
-        return (
-            f"{self.sensor}: {counted_readings(self)}; root mean square error of the {what} {before} {unit} before, "
-            f"{after} {unit} after"
-        )
+        return f"{self.sensor}: {self.counted}; {words.error_of(self.sensor, self.before, self.after, unit)}"
 
     def unit_of(self, entry: CalibratedNumber) -> str:
         """The unit in which an entry is shown."""
@@ -191,9 +183,7 @@ class Calibration(Result):
 
     def summary(self) -> list[str]:
         """A line for each sensor."""
-        return [
-            f"{s.sensor}: {counted_readings(s)}, error {s.before:.3g} -> {s.after:.3g}" for s in self.sensors
-        ]
+        return [f"{s.sensor}: {s.counted}, error {s.before:.3g} -> {s.after:.3g}" for s in self.sensors]
 
     def short_table(self) -> ShortTable:
         """The numbers with their intervals."""
@@ -203,11 +193,3 @@ class Calibration(Result):
             for e, v, lo, hi, unit in s.rows()
         ]
         return ("where", "parameter", "value", "95 % interval"), rows
-
-
-def counted_readings(sensor: CalibratedSensor) -> str:
-    """How much was read, in words."""
-    what = {"accel": "poses", "mag": "samples", "gyro": "turns"}[sensor.sensor]
-    if sensor.sensor == "gyro":
-        return f"{sensor.readings} {what} about {round(3 * sensor.coverage)} axes"
-    return f"{sensor.readings} {what}, {100.0 * sensor.coverage:.0f} % of the directions"

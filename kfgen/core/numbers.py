@@ -38,6 +38,37 @@ def digits_of(lo: float, hi: float) -> int:
     return min(max(3, math.ceil(math.log10(size / width)) + 2), 12)
 
 
+def moment(t_s: float) -> str:
+    """A time in a message: six digits, and of clocks that began long ago a tenth of a millisecond still.
+
+    Parameters
+    ----------
+    t_s : float
+        [s].
+
+    Returns
+    -------
+    str
+    """
+    return f"{t_s:.6g}" if abs(t_s) < 100.0 else f"{round(t_s, 4):.15g}"
+
+
+def few_digits(value: float, digits: int = 2) -> str:
+    """A number with few digits and without an exponent below a million: 120, not 1.2e+02.
+
+    Parameters
+    ----------
+    value : float
+    digits : int
+        That count.
+
+    Returns
+    -------
+    str
+    """
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
 def quantity(value: float, unit: str, digits: int = 3) -> str:
     """A value in a unit; "unbounded" where it is infinite.
 

@@ -28,6 +28,8 @@ TIME_NAME = re.compile(
 """Names of columns that hold times or counters, beside those that are recognised by their unit or their values."""
 OTHER_NAME = ("ref_", "movement", "input", "throttle", "vibration", *DRIVERS)
 """Beginnings of names of references, of commands and of drivers."""
+COMPUTED_FROM = {"baro_height": "pressure"}
+"""Channels that an instrument computes from what a driver's name stands for: that is its own reading, and no driver."""
 BAND_ENDS = ("_lo", "_hi")
 """Ends of names that hold the band of a published Allan curve."""
 MIN_COUNTER_VALUES = 8
@@ -107,14 +109,15 @@ def recorded_drivers(log: Log, but: str = "") -> Mapping[str, Array]:
     ----------
     log : Log
     but : str
-        The channel that is identified, which does not drive itself.
+        The channel that is identified, which does not drive itself, nor does what it is computed from.
 
     Returns
     -------
     mapping of str to ndarray, shape (n,)
         Values [SI] by the names of `kfgen.effects.driven.proportional.DRIVERS`.
     """
-    found = {name: log.channels[name].values for name in DRIVERS if name in log.channels and name != but}
+    skipped = (but, COMPUTED_FROM.get(but))
+    found = {n: log.channels[n].values for n in DRIVERS if n in log.channels and n not in skipped}
     warm = [n for n in log.channels if n != but and not n.startswith("ref_") and _is_temperature(log, n)]
     if "temperature" not in log.channels and warm:  # under another name: temp, imu_temp
         found["temperature"] = log.channels[warm[0]].values

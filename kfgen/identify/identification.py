@@ -272,13 +272,16 @@ class Identification(Result):
     method : str
         How it was identified, see `kfgen.identify.methods.likelihood.METHODS`.
     warnings : tuple of str
-        Of the logs, of the choice of channels, and of every channel (``channel: warning``).
+        Of the logs, of the choice of channels, and of channels (``gyro, accel_x: warning``).
+    cautions : tuple of str
+        Those of them without which the numbers would be misread: motion, a search that ended early.
     """
 
     channels: Mapping[str, IdentifiedChannel]
     logs: tuple[tuple[str, str], ...]
     method: str
     warnings: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
     @cached_property
     def noise(self) -> NoiseModel:

@@ -24,7 +24,7 @@ from kfgen.identify.evidence.sampling import evidence
 from kfgen.identify.identification import Identification, IdentifiedChannel
 from kfgen.identify.identify import identify as identify_record
 from kfgen.identify.screening.motion import motion_in
-from kfgen.identify.words import COUNTS_AS_NOISE
+from kfgen.identify.words import COUNTS_AS_NOISE, of_channels
 from kfgen.log.log import Channel, Log, StoredLog
 from kfgen.log.readers import read_long
 
@@ -90,15 +90,17 @@ def identify(
     if not found:
         raise left_out[0]
     said += [f"not identified: {error}" for error in left_out]
-    moving = [how for d in data if isinstance(d, Log) and (how := motion_in(d, names))]
-    warnings = [
+    moved = [how for d in data if isinstance(d, Log) and (how := motion_in(d, names))]
+    moving = [COUNTS_AS_NOISE.format(how=how) for how in moved]
+    warnings = (
         *(w for d in data for w in d.warnings),
-        *(COUNTS_AS_NOISE.format(how=how) for how in moving),
+        *moving,
         *said,
-        *(f"{name}: {w}" for name, c in found.items() for w in c.warnings),
+        *of_channels({name: c.warnings for name, c in found.items()}),
         *budget.warnings,
-    ]
-    return Identification(found, tuple((d.source, d.sha256) for d in data), method, tuple(warnings))
+    )
+    sources = tuple((d.source, d.sha256) for d in data)
+    return Identification(found, sources, method, warnings, (*moving, *budget.warnings))
 
 
 def identify_samples(

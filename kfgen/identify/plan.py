@@ -17,6 +17,7 @@ from kfgen.effects import Effect
 from kfgen.effects.noise_model import NoiseModel, read_noise
 from kfgen.identify.evidence.whittle import density_of_differences
 from kfgen.identify.fit.bounds import relative_bound, seconds_for
+from kfgen.identify.words import MAX_RECORD_HOURS, record_length
 
 RECORD_HOURS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Lengths of records [h] at which the bound is said."""
@@ -76,7 +77,7 @@ class RecordPlan(Result):
         said = []
         for name, rows in self.channels.items():
             hours = max((b.hours_for_wanted for b in rows.values()), default=0.0)
-            long = f"{hours:.2g} h" if np.isfinite(hours) else "no record long enough"
+            long = record_length(hours) or f"no record of {MAX_RECORD_HOURS:g} h is long enough"
             said.append(f"{name}: {long} for {100 * self.wanted:g} % of every parameter at {self.rate:g} Hz")
         return said[:5]
 
@@ -103,7 +104,7 @@ class RecordPlan(Result):
 
 def hours_text(bound: ParameterBound) -> str:
     """The length of the record for the wanted accuracy, in words."""
-    return f"{bound.hours_for_wanted:.2g} h" if np.isfinite(bound.hours_for_wanted) else "never"
+    return record_length(bound.hours_for_wanted) or f"more than {MAX_RECORD_HOURS:g} h"
 
 
 def plan(noise: NoiseModel | str | Path, rate: float = 100.0, wanted: float = 0.2) -> RecordPlan:

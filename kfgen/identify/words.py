@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+
+from kfgen.core.channel_names import AXES, sensor_and_axis
+from kfgen.core.numbers import few_digits, moment
 
 MAX_TIMES_SAID = 5
 """Events of which the times are said."""
+MAX_RECORD_HOURS = 1000.0
+"""Length of a record beyond which nobody logs [h]."""
 COUNTS_AS_NOISE = "the sensors moved ({how}), and this motion counts as noise here: log them at rest"
 """What is said where noise is looked for in a log of sensors that moved."""
 
@@ -23,10 +30,62 @@ def counted(n: int, noun: str) -> str:
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
+def record_length(hours: float) -> str:
+    """The length of a record in the unit in which one would ask for it; empty beyond `MAX_RECORD_HOURS`.
+
+    Parameters
+    ----------
+    hours : float
+        [h].
+    """
+    if not hours <= MAX_RECORD_HOURS:
+        return ""
+    for seconds, unit in ((1.0, "s"), (60.0, "min")):
+        if 3600.0 * hours < 100.0 * seconds:
+            return f"{math.ceil(3600.0 * hours / seconds):d} {unit}"
+    return f"{few_digits(hours)} h"
+
+
+def measured_by(hours: float) -> str:
+    """Which record would measure half of an upper limit to a fifth [h]."""
+    long = record_length(hours)
+    log = f"a {long} log" if long else f"no log of {MAX_RECORD_HOURS:g} h"
+    return f"{log} would measure half of this limit to ±20 %"
+
+
+def of_channels(said: Mapping[str, Sequence[str]]) -> list[str]:
+    """What is said of channels, each sentence once, led by all channels of which it is true.
+
+    Parameters
+    ----------
+    said : mapping of str to sequence of str
+        Sentences by channel.
+
+    Returns
+    -------
+    list of str
+        In the order in which the sentences come first.
+    """
+    channels: dict[str, list[str]] = {}
+    for name, sentences in said.items():
+        for sentence in sentences:
+            channels.setdefault(sentence, []).append(name)
+    return [f"{_together(names)}: {sentence}" for sentence, names in channels.items()]
+
+
+def _together(channels: Sequence[str]) -> str:
+    """Channels for a message: a sensor of which all axes are there, one after another, by its name."""
+    names = []
+    for sensor, axes in groupby(channels, lambda c: sensor_and_axis(c)[0]):
+        some = list(axes)
+        names += [sensor] if len(some) == len(AXES) else some
+    return ", ".join(names)
+
+
 def missing_all_along(share: float, rate: float) -> str:
     """Of a log that lost a share of its samples at a rate [Hz]."""
     return (
-        f"{100.0 * share:.2g} % of the samples are missing, all along the log, at a rate of {rate:.4g} Hz; "
+        f"{few_digits(100.0 * share)} % of the samples are missing, all along the log, at a rate of {rate:.4g} Hz; "
         "the fit takes them as missing"
     )
 
@@ -36,7 +95,7 @@ def not_numbers(lost: int, runs: int, longest: int, at_s: float) -> str:
     are = "is" if lost == 1 else "are"
     return (
         f"{counted(lost, 'sample')} {are} not a number, in {counted(runs, 'run')}, the longest of {longest} at "
-        f"t = {at_s:.6g} s; the fit takes them as missing"
+        f"t = {moment(at_s)} s; the fit takes them as missing"
     )
 
 
@@ -44,7 +103,7 @@ def gaps(count: int, lost: int, longest_s: float, at_s: float) -> str:
     """Of times at which nothing was logged."""
     return (
         f"{counted(count, 'gap')}, {counted(lost, 'sample')} missing in all, the longest gap "
-        f"{longest_s:.4g} s at t = {at_s:.6g} s; the fit takes them as missing"
+        f"{longest_s:.4g} s at t = {moment(at_s)} s; the fit takes them as missing"
     )
 
 
@@ -55,7 +114,7 @@ def is_of_gaps(sentence: str) -> bool:
 
 def jitter(share: float) -> str:
     """Of time stamps whose steps differ from a period by a share (root mean square)."""
-    return f"the time stamps jitter by {100 * share:.2g} % of a period (root mean square)"
+    return f"the time stamps jitter by {few_digits(100 * share)} % of a period (root mean square)"
 
 
 def uneven_time(period_s: float) -> str:
@@ -102,26 +161,26 @@ def drift(titles: Sequence[str], longest_s: float) -> str:
 def spectrum_differs(times: float) -> str:
     """Of a spectrum that the terms do not explain: intervals are so many times as wide."""
     return (
-        f"the spectrum differs from that of the terms beyond chance: intervals are up to {times:.2g} times as wide as "
+        f"the spectrum differs from that of the terms beyond chance: intervals are up to {few_digits(times)} times as wide as "
         "they would be if it did not"
     )
 
 
 def outlier_share(share: float) -> str:
     """Of outliers that were left out."""
-    return f"{100 * share:.2g} % of the samples are outliers, left out"
+    return f"{few_digits(100 * share)} % of the samples are outliers, left out"
 
 
 def outliers(share: float, times_s: Sequence[float]) -> str:
     """Of single outliers, with the times [s] of the first ones."""
-    times = ", ".join(f"{t:.6g} s" for t in times_s[:MAX_TIMES_SAID])
+    times = ", ".join(f"{moment(t)} s" for t in times_s[:MAX_TIMES_SAID])
     return f"{outlier_share(share)} of the fit: at t = {times}{_more(len(times_s))}"
 
 
 def outlier_law(share: float, lo: float, hi: float) -> str:
     """Of outliers that have a size of their own: their share with its interval."""
     return (
-        f"{100 * share:.2g} % of the samples are outliers ({100 * lo:.2g} to {100 * hi:.2g} %): they have a size "
+        f"{few_digits(100 * share)} % of the samples are outliers ({few_digits(100 * lo)} to {few_digits(100 * hi)} %): they have a size "
         "of their own, and N is that of the noise without them. Look for glitches of the bus or of the supply"
     )
 
@@ -129,18 +188,18 @@ def outlier_law(share: float, lo: float, hi: float) -> str:
 def shocks(begun_and_length_s: Sequence[tuple[float, float]]) -> str:
     """Of shocks, with beginning and length [s] of the first ones."""
     n = len(begun_and_length_s)
-    times = ", ".join(f"at t = {t:.6g} s for {d:.3g} s" for t, d in begun_and_length_s[:MAX_TIMES_SAID])
+    times = ", ".join(f"at t = {moment(t)} s for {d:.3g} s" for t, d in begun_and_length_s[:MAX_TIMES_SAID])
     return f"{'a shock is' if n == 1 else f'{n} shocks are'} left out of the fit: {times}{_more(n)}"
 
 
 def coarse_grid(step_in_sd: float) -> str:
     """Of an ADC grid wider than the noise."""
-    return f"neighbouring values are {step_in_sd:.2g} standard deviations apart: too coarse for sizes to be trusted"
+    return f"neighbouring values are {few_digits(step_in_sd)} standard deviations apart: too coarse for sizes to be trusted"
 
 
 def clipped(share: float) -> str:
     """Of samples at the ends of the range."""
-    return f"{100 * share:.2g} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
+    return f"{few_digits(100 * share)} % of the samples stand at the largest or smallest value: clipped, sizes are too small"
 
 
 def _more(n: int) -> str:

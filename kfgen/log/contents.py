@@ -11,7 +11,7 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.core.numbers import finite
+from kfgen.core.numbers import finite, moment
 from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import from_si
 from kfgen.log.log import Channel, Log
@@ -57,12 +57,12 @@ class Contents(Result):
 
     def summary(self) -> list[str]:
         """How much there is."""
-        topics = [f"{len(self.topics)} topics"] if self.topics else []
+        topics = [f"{len(self.topics)} topic{'s' * (len(self.topics) > 1)}"] if self.topics else []
         if self.log is None:
             return [", ".join([self.source, *topics]), *self.problem.splitlines()][:5]
         log = self.log
         rate = f" at {1.0 / log.dt:.4g} Hz" if log.n > 1 else ""
-        said = f"{log.n} rows{rate}, t = {log.t[0]:.12g} to {log.t[-1]:.12g} s"
+        said = f"{log.n} rows{rate}, t = {moment(log.t[0])} to {moment(log.t[-1])} s"
         samples = [f"an inertial sample stands {_STANDS[log.samples]}"] if log.samples else []
         return ["; ".join([self.source, *topics, f"{len(log.channels)} channels", said, *samples])]
 
@@ -79,8 +79,8 @@ class Contents(Result):
                 str(c.gaps),
                 _text(c.longest),
                 _text(1e3 * c.jitter),
-                _text(c.start, 12),
-                _text(c.end, 12),
+                moment(c.start),
+                moment(c.end),
             ]
             rows.append([name, str(c.n), *(facts if np.isfinite(c.start) else [""] * len(facts))])
         return rows
@@ -164,8 +164,8 @@ def contents(
     return Contents(str(path), sha256, log, "", table.topics)
 
 
-def _text(value: float, digits: int = 4) -> str:
-    return f"{value:.{digits}g}" if np.isfinite(value) else ""
+def _text(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else ""
 
 
 def _sizes(channel: Channel) -> tuple[float, float, float, float]:

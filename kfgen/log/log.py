@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kfgen.core.channel_names import acts_on, some_of
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import moment
 from kfgen.core.units import parse_unit, to_si
 
 Array = NDArray[np.float64]
@@ -133,7 +134,7 @@ class Log:
     def __repr__(self) -> str:
         names = list(self.channels)
         more = f" and {len(names) - MAX_NAMES_SHOWN} more" if len(names) > MAX_NAMES_SHOWN else ""
-        axis = f"{self.n} samples, {self.axis} = {self.t[0]:.6g} to {self.t[-1]:.6g} s"
+        axis = f"{self.n} samples, {self.axis} = {moment(self.t[0])} to {moment(self.t[-1])} s"
         return f"{self.source}: {axis}; {', '.join(names[:MAX_NAMES_SHOWN])}{more}"
 
     def _check_time(self) -> None:
@@ -193,7 +194,7 @@ class Log:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise InputError(
-                f"channel {name} is not a number at sample {bad[0] + 1} (t = {self.t[bad[0]]:.6g} s)"
+                f"channel {name} is not a number at sample {bad[0] + 1} (t = {moment(self.t[bad[0]])} s)"
                 f", {bad.size} in all",
                 where=self.source,
                 remedy="Cut or correct these samples",
@@ -223,7 +224,7 @@ class Log:
         if bad.size:
             raise InputError(
                 f"time is uneven: {bad.size} of {steps.size} steps are off by more than half a "
-                f"period, the first at t = {self.t[bad[0]]:.6g} s ({steps[bad[0]]:.4g} s instead of "
+                f"period, the first at t = {moment(self.t[bad[0]])} s ({steps[bad[0]]:.4g} s instead of "
                 f"{dt:.4g} s)",
                 where=self.source,
                 remedy="Cut the log at the gaps, or give the sensor's own rate with --rate HZ where only the stamps are late",

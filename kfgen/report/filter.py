@@ -7,9 +7,21 @@ import numpy as np
 import kfgen
 from kfgen.emit.folder import EmittedFilter
 from kfgen.log.log import Log
-from kfgen.report.page import Answer, Page, PagePart, code, columns, figure, heading, sentence, table
+from kfgen.report.page import (
+    Answer,
+    Page,
+    PagePart,
+    code,
+    columns,
+    figure,
+    heading,
+    sentence,
+    source_words,
+    table,
+)
 from kfgen.report.plots import AFTER, MEASURED, Line, Picture, series_picture, thin
 from kfgen.run.run import FilterRun
+from kfgen.run.words import consistency
 
 INNOVATION_COLORS = (AFTER, MEASURED, "#c4452f", "#7a8794")
 
@@ -60,13 +72,16 @@ def run_answer(result: FilterRun) -> Answer:
     lines += [columns([head, *rows]), "  at the end:", columns(final, "    ")]
     parts += [
         heading("Innovations"),
+        *(figure(run_picture(result, name), f"Innovations of {name}.") for name in result.updated),
         table(head, rows),
-        heading("At the end"),
-        table(("state", "value"), final),
+        table(("state at the end [SI]", "value"), final, "The state at the end", folded=True),
     ]
-    parts += [figure(run_picture(result, name), f"Innovations of {name}.") for name in result.updated]
-    verdict = (f"{lines[0]}.",)
-    page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts), verdict)
+    verdict = tuple(
+        f"{consistency(name, float(s.nis.mean()), s.t.size, s.expected_nis95)}."
+        for name, s in result.updated.items()
+    )
+    facts = (("log", source_words(result.source, result.sha256)), ("length", f"{result.duration:.6g} s"))
+    page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts), verdict, None, facts)
     return Answer("\n".join(lines), result.to_dict(), page)
 
 
@@ -82,10 +97,10 @@ def run_picture(result: FilterRun, name: str) -> Picture:
     s = result.sensors[name]
     keep = thin(s.t)
     lines = [
-        Line(f"row {i + 1}", s.t[keep], s.innovation[keep, i], INNOVATION_COLORS[i % 4])
+        Line(s.channels[i], s.t[keep], s.innovation[keep, i], INNOVATION_COLORS[i % 4])
         for i in range(s.innovation.shape[1])
     ]
-    return series_picture(lines, f"{name} innovation [SI]", f"innovation-{name}")
+    return series_picture(lines, "innovation [SI]", f"innovation-{name}")
 
 
 def simulate_answer(log: Log, path: str) -> Answer:

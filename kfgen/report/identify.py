@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from kfgen.core.numbers import quantity
+from kfgen.core.numbers import few_digits, quantity
 from kfgen.core.units import derived_unit, display_unit, from_si, parse_unit
+from kfgen.effects.effect import Parameter
 from kfgen.effects.noise_model import noise_text
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine
-from kfgen.identify.identification import Identification, IdentifiedChannel, expected_deviation
+from kfgen.identify.identification import (
+    Identification,
+    IdentifiedChannel,
+    IdentifiedEffect,
+    expected_deviation,
+)
+from kfgen.identify.words import measured_by
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import (
     Answer,
@@ -25,6 +32,8 @@ from kfgen.report.page import (
 )
 from kfgen.report.plots import AFTER, BEFORE, Line, Panel, panels_picture
 
+MAX_PANELS = 12
+"""Channels that are drawn side by side."""
 SHOWN_BOUND = 10.0
 """Relative standard deviation from which a record says nothing of a parameter [1]."""
 
@@ -40,7 +49,7 @@ def identify_answer(found: Identification) -> Answer:
         lines += [f"  {line}" for line in missing]
         parts += [
             heading(name),
-            *(sentence(f"{e.effect.sentence(name, unit)}.") for e in channel.effects),
+            *(sentence(f"{e.effect.sentence(name, unit)}.") for e in channel.effects if is_shown(e)),
             figure(
                 panels_picture([panel(channel, "")], f"allan-{name}"),
                 f"Allan deviation of {name}, {words}; the curve is the identified model.",
@@ -57,9 +66,17 @@ def identify_answer(found: Identification) -> Answer:
             ),
             *(text(w) for w in channel.warnings),
         ]
-    verdict = tuple(
-        f"{name}: {one_line(c) or 'nothing was identified'}." for name, c in found.channels.items()
+    if 1 < len(found.channels) <= MAX_PANELS:
+        panels = [panel(c, name) for name, c in found.channels.items()]
+        parts.insert(
+            0, figure(panels_picture(panels, "allan"), "Allan deviations of all channels, on the same page.")
+        )
+    verdict = (
+        *(f"{w[0].upper()}{w[1:]}." for w in found.cautions),
+        *(f"{name}: {one_line(c) or 'nothing was identified'}." for name, c in found.channels.items()),
     )
+    said = [[w] for w in found.warnings if w not in found.cautions]
+    parts += [table(("what the reader and the fits say",), said, "Warnings", folded=True)] if said else []
     facts = (*(("log", source_words(*log)) for log in found.logs), ("method", found.method))
     saved = code(noise_text(found.noise), "The noise file, ready to be copied", folded=True)
     page = Page(
@@ -97,19 +114,37 @@ def _bound(bound: float | None) -> str:
     """The Cramér-Rao bound in words."""
     if bound is None:
         return ""
-    return f"bound {100 * bound:.2g} %" if bound < SHOWN_BOUND else "no bound: the record does not show it"
+    return (
+        f"bound {few_digits(100 * bound)} %"
+        if bound < SHOWN_BOUND
+        else "no bound: the record does not show it"
+    )
 
 
 def one_line(channel: IdentifiedChannel) -> str:
     """What was found of a channel, in one line."""
     parts, unit = [], display_unit(channel.unit)
     for e in channel.effects:
-        sizes = [
-            f"{p.name} {quantity(e.values[p.name], derived_unit(p.unit, unit))}" for p in e.effect.estimated()
-        ]
+        sizes = [_size(e, p, derived_unit(p.unit, unit)) for p in e.effect.estimated()]
         parts.append(sizes[0] if len(sizes) == 1 else f"{e.name} ({', '.join(sizes)})")
-    parts += [f"line {line.frequency:.3g} Hz" for line in channel.lines]
+    tones = [f"{line.frequency:.3g}" for line in channel.lines]
+    parts += [f"line {tones[0]} Hz"] if len(tones) == 1 else []
+    parts += [f"{len(tones)} lines at {tones[0]} to {tones[-1]} Hz"] if len(tones) > 1 else []
     return ", ".join(parts) + ("; a drift of unknown kind" if channel.fitted.unresolved else "")
+
+
+def _size(e: IdentifiedEffect, p: Parameter, unit: str) -> str:
+    """A parameter in short: its value, or its limit where it may be zero."""
+    lo, hi = e.ci95[p.name]
+    if lo > 0.0 or p.kind != "size":
+        return f"{p.name} {quantity(e.values[p.name], unit)}"
+    return f"{p.name} below {quantity(hi, unit)}" if np.isfinite(hi) else f"{p.name} unknown"
+
+
+def is_shown(e: IdentifiedEffect) -> bool:
+    """Whether the record shows an effect: a size that may be zero is a limit, and no sentence is made of it."""
+    sizes = [e.ci95[name] for name in e.effect.sizes() if name in e.ci95]
+    return not sizes or any(lo > 0.0 for lo, _ in sizes)
 
 
 def _missing(channel: IdentifiedChannel, unit: str) -> list[str]:
@@ -135,10 +170,9 @@ def _limit(limit: Limit, seconds: float, unit: str) -> str:
         for p in limit.effect.parameters()
         if p.kind == "time"
     ]
-    log = f"a {limit.hours:.2g} h log" if np.isfinite(limit.hours) else "no log"
     return (
         f"not identifiable in {seconds:.0f} s: {limit.effect.name} {limit.parameter} below "
-        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {log} would measure half of this limit to ±20 %"
+        f"{quantity(limit.upper95, u)}{''.join(times)} at 95 %; {measured_by(limit.hours)}"
     )
 
 

@@ -28,11 +28,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SensorRun:
-    """One sensor's updates: times of the samples in the log (m,), innovations (m, rows), their normalised squares (m,)."""
+    """One sensor's updates: times of the samples in the log (m,), innovations (m, rows), their normalised squares (m,).
+
+    `channels` are the names of the rows.
+    """
 
     t: Array
     innovation: Array
     nis: Array
+    channels: tuple[str, ...] = ()
+
+    @property
+    def expected_nis95(self) -> tuple[float, float]:
+        """Between which ends the mean NIS of a consistent filter is with 95 %: a chi-square of all rows, over the updates."""
+        from scipy.stats import chi2
+
+        m, rows = self.innovation.shape
+        lo, hi = chi2.ppf([0.025, 0.975], m * rows) / m
+        return float(lo), float(hi)
 
 
 @dataclass(frozen=True)
@@ -254,9 +267,13 @@ def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None) -
         estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
         for call in calls.steps(k):
             make(call)
+    channels = {s.name: s.channels for s in program.discrete.model.sensors}
     sensors = {
         name: SensorRun(
-            np.array([r[0] for r in rows]), np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+            np.array([r[0] for r in rows]),
+            np.array([r[1] for r in rows]),
+            np.array([r[2] for r in rows]),
+            channels[name],
         )
         for name, rows in seen.items()
     }

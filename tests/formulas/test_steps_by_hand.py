@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
-from test_memory import SIZES, text_of
+from test_memory import INTEGRATOR, SIZES, text_of
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
@@ -61,6 +61,8 @@ def test_a_step_that_no_series_reaches_is_refused() -> None:
     with pytest.raises(InputError, match=r"a step of 1 s is too long for a time constant of 0.1 s"):
         series_order(10.0, 1.0)
     assert series_order(2.24, 1.0) == 24
+    with pytest.raises(InputError):  # 4.55^24 / 24! is 1.0e-8: it would take a 25th term
+        series_order(2.275, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -90,8 +92,9 @@ def test_the_longest_step_and_the_rates() -> None:
     assert DiscreteModel.at_rate(slow, 100.0).max_step == pytest.approx(0.05)
     assert DiscreteModel.at_rate(slow, 8.0).max_step == pytest.approx(LONGEST_STEP)
     assert DiscreteModel.at_rate(slow, 15.0).max_step == pytest.approx(1.05 / 15.0)
-    with pytest.raises(InputError):
-        DiscreteModel.at_rate(slow, -1.0)
+    for none in (-1.0, 0.0):
+        with pytest.raises(InputError):
+            DiscreteModel.at_rate(slow, none)
 
 
 def test_a_bias_that_decays_and_one_that_walks() -> None:
@@ -274,3 +277,51 @@ def test_within_a_backlash_nothing_follows() -> None:
         assert float(d.expected(sensor)[0].subs(values)) == pytest.approx(shown, abs=1e-12)
         row = [float(e) for e in d.H(sensor).subs(values)]
         assert row == pytest.approx([slope, *([0.0] * (len(row) - 1))])
+
+
+def test_an_input_acts_late_by_the_samples_that_are_kept() -> None:
+    """A tank with an inlet 0.13 s late at 50 Hz: 6.5 periods, the mean of the samples six and seven periods ago."""
+    d = DiscreteModel(filter_model(parse_model(INTEGRATOR % 0.13, "tank.toml")), rate=50.0)
+    names = d.nominal_names
+    assert len(names) == len(d.step) == len(d.start) == 1 + 7
+    assert d.start[1:] == (0.0,) * 7
+    ago = {"h": 2.0, "q": 0.0, "dt": 0.02, **{n: float(k) for k, n in enumerate(names[1:], 1)}}
+    moved = [float(e.subs({s: ago[s.name] for s in e.free_symbols})) for e in d.step]
+    assert moved[0] == pytest.approx(2.0 + 0.02 * 6.5)
+    assert moved[1:] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    at_once = DiscreteModel(filter_model(parse_model(text_of(), "cart.toml")), rate=50.0)
+    assert len(at_once.nominal_names) == len(at_once.model.states)
+
+
+def test_a_transition_has_the_late_samples_too() -> None:
+    """``v' = u v``, u late by two periods: the transition of v is ``1 + dt u`` of the sample of then."""
+    text = text_of('u = [ { effect = "input_delay", delay = 0.04 } ]').replace("u - 0.4*v", "u*v")
+    d = DiscreteModel(filter_model(parse_model(text, "cart.toml")), rate=50.0)
+    young, old = (m.name for m in d.memories)
+    v = [s.name for s in d.model.states].index("v")
+    known = {"u": 9.0, young: 7.0, old: 3.0, "dt": 0.02, "v": 0.0, "q": 0.0}
+    moved = d.Phi[v, v]
+    assert float(moved.subs({s: known[s.name] for s in moved.free_symbols})) == pytest.approx(
+        1.0 + 0.02 * 3.0
+    )
+
+
+def test_only_noise_of_its_own_has_a_symbol() -> None:
+    """Two axes whose noise is shared keep their densities, an axis without noise has none, the third has a symbol."""
+    W = MOVING.W.copy()
+    W[0, 1] = W[1, 0] = W[0, 0] / 2
+    d = DiscreteModel(MOVING)
+    shared = DiscreteModel(_with_density(W))
+    assert set(d.named_noise[1]) == {"gyro"}
+    assert set(shared.named_noise[1]) <= {"gyro", "gyro_z"}
+    assert len(shared.named_noise[1]) == 1
+    quiet = MOVING.W.copy()
+    quiet[0, 0] = sp.Integer(0)
+    assert set(DiscreteModel(_with_density(quiet)).named_noise[1]) == {"gyro_y", "gyro_z"}
+
+
+def _with_density(W: sp.Matrix) -> FilterModel:
+    """`MOVING` with other densities of its noises."""
+    model = replace(MOVING)
+    model.__dict__["W"] = W
+    return model

@@ -15,6 +15,7 @@ from kfgen.effects.faults.samples import Stuck, runs
 from kfgen.effects.samples.event import Outliers
 from kfgen.effects.series import DetectedFault, RawSamples
 from kfgen.gap.rest.faults import standing
+from kfgen.gap.rest.words import no_measurements
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -101,7 +102,5 @@ def words_of(name: str, t: Array, invalid: Mask, found: Sequence[DetectedFault])
     """
     if not invalid.any():
         return []
-    first, last = t[invalid][[0, -1]]
-    when = f"at {first:.6g} s" if first == last else f"between {first:.6g} and {last:.6g} s"
-    kinds = " and ".join(f.effect.title for f in found)
-    return [f"{int(invalid.sum())} samples of {name} {when} are no measurements ({kinds}); they are left out"]
+    first, last = t[invalid][[0, -1]].tolist()
+    return [no_measurements(int(invalid.sum()), name, (first, last), [f.effect.title for f in found])]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import moment
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
@@ -16,6 +17,7 @@ from kfgen.gap.core.completion import Completion
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
+from kfgen.gap.rest.words import drawn, idle_driver
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
 from kfgen.identify.screening.noise_free import refuse_noise_free
@@ -45,10 +47,7 @@ def drivers_of(log: Log) -> tuple[dict[str, Array], list[str]]:
         if good.any() and np.ptp(values[good]) > 0.0:
             drive[name] = smoothed(np.interp(log.t, log.t[good], values[good]))
         elif name in known:
-            says = "never changes: no effect of it can be seen"
-            said.append(
-                f"channel {name} {says if good.any() else 'holds no number: no effect of it is looked for'}"
-            )
+            said.append(idle_driver(name, bool(good.any())))
     return drive, said
 
 
@@ -146,7 +145,7 @@ def regular(
     if error > MAX_STEP_ERROR_PERIODS or count > stamps.size / MAX_MISSING_SHARE:
         raise InputError(
             f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
-            f"t = {stamps[int(np.argmax(np.diff(stamps)))]:.6g} s",
+            f"t = {moment(stamps[int(np.argmax(np.diff(stamps)))])} s",
             where=log.source,
             remedy="Cut the log at its gaps, or resample it evenly",
         )
@@ -159,7 +158,7 @@ def regular(
     filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), assumed, dt)
     drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
     if count > stamps.size:
-        said.append(f"{count - stamps.size} samples of {name} are missing; assumed noise is drawn over them")
+        said.append(drawn(count - stamps.size, name))
     return Record(t, filled, drive, faults=faults), logged, said
 
 

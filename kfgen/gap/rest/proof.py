@@ -17,6 +17,7 @@ from kfgen.gap.core.holdout import FOLDS
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS, LinearFit, parts_of, tail_of, unseen_gain
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.evidence import RETUNE, Candidate
+from kfgen.gap.rest.words import loses_unseen
 from kfgen.identify.evidence.joint import JointRecord, records_of
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.fit import maximise
@@ -39,7 +40,7 @@ def unproven(base: Candidate, addition: Candidate) -> str:
         return ""
     gains = _of_shape(addition) if addition.effect.coefficients() else [_of_noise(base, addition)]
     loss = -min(gains, default=0.0)
-    return f"it loses {loss:.3g} nats on data that its fit did not see" if loss > MAX_UNSEEN_LOSS_NATS else ""
+    return loses_unseen(loss) if loss > MAX_UNSEEN_LOSS_NATS else ""
 
 
 def _of_shape(addition: Candidate) -> list[float]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import moment
 from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
@@ -196,7 +197,7 @@ def _check_rate(t: Array, steps: Array) -> None:
         near,
     )
     raise InputError(
-        f"the sampling rate changes from {1 / parts[0]:.4g} Hz to {1 / parts[first]:.4g} Hz at about t = {t[at]:.6g} s",
+        f"the sampling rate changes from {1 / parts[0]:.4g} Hz to {1 / parts[first]:.4g} Hz at about t = {moment(t[at])} s",
         remedy="Cut the log there and identify the parts one by one; where the sensor's rate did not change, give it "
         "with --rate HZ",
     )

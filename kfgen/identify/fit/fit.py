@@ -289,7 +289,7 @@ def _with_coefficients(effects: tuple[Effect, ...], coefficients: Array) -> tupl
 
 
 def inverse(J: Array) -> Array:
-    """The covariance of logarithms from their information, shape (k, k); large where there is none."""
+    """The covariance of logarithms from their information, shape (k, k); large where there is little, zero where there is none."""
     scale = np.sqrt(np.maximum(np.diag(J), 1e-8))
     scaled = np.linalg.pinv(J / np.outer(scale, scale), rcond=1e-10, hermitian=True)
     return np.asarray(scaled / np.outer(scale, scale))

@@ -37,6 +37,8 @@ EDGE_TOLERANCE = 0.01
 """Of that quantile: an edge is found to half a percent of the interval's half width."""
 MIXED_SHARE_OF_LARGEST_DEVIATION = 0.1
 """Of the largest relative standard deviation: a parameter known better than that is not mixed up with the rest."""
+MAX_SPREAD = 1.0
+"""Standard deviation of a logarithm, beyond which the information is taken for none."""
 _MAX_SECANT_STEPS = 60
 
 
@@ -61,11 +63,14 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
     origin = float(best.point[index])
     inside, r_in, warm = origin, 0.0, best
     outside: float | None = None
-    spreads = _spreads(problem, best)
+    information = problem.information(best.point)
+    spreads = _spreads(information)
     wanted = NORMAL_975 * _widened(spreads, index)
     r_out, step = np.inf, max(wanted * float(spreads[index]), 1e-3)
     for _ in range(_MAX_SECANT_STEPS):
         if fit_is_over():  # by the expected information, as far as the likelihood was not followed
+            if spreads[index] >= MAX_SPREAD or information[index, index] <= MAX_SPREAD**-2:
+                return None  # there is none of it, which a pseudoinverse does not show
             return float(np.exp(origin + direction * wanted * float(spreads[index])))
         x = (
             inside + direction * step
@@ -97,10 +102,10 @@ def _secant(near: tuple[float, float], far: tuple[float, float], wanted: float) 
     return float(a + min(max(share, 0.05), 0.95) * (b - a))
 
 
-def _spreads(problem: Problem, best: Fit) -> Array:
-    """Standard deviations of the logarithms from the expected information, at most one, shape (k,)."""
-    variance = np.diag(inverse(problem.information(best.point)))
-    return np.asarray(np.minimum(np.sqrt(np.maximum(variance, 0.0)), 1.0))
+def _spreads(information: Array) -> Array:
+    """Standard deviations of the logarithms from their information, at most `MAX_SPREAD`, shape (k,)."""
+    variance = np.diag(inverse(information))
+    return np.asarray(np.minimum(np.sqrt(np.maximum(variance, 0.0)), MAX_SPREAD))
 
 
 def _widened(spreads: Array, index: int) -> float:
@@ -174,6 +179,8 @@ def intervals95(problem: Problem, best: Fit) -> dict[Key, tuple[float, float]]:
 def stretched(interval: tuple[float, float], value: float, factor: float) -> tuple[float, float]:
     """An interval of a positive number made wider in its logarithm; ends that are open stay so.
 
+    A size that may be zero has no width in its logarithm: above it the distance itself is made wider.
+
     Parameters
     ----------
     interval : (float, float)
@@ -191,6 +198,8 @@ def stretched(interval: tuple[float, float], value: float, factor: float) -> tup
     lo, hi = interval
     if not (value > 0.0 and factor > 1.0):
         return interval
+    if lo <= 0.0:
+        return lo, value + factor * (hi - value)
     with np.errstate(over="ignore", under="ignore"):
         ends = value * (np.array([lo, hi]) / value) ** factor
     return float(ends[0]), float(ends[1])

@@ -24,6 +24,12 @@ MIN_RATE_RAD_S = np.radians(2.0)
 """Range of averaged rates that no drift of a gyro makes."""
 MIN_SIGMAS = 8.0
 """Range, in standard deviations of an average by chance, below which it is the noise of the readings."""
+MIN_TURN_OF_FIELD_RAD = np.radians(15.0)
+"""Turn of the magnetic field in the axes of magnetometers that no current nearby makes."""
+MIN_SPEED_RANGE_M_S = 1.0
+"""Range of averaged velocities that no receiver at rest gives."""
+SENSED = ("gyro_", "accel_", "mag_", "gnss_", "flow_", "baro_height", "airspeed", "range", "heading")
+"""How channels begin whose readings change when the body moves."""
 MIDDLE = (5.0, 95.0)
 """Percentiles between which averages count: a knock on the bench is no motion."""
 
@@ -35,25 +41,41 @@ def motion_in(log: Log, channels: Collection[str]) -> str:
     ----------
     log : Log
     channels : collection of str
-        In whose readings motion is looked for, if they are gyros or accelerometers.
+        That are looked at: where none of them reads motion, there is nothing to be said.
     """
-    if not any(c.startswith(("gyro_", "accel_")) for c in channels):
+    if not any(c.startswith(SENSED) for c in channels):
         return ""
     if log.n < 2 or float(log.t[-1] - log.t[0]) < MIN_AVERAGES * AVERAGED_S:
         return ""
-    f = [_averages(log, f"accel_{a}", "m/s^2") for a in AXES]
-    if all(x is not None for x in f):
-        turn, chance = _turn(np.column_stack([x.y for x in f if x is not None]), max(x.sd for x in f if x))
-        if turn > max(MIN_TURN_RAD, MIN_SIGMAS * chance):
-            return f"gravity turns by {np.degrees(turn):.0f} deg in the axes of the accelerometers"
+    turn = _turn_of(log, "accel", "m/s^2", MIN_TURN_RAD)
+    if turn:
+        return f"gravity turns by {np.degrees(turn):.0f} deg in the axes of the accelerometers"
     for name in (f"gyro_{a}" for a in AXES):
-        w = _averages(log, name, "rad/s")
-        if w is None or not np.isfinite(w.y).any():
-            continue
-        low, high = np.nanpercentile(w.y, MIDDLE)
-        if high - low > max(MIN_RATE_RAD_S, MIN_SIGMAS * w.sd):
-            return f"{name} turns at {np.degrees(low):.3g} to {np.degrees(high):.3g} deg/s"
-    return ""
+        if ends := _range_of(log, name, "rad/s", MIN_RATE_RAD_S):
+            return f"{name} turns at {np.degrees(ends[0]):.3g} to {np.degrees(ends[1]):.3g} deg/s"
+    for name in (f"gnss_v_{a}" for a in "NED"):
+        if ends := _range_of(log, name, "m/s", MIN_SPEED_RANGE_M_S):
+            return f"{name} is {ends[0]:.3g} to {ends[1]:.3g} m/s"
+    turn = _turn_of(log, "mag", "T", MIN_TURN_OF_FIELD_RAD)
+    return f"the field turns by {np.degrees(turn):.0f} deg in the axes of the magnetometers" if turn else ""
+
+
+def _turn_of(log: Log, sensor: str, unit: str, least: float) -> float:
+    """The turn [rad] of what the three axes of a sensor read, zero below the least that counts."""
+    f = [_averages(log, f"{sensor}_{a}", unit) for a in AXES]
+    if any(x is None for x in f):
+        return 0.0
+    turn, chance = _turn(np.column_stack([x.y for x in f if x is not None]), max(x.sd for x in f if x))
+    return turn if turn > max(least, MIN_SIGMAS * chance) else 0.0
+
+
+def _range_of(log: Log, name: str, unit: str, least: float) -> tuple[float, float] | None:
+    """Between which values [SI] most averages of a channel are, where they differ by more than the least that counts."""
+    w = _averages(log, name, unit)
+    if w is None or not np.isfinite(w.y).any():
+        return None
+    low, high = np.nanpercentile(w.y, MIDDLE)
+    return (float(low), float(high)) if high - low > max(least, MIN_SIGMAS * w.sd) else None
 
 
 @dataclass(frozen=True)
@@ -78,12 +100,16 @@ def _averages(log: Log, name: str, unit: str) -> _Averages | None:
     inside = y[there] - mean[block[there]]
     freedom = max(int(there.sum()) - int((count > 0).sum()), 1)
     usual = max(float(np.median(count[count > 0])), 1.0) if there.any() else 1.0
-    return _Averages(np.asarray(mean), float(np.sqrt(inside @ inside / freedom / usual)))
+    largest = float(np.abs(inside).max(initial=0.0)) or 1.0  # whose square need not be a number
+    inside /= largest
+    return _Averages(np.asarray(mean), largest * float(np.sqrt(inside @ inside / freedom / usual)))
 
 
 def _turn(f: Array, sd: float) -> tuple[float, float]:
     """Angle from the usual direction that few of the averages exceed, and the standard deviation of one by chance [rad]."""
     f = f[np.isfinite(f).all(axis=1)]
+    largest = float(np.abs(f).max(initial=0.0)) or 1.0
+    f, sd = f / largest, sd / largest
     size = np.linalg.norm(f, axis=1)
     f = f[size > 0.0] / size[size > 0.0, None]
     if f.shape[0] < MIN_AVERAGES:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kfgen.effects.process.stochastic import FLICKER_FLOOR_OVER_B
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve
 from kfgen.identify.methods.asymptotes import KNOWN
+from kfgen.run import words
 from kfgen.run.adaptive.loop import Filtered, ScalarModel, run_filter
 from kfgen.run.adaptive.rules import Rule
 
@@ -82,16 +83,12 @@ class FilterCost:
         """What kind of filter it is."""
         if self.dc < FULL:
             alike = abs(self.attenuation / max(self.dc, 1e-300) - 1.0) < SAME
-            same = ", and slow noise by no more" if alike else ""
-            return (
-                f"it suppresses motion with the noise (gain {self.dc:.3g} for a constant rate{same}): "
-                "do not use it as a denoiser"
-            )
+            return words.suppresses_motion(self.dc, alike)
         if self.hidden < FULL:
-            return f"it keeps a rate that stands out of the noise and scales one that does not by {self.hidden:.3g}"
+            return words.scales_small_rates(self.hidden)
         if self.attenuation > 1.0 - SAME:
-            return f"it only low-passes: slow noise stays as it is, a step comes {self.delay:.3g} s late"
-        return f"it keeps a constant rate and lowers slow noise to {self.attenuation:.3g}"
+            return words.only_low_passes(self.delay)
+        return words.lowers_slow_noise(self.attenuation)
 
 
 def noise_of(y: Array, dt: float) -> Noise:

@@ -25,6 +25,7 @@ from kfgen.arma.series import (
     series_tests,
 )
 from kfgen.core.errors import InputError
+from kfgen.run import words
 from kfgen.run.adaptive.cost import FilterCost, Noise, cost_of, noise_of
 from kfgen.run.adaptive.loop import RATIO, WINDOW, Filtered, ScalarModel, run_filter
 from kfgen.run.adaptive.rules import rule_named
@@ -173,12 +174,9 @@ def at_rest(y: Array, settings: Settings) -> RestStatistics:
     if not tests.stationary:
         k = np.arange(series.size)
         series = series - np.polyval(np.polyfit(k, series, 1), k)
-        said.append(
-            "the channel is not stationary (its power has a trend or comes and goes): a straight line is removed "
-            "before the ARMA process is estimated; give a log at rest with --at-rest if it moves"
-        )
+        said.append(words.STRAIGHT_LINE_REMOVED)
     if not tests.named("Ljung-Box").rejected:
-        said.append("its samples are not correlated: an ARMA process has nothing to predict in white noise")
+        said.append(words.NOT_CORRELATED)
     series = series[:MAX_ORDER_SAMPLES]
     tried: tuple[Order, ...] = ()
     if settings.order is None:

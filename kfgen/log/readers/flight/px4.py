@@ -109,7 +109,7 @@ def _of_file(path: Path, ulog: Any) -> Iterable[str]:
         yield "the file ends within a message: it was cut off, what is before is read"
     if ulog.dropouts:
         total = sum(d.duration for d in ulog.dropouts)
-        yield f"the logger lost data {len(ulog.dropouts)} times, {total / 1e3:.3g} s in all (logged dropouts)"
+        yield f"the logger lost data {len(ulog.dropouts)} time{'s' * (len(ulog.dropouts) > 1)}, {total / 1e3:.3g} s in all (logged dropouts)"
 
 
 def _is_cut(path: Path) -> bool:

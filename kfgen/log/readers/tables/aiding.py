@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.numbers import moment
 from kfgen.core.wgs84 import local_metres
 from kfgen.log.readers.tables.streams import LogStream
 from kfgen.log.readers.tables.table import TableColumn
@@ -114,5 +115,5 @@ def above_first_fix(streams: Sequence[LogStream], gnss: Sequence[LogStream]) -> 
         zero = float(np.interp(at, stream.t[good], column.values[good]))
         columns = {**stream.columns, "baro_height": TableColumn(column.values - zero, column.unit)}
         out[k] = LogStream(stream.name, stream.t, columns)
-        said = f"{stream.name}: height above {zero:.2f} m, its own at t = {at:.12g} s"
+        said = f"{stream.name}: height above {zero:.2f} m, its own at t = {moment(at)} s"
     return out, said

@@ -1,0 +1,45 @@
+"""What a record at rest is said to have where it is compared, in words: samples left out or drawn, idle drivers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from kfgen.core.numbers import moment
+
+
+def no_measurements(count: int, channel: str, ends_s: tuple[float, float], kinds: Sequence[str]) -> str:
+    """Of samples that are no measurements.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    channel : str
+    ends_s : (float, float)
+        Times of the first and of the last [s].
+    kinds : sequence of str
+        Titles of the faults.
+    """
+    first, last = ends_s
+    when = f"at {moment(first)} s" if first == last else f"between {moment(first)} and {moment(last)} s"
+    return (
+        f"{count} samples of {channel} {when} are no measurements ({' and '.join(kinds)}); they are left out"
+    )
+
+
+def idle_driver(channel: str, has_numbers: bool) -> str:
+    """Of a driver that shows nothing: it never changes, or it holds no number."""
+    constant = "never changes: no effect of it can be seen"
+    return (
+        f"channel {channel} {constant if has_numbers else 'holds no number: no effect of it is looked for'}"
+    )
+
+
+def drawn(count: int, channel: str) -> str:
+    """Of missing samples over which assumed noise is drawn."""
+    return f"{count} samples of {channel} are missing; assumed noise is drawn over them"
+
+
+def loses_unseen(loss_nats: float) -> str:
+    """Of an addition that makes data worse which its fit did not see, by so many nats."""
+    return f"it loses {loss_nats:.3g} nats on data that its fit did not see"
