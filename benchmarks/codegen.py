@@ -8,6 +8,9 @@ contraction), run on the emulator, compared with double precision, and counted: 
 stack, code, and the seconds of processor time that the generator took from Phi and Qd to C. CasADi and SymForce take
 part where they are installed (``pip install casadi symforce``); both libraries' import time is not in the figure.
 
+The terms are equal: noise that turns with the body comes with R R' = I used up to all; P is the packed upper triangle
+to all but the dense ones, and what a generator takes to get its numbers from there and back is counted.
+
 Two bounds go with the flops. ``changes`` are the stored numbers that the step changes (entries of P's upper triangle, or
 of U and D): a new value takes an operation at least, so nothing goes below one flop for each; ``each`` is the flops
 over them. Much tighter, for P in place: a row of Phi with m entries beside the diagonal takes 2 m (n - 1) flops for the
@@ -28,8 +31,8 @@ import numpy as np
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
-from kfgen.emit.ir.ir import Ref, Routine
-from kfgen.emit.ir.symbols import transition
+from kfgen.emit.ir.ir import Num, Ref, Routine
+from kfgen.emit.ir.symbols import Atoms, transition
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.c import CPrinter
@@ -82,7 +85,9 @@ class Problem:
         attitude = self.discrete.model.attitude
         assert attitude is not None
         self.rotation = dict(zip(attitude.nominal, matrix_of(attitude.quaternion), strict=True))
-        self.Phi, self.Qd = self.discrete.Phi, self.discrete.Qd
+        # Of all alike: noise that turns with the body is written with R R' = I used up, which no generator finds.
+        short = Atoms(self.discrete).orthonormal
+        self.Phi, self.Qd = self.discrete.Phi, self.discrete.Qd.applyfunc(short)
         self.n = self.Phi.rows
         found = (self.Phi.free_symbols | self.Qd.free_symbols) - set(attitude.nominal)
         self.symbols = sorted(found | set(attitude.quaternion), key=str)
@@ -118,10 +123,11 @@ def changes(p: Problem, form: str) -> int:
 
 @dataclass(frozen=True)
 class Code:
-    """What a generator wrote: C that changes ``P`` (full, by rows) from ``x``, and its flops."""
+    """What a generator wrote: C that changes ``P`` (its packed upper triangle, or all of it) from ``x``, and its flops."""
 
     text: str
     flops: int
+    packed: bool = True
 
 
 def unpacked(p: Problem) -> str:
@@ -144,21 +150,20 @@ def covariance(p: Problem) -> sp.Matrix:
 
 
 def loaded(p: Problem) -> str:
-    """The upper half of P as locals."""
-    return "".join(f"  const float P_{i}_{j} = P[{i * p.n + j}];\n" for i, j in p.entries)
+    """The upper half of P as locals, from the packed triangle that kfgen's filters have too."""
+    return "".join(f"  const float P_{i}_{j} = P[{k}];\n" for k, (i, j) in enumerate(p.entries))
 
 
-def mirrored(p: Problem, k: int, text: str) -> str:
-    """An element of the new P, stored in both halves."""
-    i, j = p.entries[k]
-    return f"P[{i * p.n + j}] = {text};" + (f" P[{j * p.n + i}] = P[{i * p.n + j}];" if i != j else "")
+def stored(k: int, text: str) -> str:
+    """An element of the new P."""
+    return f"P[{k}] = {text};"
 
 
 def sympy_dense(p: Problem) -> Code:
     """sympy: the product written out, then common subexpressions."""
     Phi, Qd = p.Phi.subs(p.rotation), p.Qd.subs(p.rotation)
     new = Phi * covariance(p) * Phi.T + Qd
-    body, count = straight(p, [new[i, j] for i, j in p.entries], lambda k, t: mirrored(p, k, t))
+    body, count = straight(p, [new[i, j] for i, j in p.entries], stored)
     return Code(f"static void predict(void) {{\n{unpacked(p)}{loaded(p)}{body}}}\n", count)
 
 
@@ -172,7 +177,7 @@ def dense(p: Problem, multiply: str) -> Code:
     n = p.n
     buffers = f"  static float F[{n * n}], Q[{n * n}];\n"
     text = f"static void predict(void) {{\n{unpacked(p)}{buffers}{body}{multiply.replace('N_', str(n))}}}\n"
-    return Code(text, count + 2 * n * n * (2 * n - 1) + n * n)
+    return Code(text, count + 2 * n * n * (2 * n - 1) + n * n, packed=False)
 
 
 def loops(p: Problem) -> Code:
@@ -209,7 +214,7 @@ static __attribute__((noinline)) void transpose(const float *a, float *b, int n)
 
 
 def casadi(p: Problem) -> Code:
-    """CasADi: a graph that shares everything, symmetric P, out of place."""
+    """CasADi: a graph that shares everything, symmetric P, out of place: what it returns is copied back."""
     import casadi as ca
 
     x = ca.SX.sym("x", len(p.symbols))
@@ -230,13 +235,12 @@ def casadi(p: Problem) -> Code:
         generator.add(f)
         text = Path(generator.generate(folder + "/")).read_text()
     text = text.replace("#include <math.h>", "#define sqrt __builtin_sqrtf")
-    gather = "".join(f"  half[{k}] = P[{i * p.n + j}];\n" for k, (i, j) in enumerate(p.entries))
-    spread = "".join(f"  {mirrored(p, k, f'out[{k}]')}\n" for k in range(len(p.entries)))
     call = f"""static void predict(void) {{
-  static float half[{len(p.entries)}], out[{len(p.entries)}];
-  const float *arg[2] = {{in, half}}; float *res[1] = {{out}};
-{gather}  (void)step(arg, res, 0, 0, 0);
-{spread}}}
+  static float out[{len(p.entries)}];
+  const float *arg[2] = {{in, P}}; float *res[1] = {{out}};
+  (void)step(arg, res, 0, 0, 0);
+  for (int i = 0; i < {len(p.entries)}; i++) P[i] = out[i];
+}}
 """
     counted = (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_SQ, ca.OP_TWICE)
     count = sum(f.instruction_id(k) in counted for k in range(f.n_instructions()))
@@ -264,7 +268,7 @@ def symforce(p: Problem) -> Code:
     pairs = [(back_to(s), back_to(e)) for s, e in shared]
     out = [back_to(e) for e in reduced]
     lines = [f"  const float {s} = {text.doprint(e)};" for s, e in pairs]
-    lines += [f"  {mirrored(p, k, text.doprint(e))}" for k, e in enumerate(out)]
+    lines += [f"  {stored(k, text.doprint(e))}" for k, e in enumerate(out)]
     body = "\n".join(lines)
     count = sum(flops(e) for _, e in pairs) + sum(map(flops, out))
     return Code(f"static void predict(void) {{\n{unpacked(p)}{loaded(p)}{body}\n}}\n", count)
@@ -275,6 +279,8 @@ def kfgen(p: Problem, form: str = "p") -> Code:
     program = Program(p.discrete, form)
     rows, noise = transition(p.discrete, program.atoms)
     lower = program.lowering()
+    # Densities as numbers, as the others have them; in a header they are settings, which compilers fold.
+    lower.places |= {s.name: Num(float(v)) for s, v in p.discrete.named_noise[1].values()}
     flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
     body = program.atoms.make(lower, flat)
     values, statements = lower.many(flat)
@@ -309,10 +315,7 @@ def kfgen(p: Problem, form: str = "p") -> Code:
         for a in step.arguments
     )
     put = "".join(f"  state.{program.covariance.ARRAY}[{k}] = start[{k}];\n" for k in range(size))
-    get = "".join(
-        f"  P[{i * p.n + j}] = P[{j * p.n + i}] = state.{program.covariance.ARRAY}[{k}];\n"
-        for k, (i, j) in enumerate(p.entries)
-    )
+    get = "".join(f"  P[{k}] = state.{program.covariance.ARRAY}[{k}];\n" for k in range(len(p.entries)))
     text = f"""{stored}static float start[{size}];
 void load(void); void unload(void);
 void load(void) {{
@@ -371,25 +374,31 @@ def factors(P: np.ndarray) -> np.ndarray:
 
 def measure(p: Problem, name: str) -> str:
     """One row of the table."""
-    start = time.process_time()
+    began = time.process_time()
     code = GENERATORS[name](p)
-    seconds = time.process_time() - start
+    seconds = time.process_time() - began
     x, P = p.values()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "step.c"
         path.write_text(source(p, code))
         board = Board(CHIPS["m4f"], path, Path(folder), Path(folder))
         board.write("in", x)
-        board.write("P", P)
+        upper = np.triu_indices(p.n)
+        board.write("P", P[upper] if code.packed else P)
         own = "load" in board.symbols
         if own:
-            stored = factors(P) if name.endswith("ud") else P[np.triu_indices(p.n)]
-            board.write("start", stored.astype(np.float32))
+            start = factors(P) if name.endswith("ud") else P[upper]
+            board.write("start", start.astype(np.float32))
             board.call("load")
         board.call("call_predict")
         if own:
             board.call("unload")
-        got = np.frombuffer(board.read("P", P.nbytes), np.float32).reshape(P.shape).astype(float)
+        read = np.frombuffer(board.read("P", P.nbytes), np.float32).astype(float)
+        got = read.reshape(P.shape)
+        if code.packed:
+            got = np.zeros(P.shape)
+            got[upper] = read[: len(upper[0])]
+            got = got if name.endswith("ud") else got + np.triu(got, 1).T
         cost = board.cost()
         size = sum(board.sizes.get(f, 0) for f in FUNCTIONS)
     if name.endswith("ud"):

@@ -187,6 +187,16 @@ def test_python_aligns_alike(name: str) -> None:
     assert modules[0].Reason(2).name == modules[1].Reason(2).name == "SHAKEN"
 
 
+def test_a_heading_beyond_any_turn_is_refused() -> None:
+    """Of 1e12 rad single precision has no sine: it is finite, and must not become an attitude that is not."""
+    for heading, status in ((900.0, "ALIGNING"), (1e12, "BAD_INPUT"), (np.inf, "BAD_INPUT")):
+        machine = started("ins15", "ud", {}, np.float32)
+        assert machine.call("align", [tuple(G), (0.0, 0.0, 0.0), heading, DT]) == status
+        for _ in range(40):
+            machine.call("align", [tuple(G), (0.0, 0.0, 0.0), heading, DT])
+        assert np.linalg.norm(machine.arrays["x"][6:10]) == pytest.approx(1.0)
+
+
 def test_without_an_attitude_there_is_nothing_to_align() -> None:
     program = Program(DiscreteModel(build("gyro-static")))
     assert program.align == ()

@@ -31,6 +31,7 @@ CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; r
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
 LISTED = typer.Argument(metavar="[LOG]", help="A log: say what is inside, with rates, gaps and clocks.")
 FAULTS = typer.Option("--faults", help="Fly simulated faults: what is reported, when it is right again.")
+BOUNDS = typer.Option("--bounds", help="Bound every operation whatever the input, and make hostile calls.")
 REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 
 
@@ -123,12 +124,10 @@ def emit(
     from kfgen.report.filter import emit_answer
     from kfgen.verify.compare import costs
 
-    how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops}
-    counted = partial(costs, names=core) if core else None
+    how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops, "q_interval": q_interval}
     built = model_of(model, noise, set_, sensor)
-    how |= {"q_interval": q_interval, "horizon": horizon, "costs": counted, "force": force}
-    emitted = emit(built, output, target, form, real, **how)
-    deliver(emit_answer(emitted), json, report)
+    how |= {"horizon": horizon, "force": force, "costs": partial(costs, names=core) if core else None}
+    deliver(emit_answer(emit(built, output, target, form, real, **how)), json, report)
 
 
 @app.command()
@@ -138,6 +137,7 @@ def verify(
     contract: Annotated[bool, CONTRACT] = False,
     log: Annotated[Path | None, REPLAYED] = None,
     faults: Annotated[bool, FAULTS] = False,
+    bounds: Annotated[bool, BOUNDS] = False,
     columns: opt.Columns = None,
     json: opt.Json = None,
     report: opt.Report = None,
@@ -146,4 +146,4 @@ def verify(
     from kfgen.report.proof import folder_answer
 
     data = None if log is None else read(log, None, columns)
-    deliver(folder_answer(folder, core or ["host"], data, contract, faults), json, report)
+    deliver(folder_answer(folder, core or ["host"], data, contract, faults, bounds), json, report)

@@ -47,6 +47,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.settings import MAX_BY_UNIT
 from kfgen.emit.targets.names import argument, identifier
 from kfgen.model.parts.motion import GRAVITY, GYRO, Input
 
@@ -140,10 +141,11 @@ class AlignRoutine:
         """The statements; `known` are those on the covariance, once the attitude is there."""
         start = Store(self.at("ALIGNING"), Num(1.0))
         disturbed = Compare(">", Ref(WHY, 0), Num(0.0))
-        quiet = When(disturbed, tuple(self._thrown_away()), tuple(self._gathered()))
+        waiting = StatusFlag("ALIGNING")
         enough = Compare(">=", self.at("ALIGN_GATHERED"), self.program.setting("ALIGN_TIME"))
-        done = When(enough, tuple(self._attitude(known)), (StatusFlag("ALIGNING"),))
-        inner = (start, *self._disturbed(), quiet, done)
+        done = When(enough, tuple(self._attitude(known)), (waiting,))
+        quiet = When(disturbed, (*self._thrown_away(), waiting), (*self._gathered(), done))
+        inner = (start, *self._disturbed(), quiet)
         allowed = When(every(self._looked()), inner, (StatusFlag("BAD_INPUT"),))
         longest = Num(self.program.discrete.max_step)
         step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), longest)))
@@ -160,6 +162,8 @@ class AlignRoutine:
         return looked
 
     def _limit(self, a: Argument) -> Num:
+        if a.name == HEADING:
+            return Num(MAX_BY_UNIT["rad"])
         part = {argument(p.name): p for p in (self.alignment.up, self.alignment.north) if p is not None}.get(
             a.name
         )
@@ -224,7 +228,8 @@ class AlignRoutine:
         return [self._let(body, v, stem) for v in values]
 
     def _unit(self, body: list[Stmt], v: Triad, stem: str) -> Triad:
-        over = self._let(body, Bin("/", Num(1.0), Una("sqrt", sum_of_squares(v))), f"{stem}over")
+        square = self._let(body, sum_of_squares(v), f"{stem}square")
+        over = self._let(body, Bin("/", Num(1.0), Una("sqrt", square)), f"{stem}over")
         return self._lets(body, [mul(c, over) for c in v], stem)
 
     def _cross(self, body: list[Stmt], a: Triad, b: Triad, stem: str) -> Triad:
@@ -240,7 +245,8 @@ class AlignRoutine:
         body += self._ahead(down, over)
         across = self._cross(body, down, ahead, "across")
         horizontal = self._let(body, sum_of_squares(across), "flat")
-        least = mul(Num(LEAST_HORIZONTAL**2), sum_of_squares(ahead))
+        square = self._let(body, sum_of_squares(ahead), "aheadsquare")
+        least = mul(Num(LEAST_HORIZONTAL**2), square)
         inner: list[Stmt] = []
         R, vertical = self._rotation(inner, down, across, ahead)
         inner += self._quaternion(R)

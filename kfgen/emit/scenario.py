@@ -93,6 +93,34 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
     return tuple(calls)
 
 
+def calm(program: Program, steps: int) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of a simulated motion of which nothing is spoiled, and of the routines around them; nothing is run.
+
+    Parameters
+    ----------
+    program : Program
+    steps : int
+        Predictions.
+    """
+    log = _log(program.discrete, (steps + 1) / program.discrete.rate, np.random.default_rng(SEED))
+    for k in range(steps):
+        for routine in program.routines[1:]:
+            if routine.name == "predict" or k % PREDICTIONS_PER_UPDATE == PREDICTIONS_PER_UPDATE - 1:
+                yield routine, _inputs(program.discrete, routine, log, k)
+        if k % LOOKED_AT == 0:
+            yield program.check, ()
+            yield program.supervisor.condition, ()
+    for routine in program.align:
+        yield from ((routine, row) for row in at_rest(program, routine))
+    for routine in program.gather:
+        yield from ((routine, row) for row in fast(program, routine))
+    yield from in_motion(program)
+
+
+LOOKED_AT = 50
+"""Predictions from one look at the whole filter to the next."""
+
+
 def _log(discrete: DiscreteModel, seconds: float, rng: np.random.Generator) -> Log:
     """A simulated motion; of a filter whose inputs are zero but for their noise, the noise of its samples."""
     inputs = discrete.model.motion.inputs

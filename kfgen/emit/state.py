@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from kfgen.emit.guards import finite
-from kfgen.emit.ir.ir import Expr, Let, Note, Num, Ref, Routine, StatusFlag, Stmt, Store, When, mul
+from kfgen.emit.ir.ir import Bin, Expr, Let, Note, Num, Ref, Routine, StatusFlag, Stmt, Store, Una, When, mul
 from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 
@@ -48,8 +48,8 @@ def normalised(
         q = sp.symbols(f"__n0:{len(where)}")
         inner = Lowering({s.name: Ref(f"q{i}") for i, s in enumerate(q)})
         body += [Let(f"q{i}", locals_[k]) for i, k in enumerate(where)]
-        (scale,), _ = inner.many([1 / sp.sqrt(sum(s * s for s in q))])
-        body.append(Let("q_scale", scale))
+        (square,), _ = inner.many([sum(s * s for s in q)])
+        body += [Let("q_square", square), Let("q_scale", Bin("/", Num(1.0), Una("sqrt", Ref("q_square"))))]
         for i, k in enumerate(where):
             locals_[k] = mul(Ref(f"q{i}"), Ref("q_scale"))
     stores = [Store(Ref("x", i), v) for i, v in enumerate(locals_) if v != Ref("x", i)]

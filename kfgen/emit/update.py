@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from kfgen.core.errors import InputError
+from kfgen.emit.check import widened_at_most
 from kfgen.emit.covariance.correction import GAIN
 from kfgen.emit.covariance.joint import gated
 from kfgen.emit.covariance.packed import Row
@@ -13,6 +14,7 @@ from kfgen.emit.covariance.rollback import fused_with_rollback, kept
 from kfgen.emit.covariance.scalars import fused
 from kfgen.emit.guards import every, sum_of_squares, within
 from kfgen.emit.ir.ir import (
+    All,
     Argument,
     Compare,
     Expr,
@@ -41,6 +43,9 @@ from kfgen.model.parts.sensors import Sensor
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
+
+LEAST_SEEN = 1e-6
+"""Share of a row's variance that the priors make of it at least, where P widens along it: of less nothing is seen."""
 
 
 def update(program: Program, sensor: Sensor) -> Routine:
@@ -75,7 +80,7 @@ def update(program: Program, sensor: Sensor) -> Routine:
     gate = squared_gate(lower, sensor)
     given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(H.rows)], strict=True))
     after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
-    rejected = _rejected(program, sensor, rows, y)
+    rejected = _rejected(program, sensor, rows, y, [r for *_, r in given])
     corrected = inject(program, guarded=True)
     if program.covariance.gates_first:
         body += _joint(program, given, gate, corrected, after, rejected)
@@ -147,15 +152,21 @@ def _joint(
     return [*before, *gated(S, y, gate, [*accepted, *corrected, *after], [*kept, *rejected])]
 
 
-def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr]) -> list[Stmt]:
-    """It is counted; where that has gone on for too long, P widens along each row."""
+def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref]) -> list[Stmt]:
+    """It is counted; where that has gone on for too long, P widens along each row that sees something of the priors, as far as states may widen."""
     wide: list[Stmt] = program.supervisor.reset(sensor.name)
+    sd = widened_at_most(program)
     for i, row in enumerate(rows):
         a, projection, c = widened(y[i], row, {j: program.prior(j) for j in row})
         direction = [Store(Ref(GAIN, k), a.get(k, Num(0.0))) for k in range(program.n)]
-        along = Ref(f"along_{i}")
-        call = FunctionCall("inflate", (Ref(GAIN), c))
-        wide += [Let(along.name, projection), When(Compare(">", along, Num(0.0)), (*direction, call))]
+        along, limit, spread = (Ref(f"{name}_{i}") for name in ("along", "limit", "spread"))
+        call = (Let(spread.name, c), FunctionCall("inflate", (Ref(GAIN), spread)))
+        known = [j for j in row if program.prior(j).value > 0.0]
+        most = Num(min((sd[j] / program.prior(j).value for j in known), default=0.0) ** 2)
+        seen = Compare(">", along, mul(R[i], Num(LEAST_SEEN)))
+        near = Compare("<=", mul(y[i], y[i]), limit)
+        wide += [Let(along.name, projection), Let(limit.name, mul(most, along))]
+        wide.append(When(All((seen, near)), (*direction, *call)))
     return [*program.supervisor.rejected(sensor.name), When(Compare(">", DUE, Num(0.0)), tuple(wide))]
 
 

@@ -9,6 +9,8 @@ from kfgen.core.errors import InputError
 from kfgen.emit.folder import read_folder
 from kfgen.log.log import Log
 from kfgen.report.page import Answer, Page, columns, sentence, table
+from kfgen.verify.bounds.assumed import ASSUMPTIONS
+from kfgen.verify.bounds.bounds import Bounds, bounds
 from kfgen.verify.compare import Verification, verify
 from kfgen.verify.fly import FaultFlights, fly_faults
 from kfgen.verify.rounding import OnLog
@@ -49,10 +51,25 @@ def faults_answer(found: FaultFlights) -> Answer:
     return Answer("\n".join([columns([head, *rows]), *words]), found.to_dict(), page, ok=found.ok)
 
 
+def bounds_answer(found: Bounds) -> Answer:
+    """What is proven, what is assumed, and what hostile calls did."""
+    head, rows = found.short_table()
+    words = [f"{s}." for s in found.summary()]
+    assumed_head, assumed = ("assumed", "bound", "kept by"), [[a.name, a.bound, a.kept] for a in ASSUMPTIONS]
+    parts = (*map(sentence, words), table(head, rows), table(assumed_head, assumed))
+    text = "\n".join([columns([head, *rows]), *words, *(f"assumed, {a}: {b} ({c})." for a, b, c in assumed)])
+    return Answer(text, found.to_dict(), Page("Bounds of every operation", parts), ok=found.ok)
+
+
 def folder_answer(
-    folder: Path, cores: Sequence[str], log: Log | None, contract: bool = False, faults: bool = False
+    folder: Path,
+    cores: Sequence[str],
+    log: Log | None,
+    contract: bool = False,
+    faults: bool = False,
+    bounded: bool = False,
 ) -> Answer:
-    """What ``verify`` says of an emitted filter: the comparison, or its flights with faults.
+    """What ``verify`` says of an emitted filter: the comparison, its flights with faults, or its bounds.
 
     Parameters
     ----------
@@ -66,18 +83,23 @@ def folder_answer(
         Compile with fused products and sums.
     faults : bool
         Fly the faults.
+    bounded : bool
+        Bound its operations.
 
     Raises
     ------
     InputError
-        As in `kfgen.verify.compare.verify` and `kfgen.verify.fly.fly_faults`; faults beside a log or fused products.
+        As in `kfgen.verify.compare.verify`, `kfgen.verify.fly.fly_faults` and `kfgen.verify.bounds.bounds.bounds`;
+        faults or bounds beside one another, a log or fused products.
     """
-    if not faults:
+    if not (faults or bounded):
         return verify_answer(verify(read_folder(folder), cores, log, contract))
-    if log is not None or contract:
+    if log is not None or contract or (faults and bounded):
         raise InputError(
-            "faults are simulated, and flown without fused products",
-            where="--faults",
-            remedy="Leave --log and --contract out",
+            "faults and bounds have inputs of their own, each alone and without fused products",
+            where="--faults" if faults else "--bounds",
+            remedy="Leave --log and --contract out, and ask for one of both",
         )
+    if bounded:
+        return bounds_answer(bounds(read_folder(folder), cores))
     return faults_answer(fly_faults(read_folder(folder), cores))

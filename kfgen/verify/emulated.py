@@ -248,10 +248,16 @@ class Emulated:
     """The filter on an emulated chip."""
 
     def __init__(
-        self, chip: Chip, program: Program | Border, source: Path, scratch: Path, contract: bool = False
+        self,
+        chip: Chip,
+        program: Program | Border,
+        source: Path,
+        scratch: Path,
+        contract: bool = False,
+        counted: Callable[[str, int], bool] | None = None,
     ) -> None:
         harness = write_harness(program, scratch, bare=True)
-        self._board = Board(chip, harness, source, scratch, contract, _counted(program))
+        self._board = Board(chip, harness, source, scratch, contract, counted or _counted(program))
         self._program, self._type = program, np.dtype(program.type)
         self._bytes = self._type.itemsize * program.word_count
 

