@@ -70,6 +70,7 @@ def faults(log: Log) -> set[tuple[str, str]]:
         (held("gnss", 30.0, 40.0), {("stuck", "gnss_p"), ("stuck", "gnss_v")}),
         (held("baro", 0.0, 60.0), {("stuck", "baro")}),
         (held("gyro", 30.0, 32.0), {("stuck", "gyro")}),
+        (lambda c, t: np.clip(c["accel_z"], -10.1, None, out=c["accel_z"]), {("clipping", "accel_z")}),
     ],
 )
 def test_what_is_wrong_with_a_log_is_named(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from kfgen.core.errors import InputError
+from kfgen.effects.series import RawSamples
 from kfgen.emit.routines import Program
 from kfgen.gap.flight.faults.stuck_sensor import stuck_sensors
 from kfgen.gap.flight.faults.wrong_axes import wrong_axes
 from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
+from kfgen.gap.rest.faults import clipped_in
 from kfgen.gap.scene.scene import Placed, start_of
 from kfgen.gap.scene.scene_gap import MAX_FOLLOWED_SIGMAS
 from kfgen.log.log import Log
@@ -63,8 +66,14 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
                 error.what, where=error.where, remedy=f"With this it does not: {said}"
             ) from error
         raise
-    faults = stuck_sensors(scene.path) or (_exchanged(log, program) if _is_lost(scene) else ())
-    return replace(scene, spoilt=faults)
+    faults = (*stuck_sensors(scene.path), *_clipped(log, inputs))
+    return replace(scene, spoilt=faults or (_exchanged(log, program) if _is_lost(scene) else ()))
+
+
+def _clipped(log: Log, channels: Sequence[str]) -> tuple[Placed, ...]:
+    """Inertial channels whose range is too small for the flight: what they did not read is in no integral of the filter."""
+    raw = {c: RawSamples(np.asarray(log.t), log.values(c), 0.0, moves=True) for c in channels}
+    return tuple(Placed(f.effect, c) for c, r in raw.items() for f in clipped_in(r)[0])
 
 
 def _exchanged(log: Log, program: Program) -> tuple[Placed, ...]:

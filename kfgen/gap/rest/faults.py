@@ -93,20 +93,32 @@ def spotted_moving(t: Array, y: Array, effects: Sequence[Effect], dt: float) -> 
     known = {e.name for e in effects}
     looked = [c for n, c in catalogue().items() if n not in known and issubclass(c, Fault) and c.moving]
     raw = RawSamples(t, y, assumed_sd(effects, dt), moves=True)
-    clipped: list[DetectedFault] = []
-    while (one := Clipping.detect_fault(raw)) is not None and len(clipped) < 2 and "clipping" not in known:
-        clipped.append(one)
-        assert isinstance(one.effect, Clipping)
-        inside = raw.y != float(one.effect.limit)
-        raw = replace(raw, t=raw.t[inside], y=raw.y[inside])
-        if raw.n < MIN_STEPS_FOR_REPEATS:
-            break
+    clipped, raw = clipped_in(raw) if Clipping.name not in known else ([], raw)
     spoilt = sum(c.samples for c in clipped) > 0.5 * y.size
     others = [c for c in looked if c is not Clipping]
     return [
         *(replace(c, spoils=spoilt) for c in clipped),
         *(_of(raw, others) if raw.n >= MIN_STEPS_FOR_REPEATS else ()),
     ]
+
+
+def clipped_in(raw: RawSamples) -> tuple[list[DetectedFault], RawSamples]:
+    """Both ends at which samples are clipped, and the samples that are not.
+
+    Parameters
+    ----------
+    raw : RawSamples
+        Of a sensor that moves.
+    """
+    clipped: list[DetectedFault] = []
+    while (one := Clipping.detect_fault(raw)) is not None and len(clipped) < 2:
+        clipped.append(one)
+        assert isinstance(one.effect, Clipping)
+        inside = raw.y != float(one.effect.limit)
+        raw = replace(raw, t=raw.t[inside], y=raw.y[inside])
+        if raw.n < MIN_STEPS_FOR_REPEATS:
+            break
+    return clipped, raw
 
 
 def by_chance(y: Array, assumed: float) -> float:
