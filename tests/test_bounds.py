@@ -31,7 +31,7 @@ from kfgen.model.library import build
 from kfgen.report.proof import folder_answer
 from kfgen.verify.bounds.bounds import RoutineBounds, routine_bounds
 from kfgen.verify.bounds.hostile import hostile_calls
-from kfgen.verify.bounds.interval import RAW, Arithmetic, Value, value
+from kfgen.verify.bounds.interval import RAW, Arithmetic, KnownNumber, value
 from kfgen.verify.bounds.walk import Assumed, Walk
 
 NOTHING = Assumed({}, lambda let, known, walk: None)
@@ -49,7 +49,7 @@ def bounded(name: str, form: str = "ud", real: str = "float") -> dict[str, Routi
     return {r.name: routine_bounds(p, r) for r in p.entries}
 
 
-def walked(body: tuple[Any, ...], real: str = "float", **names: Value) -> Walk:
+def walked(body: tuple[Any, ...], real: str = "float", **names: KnownNumber) -> Walk:
     walk = Walk(real, 1, {}, NOTHING)
     walk.memory = {"out": [value(0.0, 0.0)]}
     walk.run(Routine("tried", "", (), ()), {})
@@ -126,7 +126,7 @@ def test_the_sine_of_a_large_angle_is_bounded(
     result = function(X, let)
     walk = walked((*body, Let("result", result)), x=value(-size, size))
     found = walk.names["result"]
-    assert isinstance(found, Value)
+    assert isinstance(found, KnownNumber)
     assert walk.open == {}
     # Half a turn is left, and intervals of a series with signs that alternate add up: sinh of it at most.
     assert found.most < 1.2 * math.sinh(math.pi / 2 + 0.1)
@@ -145,7 +145,7 @@ OVER = Let("over", Bin("/", Num(1.0), X))
         ((Let("read", Bin("+", X, Num(1.0))),), RAW, "works on what nothing has looked at"),
     ],
 )
-def test_a_planted_fault_is_found(body: tuple[Any, ...], x: Value, what: str) -> None:
+def test_a_planted_fault_is_found(body: tuple[Any, ...], x: KnownNumber, what: str) -> None:
     assert {o.what for o in walked(body, x=x).open} == {what}
 
 

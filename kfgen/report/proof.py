@@ -10,7 +10,7 @@ from kfgen.emit.folder import read_folder
 from kfgen.log.log import Log
 from kfgen.report.page import Answer, Page, columns, sentence, table
 from kfgen.verify.bounds.assumed import ASSUMPTIONS
-from kfgen.verify.bounds.bounds import Bounds, bounds
+from kfgen.verify.bounds.bounds import BoundsProof, bounds
 from kfgen.verify.compare import Verification, verify
 from kfgen.verify.fly import FaultFlights, fly_faults
 from kfgen.verify.rounding import OnLog
@@ -51,7 +51,7 @@ def faults_answer(found: FaultFlights) -> Answer:
     return Answer("\n".join([columns([head, *rows]), *words]), found.to_dict(), page, ok=found.ok)
 
 
-def bounds_answer(found: Bounds) -> Answer:
+def bounds_answer(found: BoundsProof) -> Answer:
     """What is proven, what is assumed, and what hostile calls did."""
     head, rows = found.short_table()
     words = [f"{s}." for s in found.summary()]

@@ -19,7 +19,7 @@ from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Routine, Store, Una
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import MAX_BY_UNIT
 from kfgen.emit.supervisor import ARRAY as SUPERVISOR
-from kfgen.verify.bounds.interval import RAW, Arithmetic, Value, value
+from kfgen.verify.bounds.interval import RAW, Arithmetic, KnownNumber, value
 from kfgen.verify.bounds.walk import Array, Assumed, Scope, Walk
 
 OF_WIDENED = 3.0
@@ -154,19 +154,19 @@ class FilterRanges:
         rest = value(-MAX_MEMORY, MAX_MEMORY)
         return {a: known.get(a, lambda n=size: [rest] * n)() for a, (size, _) in program.arrays.items()}
 
-    def arguments(self, routine: Routine) -> dict[str, Value | Array]:
+    def arguments(self, routine: Routine) -> dict[str, KnownNumber | Array]:
         """Any bit pattern, but for variances and the least step."""
-        out: dict[str, Value | Array] = {}
+        out: dict[str, KnownNumber | Array] = {}
         for a in routine.arguments:
             if a.default:
                 out[a.name] = [self._variance(e) for e in a.default]
             elif a.name == "dt":
-                out[a.name] = Value(MIN_STEP_S, math.inf, raw=True)
+                out[a.name] = KnownNumber(MIN_STEP_S, math.inf, raw=True)
             else:
                 out[a.name] = [RAW] * a.size if a.size else RAW
         return out
 
-    def _variance(self, default: Expr) -> Value:
+    def _variance(self, default: Expr) -> KnownNumber:
         walk = Walk(self.program.real, 1, {}, Assumed({}, lambda let, known, walk: None))
         usual = walk.expression(default)
         return value(usual.lo / VARIANCE_SHARE, usual.hi * VARIANCE_SHARE)
@@ -188,7 +188,7 @@ class FilterRanges:
     def _covariance(self) -> Array:
         form = self.program.covariance
         states = [self.states[s] for s in form.order]
-        found: dict[int, Value] = {}
+        found: dict[int, KnownNumber] = {}
         for i in range(form.n):
             for j in range(i, form.n):
                 lo, hi = form.stored_range(states[i], states[j] if i != j else None, FACTOR)
@@ -223,7 +223,7 @@ class FilterRanges:
         most = [self.program.rows * MAX_GATE * s.most for s in self.states]
         return [value(-m, m) for m in most]
 
-    def _local(self, let: Let, known: Value, walk: Walk) -> tuple[float, float] | None:
+    def _local(self, let: Let, known: KnownNumber, walk: Walk) -> tuple[float, float] | None:
         """What is assumed of a local, by its name."""
         name = let.name
         row = re.fullmatch(r"(f|Sj?)_j?(\d+)_(\d+)", name)
@@ -248,8 +248,8 @@ class FilterRanges:
         spread = re.fullmatch(r"spread_(\d+)", name)
         if spread:
             limit, along = (walk.names[f"{n}_{spread[1]}"] for n in ("limit", "along"))
-            assert isinstance(limit, Value)
-            assert isinstance(along, Value)
+            assert isinstance(limit, KnownNumber)
+            assert isinstance(along, KnownNumber)
             return 0.0, limit.hi / along.hi / along.lo if along.lo > 0.0 else math.inf
         factor = re.fullmatch(r"factor_(\d+)_(\d+)", name)
         if factor:
@@ -276,7 +276,7 @@ class FilterRanges:
         """What is assumed of a direction in the coordinates of U, once elements of U have gone into it."""
         if store.target.name == "K_":
             s = walk.names["s"]
-            assert isinstance(s, Value)
+            assert isinstance(s, KnownNumber)
             most = self.states[k].most * math.sqrt(s.hi)
             return -most, most
         if store.target.name != "a_":
@@ -289,9 +289,9 @@ class FilterRanges:
         self._direction = max(self._direction if k else 0.0, given.most / sd[k])
         return None
 
-    def _of_row(self, row: str, j: int, what: Expr | Value, walk: Walk) -> tuple[float, float] | None:
+    def _of_row(self, row: str, j: int, what: Expr | KnownNumber, walk: Walk) -> tuple[float, float] | None:
         """The variance of an innovation as far as its column j: what the first column makes, and what P makes at most."""
-        if not isinstance(what, Value):
+        if not isinstance(what, KnownNumber):
             self._reach[row] = max(self._reach.get(row, 0.0), self._reached(what, j, walk))
             return None
         first = self._first.setdefault(row, (j, what.hi))
@@ -322,14 +322,14 @@ class FilterRanges:
         R, z = walk.names["R"], walk.names["z"]
         assert isinstance(R, list)
         assert isinstance(z, list)
-        y = [v.most for n, v in walk.names.items() if re.fullmatch(r"r\d+", n) and isinstance(v, Value)]
+        y = [v.most for n, v in walk.names.items() if re.fullmatch(r"r\d+", n) and isinstance(v, KnownNumber)]
         most = max(y, default=2.0 * max(v.most for v in z))
-        return sum(most**2 / (LEAST_OF_R * v.lo) for v in R if isinstance(v, Value))
+        return sum(most**2 / (LEAST_OF_R * v.lo) for v in R if isinstance(v, KnownNumber))
 
     def _innovation(self, row: int, walk: Walk) -> float:
         last = self.program.n - 1
         for name in (f"S_{row}_{row}", f"Sj_{row}_{last}", f"pivot_{row}"):
             found = walk.names.get(name)
-            if isinstance(found, Value):
+            if isinstance(found, KnownNumber):
                 return found.hi
         return math.inf

@@ -54,7 +54,7 @@ class RoutineBounds:
 
 
 @dataclass(frozen=True, repr=False)
-class Bounds(Result):
+class BoundsProof(Result):
     """The bounds of an emitted filter.
 
     Parameters
@@ -136,7 +136,7 @@ class Bounds(Result):
 
 def bounds(
     emitted: EmittedFilter, cores: Sequence[str] = ("host",), calls: int = HOSTILE_CALLS, seed: int = SEED
-) -> Bounds:
+) -> BoundsProof:
     """Bound every operation of an emitted filter by intervals, and call it with hostile inputs.
 
     Parameters
@@ -152,7 +152,7 @@ def bounds(
 
     Returns
     -------
-    Bounds
+    BoundsProof
 
     Raises
     ------
@@ -180,7 +180,7 @@ def bounds(
     routines = tuple(routine_bounds(program, r) for r in program.entries)
     hostile = hostile_calls(program, emitted.folder, calls, seed)
     counts = {c: _counts(program, emitted.folder, c, seed) for c in cores if c != "host"}
-    return Bounds(emitted.model_hash, routines, hostile, counts)
+    return BoundsProof(emitted.model_hash, routines, hostile, counts)
 
 
 def routine_bounds(program: Program, routine: Routine) -> RoutineBounds:

@@ -24,7 +24,7 @@ from kfgen.emit.scenario import calm
 from kfgen.emit.targets.c import CPrinter, call_arguments
 from kfgen.emit.targets.templates import render
 from kfgen.verify.bounds.assumed import FilterRanges
-from kfgen.verify.bounds.interval import Value
+from kfgen.verify.bounds.interval import KnownNumber
 from kfgen.verify.core import width, write_harness
 from kfgen.verify.host import FLAGS, LANGUAGES, compiler, contraction, run
 
@@ -176,8 +176,8 @@ class _Driver:
         return {"state": state, "covariance": float(share[nx:].max(initial=0.0))}
 
 
-def _values(array: Value | Sequence[Value]) -> list[Value]:
-    assert not isinstance(array, Value)
+def _values(array: KnownNumber | Sequence[KnownNumber]) -> list[KnownNumber]:
+    assert not isinstance(array, KnownNumber)
     return list(array)
 
 

@@ -45,18 +45,18 @@ class Reduced:
 
     Parameters
     ----------
-    x, k : Value
+    x, k : KnownNumber
     m, error : float
     """
 
-    x: Value
-    k: Value
+    x: KnownNumber
+    k: KnownNumber
     m: float
     error: float
 
 
 @dataclass(frozen=True)
-class Value:
+class KnownNumber:
     """What is known of a number.
 
     Parameters
@@ -75,9 +75,9 @@ class Value:
         ``(s,)`` where it is the square of s, ``(c, s)`` where it is c times that.
     under : frozenset
         It is the root of a number with these addends.
-    ratio : (Value, Value), optional
+    ratio : (KnownNumber, KnownNumber), optional
         It is the first over the second.
-    scaled : (Value, float), optional
+    scaled : (KnownNumber, float), optional
         It is the first times a number.
     rounded, reduced : optional
         See there.
@@ -93,8 +93,8 @@ class Value:
     product: tuple[int, int] | None = None
     term: tuple[int, ...] | None = None
     under: frozenset[Addend] = frozenset()
-    ratio: tuple[Value, Value] | None = None
-    scaled: tuple[Value, float] | None = None
+    ratio: tuple[KnownNumber, KnownNumber] | None = None
+    scaled: tuple[KnownNumber, float] | None = None
     rounded: Rounded | None = None
     reduced: Reduced | None = None
     identity: int = field(default_factory=lambda: next(_numbers))
@@ -109,7 +109,7 @@ class Value:
         """Its smallest magnitude."""
         return max(self.lo, -self.hi, 0.0)
 
-    def within(self, lo: float, hi: float) -> Value:
+    def within(self, lo: float, hi: float) -> KnownNumber:
         """The same number, known to be within two more bounds."""
         if self.raw:
             return value(lo, hi)
@@ -117,23 +117,23 @@ class Value:
         return self if (lo, hi) == (self.lo, self.hi) else signed(replace(self, lo=lo, hi=max(lo, hi)))
 
 
-def signed(v: Value) -> Value:
+def signed(v: KnownNumber) -> KnownNumber:
     """With the factors of its sign: none where that is known, itself where it is not the product of others."""
     if v.lo >= 0.0 or v.hi <= 0.0:
         return replace(v, factors=frozenset(), negative=v.hi <= 0.0 and v.lo < 0.0)
     return v if v.factors else replace(v, factors=frozenset({v.identity}), negative=False)
 
 
-def value(lo: float, hi: float) -> Value:
+def value(lo: float, hi: float) -> KnownNumber:
     """A number between two bounds."""
-    return signed(Value(lo, hi))
+    return signed(KnownNumber(lo, hi))
 
 
-RAW = Value(-math.inf, math.inf, raw=True)
+RAW = KnownNumber(-math.inf, math.inf, raw=True)
 """Any bit pattern."""
 
 
-def hull(a: Value, b: Value) -> Value:
+def hull(a: KnownNumber, b: KnownNumber) -> KnownNumber:
     """One or the other."""
     if a is b:
         return a
@@ -159,13 +159,13 @@ class Arithmetic:
         self.whole = 0.25 / float(kind.eps)
         self.failed: list[str] = []
 
-    def number(self, v: float) -> Value:
+    def number(self, v: float) -> KnownNumber:
         """A literal, as it is rounded to the precision."""
         with np.errstate(over="ignore"):
             rounded = float(self.kind(v))
         return value(rounded, rounded)
 
-    def _out(self, lo: float, hi: float) -> Value:
+    def _out(self, lo: float, hi: float) -> KnownNumber:
         """Rounded outward; what would be beyond the largest number is a failure."""
         if not (math.isfinite(lo) and math.isfinite(hi)):
             lo, hi = -math.inf, math.inf
@@ -180,7 +180,7 @@ class Arithmetic:
     def _margin(self, v: float) -> float:
         return 0.0 if v == 0.0 else abs(v) * self.relative + 2.0 * self.smallest
 
-    def add(self, a: Value, b: Value) -> Value:
+    def add(self, a: KnownNumber, b: KnownNumber) -> KnownNumber:
         """``a + b``."""
         out = self._out(a.lo + b.lo, a.hi + b.hi)
         if a.lo >= 0.0 and b.lo >= 0.0:
@@ -195,13 +195,13 @@ class Arithmetic:
                 out = replace(out, reduced=None, scaled=None, rounded=self._linear(x, c.lo, out))
         return out
 
-    def _linear(self, x: Value, shift: float, out: Value) -> Rounded | None:
+    def _linear(self, x: KnownNumber, shift: float, out: KnownNumber) -> Rounded | None:
         """``slope x + shift`` before it is rounded to a whole number."""
         assert x.scaled
         base, slope = x.scaled
         return Rounded(base.identity, slope, shift, self._margin(out.most) + self._margin(x.most))
 
-    def sub(self, a: Value, b: Value) -> Value:
+    def sub(self, a: KnownNumber, b: KnownNumber) -> KnownNumber:
         """``a - b``."""
         if b.lo == b.hi and (a.scaled or a.rounded):
             return self.add(a, self.neg(b))
@@ -210,7 +210,7 @@ class Arithmetic:
             return self._less(a, b.scaled[0], b.scaled[1], out, b.most)
         return out
 
-    def _less(self, a: Value, k: Value, m: float, out: Value, size: float) -> Value:
+    def _less(self, a: KnownNumber, k: KnownNumber, m: float, out: KnownNumber, size: float) -> KnownNumber:
         """``a - m k``, where k is a whole number near a multiple of a, or of what a was before."""
         assert k.rounded
         before = a.reduced if a.reduced and a.reduced.k.identity == k.identity else None
@@ -224,7 +224,7 @@ class Arithmetic:
         bound = (left + error) * (1.0 + self.relative)
         return replace(out.within(-bound, bound), reduced=Reduced(x, k, total, error))
 
-    def mul(self, a: Value, b: Value) -> Value:
+    def mul(self, a: KnownNumber, b: KnownNumber) -> KnownNumber:
         """``a b``."""
         products = [_product(p, q) for p in (a.lo, a.hi) for q in (b.lo, b.hi)]
         lo, hi = min(products), max(products)
@@ -242,7 +242,7 @@ class Arithmetic:
                 out = replace(out, scaled=(x, c.lo))
         return out
 
-    def div(self, a: Value, b: Value) -> Value:
+    def div(self, a: KnownNumber, b: KnownNumber) -> KnownNumber:
         """``a / b``."""
         if b.lo <= 0.0 <= b.hi:
             self.failed.append("divides by what may be zero")
@@ -257,29 +257,29 @@ class Arithmetic:
             out = replace(out, factors=factors, negative=negative)
         return replace(out, ratio=(a, b))
 
-    def neg(self, a: Value) -> Value:
+    def neg(self, a: KnownNumber) -> KnownNumber:
         """``-a``."""
         if a.lo >= 0.0 or a.hi <= 0.0:
             return value(-a.hi, -a.lo)
         scaled = a.scaled and (a.scaled[0], -a.scaled[1])
-        return Value(-a.hi, -a.lo, negative=not a.negative, factors=a.factors, scaled=scaled)
+        return KnownNumber(-a.hi, -a.lo, negative=not a.negative, factors=a.factors, scaled=scaled)
 
-    def sqrt(self, a: Value) -> Value:
+    def sqrt(self, a: KnownNumber) -> KnownNumber:
         """Root."""
         if a.lo < 0.0:
             self.failed.append("takes the root of what may be negative")
         out = self._out(math.sqrt(max(a.lo, 0.0)), math.sqrt(max(a.hi, 0.0)))
         return replace(out, under=_addends(a))
 
-    def magnitude(self, a: Value) -> Value:
+    def magnitude(self, a: KnownNumber) -> KnownNumber:
         """``|a|``."""
         return value(a.least, a.most)
 
-    def sign(self, a: Value) -> Value:
+    def sign(self, a: KnownNumber) -> KnownNumber:
         """-1, 0 or 1."""
         return value(-1.0 if a.lo < 0.0 else 0.0, 1.0 if a.hi > 0.0 else 0.0)
 
-    def rint(self, a: Value) -> Value:
+    def rint(self, a: KnownNumber) -> KnownNumber:
         """Nearest whole number, by adding and taking away a large one."""
         near = 0.5 if a.most < self.whole else 0.5 + self._margin(a.most) + 8.0 * a.most * self.relative
         out = self._out(a.lo - near, a.hi + near)
@@ -300,7 +300,7 @@ def _quotient(a: float, b: float) -> float:
         return math.copysign(math.inf, a * b)
 
 
-def _term(a: Value, b: Value) -> tuple[int, ...] | None:
+def _term(a: KnownNumber, b: KnownNumber) -> tuple[int, ...] | None:
     """What ``a b`` is as a square, or as a number times one."""
     if a.identity == b.identity:
         return (a.identity,)
@@ -310,12 +310,12 @@ def _term(a: Value, b: Value) -> tuple[int, ...] | None:
     return None
 
 
-def _addends(a: Value) -> frozenset[Addend]:
+def _addends(a: KnownNumber) -> frozenset[Addend]:
     """What is not larger than it, itself among them."""
     return a.addends | {a.identity} | ({a.term} if a.term is not None else frozenset())
 
 
-def _held(a: Value, b: Value) -> float:
+def _held(a: KnownNumber, b: KnownNumber) -> float:
     """A bound of ``a b`` where a is ``c / (b + ...)``, ``c / sqrt(b^2 + ...)``, or ``c / (d + c b^2)`` with d > 0.
 
     The last is largest where both addends are equal.

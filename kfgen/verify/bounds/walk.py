@@ -32,10 +32,10 @@ from kfgen.emit.ir.ir import (
     comparisons,
     turns,
 )
-from kfgen.verify.bounds.interval import RAW, Arithmetic, Value, hull, value
+from kfgen.verify.bounds.interval import RAW, Arithmetic, KnownNumber, hull, value
 
-Array = list[Value]
-Scope = dict[str, Value | Array]
+Array = list[KnownNumber]
+Scope = dict[str, KnownNumber | Array]
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Assumed:
 
     Parameters
     ----------
-    elements : dict of str to list of Value
+    elements : dict of str to list of KnownNumber
         Ranges of the elements of an array, whenever one is stored.
     local : callable
         The range of a local that is made, given what is known of it and the walk; None: nothing is assumed of it.
@@ -66,8 +66,8 @@ class Assumed:
         The same of what a statement stores at a place.
     """
 
-    elements: Mapping[str, Sequence[Value]]
-    local: Callable[[Let, Value, Walk], tuple[float, float] | None]
+    elements: Mapping[str, Sequence[KnownNumber]]
+    local: Callable[[Let, KnownNumber, Walk], tuple[float, float] | None]
     stored: Callable[[Store, int, Walk], tuple[float, float] | None] = lambda store, place, walk: None
 
 
@@ -102,13 +102,13 @@ class Walk:
         self._rows = [place(self.n, i, 0) for i in range(self.n)]
         self.returned: dict[str, Array] = {}
 
-    def run(self, routine: Routine, arguments: Mapping[str, Value | Array]) -> int:
+    def run(self, routine: Routine, arguments: Mapping[str, KnownNumber | Array]) -> int:
         """Walk a routine; returns the operations of the longest way through it.
 
         Parameters
         ----------
         routine : Routine
-        arguments : mapping of str to Value or list of Value
+        arguments : mapping of str to KnownNumber or list of KnownNumber
         """
         outer = (self.names, self.whole, self._routine)
         self.names = {**arguments, **{s.name: [value(0.0, 0.0)] * s.size for s in routine.scratch}}
@@ -194,7 +194,7 @@ class Walk:
     def _call(self, s: FunctionCall) -> int:
         routine, before = self.routines[s.routine], self.checked
         self._target = f"call of {s.routine}"
-        given: dict[str, Value | Array] = {}
+        given: dict[str, KnownNumber | Array] = {}
         for a, e in zip(routine.arguments, s.arguments, strict=True):
             if a.size and isinstance(e, Ref):
                 given[a.name] = self.array(e.name)
@@ -249,7 +249,7 @@ class Walk:
         self._restore(before)
         return (True if sure else None), narrowed
 
-    def _narrow(self, c: Compare, a: Value, b: Value) -> None:
+    def _narrow(self, c: Compare, a: KnownNumber, b: KnownNumber) -> None:
         """What a comparison that holds says of the numbers on its sides."""
         tiny = self.arithmetic.smallest
         for e, other, upper, strict in (
@@ -268,7 +268,7 @@ class Walk:
         """Of a raw number that was compared on one side only, the other side stays open."""
         if ref.index is None:
             old = self.names[ref.name]
-            assert isinstance(old, Value)
+            assert isinstance(old, KnownNumber)
             self.names[ref.name] = _narrowed(old, lo, hi)
             return
         places = self._places(ref)
@@ -276,7 +276,7 @@ class Walk:
             array = self.array(ref.name)
             array[places[0]] = _narrowed(array[places[0]], lo, hi)
 
-    def expression(self, e: Expr) -> Value:
+    def expression(self, e: Expr) -> KnownNumber:
         """What is known of an expression's value; each operation counts."""
         if isinstance(e, Num):
             return self.arithmetic.number(e.value)
@@ -290,7 +290,7 @@ class Walk:
         self.checked += e.op != "neg"
         return self._noted(_UNARY[e.op], a)
 
-    def _noted(self, operation: Callable[..., Value], *operands: Value) -> Value:
+    def _noted(self, operation: Callable[..., KnownNumber], *operands: KnownNumber) -> KnownNumber:
         if any(v.raw for v in operands):
             if not self._guard:
                 self._say("works on what nothing has looked at")
@@ -304,10 +304,10 @@ class Walk:
     def _say(self, what: str) -> None:
         self.open[Open(self._routine, re.sub(r"\d+$", "", self._target) or self._target, what)] = None
 
-    def _read(self, ref: Ref) -> Value:
+    def _read(self, ref: Ref) -> KnownNumber:
         if ref.index is None:
             known = self.names.get(ref.name)
-            if isinstance(known, Value):
+            if isinstance(known, KnownNumber):
                 return known
             counter = self.whole[ref.name]
             ends = (counter, counter) if isinstance(counter, int) else (counter.start, counter.stop - 1)
@@ -329,16 +329,16 @@ _UNARY = {
 }
 
 
-def _narrowed(old: Value, lo: float, hi: float) -> Value:
+def _narrowed(old: KnownNumber, lo: float, hi: float) -> KnownNumber:
     if not old.raw:
         return old.within(lo, hi)
     if math.isfinite(lo) and math.isfinite(hi):
         return value(lo, hi)
-    half = Value(max(old.lo, lo), min(old.hi, hi), raw=True)
+    half = KnownNumber(max(old.lo, lo), min(old.hi, hi), raw=True)
     return half if not (math.isfinite(half.lo) and math.isfinite(half.hi)) else value(half.lo, half.hi)
 
 
-def _decided(op: str, a: Value, b: Value) -> bool | None:
+def _decided(op: str, a: KnownNumber, b: KnownNumber) -> bool | None:
     """Whether a comparison holds for all numbers of both, or for none."""
     if op in (">", ">="):
         return _decided("<" if op == ">" else "<=", b, a)
@@ -358,7 +358,7 @@ def _joined(a: Scope, b: Scope) -> Scope:
         p, q = a[k], b[k]
         if isinstance(p, list) and isinstance(q, list):
             out[k] = [hull(x, y) for x, y in zip(p, q, strict=True)]
-        elif isinstance(p, Value) and isinstance(q, Value):
+        elif isinstance(p, KnownNumber) and isinstance(q, KnownNumber):
             out[k] = hull(p, q)
     return out
 
