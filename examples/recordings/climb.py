@@ -1,6 +1,7 @@
 """A simulated quadrotor that climbs and comes down, and no reference: what the innovations of a filter say of its receiver.
 
-Recording: PX4-ECL's replay (PX4/PX4-ECL, BSD-3); its simulator hands fixes out 0.12 s late, five times a second.
+Recording: PX4-ECL's replay (PX4/PX4-ECL, BSD-3), which does not say how late its fixes are. An independent fit in which
+position and velocity are late together has 0.200 +- 0.016 s, or a drift: there is one climb.
 """
 
 from pathlib import Path
