@@ -24,7 +24,7 @@ MAG = {"sensors": "gnss_position,gnss_velocity,mag"}
 TARGETS = {("ins15", "p"): 950, ("ins23", "p"): 1400, ("ins15", "ud"): 1060 + 36, ("ins23", "ud"): 1400}
 # Two of them, N^2 + left_out^2 less a density that was one number, are of settings alone: compilers work them out.
 COVARIANCE = {("ins15", "p"): 926, ("ins23", "p"): 1358, ("ins15", "ud"): 940, ("ins23", "ud"): 1192}
-# Three of each row limit by how much a rejected one widens what the filter believes.
+# Three of each row limit by how much a rejected one widens the covariance.
 ROUTINES = {
     ("ahrs6", "p"): {"predict": 263, "update_accel": 501, "update_mag": 580},
     ("ahrs6", "ud"): {"predict": 199, "update_accel": 651, "update_mag": 709},
