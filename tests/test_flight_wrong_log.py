@@ -80,8 +80,9 @@ def test_what_is_wrong_with_a_log_is_named(
 
 
 def test_a_receiver_that_holds_its_position_at_rest_is_none() -> None:
-    """The vehicle rests for 3 s; a flight as it is has no fault either."""
-    assert faults(log_with(held("gnss", 0.0, 2.9))) == set()
+    """The vehicle rests for 3 s, 58 samples of the barometer; a flight as it is has no fault either."""
+    assert faults(log_with(held("baro", 0.0, 2.9))) == set()
+    assert faults(log_with(held("baro", 30.0, 32.9))) == {("stuck", "baro")}
     assert faults(log_with(lambda c, t: None)) == set()
 
 

@@ -119,7 +119,9 @@ def test_a_page_leads_with_the_motion_and_makes_no_sentence_of_what_is_not_shown
 )
 def test_a_run_says_whether_its_innovations_are_as_large_as_expected(nis: float, said: str) -> None:
     """Of 150 updates of three rows: a mean of chi-squares with 450 degrees of freedom, 3 +- 1.96 sqrt(6 / 150)."""
-    run = SensorRun(np.arange(150.0), np.zeros((150, 3)), np.full(150, nis))
+    run = SensorRun(
+        np.arange(150.0), np.zeros((150, 3)), np.full(150, nis), ("gnss_p_N", "gnss_p_E", "gnss_p_D")
+    )
     lo, hi = run.expected_nis95
     assert (lo, hi) == pytest.approx((3.0 - 1.96 * 0.2, 3.0 + 1.96 * 0.2), abs=0.02)
     assert said in consistency("gnss", nis, 150, (lo, hi))

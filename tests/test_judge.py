@@ -62,16 +62,14 @@ def test_what_is_not_there_is_not_shown() -> None:
 
 def test_objections_are_said_with_their_numbers() -> None:
     found = kf.find_gap(log(0.0, 3), ASSUMED)
-    judged = Judgement(
-        "x", "an effect", found, found, (Trials(WITH_IT, 8, 3, {}, 1, 3), Trials(WITHOUT_IT, 8, 2))
-    )
+    judged = Judgement("x", found, found, (Trials(WITH_IT, 8, 3, {}, 1, 3), Trials(WITHOUT_IT, 8, 2)))
     assert judged.objections == (
         "it is named in 3 of 8 simulated records that hold it",
         "its intervals hold 1 of 3 true numbers",
         "it is named in 2 of 8 simulated records without it",
     )
     worse = replace(found.comparisons[0], gap=replace(found.comparisons[0].gap, before=2.0, after=1.0))
-    assert Judgement("x", "", found, replace(found, comparisons=(worse,))).verdict == "not_shown"
+    assert Judgement("x", found, replace(found, comparisons=(worse,))).verdict == "not_shown"
 
 
 def test_the_command_says_it_and_ends_with_one_where_it_is_not_shown(tmp_path: Path) -> None:

@@ -53,6 +53,22 @@ def moment(t_s: float) -> str:
     return f"{t_s:.6g}" if abs(t_s) < 100.0 else f"{round(t_s, 4):.15g}"
 
 
+def how_many(n: int, noun: str) -> str:
+    """So many of something, in the singular or the plural.
+
+    Parameters
+    ----------
+    n : int
+    noun : str
+        In the singular.
+
+    Returns
+    -------
+    str
+    """
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
 def few_digits(value: float, digits: int = 2) -> str:
     """A number with few digits and without an exponent below a million: 120, not 1.2e+02.
 

@@ -69,7 +69,7 @@ class Result:
             There is no picture of this kind of result, or nothing to show in this one.
         """
         # By name, for the report stands above every layer and is the only one that draws.
-        opened: list[Any] = importlib.import_module("kfgen.report.pictures").opened(self)
+        opened: list[Any] = importlib.import_module("kfgen.report.figures.pictures").opened(self)
         return opened
 
 

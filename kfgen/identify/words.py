@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 
 from kfgen.core.channel_names import AXES, sensor_and_axis
-from kfgen.core.numbers import few_digits, moment
+from kfgen.core.numbers import few_digits, how_many, moment
 
 MAX_TIMES_SAID = 5
 """Events of which the times are said."""
@@ -15,19 +15,6 @@ MAX_RECORD_HOURS = 1000.0
 """Length of a record beyond which nobody logs [h]."""
 COUNTS_AS_NOISE = "the sensors moved ({how}), and this motion counts as noise here: log them at rest"
 """What is said where noise is looked for in a log of sensors that moved."""
-
-
-def counted(n: int, noun: str) -> str:
-    """A number with its noun.
-
-    Parameters
-    ----------
-    n : int
-        How many.
-    noun : str
-        In the singular.
-    """
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def record_length(hours: float) -> str:
@@ -94,7 +81,7 @@ def not_numbers(lost: int, runs: int, longest: int, at_s: float) -> str:
     """Of samples that are not numbers, in so many runs, the longest one of so many samples at a time [s]."""
     are = "is" if lost == 1 else "are"
     return (
-        f"{counted(lost, 'sample')} {are} not a number, in {counted(runs, 'run')}, the longest of {longest} at "
+        f"{how_many(lost, 'sample')} {are} not a number, in {how_many(runs, 'run')}, the longest of {longest} at "
         f"t = {moment(at_s)} s; the fit takes them as missing"
     )
 
@@ -102,7 +89,7 @@ def not_numbers(lost: int, runs: int, longest: int, at_s: float) -> str:
 def gaps(count: int, lost: int, longest_s: float, at_s: float) -> str:
     """Of times at which nothing was logged."""
     return (
-        f"{counted(count, 'gap')}, {counted(lost, 'sample')} missing in all, the longest gap "
+        f"{how_many(count, 'gap')}, {how_many(lost, 'sample')} missing in all, the longest gap "
         f"{longest_s:.4g} s at t = {moment(at_s)} s; the fit takes them as missing"
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.core.numbers import finite, moment
+from kfgen.core.numbers import finite, how_many, moment
 from kfgen.core.result import Result, ShortTable
 from kfgen.core.units import from_si
 from kfgen.log.log import Channel, Log
@@ -57,7 +57,7 @@ class Contents(Result):
 
     def summary(self) -> list[str]:
         """How much there is."""
-        topics = [f"{len(self.topics)} topic{'s' * (len(self.topics) > 1)}"] if self.topics else []
+        topics = [how_many(len(self.topics), "topic")] if self.topics else []
         if self.log is None:
             return [", ".join([self.source, *topics]), *self.problem.splitlines()][:5]
         log = self.log

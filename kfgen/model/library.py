@@ -272,7 +272,7 @@ LIBRARY: dict[str, Entry] = {
         "attitude and gyro bias from gyros, gravity and magnetic field", {"ned": Rotating}, ("accel", "mag")
     ),
     "ahrs25": Moving(
-        "as ahrs6, of a body that is moved about: its acceleration, imperfect gyros, a late magnetometer with hard iron",
+        "as ahrs6, of a moving body: its acceleration, imperfect gyros, delay and hard iron of the magnetometer",
         {"ned": Rotating},
         ("accel", "mag"),
         MOVED,

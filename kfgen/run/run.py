@@ -36,7 +36,7 @@ class SensorRun:
     t: Array
     innovation: Array
     nis: Array
-    channels: tuple[str, ...] = ()
+    channels: tuple[str, ...]
 
     @property
     def expected_nis95(self) -> tuple[float, float]:

@@ -6,7 +6,7 @@ The laws of records at rest and of plants have strengths of their own, against t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians
+from math import cos, radians, sin
 from typing import Any
 
 from kfgen.effects import Effect, make
@@ -120,6 +120,13 @@ REFERENCE = (
     strong("scalar_last_attitude", "gyro_x"),
     strong("stuck_reference", "gyro_x", share=0.2),
 )
+PLANT_RATE_HZ = 20.0
+PLANT_DURATION_S = 20.0
+LARGEST_DRIVE_V = max(
+    abs(sin(0.9 * t) + 0.6 * sin(2.7 * t + 1.0) * cos(0.13 * t) + 0.3)
+    for t in (k / PLANT_RATE_HZ for k in range(int(PLANT_RATE_HZ * PLANT_DURATION_S) + 1))
+)
+"""Of the input of the law's plant: a gap takes it for the one at which a square law changes nothing."""
 PLANT = (
     strong("backlash", "y", width=0.1),
     strong("sensor_lag", "y", tau=0.15),
@@ -134,7 +141,7 @@ PLANT = (
     strong("quadratic_drag", "v", coefficient=0.5),
     strong("saturation", "u", limit=0.5),
     strong("spring", "v", coefficient=1.0),
-    strong("square_law", "u", share=0.5, full=1.0),
+    strong("square_law", "u", share=0.5, full=LARGEST_DRIVE_V),
     strong("viscous_friction", "v", coefficient=0.3),
 )
 EVERY = (*REST, *SHARED, *INERTIAL, *FAULTS, *REFERENCE, *PLANT)

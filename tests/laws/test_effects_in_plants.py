@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from strong_effects import PLANT, Strong
+from strong_effects import PLANT, PLANT_DURATION_S, PLANT_RATE_HZ, Strong
 
 import kfgen as kf
 from kfgen.effects import catalogue
@@ -20,8 +20,6 @@ from kfgen.gap.result import GapResult
 from kfgen.gap.scene.scene import Placed
 from kfgen.model.plant.file import model_text, parse_model
 
-RATE_HZ = 20.0
-DURATION_S = 20.0
 PENDULUM = """format = "kfgen-model-1"
 name = "pendulum"
 [parameters]
@@ -62,7 +60,7 @@ def compared(strong: Strong, folder: Path, *, known: bool) -> GapResult:
     lacking.write_text(PENDULUM, encoding="utf-8")
     having.write_text(model_text(has), encoding="utf-8")
     drive.write_text(DRIVE, encoding="utf-8")
-    log = kf.simulate(having, drive, DURATION_S, RATE_HZ, seed=1)
+    log = kf.simulate(having, drive, PLANT_DURATION_S, PLANT_RATE_HZ, seed=1)
     return kf.find_gap(log, having if known else lacking)
 
 

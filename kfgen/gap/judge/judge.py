@@ -85,7 +85,7 @@ def judge(
     without = find_gap(data, model, channels=channels)
     with tried(cls):
         found = find_gap(data, model, channels=channels)
-        judged = Judgement(cls.name, cls.title, without, found)
+        judged = Judgement(cls.name, without, found)
         if judged.shown is None or not isinstance(judged.shown[0], ChannelGap):
             return judged
         comparison, finding = judged.shown

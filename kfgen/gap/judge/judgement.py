@@ -64,7 +64,7 @@ class Judgement(Result):
 
     Parameters
     ----------
-    name, title : str
+    name : str
         Of the effect.
     without, found : GapResult
         The gap of the log by the catalogue, and by the catalogue with the declaration.
@@ -73,7 +73,6 @@ class Judgement(Result):
     """
 
     name: str
-    title: str
     without: GapResult
     found: GapResult
     trials: tuple[Trials, ...] = ()

@@ -10,6 +10,7 @@ from kfgen.effects.plant.sensor import SensorChange
 from kfgen.effects.plant.terms import InputChange
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS, LinearFit, parts_of, tail_of, unseen_gain
 from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.words import loses_unseen
 from kfgen.gap.scene.evidence import parameter_width
 from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed, over_levels
 from kfgen.gap.scene.scene import Placed, Reaching, ReadingByReading, Scene
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 
 MIN_PART_SAMPLES = 16
 """Samples of a channel from which on its parts are predicted from one another."""
+SAYS_NOTHING = "the record says nothing of its {name}"
 MIN_OWN_INFORMATION_SHARE = 1e-10
 """Share of the information on a number that must be its own, for the record to say anything of it."""
 
@@ -72,16 +74,36 @@ def _too_slow(scene: Scene, placed: Placed) -> str:
 def _undetermined(scene: Scene, fit: SceneFit, index: int) -> str:
     """The number of an effect of which the record says nothing beside its prior and the other numbers."""
     H = np.diag(fit.information)
-    variances = np.diag(fit.covariance)
+    sd = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     for column, (at, name) in enumerate(fit.keys):
-        if at != index:
+        own = 1.0 / max(float(H[column]) * sd[column] ** 2, 1e-300)
+        blind = not np.isfinite(sd[column]) or not H[column] > 0.0 or own < MIN_OWN_INFORMATION_SHARE
+        if at == index and blind:
+            return SAYS_NOTHING.format(name=name)
+    return too_wide(scene, fit, index, sd)
+
+
+def too_wide(scene: Scene, fit: SceneFit, index: int, deviation: Array, max_ratio: float = np.inf) -> str:
+    """The positive number of an effect whose 95 % interval is as wide as its prior, or wider; empty where none is.
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    index : int
+        Of the effect.
+    deviation : ndarray, shape (p,)
+        Standard deviations of the coordinates.
+    max_ratio : float
+        Upper over lower end that is too wide, however wide the prior is.
+    """
+    for (at, name), sd in zip(fit.keys, deviation.tolist()):
+        effect = fit.point.placed[at].effect
+        if at != index or is_signed(effect, name):
             continue
-        effect, sd = fit.point.placed[at].effect, float(np.sqrt(max(variances[column], 0.0)))
-        own = 1.0 / max(float(H[column]) * sd**2, 1e-300)
-        blind = not np.isfinite(sd) or not H[column] > 0.0 or own < MIN_OWN_INFORMATION_SHARE
-        wide = not is_signed(effect, name) and 2.0 * 1.96 * sd > parameter_width(scene, effect, name)
-        if blind or wide:
-            return f"the record says nothing of its {name}"
+        if 2.0 * 1.96 * sd > min(parameter_width(scene, effect, name), float(np.log(max_ratio))):
+            return SAYS_NOTHING.format(name=name)
     return ""
 
 
@@ -100,7 +122,7 @@ def unproven(scene: Scene, base: SceneFit, fit: SceneFit) -> str:
     for parts in (parts_of(scene.lengths), [tail_of(scene.lengths)]):
         gain = unseen_gain(before, after, parts)
         if gain < -MAX_UNSEEN_LOSS_NATS:
-            return f"it loses {-gain:.3g} nats on data that its fit did not see"
+            return loses_unseen(-gain)
     return ""
 
 

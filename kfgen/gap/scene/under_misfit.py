@@ -23,6 +23,7 @@ from kfgen.gap.scene.explanation import (
     refitted,
 )
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
+from kfgen.gap.scene.proof import too_wide
 from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading, Scene
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
 from kfgen.gap.scene.unevenness import scattered_deviations, unevenness_of_effect
@@ -42,7 +43,7 @@ MIN_GAINED_TO_LEFT_RATIO = 5.0
 MIN_EVENT_TO_LEFT_RATIO = 1.0
 """The same of what happens once, from which on it stands out of the rest."""
 MAX_INTERVAL_RATIO = 1000.0
-"""Upper over lower end of the 95 % interval of a positive number of which a log says anything."""
+"""Upper over lower end of a 95 % interval, from which on it says nothing of a time or a frequency."""
 GROWS_UNSEEN = "the mismatch on held-out data grows with it"
 """Why an effect is not kept that had evidence."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
@@ -182,9 +183,18 @@ def _determined(found: Explained) -> tuple[Explained, float]:
     """
     left, share = SceneExplanation(found.scene, found.fit, found.added, found.refused), 1.0
     while left.chosen:
+        deviation = scattered_deviations(left.scene, left.fit)
+        wide = [
+            too_wide(left.scene, left.fit, i, deviation, MAX_INTERVAL_RATIO) for i in range(len(left.chosen))
+        ]
+        if any(wide):
+            index = next(i for i, why in enumerate(wide) if why)
+            lost = Refused(*left.chosen[index].label, left.chosen[index].gain, wide[index])
+            left, share = left.without(index).refusing([lost]), 1.0
+            continue
         rest = [left.without(i) for i in range(len(left.chosen))]
         gains = np.array([left.fit.value - r.fit.value for r in rest])
-        nats = _nats_beside_others(left, rest, gains)
+        nats = _nats_beside_others(left, rest, gains, deviation)
         weakest = int(np.argmin(nats))
         share = float(np.mean(np.minimum(nats / np.maximum(gains, MIN_EVIDENCE_NATS), 1.0)))
         if nats[weakest] >= MIN_EVIDENCE_NATS:
@@ -198,7 +208,9 @@ def _determined(found: Explained) -> tuple[Explained, float]:
     return replace(found, added=left.chosen, fit=left.fit, refused=refused_of(left)), gained
 
 
-def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation], gains: Array) -> Array:
+def _nats_beside_others(
+    left: SceneExplanation, rest: Sequence[SceneExplanation], gains: Array, deviation: Array
+) -> Array:
     """What each effect explains beside all others by the scatter of blocks [nats], shape (effects,).
 
     By its best known number, or by its share as a whole, whichever is more: a fit without it may be far away. One that
@@ -210,24 +222,20 @@ def _nats_beside_others(left: SceneExplanation, rest: Sequence[SceneExplanation]
         else unevenness_of_effect(left.scene, left.fit, r.fit, i)
         for i, r in enumerate(rest)
     ]
-    of_sizes, known = _nats_of_sizes(left.scene, left.fit)
-    return np.asarray(np.maximum(gains / np.array(wider), of_sizes) * known)
+    return np.asarray(np.maximum(gains / np.array(wider), _nats_of_sizes(left.fit, deviation)))
 
 
-def _nats_of_sizes(scene: Scene, fit: SceneFit) -> tuple[Array, NDArray[np.bool_]]:
-    """How far the best known number of each effect is from nothing [nats], shape (effects,); by scattered blocks.
+def _nats_of_sizes(fit: SceneFit, deviation: Array) -> Array:
+    """How far the best known number of each effect is from nothing [nats], shape (effects,).
 
-    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation. Second
-    whether the log says anything of such numbers: a time of which it does not is that of another effect.
+    A number that is fitted in its logarithm is as far from nothing as one of that relative standard deviation.
     """
     x = coordinates(fit.point)
-    deviation = scattered_deviations(scene, fit)
-    sigmas, known = np.zeros(len(fit.point.placed)), np.ones(len(fit.point.placed), dtype=bool)
+    sigmas = np.zeros(len(fit.point.placed))
     for k, (i, name) in enumerate(fit.keys):
-        signed = is_signed(fit.point.placed[i].effect, name)
-        sigmas[i] = max(sigmas[i], (abs(x[k]) if signed else 1.0) / max(float(deviation[k]), 1e-300))
-        known[i] &= signed or 2.0 * 1.96 * deviation[k] < np.log(MAX_INTERVAL_RATIO)
-    return np.asarray(0.5 * sigmas**2), known
+        size = abs(x[k]) if is_signed(fit.point.placed[i].effect, name) else 1.0
+        sigmas[i] = max(sigmas[i], size / max(float(deviation[k]), 1e-300))
+    return np.asarray(0.5 * sigmas**2)
 
 
 def _with_misfit(answer: Answered) -> TemperedScene:

@@ -205,7 +205,9 @@ def condense(stream: Stream) -> Long:
         spread = spread or Spread.of(y[np.isfinite(y)])
         bad = spread.is_outlier(y)
         if bad.mean() > 0.5:
-            raise InputError("most of a stretch is missing", remedy="Cut the log there")
+            raise InputError(
+                "most of the samples are missing in a part of the log", remedy="Cut the log there"
+            )
         lost += int(bad.sum())
         y = interpolated(y, bad)
         phase.add(y)

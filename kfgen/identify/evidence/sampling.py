@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.core.numbers import moment
+from kfgen.core.numbers import how_many, moment
 from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
@@ -74,7 +74,7 @@ def evidence(
     drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
     if t.size < 3:
         raise InputError(
-            f"{words.counted(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
+            f"{how_many(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
             remedy="Log more",
         )
     refuse_noise_free(y)

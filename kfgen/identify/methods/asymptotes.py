@@ -177,7 +177,7 @@ def by_asymptotes(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
         )
     for name, asymptote in (("white_noise", seen.N), ("rate_random_walk", seen.K)):
         if asymptote is None and (not wanted or name in wanted):
-            said.append(f"no stretch of the curve has the slope of {name}, left out")
+            said.append(f"no part of the curve has the slope of {name}, left out")
     chosen = [parts[n] for n in (wanted or parts) if n in parts]
     if not chosen:
         raise InputError(

@@ -244,7 +244,5 @@ def write_log(log: Log, path: str | Path) -> None:
     path = Path(path)
     writer = readers().get(path.suffix.lower())
     if writer is None or not hasattr(writer, "write"):
-        raise InputError(
-            f"'{path.suffix}' is no format that is written", where=str(path), remedy="Give a .csv or .npz"
-        )
+        raise InputError(f"cannot write '{path.suffix}' files", where=str(path), remedy="Give a .csv or .npz")
     writer.write(log, path)

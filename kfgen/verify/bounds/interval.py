@@ -141,7 +141,7 @@ def hull(a: KnownNumber, b: KnownNumber) -> KnownNumber:
 
 
 class Arithmetic:
-    """Operations on values in one precision; a result that cannot be bounded is told to `fail`, and goes on bounded.
+    """Operations on values in one precision; a result that cannot be bounded is noted in `failed`, and goes on bounded.
 
     Parameters
     ----------

@@ -2,65 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.faults.samples import Stuck
+from kfgen.effects.faults.samples import Stuck, runs
 from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.rest.faults import stuck_spans
 from kfgen.gap.scene.scene import Placed
 
 Array = NDArray[np.float64]
 
-MIN_STUCK_SAMPLES = 8
 MIN_STUCK_S = 1.0
-MAX_EQUAL_SHARE = 0.2
-"""Of samples that are the one before outside of that time, above which a sensor repeats its samples by habit."""
+"""Shorter, a logger only stumbled [s]."""
 MIN_MOVED_SIGMAS = 5.0
 """By which a reading should have changed meanwhile; at rest some receivers hold their position."""
 
 
 def stuck_sensors(path: FlownPath) -> tuple[Placed, ...]:
-    """The longest time in which each sensor is stuck.
+    """The longest time in which each sensor is stuck in all of its channels.
 
     Parameters
     ----------
     path : FlownPath
     """
-    expected, found = path.expected(), []
-    for a in path.log.aiding:
-        first, last = _longest_run(a.z)
+    found: list[Placed] = []
+    expected, log = path.expected(), path.log
+    for a in log.aiding:
         rows = [path.rows.of(c) for c in a.sensor.channels]
-        moved = max(np.ptp(expected[r][first : last + 1]) / np.sqrt(np.median(path.rows.R[r])) for r in rows)
-        if _is_stuck(a.t, a.z, first, last) and moved > MIN_MOVED_SIGMAS:
+        sd = np.sqrt([np.median(path.rows.R[r]) for r in rows])
+        first, last = _longest_run(a.z, sd)
+        moved = max(np.ptp(expected[r][first : last + 1]) / s for r, s in zip(rows, sd))
+        if a.t[last] - a.t[first] >= MIN_STUCK_S and moved > MIN_MOVED_SIGMAS:
             found.append(_placed(a.sensor.channels, a.t[first], a.t[last]))
-    u = path.log.u
-    for i in path.log.discrete.model.motion.inputs:
-        z = u[:, path.log.triads[i.name]]
-        first, last = _longest_run(z)
-        if _is_stuck(path.log.t, z, first, last):
-            found.append(_placed(i.channels, path.log.t[first], path.log.t[last]))
+    for i in log.discrete.model.motion.inputs:
+        z = log.u[:, log.triads[i.name]]
+        first, last = _longest_run(z, np.full(z.shape[1], np.inf))
+        if log.t[last] - log.t[first] >= MIN_STUCK_S:
+            found.append(_placed(i.channels, log.t[first], log.t[last]))
     return tuple(found)
 
 
-def _longest_run(z: Array) -> tuple[int, int]:
-    """First and last sample of the longest run of equal ones."""
-    same = np.concatenate([[False], (np.diff(z, axis=0) == 0.0).all(axis=1), [False]])
-    edges = np.flatnonzero(np.diff(same.astype(np.int8)))
-    if not edges.size:
-        return 0, 0
-    runs = edges.reshape(-1, 2)
-    first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))].tolist()
-    return first, last
+def _longest_run(z: Array, sd: Array) -> tuple[int, int]:
+    """First and last of the longest run of samples that are stuck in every channel, of noises `sd`; one sample where none is."""
+    stuck = np.ones(z.shape[0], dtype=bool)
+    for y, s in zip(z.T, sd.tolist()):
+        here = np.zeros(y.size, dtype=bool)
+        for a, b in stuck_spans(y, s):
+            here[a:b] = True
+        stuck &= here
+    first, length = runs(stuck)
+    length = np.where(stuck[first], length, 1)
+    k = int(np.argmax(length))
+    return int(first[k]), int(first[k] + length[k] - 1)
 
 
-def _is_stuck(t: Array, z: Array, first: int, last: int) -> bool:
-    equal = (np.diff(z, axis=0) == 0.0).all(axis=1)
-    beside = (equal.sum() - (last - first)) / max(equal.size - (last - first), 1)
-    return bool(
-        last - first >= MIN_STUCK_SAMPLES and t[last] - t[first] >= MIN_STUCK_S and beside < MAX_EQUAL_SHARE
-    )
-
-
-def _placed(channels: tuple[str, ...], start: float, stop: float) -> Placed:
+def _placed(channels: Sequence[str], start: float, stop: float) -> Placed:
     where = channels[0] if len(channels) == 1 else channels[0].rpartition("_")[0]
     return Placed(Stuck(time=float(start), lasting=float(stop - start)), where)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.numbers import how_many
 from kfgen.core.optional_library import optional_library
 from kfgen.log.readers.flight import px4_topics as topics
 from kfgen.log.readers.flight.px4_topics import TopicSource
@@ -109,7 +110,7 @@ def _of_file(path: Path, ulog: Any) -> Iterable[str]:
         yield "the file ends within a message: it was cut off, what is before is read"
     if ulog.dropouts:
         total = sum(d.duration for d in ulog.dropouts)
-        yield f"the logger lost data {len(ulog.dropouts)} time{'s' * (len(ulog.dropouts) > 1)}, {total / 1e3:.3g} s in all (logged dropouts)"
+        yield f"the logger lost data {how_many(len(ulog.dropouts), 'time')}, {total / 1e3:.3g} s in all (logged dropouts)"
 
 
 def _is_cut(path: Path) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
-from kfgen.core.numbers import moment
+from kfgen.core.numbers import how_many, moment
 from kfgen.log.readers.tables.clock import Clock
 from kfgen.log.readers.tables.table import LogTable, TableColumn
 
@@ -168,7 +168,7 @@ def _of_base(base: LogStream) -> list[str]:
     words = []
     if clock.gaps:
         words.append(
-            f"{base.name}: {clock.gaps} {'gap' if clock.gaps == 1 else 'gaps'} in {clock.end - clock.start:.4g} s, "
+            f"{base.name}: {how_many(clock.gaps, 'gap')} in {clock.end - clock.start:.4g} s, "
             f"the longest step {clock.longest:.3g} s at t = {moment(clock.longest_at)} s"
         )
     if clock.rate < LOWEST_RATE_HZ and _inertial(base):
