@@ -55,6 +55,34 @@ def held(sensor: str, start: float, stop: float) -> Callable[[Columns, NDArray[n
     return change
 
 
+def times(factor: float, *sensors: str) -> Callable[[Columns, NDArray[np.float64]], object]:
+    return lambda c, t: c.update({n: factor * v for n, v in c.items() if n.startswith(sensors)})
+
+
+def east_north_up(c: Columns, t: NDArray[np.float64]) -> None:
+    for p in ("gnss_p", "gnss_v"):
+        c[f"{p}_N"], c[f"{p}_E"], c[f"{p}_D"] = c[f"{p}_E"], c[f"{p}_N"], -c[f"{p}_D"]
+
+
+def accel_and_gyro(c: Columns, t: NDArray[np.float64]) -> None:
+    times(1.0 / 9.80665, "accel")(c, t)
+    times(DEGREES, "gyro")(c, t)
+
+
+DEGREES = 180.0 / np.pi
+AXES_OF_ENU = (("axis_swap", "N"), ("axis_swap", "E"), ("sign_error", "D"))
+ENU = {(name, f"{p}_{a}") for p in ("gnss_p", "gnss_v") for name, a in AXES_OF_ENU}
+MISREAD = [
+    (times(1.0 / 9.80665, "accel"), {"accel": 1.0 / 9.80665}),
+    (times(DEGREES, "gyro"), {"gyro": DEGREES}),
+    (accel_and_gyro, {"accel": 1.0 / 9.80665, "gyro": DEGREES}),
+    (times(1e3, "gnss"), {"gnss_p": 1e3, "gnss_v": 1e3}),
+    (times(3.6, "gnss_v"), {"gnss_v": 3.6}),
+    (times(1e6, "mag"), {"mag": 1e6}),
+    (times(10.0, "mag"), {"mag": 10.0}),
+]
+
+
 def faults(log: Log) -> set[tuple[str, str]]:
     scene = flight_scene(log, model())
     assert scene is not None
@@ -67,6 +95,9 @@ def faults(log: Log) -> set[tuple[str, str]]:
         (exchanged("gyro_z", "gyro_z", -1.0), {("sign_error", "gyro_z")}),
         (exchanged("mag_y", "mag_y", -1.0), {("sign_error", "mag_y")}),
         (exchanged("gyro_x", "gyro_y"), {("axis_swap", "gyro_x"), ("axis_swap", "gyro_y")}),
+        (times(-1.0, "baro"), {("sign_error", "baro")}),
+        (times(-1.0, "mag_y", "mag_z"), {("sign_error", "mag_y"), ("sign_error", "mag_z")}),
+        (east_north_up, ENU),
         (held("gnss", 30.0, 40.0), {("stuck", "gnss_p"), ("stuck", "gnss_v")}),
         (held("baro", 0.0, 60.0), {("stuck", "baro")}),
         (held("gyro", 30.0, 32.0), {("stuck", "gyro")}),
@@ -77,6 +108,35 @@ def test_what_is_wrong_with_a_log_is_named(
     change: Callable[[Columns, NDArray[np.float64]], object], said: set[tuple[str, str]]
 ) -> None:
     assert faults(log_with(change)) == said
+
+
+@pytest.mark.parametrize(("change", "said"), MISREAD)
+def test_a_wrong_unit_is_named_with_its_factor(
+    change: Callable[[Columns, NDArray[np.float64]], object], said: dict[str, float]
+) -> None:
+    scene = flight_scene(log_with(change), model())
+    assert scene is not None
+    found = {p.where: p.effect for p in scene.faults()}
+    assert {e.name for e in found.values()} == {"unit_error"}
+    assert {w: e.row("")["factor"][0] for w, e in found.items()} == pytest.approx(said, rel=1e-6)
+
+
+@pytest.mark.long
+def test_wrong_units_of_a_real_flight_are_named(recording: Callable[[str], Path]) -> None:
+    """The receiver and the sensor as they were, then in g and degrees a second: a climb, and no heading at the start."""
+    log, filter_ = kf.read_log(recording("flights/ecl_iris_gps_replay.csv")), kf.build("ins15")
+    columns = {n: np.array(c.values) for n, c in log.channels.items()}
+    as_logged = flight_scene(log, filter_)
+    assert as_logged is not None
+    assert as_logged.faults() == ()
+    accel_and_gyro(columns, log.t)
+    wrong = replace(log, channels={n: replace(c, values=columns[n]) for n, c in log.channels.items()})
+    scene = flight_scene(wrong, filter_)
+    assert scene is not None
+    assert {(p.effect.name, p.where) for p in scene.faults()} == {
+        ("unit_error", "accel"),
+        ("unit_error", "gyro"),
+    }
 
 
 def test_a_receiver_that_holds_its_position_at_rest_is_none() -> None:

@@ -167,8 +167,17 @@ class FilterEquations:
 
     def readings(self, sensors: Sequence[Sensor]) -> SparseRows:
         """The expected samples of sensors, then the entries of their Jacobian, in one tape."""
-        h = sp.Matrix.vstack(*(self.discrete.expected(s) for s in sensors))
-        return self._sparse(sp.Matrix.vstack(*(self.discrete.H(s) for s in sensors)), before=list(h))
+        names = tuple(s.name for s in sensors)
+        if names not in self._readings:
+            h = sp.Matrix.vstack(*(self.discrete.expected(s) for s in sensors))
+            H = sp.Matrix.vstack(*(self.discrete.H(s) for s in sensors))
+            self._readings[names] = self._sparse(H, before=list(h))
+        return self._readings[names]
+
+    @cached_property
+    def _readings(self) -> dict[tuple[str, ...], SparseRows]:
+        """Of sensors by their names, as they were asked for: a filter flies over one log many times."""
+        return {}
 
     @cached_property
     def inject(self) -> Tape:

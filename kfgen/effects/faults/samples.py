@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.units import parse_unit
 from kfgen.effects.effect import AddsNothingAtRest, Effect, parameter
 from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.series import DetectedFault, RawSamples, periods
@@ -41,6 +42,33 @@ UNIT_FACTORS = (
 """Factors between units that are taken for one another."""
 UNIT_FACTOR_TOLERANCE = 0.05
 """Relative distance at which a factor is a known one."""
+UNITS_OF_A_QUANTITY = (
+    ("rad/s", "deg/s"),
+    ("m/s^2", "g"),
+    ("T", "mT", "uT", "nT", "gauss", "mgauss"),
+    ("m", "cm", "mm"),
+    ("m/s", "cm/s", "mm/s", "km/h"),
+    ("Pa", "hPa", "kPa", "bar"),
+)
+"""Units of one quantity in which sensors are logged."""
+
+
+def unit_factors(unit: str) -> tuple[float, ...]:
+    """By how many times readings may be too large whose unit is taken for another one of the same quantity.
+
+    Parameters
+    ----------
+    unit : str
+        That the log states.
+    """
+    quantity = parse_unit(unit)
+    for names in UNITS_OF_A_QUANTITY:
+        units = [parse_unit(n) for n in names]
+        if units[0].same_dimension(quantity):
+            # Powers of ten come in several ways, which differ by rounding.
+            ratios = {float(f"{a.factor / b.factor:.9g}") for a in units for b in units}
+            return tuple(sorted(ratios - {1.0}))
+    return ()
 
 
 @dataclass(frozen=True)

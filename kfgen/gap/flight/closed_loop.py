@@ -100,14 +100,14 @@ def _propagated(  # noqa: PLR0913, PLR0917
     " int64[:,::1], int64, float64[::1], int64[::1], int64[::1], int64[::1],"
     " int64[:,::1], int64, float64[::1], int64[::1], int64[::1],"
     " float64[:,::1], float64[::1], float64[:,::1], float64[::1],"
-    " int64[::1], int64[::1], float64[::1], float64[::1], float64, float64[:,::1], float64[::1])"
+    " int64[::1], int64[::1], float64[::1], float64[::1], float64, float64, float64[:,::1], float64[::1])"
 )
 def fly(  # noqa: PLR0913, PLR0917
     o1: Any, first1: int, c1: Any, out1: Any, Pi: Any, Pj: Any, Qi: Any, Qj: Any,
     o2: Any, first2: int, c2: Any, out2: Any, Hi: Any, Hj: Any,
     o3: Any, first3: int, c3: Any, out3: Any, quaternions: Any,
     known: Any, x0: Any, P: Any, fixed: Any,
-    row_at: Any, row_index: Any, row_z: Any, row_R: Any, limit: float, X: Any, score: Any,
+    row_at: Any, row_index: Any, row_z: Any, row_R: Any, limit: float, least: float, X: Any, score: Any,
 ) -> None:  # fmt: skip
     """The extended Kalman filter over a log; outliers count as if they lay at a limit.
 
@@ -130,10 +130,12 @@ def fly(  # noqa: PLR0913, PLR0917
         Scalar readings in the order of time: at which sample, which row of the readings' tape, value, variance.
     limit : float
         Standard deviations of an innovation beyond which it is an outlier.
+    least : float
+        Log-likelihood [nats] that is wanted: a flight that cannot reach it any more ends.
     X : ndarray, shape (n, stored)
         The stored state after the updates of each sample; written.
     score : ndarray, shape (1,)
-        Log-likelihood [nats]; added to.
+        Log-likelihood [nats]; written, minus infinity of a flight that ended.
     """
     n, N, stored = P.shape[0], known.shape[0], x0.size
     readings = out2.size - Hi.size
@@ -142,8 +144,14 @@ def fly(  # noqa: PLR0913, PLR0917
     r3 = np.zeros((first3 + o3.shape[0], 1))
     x, T, H = x0.copy(), np.zeros((n, n)), np.zeros((readings, n))
     dx, K = np.zeros(n), np.zeros(n)
-    at = 0
+    at, most = (
+        0,
+        -0.5 * np.sum(np.log(row_R)),
+    )  # no reading is likelier than one without an error of the prediction
     for k in range(N):
+        if score[0] + most < least:
+            score[0] = -np.inf
+            return
         if at < row_at.size and row_at[at] == k:
             _given(r2, x, known[k], fixed)
             _tape(o2, first2, c2, r2)
@@ -154,6 +162,7 @@ def fly(  # noqa: PLR0913, PLR0917
             while at < row_at.size and row_at[at] == k:
                 m = row_index[at]
                 score[0] += _corrected(P, H[m], row_z[at] - r2[out2[m], 0], row_R[at], K, dx, limit)
+                most += 0.5 * np.log(row_R[at])
                 at += 1
             _given(r3, x, known[k], fixed)
             for i in range(n):

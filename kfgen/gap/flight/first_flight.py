@@ -43,18 +43,20 @@ def first_flight(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array]
     return best, X
 
 
-def flight_score(log: FlightLog, eq: FilterEquations) -> float:
+def flight_score(log: FlightLog, eq: FilterEquations, least: float = -np.inf) -> float:
     """Log-likelihood of the first flight, its outliers limited [nats]; minus infinity where the filter diverges.
 
     Parameters
     ----------
     log, eq
         As of `first_flight`.
+    least : float
+        Where it is less than this, minus infinity: such a flight is not flown to its end.
     """
-    return _likeliest(log, eq)[2]
+    return _likeliest(log, eq, least)[2]
 
 
-def _likeliest(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array, float]:
+def _likeliest(log: FlightLog, eq: FilterEquations, least: float = -np.inf) -> tuple[FlightLog, Array, float]:
     """The start that fits best, the stored states and their log-likelihood."""
     try:
         from kfgen.gap.flight.closed_loop import fly
@@ -62,11 +64,17 @@ def _likeliest(log: FlightLog, eq: FilterEquations) -> tuple[FlightLog, Array, f
         raise InputError(
             "the gap of a filter over a flight needs numba", remedy='Install it: pip install "kfgen[fast]"'
         ) from None
-    tried = [(start, *_flown(fly, start, eq)) for start in headings(log, eq)]
-    return max(tried, key=lambda t: t[2])
+    best = (log, np.empty(0), -np.inf)
+    for start in headings(log, eq):
+        X, score = _flown(fly, start, eq, max(least, best[2]))
+        if score > best[2]:
+            best = (start, X, score)
+    return best
 
 
-def _flown(fly: Callable[..., None], log: FlightLog, eq: FilterEquations) -> tuple[Array, float]:
+def _flown(
+    fly: Callable[..., None], log: FlightLog, eq: FilterEquations, least: float
+) -> tuple[Array, float]:
     """The stored states and their log-likelihood [nats]; minus infinity where it diverges."""
     model = log.discrete.model
     F, Q = eq.transition, eq.process_noise
@@ -84,7 +92,7 @@ def _flown(fly: Callable[..., None], log: FlightLog, eq: FilterEquations) -> tup
         *_parts(inject),
         np.array(eq.quaternions, dtype=np.int64),
         np.ascontiguousarray(known), np.ascontiguousarray(log.start, dtype=np.float64), P, fixed,
-        rows.at, rows.index, np.ascontiguousarray(rows.z), np.ascontiguousarray(rows.R), OUTLIER_LIMIT_SIGMAS, X,
+        rows.at, rows.index, np.ascontiguousarray(rows.z), np.ascontiguousarray(rows.R), OUTLIER_LIMIT_SIGMAS, least, X,
         score,
     )  # fmt: skip
     good = np.isfinite(X).all() and np.isfinite(score[0])

@@ -10,8 +10,8 @@ import numpy as np
 from kfgen.core.errors import InputError
 from kfgen.effects.series import RawSamples
 from kfgen.emit.routines import Program
+from kfgen.gap.flight.faults.misread import misread
 from kfgen.gap.flight.faults.stuck_sensor import stuck_sensors
-from kfgen.gap.flight.faults.wrong_axes import wrong_axes
 from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
@@ -26,6 +26,12 @@ ATTITUDE_SENSORS = ("accel", "gyro", "mag")
 """Sensors that alone aid no flight: a log of them is one of sensors at rest or in poses."""
 MIN_INERTIAL_RATE_HZ = 40.0
 """Rate of inertial sensors below which the motion between samples is lost."""
+MAX_UNDOUBTED_SIGMAS = 3.0
+"""Root mean square of a channel's innovations, in their standard deviations, up to which its axes and units are not doubted."""
+MAX_LEFT_SHARE = 0.4
+"""Of it, that a log leaves at most that is put right."""
+MISREAD_S = 30.0
+"""For which a filter flies over a log that is read otherwise [s]."""
 MIN_FLIGHT_S = 15.0
 """Shortest log of a flight [s]."""
 
@@ -57,17 +63,9 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
     program = program_over(model, log)
     if program.discrete.memories:
         return None
-    try:
-        scene = FlightScene(flown(flight_log(log, program)))
-    except InputError as error:
-        if faults := _exchanged(log, program):
-            said = "; ".join(f.effect.sentence(f.where, "") for f in faults)
-            raise InputError(
-                error.what, where=error.where, remedy=f"With this it does not: {said}"
-            ) from error
-        raise
+    scene = FlightScene(flown(flight_log(log, program)))
     faults = (*stuck_sensors(scene.path), *_clipped(log, inputs))
-    return replace(scene, spoilt=faults or (_exchanged(log, program) if _is_lost(scene) else ()))
+    return replace(scene, spoilt=faults or _misread(scene, log, program))
 
 
 def _clipped(log: Log, channels: Sequence[str]) -> tuple[Placed, ...]:
@@ -76,17 +74,31 @@ def _clipped(log: Log, channels: Sequence[str]) -> tuple[Placed, ...]:
     return tuple(Placed(f.effect, c) for c, r in raw.items() for f in clipped_in(r)[0])
 
 
-def _exchanged(log: Log, program: Program) -> tuple[Placed, ...]:
-    """What is wrong with the axes of a log that the filter follows without it."""
-    faults, otherwise = wrong_axes(log, program)
-    return faults if faults and not _is_lost(FlightScene(flown(flight_log(otherwise, program)))) else ()
+def _misread(scene: FlightScene, log: Log, program: Program) -> tuple[Placed, ...]:
+    """What a log reads wrongly that the filter follows much more closely without it."""
+    worst = _worst_channel_sigmas(scene)
+    if worst < MAX_UNDOUBTED_SIGMAS:
+        return ()
+    faults, right = misread(_first_part(scene, log), program)
+    if not faults:
+        return ()
+    least = min(worst * MAX_LEFT_SHARE, MAX_FOLLOWED_SIGMAS)
+    return faults if _worst_channel_sigmas(FlightScene(flown(flight_log(right, program)))) < least else ()
 
 
-def _is_lost(scene: FlightScene) -> bool:
-    """Whether the filter does not follow a channel at all, so that its axes are doubted."""
+def _first_part(scene: FlightScene, log: Log) -> Log:
+    """The log until some time after its readings are first far from what the filter expects."""
+    rows = scene.path.rows
+    far = np.abs(rows.z - scene.path.expected()) > MAX_UNDOUBTED_SIGMAS * np.sqrt(rows.R)
+    t = float(rows.t[np.argmax(far)]) if far.any() else float(log.t[0])
+    return log.cut(0, int(np.searchsorted(log.t, t + MISREAD_S, side="right")))
+
+
+def _worst_channel_sigmas(scene: FlightScene) -> float:
+    """Root mean square of the innovations of the channel that the filter follows least, in their standard deviations."""
     start = scene.residuals([start_of(scene)])[:, 0]
     parts = np.split(start, np.cumsum(scene.lengths)[:-1])
-    return any(float(np.sqrt(np.mean(p**2))) > MAX_FOLLOWED_SIGMAS for p in parts if p.size)
+    return max((float(np.sqrt(np.mean(p**2))) for p in parts if p.size), default=0.0)
 
 
 def _check(log: Log) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.faults.samples import Stuck, runs
+from kfgen.gap.flight.faults.misread import sensor_of
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.rest.faults import stuck_spans
 from kfgen.gap.scene.scene import Placed
@@ -59,5 +60,4 @@ def _longest_run(z: Array, sd: Array) -> tuple[int, int]:
 
 
 def _placed(channels: Sequence[str], start: float, stop: float) -> Placed:
-    where = channels[0] if len(channels) == 1 else channels[0].rpartition("_")[0]
-    return Placed(Stuck(time=float(start), lasting=float(stop - start)), where)
+    return Placed(Stuck(time=float(start), lasting=float(stop - start)), sensor_of(channels))

@@ -1,0 +1,173 @@
+"""Channels of a flight that are read wrongly: another axis, the opposite sign, another unit; put right, the filter follows.
+
+A filter whose gyro turns the other way follows nothing, and what a fit would then name means nothing. So where it does not
+follow, it flies the log again with every pair of channels of a triad exchanged, every channel negated, every sensor
+in the units that are taken for its own; what makes the log likelier stays, until nothing does any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from kfgen.core.errors import InputError
+from kfgen.effects import Effect
+from kfgen.effects.faults.axes import SignError, axis_faults
+from kfgen.effects.faults.samples import UnitError, unit_factors
+from kfgen.emit.routines import Program
+from kfgen.gap.flight.first_flight import flight_score
+from kfgen.gap.flight.flight_log import flight_log
+from kfgen.gap.flight.rows import rows_of
+from kfgen.gap.scene.scene import Placed
+from kfgen.log.log import Log
+from kfgen.model.filter import FilterModel
+from kfgen.model.filter_equations import FilterEquations
+
+MIN_GAIN_NATS_PER_READING = 0.1
+"""Of log-likelihood, by which a log that is read otherwise must be likelier."""
+MIN_GAIN_NATS = 100.0
+MAX_MISREAD = 4
+"""Triads and sensors that are misread in one log, at most."""
+BODY, EARTH = "xyz", "NED"
+EARTH_FIELD_T = (15e-6, 100e-6)
+"""Between which the Earth's field is where people fly, iron on board included: in any unit a filter agrees with its own."""
+
+Turn = Mapping[int, tuple[int, float]]
+"""Of which axis each of some axes of a triad is to be read, and with which sign."""
+BOARD_TURNS: tuple[Turn, ...] = tuple(
+    turn
+    for a, b in ((0, 1), (1, 2), (2, 0))
+    for turn in ({a: (a, -1.0), b: (b, -1.0)}, {a: (b, 1.0), b: (a, -1.0)}, {a: (b, -1.0), b: (a, 1.0)})
+)
+"""Turns of a whole board: half and quarter turns about its axes."""
+SENSOR_TURNS: tuple[Turn, ...] = (
+    *BOARD_TURNS,
+    *({k: (k, -1.0)} for k in range(3)),
+    *({a: (b, 1.0), b: (a, 1.0)} for a, b in ((0, 1), (1, 2), (2, 0))),
+)
+"""Those, an axis that is negated, two that are exchanged."""
+EARTH_TURNS: tuple[Turn, ...] = ({2: (2, -1.0)}, {0: (1, 1.0), 1: (0, 1.0)})
+"""Up for down, and east for north."""
+
+
+@dataclass(frozen=True)
+class Misreading:
+    """What channels read wrongly, and from which channel and with which factor each is to be read."""
+
+    faults: tuple[Placed, ...]
+    read: Mapping[str, tuple[str, float]]
+
+    def put_right(self, log: Log) -> Log:
+        """The log as it should have been."""
+        right = {
+            c: replace(log.channels[c], values=factor * log.channels[source].values)
+            for c, (source, factor) in self.read.items()
+        }
+        return replace(log, channels={**log.channels, **right})
+
+
+def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
+    """What a log reads wrongly, and the log without it; nothing where it is likeliest as it is.
+
+    Parameters
+    ----------
+    log : Log
+    program : Program
+        Of the filter, at the log's rate.
+
+    Raises
+    ------
+    InputError
+        As of `kfgen.gap.flight.flight_log.flight_log`.
+    """
+    as_logged = flight_log(log, program)
+    equations = FilterEquations(as_logged.discrete)
+    least = max(MIN_GAIN_NATS, MIN_GAIN_NATS_PER_READING * rows_of(as_logged).t.size)
+    faults, best = tuple[Placed, ...](), flight_score(as_logged, equations)
+    for _ in range(MAX_MISREAD):
+        wanted, found = best + least, None
+        for m in _misreadings(log, program.discrete.model):
+            score = _score(m.put_right(log), program, equations, wanted)
+            if score > wanted:
+                wanted, found = score, m
+        if found is None:
+            break
+        best, log, faults = wanted, found.put_right(log), (*faults, *found.faults)
+    return faults, log
+
+
+def _score(log: Log, program: Program, equations: FilterEquations, least: float) -> float:
+    try:
+        return flight_score(flight_log(log, program), equations, least)
+    except InputError:
+        return -np.inf
+
+
+def _misreadings(log: Log, model: FilterModel) -> Iterator[Misreading]:
+    """All that may be read wrongly: in one sensor, in all of one receiver, in the inertial ones, in all on board."""
+    sensors = [tuple(i.channels) for i in model.motion.inputs]
+    sensors += [tuple(s.channels) for s in model.sensors]
+    sensors = [s for s in sensors if all(c in log.channels for c in s)]
+    receivers = [[*g] for _, g in groupby(sorted(sensors), key=lambda s: s[0].partition("_")[0])]
+    on_board = [s for s in sensors if _axes(s) == BODY]
+    inertial = [s for s in on_board if any(s == tuple(i.channels) for i in model.motion.inputs)]
+    for group in [[s] for s in sensors] + [g for g in (*receivers, inertial, on_board) if len(g) > 1]:
+        if all(_axes(s) in (BODY, EARTH) for s in group):
+            turns = (
+                EARTH_TURNS if _axes(group[0]) == EARTH else BOARD_TURNS if len(group) > 1 else SENSOR_TURNS
+            )
+            yield from (_turned(group, t) for t in turns)
+        elif len(group) == 1 and len(group[0]) == 1:
+            channel = group[0][0]
+            yield Misreading((Placed(SignError(), channel),), {channel: (channel, -1.0)})
+        yield from _in_other_units(group, log)
+
+
+def _axes(channels: Sequence[str]) -> str:
+    """The letters of a sensor's axes."""
+    return "".join(c.rpartition("_")[2] for c in channels)
+
+
+def _turned(triads: Sequence[Sequence[str]], turn: Turn) -> Misreading:
+    """Every triad with each of some axes read of another, or of itself, with a sign."""
+    faults = [Placed(f, t[j]) for t in triads for i, (j, s) in turn.items() for f in _said(i, j, s)]
+    return Misreading(tuple(faults), {t[i]: (t[j], s) for t in triads for i, (j, s) in turn.items()})
+
+
+def _said(axis: int, source: int, sign: float) -> list[Effect]:
+    """What is wrong with channel `source` of a triad, of which another `axis` is to be read with a sign."""
+    row = np.zeros(3)
+    row[axis] = sign
+    return axis_faults(row, source)
+
+
+def _in_other_units(sensors: Sequence[Sequence[str]], log: Log) -> Iterator[Misreading]:
+    """Sensors whose readings are in a unit that is taken for theirs, all by the same factor."""
+    factors = [set(_factors(log, s)) for s in sensors]
+    for factor in sorted(set.intersection(*factors)):
+        faults = [Placed(UnitError(factor), sensor_of(s)) for s in sensors]
+        yield Misreading(tuple(faults), {c: (c, 1.0 / factor) for s in sensors for c in s})
+
+
+def _factors(log: Log, channels: Sequence[str]) -> Sequence[float]:
+    """By which a sensor's readings may be too large; of a magnetometer those with which it shows the Earth's field."""
+    factors = unit_factors(log.channels[channels[0]].unit)
+    if sensor_of(channels) != "mag":
+        return factors
+    lo, hi = EARTH_FIELD_T
+    seen = float(np.nanmedian(np.linalg.norm([log.channels[c].values for c in channels], axis=0)))
+    return [] if lo <= seen <= hi else [f for f in factors if lo <= seen / f <= hi]
+
+
+def sensor_of(channels: Sequence[str]) -> str:
+    """The place that holds all channels of a sensor.
+
+    Parameters
+    ----------
+    channels : sequence of str
+        Of one sensor.
+    """
+    return channels[0] if len(channels) == 1 else channels[0].rpartition("_")[0]
