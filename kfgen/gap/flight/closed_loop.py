@@ -121,9 +121,8 @@ def fly(  # noqa: PLR0913, PLR0917
         Tape of the injection of errors.
     known : ndarray, shape (n, inputs + drivers)
         What acts from each time to the next.
-    x0 : ndarray, shape (stored,)
-    P : ndarray, shape (states, states)
-        Covariance at the start; changed.
+    x0, P
+        Stored state and covariance at the start, shapes (stored,) and (states, states); `P` is changed.
     fixed : ndarray, shape (constants + 1,)
         Constants and the step [s].
     row_at, row_index, row_z, row_R : ndarray, shape (rows,)
@@ -139,8 +138,7 @@ def fly(  # noqa: PLR0913, PLR0917
     """
     n, N, stored = P.shape[0], known.shape[0], x0.size
     readings = out2.size - Hi.size
-    r1 = np.zeros((first1 + o1.shape[0], 1))
-    r2 = np.zeros((first2 + o2.shape[0], 1))
+    r1, r2 = np.zeros((first1 + o1.shape[0], 1)), np.zeros((first2 + o2.shape[0], 1))
     r3 = np.zeros((first3 + o3.shape[0], 1))
     x, T, H = x0.copy(), np.zeros((n, n)), np.zeros((readings, n))
     dx, K = np.zeros(n), np.zeros(n)
