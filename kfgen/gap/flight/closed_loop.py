@@ -127,10 +127,8 @@ def fly(  # noqa: PLR0913, PLR0917
         Constants and the step [s].
     row_at, row_index, row_z, row_R : ndarray, shape (rows,)
         Scalar readings in the order of time: at which sample, which row of the readings' tape, value, variance.
-    limit : float
-        Standard deviations of an innovation beyond which it is an outlier.
-    least : float
-        Log-likelihood [nats] that is wanted: a flight that cannot reach it any more ends.
+    limit, least : float
+        Standard deviations of an innovation beyond which it is an outlier; score below which a flight ends early [nats].
     X : ndarray, shape (n, stored)
         The stored state after the updates of each sample; written.
     score : ndarray, shape (1,)
