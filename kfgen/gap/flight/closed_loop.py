@@ -13,8 +13,11 @@ import numpy as np
 from kfgen.model.plant.compiled import compiled, run_tape
 
 
-@compiled("void(float64[::1], int64[::1])")
-def _unit(x: Any, quaternions: Any) -> None:
+@compiled("void(float64[::1], float64[:,::1], int64[::1], int64[::1])")
+def _taken(x: Any, r: Any, out: Any, quaternions: Any) -> None:
+    """The stored state out of the registers, its quaternions normalised."""
+    for i in range(x.size):
+        x[i] = r[out[i], 0]
     for s in range(quaternions.size):
         k = quaternions[s]
         size = np.sqrt(x[k] ** 2 + x[k + 1] ** 2 + x[k + 2] ** 2 + x[k + 3] ** 2)
@@ -161,18 +164,13 @@ def fly(  # noqa: PLR0913, PLR0917
                 most += 0.5 * np.log(row_R[at])
                 at += 1
             _given(r3, x, known[k], fixed)
-            for i in range(n):
-                r3[first3 - c3.size - n + i, 0] = dx[i]
+            r3[first3 - c3.size - n : first3 - c3.size, 0] = dx
             _tape(o3, first3, c3, r3)
-            for i in range(stored):
-                x[i] = r3[out3[i], 0]
-            _unit(x, quaternions)
+            _taken(x, r3, out3, quaternions)
         X[k] = x
         if k == N - 1:
             break
         _given(r1, x, known[k], fixed)
         _tape(o1, first1, c1, r1)
-        for i in range(stored):
-            x[i] = r1[out1[i], 0]
-        _unit(x, quaternions)
+        _taken(x, r1, out1, quaternions)
         _propagated(P, T, r1, out1, stored, Pi, Pj, Qi, Qj)
