@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.effect import AddsNothingAtRest, LinearProcess, parameter
-from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates, NoiseFactor, SampleVariance
+from kfgen.effects.filter_role import (
+    FilterPlace,
+    FilterRole,
+    LinearStates,
+    NoiseFactor,
+    NotModelled,
+    SampleVariance,
+)
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.samples.mixture import Mixture
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_worth, log_mean, middle95
@@ -183,7 +190,9 @@ class Outliers(AddsNothingAtRest):
     changes_samples: ClassVar[bool] = True
 
     def in_filter(self, place: FilterPlace) -> FilterRole:
-        """The variance of the mixture; a gate refuses the largest of them."""
+        """Of an input the variance of the mixture; what a filter expects it refuses by its gate, and R stays that of the rest."""
+        if place.measured:
+            return NotModelled("the gate refuses them", "Set the gate of the sensor, in standard deviations")
         return SampleVariance(self.share * self.sigma**2)
 
     @classmethod

@@ -14,7 +14,7 @@ from kfgen.model.plant.compiled import compiled, run_tape
 
 
 @compiled("void(float64[::1], float64[:,::1], int64[::1], int64[::1])")
-def _taken(x: Any, r: Any, out: Any, quaternions: Any) -> None:
+def _stored(x: Any, r: Any, out: Any, quaternions: Any) -> None:
     """The stored state out of the registers, its quaternions normalised."""
     for i in range(x.size):
         x[i] = r[out[i], 0]
@@ -166,11 +166,11 @@ def fly(  # noqa: PLR0913, PLR0917
             _given(r3, x, known[k], fixed)
             r3[first3 - c3.size - n : first3 - c3.size, 0] = dx
             _tape(o3, first3, c3, r3)
-            _taken(x, r3, out3, quaternions)
+            _stored(x, r3, out3, quaternions)
         X[k] = x
         if k == N - 1:
             break
         _given(r1, x, known[k], fixed)
         _tape(o1, first1, c1, r1)
-        _taken(x, r1, out1, quaternions)
+        _stored(x, r1, out1, quaternions)
         _propagated(P, T, r1, out1, stored, Pi, Pj, Qi, Qj)

@@ -11,6 +11,7 @@ from kfgen.core.errors import InputError
 from kfgen.effects.series import RawSamples
 from kfgen.emit.routines import Program
 from kfgen.gap.flight.faults.misread import misread
+from kfgen.gap.flight.faults.outlying import without_outliers
 from kfgen.gap.flight.faults.stuck_sensor import stuck_sensors
 from kfgen.gap.flight.flight_log import flight_log
 from kfgen.gap.flight.path import flown
@@ -65,7 +66,11 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
         return None
     scene = FlightScene(flown(flight_log(log, program)))
     faults = (*stuck_sensors(scene.path), *_clipped(log, inputs))
-    return replace(scene, spoilt=faults or _misread(scene, log, program))
+    if spoilt := faults or _misread(scene, log, program):
+        return replace(scene, spoilt=spoilt)
+    path, left_out = without_outliers(scene.path)
+    known = {(w, e.name) for w, effects in model.noise.items() for e in effects}
+    return FlightScene(path, said=tuple(p for p in left_out if (p.where, p.effect.name) not in known))
 
 
 def _clipped(log: Log, channels: Sequence[str]) -> tuple[Placed, ...]:

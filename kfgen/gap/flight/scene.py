@@ -72,6 +72,8 @@ class FlightScene:
         Responses of the innovations that were computed before.
     spoilt : tuple of Placed
         Faults of the log.
+    said : tuple of Placed
+        See `kfgen.gap.scene.scene.Telling`.
     """
 
     path: FlownPath
@@ -80,6 +82,7 @@ class FlightScene:
     energies: StepEnergies | None = None
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
     spoilt: tuple[Placed, ...] = ()
+    said: tuple[Placed, ...] = ()
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -223,7 +226,8 @@ class FlightScene:
         du, dz = self.errors(point.placed)
         constants = dict(zip((u.name for u in self.unknowns), point.unknowns.tolist()))
         energies = self.__dict__.get("_energies", self.energies)
-        return FlightScene(self.path.without(du, dz, constants), point.placed, self.sizes, energies)
+        path = self.path.without(du, dz, constants)
+        return FlightScene(path, point.placed, self.sizes, energies, said=self.said)
 
     @cached_property
     def log_widths(self) -> Array:
@@ -244,7 +248,7 @@ class FlightScene:
         """The flight about no effect, its noises of the sizes that are most likely beside the effects of a point."""
         found = tuned(self.about(point).path)
         clean = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
-        return FlightScene(clean.smoothed(), (), found.sizes)
+        return FlightScene(clean.smoothed(), (), found.sizes, said=self.said)
 
     def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
@@ -256,7 +260,7 @@ class FlightScene:
         """The flight about no effect, with one random error more as a state of its filter."""
         path = replace(self.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
         path = replace(path, random_errors=(*path.random_errors, placed))
-        return FlightScene(path.smoothed(), (), self.sizes)
+        return FlightScene(path.smoothed(), (), self.sizes, said=self.said)
 
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""

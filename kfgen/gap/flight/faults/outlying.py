@@ -1,0 +1,123 @@
+"""Single readings of a flight far from what the filter expects, while those before and after them are not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from kfgen.effects.samples.event import Outliers
+from kfgen.gap.flight.faults.misread import sensor_of
+from kfgen.gap.flight.flight_log import AidingSamples
+from kfgen.gap.flight.path import FlownPath
+from kfgen.gap.flight.rows import rows_of
+from kfgen.gap.scene.scene import Placed
+
+Array = NDArray[np.float64]
+
+MIN_FIRST_SIGMAS = 5.0
+"""Innovation of an outlier, in standard deviations of its channel's bulk or of its filter, whichever are larger."""
+MIN_OTHER_SIGMAS = 3.0
+"""The same beside others of the sensor, of which it is likelier to be one than noise."""
+MAX_NEIGHBOUR_SHARE = 0.5
+"""Of it, that the median of the two before and the two after has at most: a delay in a manoeuvre lasts longer."""
+BESIDE = (0, 1, 3, 4)
+"""Of five samples, those about the one in the middle."""
+MIN_OUTLIERS = 3
+MIN_OUTLIER_SHARE = 0.003
+"""Of a sensor's samples, below which nothing is left out."""
+MAX_ROUNDS = 6
+"""Of leaving out: a large outlier bends the path, and hides smaller ones."""
+
+
+@dataclass(frozen=True)
+class SensorOutliers:
+    """The outliers of a sensor.
+
+    Parameters
+    ----------
+    samples : int
+        Of the sensor, with them.
+    errors : ndarray, shape (m, channels)
+        Of its outliers [SI], zero in channels that have none.
+    size : float
+        Their root mean square in standard deviations of the innovations.
+    """
+
+    samples: int
+    errors: Array
+    size: float = 0.0
+
+    @property
+    def effect(self) -> Outliers:
+        """Their share of the readings, and their standard deviation."""
+        far = self.errors[self.errors != 0.0]
+        return Outliers(share=far.size / (self.samples * self.errors.shape[1]), sigma=_rms(far))
+
+    @property
+    def limit(self) -> float:
+        """Standard deviations of an innovation beyond which it is likelier one of these than noise."""
+        if not self.errors.size:
+            return MIN_FIRST_SIGMAS
+        share = float(self.effect.share)
+        odds = max((1.0 - share) / share * self.size, 1.0)
+        return float(np.clip(np.sqrt(2.0 * np.log(odds)), MIN_OTHER_SIGMAS, MIN_FIRST_SIGMAS))
+
+
+def without_outliers(path: FlownPath) -> tuple[FlownPath, tuple[Placed, ...]]:
+    """The path by the other samples, and what was left out, sensor by sensor.
+
+    Parameters
+    ----------
+    path : FlownPath
+        Smoothed.
+    """
+    found = [SensorOutliers(a.t.size, np.zeros((0, a.z.shape[1]))) for a in path.log.aiding]
+    for _ in range(MAX_ROUNDS):
+        seen = [_outlying(path, a, o.limit) for a, o in zip(path.log.aiding, found)]
+        more = [_with(o, *s) for o, s in zip(found, seen)]
+        if all(m is o for m, o in zip(more, found)):
+            break
+        kept = [
+            a if m is o else replace(a, t=a.t[~s[0]], z=a.z[~s[0]], at=a.at[~s[0]])
+            for a, s, m, o in zip(path.log.aiding, seen, more, found)
+        ]
+        log, found = replace(path.log, aiding=tuple(kept)), more
+        path = replace(path, log=log, dz=np.zeros(rows_of(log).t.size)).smoothed()
+    named = [(o, sensor_of(a.sensor.channels)) for o, a in zip(found, path.log.aiding) if o.errors.size]
+    return path, tuple(Placed(o.effect, name) for o, name in named)
+
+
+def _with(found: SensorOutliers, far: NDArray[np.bool_], errors: Array, sizes: Array) -> SensorOutliers:
+    """With more of them; as they were where these are too few to be any."""
+    if not far.any():
+        return found
+    n, m = found.errors.shape[0], errors.shape[0]
+    if n + m < max(MIN_OUTLIERS, MIN_OUTLIER_SHARE * found.samples):
+        return found
+    size = np.sqrt((n * found.size**2 + m * _rms(sizes) ** 2) / (n + m))
+    return replace(found, errors=np.concatenate([found.errors, errors]), size=float(size))
+
+
+def _outlying(
+    path: FlownPath, samples: AidingSamples, limit: float
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which samples of a sensor are outliers in any channel; these channels' errors, zero elsewhere, and their sizes."""
+    expected = path.expected()
+    far = np.zeros(samples.z.shape, dtype=bool)
+    errors, sizes = np.zeros(samples.z.shape), np.zeros(samples.z.shape)
+    for k, c in enumerate(samples.sensor.channels):
+        rows = path.rows.of(c)
+        size = np.abs(path.linear.normalised[rows])
+        bulk = max(1.0, 1.4826 * float(np.median(size)))
+        around = np.median(sliding_window_view(np.pad(size, 2, mode="reflect"), 5)[:, BESIDE], axis=1)
+        far[:, k] = (size > limit * bulk) & (around < MAX_NEIGHBOUR_SHARE * size)
+        errors[:, k], sizes[:, k] = path.rows.z[rows] - expected[rows], size / bulk
+    any_far: NDArray[np.bool_] = np.logical_or.reduce(far, axis=1)
+    return any_far, np.where(far, errors, 0.0)[any_far], sizes[far]
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
