@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,6 +59,22 @@ def test_motion_is_seen_where_no_drift_is_as_large(turn_deg: float, rate_deg_s: 
     found = motion_in(log_of(turn_deg, rate_deg_s), GYROS)
     assert found.startswith(said)
     assert bool(found) == bool(said)
+
+
+@pytest.mark.parametrize(("lasting_s", "moved"), [(0.3, False), (3.0, True)])
+def test_a_hop_after_a_minute_of_rest_is_motion_and_a_knock_is_none(lasting_s: float, moved: bool) -> None:
+    """Three seconds of sixty; a knock is over within one."""
+    log = log_of(0.0)
+    y = np.array(log.channels["gyro_z"].values)
+    y[(log.t >= 50.0) & (log.t < 50.0 + lasting_s)] += np.radians(20.0)
+    channels = {**log.channels, "gyro_z": Channel.of(y, "rad/s")}
+    assert bool(motion_in(replace(log, channels=channels), GYROS)) == moved
+
+
+def test_a_flight_of_a_few_seconds_is_no_rest(recording: Callable[[str], Path]) -> None:
+    """A multicopter that stands for a minute and hops."""
+    log = kf.read_log(recording("native/px4_auav_x21.ulg"))
+    assert motion_in(log, GYROS).startswith("gravity turns by")
 
 
 def test_rows_of_years_are_looked_at_at_once() -> None:

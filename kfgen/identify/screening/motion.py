@@ -30,8 +30,8 @@ MIN_SPEED_RANGE_M_S = 1.0
 """Range of averaged velocities that no receiver at rest gives."""
 SENSED = ("gyro_", "accel_", "mag_", "gnss_", "flow_", "baro_height", "airspeed", "range", "heading")
 """How channels begin whose readings change when the body moves."""
-MIDDLE = (5.0, 95.0)
-"""Percentiles between which averages count: a knock on the bench is no motion."""
+MAX_KNOCKED_SHARE = 0.01
+"""Of the averages, but one at least, that do not count at either end: a knock on the bench is no motion."""
 
 
 def motion_in(log: Log, channels: Collection[str]) -> str:
@@ -74,13 +74,19 @@ def _range_of(log: Log, name: str, unit: str, least: float) -> tuple[float, floa
     w = _averages(log, name, unit)
     if w is None or not np.isfinite(w.y).any():
         return None
-    low, high = np.nanpercentile(w.y, MIDDLE)
-    return (float(low), float(high)) if high - low > max(least, MIN_SIGMAS * w.sd) else None
+    y = np.sort(w.y[np.isfinite(w.y)])
+    low, high = float(y[min(_knocked(y.size), y.size - 1)]), float(y[max(y.size - 1 - _knocked(y.size), 0)])
+    return (low, high) if high - low > max(least, MIN_SIGMAS * w.sd) else None
+
+
+def _knocked(count: int) -> int:
+    """Averages at one end that do not count."""
+    return max(1, round(MAX_KNOCKED_SHARE * count))
 
 
 @dataclass(frozen=True)
 class _Averages:
-    """Means of a channel over a second each, shape (m,), and their standard deviation by what is inside a second."""
+    """Means of a channel over a second each, shape (m,), and their standard deviation by what is inside a usual second."""
 
     y: Array
     sd: float
@@ -98,11 +104,12 @@ def _averages(log: Log, name: str, unit: str) -> _Averages | None:
     total = np.bincount(block[there], weights=y[there], minlength=blocks)
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     inside = y[there] - mean[block[there]]
-    freedom = max(int(there.sum()) - int((count > 0).sum()), 1)
     usual = max(float(np.median(count[count > 0])), 1.0) if there.any() else 1.0
     largest = float(np.abs(inside).max(initial=0.0)) or 1.0  # whose square need not be a number
-    inside /= largest
-    return _Averages(np.asarray(mean), largest * float(np.sqrt(inside @ inside / freedom / usual)))
+    squares = np.bincount(block[there], weights=(inside / largest) ** 2, minlength=blocks)
+    several = count > 1
+    variance = float(np.median(squares[several] / (count[several] - 1))) if several.any() else 0.0
+    return _Averages(np.asarray(mean), largest * float(np.sqrt(variance / usual)))
 
 
 def _turn(f: Array, sd: float) -> tuple[float, float]:
@@ -116,5 +123,6 @@ def _turn(f: Array, sd: float) -> tuple[float, float]:
         return 0.0, 0.0
     usual = np.median(f, axis=0)
     usual /= max(float(np.linalg.norm(usual)), 1e-300)
-    turn = float(np.percentile(np.arccos(np.clip(f @ usual, -1.0, 1.0)), MIDDLE[1]))
+    turns = np.sort(np.arccos(np.clip(f @ usual, -1.0, 1.0)))
+    turn = float(turns[-1 - _knocked(turns.size)])
     return turn, sd / float(np.median(size[size > 0.0]))
