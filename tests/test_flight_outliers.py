@@ -8,6 +8,7 @@ lifetime of these tests.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,7 +33,12 @@ MODEL = kf.build("ins15", options={"left_out": "false"}, sensors=SENSORS)
 
 def flight(sensor: str = "", share: float = 0.0, size: float = 0.0, seed: int = 0) -> Log:
     """A flight of a minute; a share of the readings of a sensor has errors of a size beside its noise."""
-    log = trial.log_of(trial.Case("quadrotor", 112_361 + seed, 60.0), [])
+    return with_outliers(
+        trial.log_of(trial.Case("quadrotor", 112_361 + seed, 60.0), []), sensor, share, size, seed
+    )
+
+
+def with_outliers(log: Log, sensor: str, share: float, size: float, seed: int = 0) -> Log:
     rng, channels = np.random.default_rng(seed), dict(log.channels)
     for name in (n for n in log.channels if sensor and n.startswith(sensor)):
         y = np.array(channels[name].values)
@@ -40,7 +46,7 @@ def flight(sensor: str = "", share: float = 0.0, size: float = 0.0, seed: int = 
         far = there[rng.random(there.size) < share]
         y[far] += size * rng.standard_normal(far.size)
         channels[name] = replace(channels[name], values=y)
-    return Log(log.t, channels, source="flight")
+    return replace(log, channels=channels)
 
 
 def left_out(log: Log, model: FilterModel = MODEL) -> dict[str, tuple[float, float]]:
@@ -76,6 +82,19 @@ def test_a_delay_in_manoeuvres_is_none() -> None:
         n: replace(c, values=np.roll(c.values, 25)) for n, c in log.channels.items() if n.startswith("gnss")
     }
     assert left_out(replace(log, channels={**log.channels, **late})) == {}
+
+
+def test_planted_in_a_real_flight_they_are_found_and_its_delay_is_none(
+    recording: Callable[[str], Path],
+) -> None:
+    """A replay whose receiver is some 0.16 s late in a climb; with outliers its positions are in no other unit."""
+    log, model = kf.read_log(recording("flights/ecl_iris_gps_replay.csv")), kf.build("ins15")
+    assert left_out(log, model) == {}
+    with_them = with_outliers(log, "gnss_p", 0.03, 20.0, 1)
+    scene = flight_scene(with_them, model)
+    assert scene is not None
+    assert scene.faults() == ()
+    assert set(left_out(with_them, model)) == {"gnss_p"}
 
 
 def test_the_answer_names_them_alone_and_the_filter_knows_them() -> None:

@@ -19,7 +19,7 @@ from kfgen.effects.faults.axes import SignError, axis_faults
 from kfgen.effects.faults.samples import UnitError, unit_factors
 from kfgen.emit.routines import Program
 from kfgen.gap.flight.first_flight import flight_score
-from kfgen.gap.flight.flight_log import flight_log
+from kfgen.gap.flight.flight_log import FlightLog, flight_log
 from kfgen.gap.flight.rows import rows_of
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
@@ -68,6 +68,11 @@ class Misreading:
         }
         return replace(log, channels={**log.channels, **right})
 
+    def shrunk_nats(self, log: FlightLog) -> float:
+        """What readings of the sensors that aid gain by being made smaller alone: the density of as many smaller ones."""
+        by = {c: -np.log(abs(factor)) for c, (_, factor) in self.read.items() if abs(factor) < 1.0}
+        return float(sum(a.t.size * by.get(c, 0.0) for a in log.aiding for c in a.sensor.channels))
+
 
 def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
     """What a log reads wrongly, and the log without it; nothing where it is likeliest as it is.
@@ -90,12 +95,15 @@ def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
     for _ in range(MAX_MISREAD):
         wanted, found = best + least, None
         for m in _misreadings(log, program.discrete.model):
-            score = _score(m.put_right(log), program, equations, wanted)
+            right = m.put_right(log)
+            lost = m.shrunk_nats(as_logged)
+            score = _score(right, program, equations, wanted + lost) - lost
             if score > wanted:
                 wanted, found = score, m
         if found is None:
             break
-        best, log, faults = wanted, found.put_right(log), (*faults, *found.faults)
+        best = wanted + found.shrunk_nats(as_logged)  # as it is compared from here on
+        log, faults = found.put_right(log), (*faults, *found.faults)
     return faults, log
 
 

@@ -28,6 +28,8 @@ BESIDE = (0, 1, 3, 4)
 MIN_OUTLIERS = 3
 MIN_OUTLIER_SHARE = 0.003
 """Of a sensor's samples, below which nothing is left out."""
+MAX_LATE_S = 0.4
+"""By which a reading may belong to another time: what the filter expects within it is no error of one reading [s]."""
 MAX_ROUNDS = 6
 """Of leaving out: a large outlier bends the path, and hides smaller ones."""
 
@@ -105,18 +107,30 @@ def _outlying(
     path: FlownPath, samples: AidingSamples, limit: float
 ) -> tuple[NDArray[np.bool_], Array, Array]:
     """Which samples of a sensor are outliers in any channel; these channels' errors, zero elsewhere, and their sizes."""
-    expected = path.expected()
     far = np.zeros(samples.z.shape, dtype=bool)
     errors, sizes = np.zeros(samples.z.shape), np.zeros(samples.z.shape)
-    for k, c in enumerate(samples.sensor.channels):
+    courses = path.equations.reading(samples.sensor).values(path.given)
+    for k, (c, course) in enumerate(zip(samples.sensor.channels, courses)):
         rows = path.rows.of(c)
-        size = np.abs(path.linear.normalised[rows])
+        size, z = np.abs(path.linear.normalised[rows]), path.rows.z[rows]
         bulk = max(1.0, 1.4826 * float(np.median(size)))
         around = np.median(sliding_window_view(np.pad(size, 2, mode="reflect"), 5)[:, BESIDE], axis=1)
-        far[:, k] = (size > limit * bulk) & (around < MAX_NEIGHBOUR_SHARE * size)
-        errors[:, k], sizes[:, k] = path.rows.z[rows] - expected[rows], size / bulk
+        errors[:, k], sizes[:, k] = z - path.at_rows(course, c), size / bulk
+        beyond = _beyond(path, course, c) / np.maximum(np.abs(errors[:, k]), 1e-300)
+        far[:, k] = (size * beyond > limit * bulk) & (around < MAX_NEIGHBOUR_SHARE * size)
     any_far: NDArray[np.bool_] = np.logical_or.reduce(far, axis=1)
     return any_far, np.where(far, errors, 0.0)[any_far], sizes[far]
+
+
+def _beyond(path: FlownPath, course: Array, channel: str) -> Array:
+    """How far each reading is beyond all that is expected a little earlier or later [SI]."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    rows = path.rows.of(channel)
+    t, z, at = path.log.t, path.rows.z[rows], path.rows.at[rows]
+    wide = 2 * round(MAX_LATE_S / (t[1] - t[0])) + 1
+    low, high = minimum_filter1d(course, wide)[at], maximum_filter1d(course, wide)[at]
+    return np.asarray(np.maximum(np.maximum(z - high, low - z), 0.0))
 
 
 def _rms(x: Array) -> float:
