@@ -35,7 +35,7 @@ class Measured:
         return tuple(str(n) for n in (self.flops, self.instructions, self.stack, self.code))
 
 
-def lead(found: dict[str, list[Measured]]) -> str:
+def advantage(found: dict[str, list[Measured]]) -> str:
     """By how much each form of kfgen is ahead of the best other generator, in words; behind where it is."""
     parts = []
     for own in ("kfgen p", "kfgen ud"):
@@ -62,5 +62,5 @@ def write(found: dict[str, list[Measured]], bounds: dict[str, int], load: float)
     for of_one in zip(*found.values(), strict=True):
         lines.append(f"| {of_one[0].name} | {' | '.join(c for r in of_one for c in r.cells)} |")
     least = " and ".join(f"{b} ({m})" for m, b in bounds.items())
-    words = f"{lead(found)} No elementary congruence in place takes fewer flops than {least}. {measured_at(load)}."
+    words = f"{advantage(found)} No elementary congruence in place takes fewer flops than {least}. {measured_at(load)}."
     write_table("benchmarks.md", "generators", "\n".join([*lines, "", *wrap(words, 119)]))
