@@ -1,12 +1,13 @@
 """The same covariance prediction from several generators, on one emulated core: what each costs.
 
-Usage: python benchmarks/codegen.py [MODEL ...]
+Usage: python benchmarks/codegen.py [--docs] [MODEL ...]
 
 Models are library names (ahrs6, ins15 and ins23 without an argument). Each generator gets the model's Phi and
 Qd and writes C in single precision for ``P <- Phi P Phi' + Qd``; the C is compiled for a Cortex-M4F (clang -O2, no
 contraction), run on the emulator, compared with double precision, and counted: executed flops, instructions,
 stack, code, and the seconds of processor time that the generator took from Phi and Qd to C. CasADi and SymForce take
 part where they are installed (``pip install casadi symforce``); both libraries' import time is not in the figure.
+``--docs`` writes the table of ins15 and ins23 into ``docs/benchmarks.md``, with what kfgen leads or lags by.
 
 The terms are equal: noise that turns with the body comes with R R' = I used up to all; P is the packed upper triangle
 to all but the dense ones, and what a generator takes to get its numbers from there and back is counted.
@@ -19,6 +20,7 @@ row and 3 m for its diagonal, and noise one for each variance that it drives; en
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import time
@@ -29,6 +31,7 @@ from pathlib import Path
 
 import numpy as np
 import sympy as sp
+from generator_table import Measured, write
 from sympy.printing.c import C99CodePrinter
 
 from kfgen.emit.ir.ir import Num, Ref, Routine
@@ -372,7 +375,7 @@ def factors(P: np.ndarray) -> np.ndarray:
     return U[np.triu_indices(len(P))]
 
 
-def measure(p: Problem, name: str) -> str:
+def measure(p: Problem, name: str) -> Measured:
     """One row of the table."""
     began = time.process_time()
     code = GENERATORS[name](p)
@@ -409,10 +412,8 @@ def measure(p: Problem, name: str) -> str:
     error = np.abs((got - wanted) / np.outer(sd, sd)).max()
     assert error < 1e-5, f"{name} is wrong by {error:.2g}"
     least = changes(p, "ud" if name.endswith("ud") else "p")
-    return (
-        f"  {name:18} {code.flops:>7} {least:>8} {code.flops / least:>6.1f} {cost.instructions['call_predict']:>8} {cost.stacks['call_predict']:>7}"
-        f" {size:>7} {seconds:>9.2f}  {error:.1e}"
-    )
+    called, stack = cost.instructions["call_predict"], cost.stacks["call_predict"]
+    return Measured(name, code.flops, least, called, stack, size, seconds, float(error))
 
 
 FUNCTIONS = ("call_predict", "predict", "multiply", "transpose", "step", "casadi_f0")
@@ -428,17 +429,25 @@ def bound(p: Problem) -> int:
 
 def main() -> None:
     """The table of each model."""
-    for model in sys.argv[1:] or ["ahrs6", "ins15", "ins23"]:
+    docs, words = "--docs" in sys.argv, [w for w in sys.argv[1:] if w != "--docs"]
+    load = os.getloadavg()[0]
+    found: dict[str, list[Measured]] = {}
+    bounds: dict[str, int] = {}
+    for model in words or (["ins15", "ins23"] if docs else ["ahrs6", "ins15", "ins23"]):
         p = Problem(DiscreteModel(build(model)))
+        bounds[model], found[model] = bound(p), []
         print(
-            f"{model}: {p.n} states; an elementary congruence cannot do with less than {bound(p)} flops, entries of Phi free"
+            f"{model}: {p.n} states; an elementary congruence cannot do with less than {bounds[model]} flops, entries of Phi free"
         )
         print("  generator            flops  changes   each  M4F ins   stack    code  gen [cpu s]  error")
         for name in GENERATORS:
             if find_spec(NEEDS.get(name, "sympy")) is None:
                 print(f"  {name:18} not installed")
                 continue
-            print(measure(p, name), flush=True)
+            found[model].append(measure(p, name))
+            print(found[model][-1].line, flush=True)
+    if docs:
+        write(found, bounds, load)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,20 @@ def measured_at(load: float) -> str:
     )
 
 
+def table_of(page: str, name: str) -> str:
+    """What stands between the marks of a table.
+
+    Parameters
+    ----------
+    page : str
+        File name in ``docs``.
+    name : str
+        Of the table.
+    """
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return text.split(f"<!-- table {name} -->")[1].split(f"<!-- end {name} -->")[0]
+
+
 def write_table(page: str, name: str, text: str) -> Path:
     """Replace what stands between ``<!-- table NAME -->`` and ``<!-- end NAME -->`` of a page.
 

@@ -19,9 +19,10 @@ import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 
 sys.path.insert(0, str(Path(__file__).parent))
-from docs_table import measured_at, write_table
+from docs_table import measured_at, table_of, write_table
 
 from kfgen.emit.routines import FORMS, REALS, Program
 from kfgen.emit.targets.c import header
@@ -37,6 +38,7 @@ SANITIZERS = ("-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize
 TIDY = "-*,bugprone-*,clang-analyzer-*,cert-*,performance-*,-bugprone-easily-swappable-parameters"
 TIDY_SECONDS = 60
 RULE = re.compile(r"\[((?:misra|bugprone|clang-analyzer|cert|performance)[\w.-]*)\]")
+HEAD = ("filter", "form", "real", "warnings of four compilers", "sanitizers", "clang-tidy", "MISRA C:2012")
 OF_THE_HARNESS = {"misra-c2012-8.4"}
 """Variables and functions that the driver of the proof has for a core that is driven from outside."""
 OF_CPPCHECK = {"misra-c2012-17.3", "misra-c2012-20.7"}
@@ -117,6 +119,22 @@ def row(model: str, discrete: DiscreteModel, form: str, real: str, seconds: floa
         return [model, form, real, *found, misra(folder, seconds) if seconds else "not run"]
 
 
+def write(found: dict[str, list[str]]) -> None:
+    """Rows of models into the page's table, which keeps those of the other models."""
+    old: dict[str, list[str]] = {}
+    for line in table_of("emit.md", "static checks").splitlines():
+        if line.startswith("| ") and not line.startswith(f"| {HEAD[0]} "):
+            old.setdefault(line.split(" | ")[0].removeprefix("| "), []).append(line)
+    known = old | found
+    lines = [line for model in LIBRARY for line in known.get(model, [])]
+    left = [model for model in LIBRARY if model not in known]
+    note = f"Zero is no finding; not run: {', '.join(left)}." if left else "Zero is no finding."
+    head = [f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}"]
+    at = measured_at(0.0).split(" with")[0]
+    last = f"{note} Rows of {', '.join(found)}: {at[0].lower()}{at[1:]}."
+    write_table("emit.md", "static checks", "\n".join([*head, *lines, "", *wrap(last, 119)]))
+
+
 def main() -> None:
     """The table."""
     words = sys.argv[1:]
@@ -127,18 +145,9 @@ def main() -> None:
         at = words.index("--misra")
         seconds = float(words[at + 1])
         del words[at : at + 2]
-    head = [
-        "filter",
-        "form",
-        "real",
-        "warnings of four compilers",
-        "sanitizers",
-        "clang-tidy",
-        "MISRA C:2012",
-    ]
-    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    note = measured_at(0.0).split(" with")[0]
+    found: dict[str, list[str]] = {}
     for model in words or list(LIBRARY):
+        found[model] = []
         discrete = DiscreteModel(build(model))
         for form in FORMS:
             for real in REALS:
@@ -146,10 +155,10 @@ def main() -> None:
                     cells = row(model, discrete, form, real, seconds)
                 except Exception as error:
                     cells = [model, form, real, f"not emitted: {error}", "", "", ""]
-                lines.append(f"| {' | '.join(cells)} |")
-                print(lines[-1], flush=True)
-    if docs:
-        write_table("emit.md", "static checks", "\n".join([*lines, "", f"{note}."]))
+                found[model].append(f"| {' | '.join(cells)} |")
+                print(found[model][-1], flush=True)
+        if docs:
+            write(found)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import pytest
 import sympy as sp
 from scipy.linalg import block_diag
 
-from kfgen.audit.audit import audit
+from kfgen.audit.audit import audit, unobservable_directions
 from kfgen.audit.exact.basis import readable
 from kfgen.audit.exact.chain import along
 from kfgen.audit.exact.plan import Plan
@@ -332,3 +332,20 @@ def test_gauges_are_named() -> None:
     ]
     turning = answer.directions[-1].vector
     assert turning == pytest.approx({"phi_D": 1.0, "f1_N": -5.0, "f1_E": 30.0})
+
+
+def test_amounts_are_numbers_where_the_start_is_level_to_the_last_digit_only() -> None:
+    """A body with level axes, in Earth axes: each component of the field is hidden by the iron along its own axis."""
+    chosen = {
+        "frame": "ecef",
+        "sensors": "gnss_position,gnss_velocity,mag",
+        "field": "vector",
+        "hard_iron": "true",
+    }
+    found = [dict(d.vector) for d in unobservable_directions(build("ins9", None, chosen))]
+    wanted = {"mag_N": "b_mag_x", "mag_E": "b_mag_y", "mag_D": "b_mag_z"}
+    assert len(found) == len(wanted)
+    for amounts in found:
+        (field, one), (iron, less) = amounts.items()
+        assert (wanted[field], one) == (iron, 1.0)
+        assert less == pytest.approx(-1.0, abs=1e-9)

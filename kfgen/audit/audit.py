@@ -183,15 +183,16 @@ def _directions(  # noqa: PLR0913 - what one audit of a manoeuvre has found, and
     out = []
     amounts = in_numbers(plan, manoeuvre, nulls, length, generic=generic)
     for v, free, (values, exact) in zip(nulls, shown_by, amounts):
-        parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in v.support]
+        support = [k for k in v.support if values[k] != 0.0]
+        parts = [(called(model, model.states[k], manoeuvre), model.states[k], values[k]) for k in support]
         formula = _formula(constant, v)
         out.append(
             Direction(
                 {n: value for n, _, value in parts},
                 {n: s.unit for n, s, _ in parts},
                 sentence([(words(model, n, st, manoeuvre), st, a) for n, st, a in parts], v.gauge),
-                {n: str(v.values[k]) for (n, _, _), k in zip(parts, v.support)} if exact else {},
-                {n: formula[k] for (n, _, _), k in zip(parts, v.support)} if formula else {},
+                {n: str(v.values[k]) for (n, _, _), k in zip(parts, support)} if exact else {},
+                {n: formula[k] for (n, _, _), k in zip(parts, support)} if formula else {},
                 free,
             )
         )

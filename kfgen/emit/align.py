@@ -28,6 +28,7 @@ from kfgen.model.filter import FilterModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.motion import ACCEL, GYRO, Input
 from kfgen.model.parts.sensors import Sensor
+from kfgen.model.symbols.expanded import part_without
 
 ARRAY = "supervisor"
 REASONS = ("NONE", "TURNING", "SHAKEN", "NOT_GRAVITY", "NO_HORIZONTAL_FIELD", "TOO_SLOW")
@@ -123,8 +124,7 @@ class Alignment:
             self.model.attitude.nominal_names
         )
         known |= {s.name for s in self.model.states} | {c.name for c in self.model.constants}
-        parts = [sp.Add.make_args(sp.expand(e)) for e in own]
-        return [sp.Add(*(t for t in ts if {s.name for s in t.free_symbols} <= known)) for ts in parts]
+        return [part_without(e, {s for s in e.free_symbols if s.name not in known}) for e in own]
 
     @property
     def shown_at_rest(self) -> dict[str, tuple[int, float]]:

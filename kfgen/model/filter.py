@@ -373,8 +373,16 @@ class FilterModel:
 
     def H(self, sensor: Sensor) -> sp.Matrix:
         """The measurement's Jacobian, shape (m, n)."""
-        columns = len(self.states) + len(self.noise_symbols)
-        return expanded(slopes(self.expected(sensor), self._variation, columns))[:, : len(self.states)]
+        if sensor not in self._jacobians:
+            columns = len(self.states) + len(self.noise_symbols)
+            slope = slopes(self.expected(sensor), self._variation, columns)[:, : len(self.states)]
+            self._jacobians[sensor] = expanded(slope)
+        return self._jacobians[sensor].copy()
+
+    @cached_property
+    def _jacobians(self) -> dict[Sensor, sp.Matrix]:
+        """Of the sensors that were asked for."""
+        return {}
 
     def sensor(self, name: str) -> Sensor:
         """The sensor of that name; raises `InputError` when there is none."""

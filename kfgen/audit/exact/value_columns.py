@@ -17,12 +17,14 @@ from kfgen.audit.exact.basis import NullVector
 from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.padic import PRIMES
 from kfgen.audit.exact.plan import Plan
-from kfgen.core.linear import van_loan
+from kfgen.core.linear import Array, van_loan
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 
 FLOATING_POINT_STEPS = 1500
 """Steps of the floating point run."""
+ROUNDING = 1e-9
+"""An amount of a state that is less of what is seen of the others is none."""
 
 
 def in_numbers(
@@ -41,19 +43,19 @@ def in_numbers(
     generic : bool
         As in `Plan.start`.
     """
-    other = None
+    other, seen = None, None
     if nulls and (len(manoeuvre.segments) > 1 or plan.own):
         (other,) = along(plan, [manoeuvre], length, generic=generic, first=len(PRIMES) // 2)
     out: list[tuple[Sequence[float], bool]] = []
     for v in nulls:
         known = [e for e in v.values if e is not None]
         exact = len(known) == len(v.values) and _agreed(other, known)
-        amounts = (
-            [float(e) for e in known]
-            if exact
-            else floating(plan, manoeuvre, v.support, length, generic=generic)
-        )
-        out.append((amounts, exact))
+        if exact:
+            out.append(([float(e) for e in known], True))
+            continue
+        if seen is None:
+            seen = shown(plan, manoeuvre, length, generic=generic)
+        out.append((least_seen(seen, v.support), False))
     return out
 
 
@@ -62,17 +64,13 @@ def _agreed(other: NullSpace | None, values: Sequence[Fraction]) -> bool:
     return other is None or other.contains([other.ring.of(e) for e in values], other.ring)
 
 
-def floating(
-    plan: Plan, manoeuvre: Manoeuvre, support: Sequence[int], length: float | None, *, generic: bool
-) -> list[float]:
-    """The direction in some states that the measurements see least, one in the first of them.
+def shown(plan: Plan, manoeuvre: Manoeuvre, length: float | None, *, generic: bool) -> Array:
+    """What an error of each state at the start does to the measurements of a manoeuvre, shape (samples, n).
 
     Parameters
     ----------
     plan : Plan
     manoeuvre : Manoeuvre
-    support : sequence of int
-        The states in the direction, the first gets the amount one.
     length : float or None
         Of the manoeuvre [s]; its own where None.
     generic : bool
@@ -84,15 +82,33 @@ def floating(
     flight = Flight(model, manoeuvre, t, start=plan.numbers(generic=generic))
     F = flight.matrix(model.F)
     H = flight.matrix(sp.Matrix.vstack(sp.zeros(0, plan.size), *(model.H(s) for s in plan.sensors)))
-    V = np.eye(plan.size)[:, list(support)]
-    rows = [H[0] @ V]
+    V = one = Phi = np.eye(plan.size)
+    rows, last = [H[0]], np.full_like(F[0], np.nan)
     for k in range(FLOATING_POINT_STEPS):
-        V = van_loan(0.5 * (F[k] + F[k + 1]), 0 * F[k], float(t[1]))[0] @ V
+        middle = 0.5 * (F[k] + F[k + 1])
+        if not np.array_equal(middle, last):  # at rest it is the same at every step
+            Phi, last = van_loan(middle, 0.0 * one, float(t[1]))[0], middle
+        V = Phi @ V
         rows.append(H[k + 1] @ V)
-    O = np.vstack(rows)
-    size = np.linalg.norm(O, axis=0)
+    return np.vstack(rows)
+
+
+def least_seen(seen: Array, support: Sequence[int]) -> list[float]:
+    """The direction in some states that the measurements see least, one in the first that has an amount.
+
+    Parameters
+    ----------
+    seen : ndarray, shape (samples, n)
+        Of `shown`.
+    support : sequence of int
+        The states in the direction.
+    """
+    columns = seen[:, list(support)]
+    size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
-    weakest = np.linalg.svd(O / size, full_matrices=False)[2][-1] / size
-    out = np.zeros(plan.size)
-    out[list(support)] = weakest / weakest[0]
+    weakest = np.linalg.svd(columns / size, full_matrices=False)[2][-1]
+    # An exact start in fractions is level to their last digit only, so that a state may be in a direction by that much.
+    weakest = np.where(np.abs(weakest) > ROUNDING * np.abs(weakest).max(), weakest / size, 0.0)
+    out = np.zeros(seen.shape[1])
+    out[list(support)] = weakest / weakest[np.flatnonzero(weakest)[0]]
     return [float(e) for e in out]

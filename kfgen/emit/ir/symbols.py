@@ -17,11 +17,12 @@ from kfgen.emit.targets.names import argument
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.register import DT
+from kfgen.model.symbols.expanded import LONGEST, products
 from kfgen.model.symbols.rotation import matrix_of
 
 Rows = dict[int, dict[int, sp.Expr]]
-MAX_OPERATIONS_FOR_IDENTITY = 200
-"""Operations of an entry beyond which no identity is looked for."""
+MAX_PRODUCTS_FOR_IDENTITY = 128
+"""Products of an entry, multiplied out, beyond which no identity is looked for."""
 
 
 def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str = "") -> Lowering:
@@ -77,7 +78,18 @@ class Atoms:
         entry = self.of_corrected_inputs(e)
         if entry is e or not entry.free_symbols & self.shown:
             return entry
-        return sp.factor_terms(sp.expand(entry))
+        if products(entry) <= LONGEST:
+            return sp.factor_terms(sp.expand(entry))
+        short = self._in_parts(entry)
+        return short if short.count_ops() < e.count_ops() else e
+
+    def _in_parts(self, e: sp.Expr) -> sp.Expr:
+        """An expression whose parts are multiplied out as far as they are short."""
+        if not e.free_symbols & self.shown:
+            return e
+        if products(e) <= LONGEST:
+            return sp.factor_terms(sp.expand(e))
+        return e.func(*map(self._in_parts, e.args))
 
     def orthonormal(self, e: sp.Expr) -> sp.Expr:
         """An entry with ``R R' = I`` used up, where that makes it shorter."""
@@ -85,12 +97,15 @@ class Atoms:
         if (
             attitude is None
             or not e.free_symbols & set(attitude.nominal)
-            or e.count_ops() > MAX_OPERATIONS_FOR_IDENTITY
+            or products(e) > MAX_PRODUCTS_FOR_IDENTITY
         ):
             return e
         last = list(attitude.nominal[:, 2])
-        terms = [self._without_last(t, last) for t in sp.Add.make_args(sp.expand(e))]
-        short = sp.factor_terms(sp.expand(sp.Add(*terms)))
+        old = sp.Add.make_args(sp.expand(e))
+        new = sp.expand(sp.Add(*(self._without_last(t, last) for t in old)))
+        if len(sp.Add.make_args(new)) >= len(old):
+            return e  # to find common factors takes longest, and has never made up for more terms
+        short = sp.factor_terms(new)
         return short if short.count_ops() < e.count_ops() else e
 
     def _without_last(self, term: sp.Expr, last: list[sp.Symbol]) -> sp.Expr:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 
 import sympy as sp
 
@@ -15,17 +16,32 @@ def expanded(M: sp.Matrix) -> sp.Matrix:
     return M.applyfunc(lambda e: e if e.is_Atom else sp.Add(*map(_spread, sp.Add.make_args(e))))
 
 
+def part_without(e: sp.Expr, symbols: Set[sp.Symbol]) -> sp.Expr:
+    """The products of a sum that have none of some symbols in them, without multiplying it out.
+
+    Parameters
+    ----------
+    e : sympy expression
+    symbols : set of Symbol
+    """
+    if not e.free_symbols & symbols:
+        return e
+    if e.is_Add or e.is_Mul:
+        return e.func(*(part_without(a, symbols) for a in e.args))
+    return part_without(e.base, symbols) ** e.exp if _whole(e) else sp.Integer(0)
+
+
 def _whole(e: sp.Expr) -> bool:
     return bool(e.is_Pow and e.exp.is_Integer and e.exp > 0)
 
 
-def _products(e: sp.Expr) -> int:
+def products(e: sp.Expr) -> int:
     """How many products an expression has once expanded."""
     if e.is_Add:
-        return sum(map(_products, e.args))
+        return sum(map(products, e.args))
     if e.is_Mul:
-        return math.prod(map(_products, e.args))
-    return _products(e.base) ** int(e.exp) if _whole(e) else 1
+        return math.prod(map(products, e.args))
+    return products(e.base) ** int(e.exp) if _whole(e) else 1
 
 
 def _opaque(e: sp.Expr) -> set[sp.Expr]:
@@ -38,7 +54,7 @@ def _opaque(e: sp.Expr) -> set[sp.Expr]:
 
 
 def _spread(term: sp.Expr) -> sp.Expr:
-    if not 1 < _products(term) <= LONGEST:
+    if not 1 < products(term) <= LONGEST:
         return term
     held = {part: sp.Dummy(real=True) for part in sorted(_opaque(term), key=sp.default_sort_key)}
     return sp.expand(term.xreplace(held)).xreplace({d: part for part, d in held.items()})
