@@ -146,7 +146,7 @@ class Long(Evidence):
     def slow(self) -> Record:
         """The block means as a record of their own."""
         t = np.asarray((np.arange(self.means.size) + 0.5) * (self.block * self.period), dtype=np.float64)
-        return Record(t, self.means, self.drive, skip=self.skip)
+        return Record(t, self.means, self.drive, skip=self.skip, origin=0.0, averaged=self.block)
 
     def leaving_out(self, *bands: tuple[float, float]) -> Long:
         """The same with more bands [Hz] left out of the likelihood."""
