@@ -88,14 +88,12 @@ def find_gap(
         raise InputError("there is no log to compare", remedy="Give one")
     wanted = [c.strip() for c in channels.split(",") if c.strip()] if isinstance(channels, str) else channels
     stored = next((x for x in data if isinstance(x, StoredLog)), None)
-    if stored is None:
-        with time_budget() as budget:
+    with time_budget() as budget:
+        if stored is None:
             found = _found([x for x in data if isinstance(x, Log)], model, wanted, others)
-    else:
-        noise, names, said = _of_stored(stored, len(data), model, wanted)
-        long = LongLog.of_stored(stored)  # reading takes its time, and none of the search's
-        with time_budget() as budget:
-            found = long_at_rest(noise, long, names, others, said)
+        else:
+            noise, names, said = _of_stored(stored, len(data), model, wanted)
+            found = long_at_rest(noise, LongLog.of_stored(stored), names, others, said)
     refused = [refused_sentence(c.refused) for c in found.comparisons if c.refused]
     return replace(found, warnings=(*found.warnings, *refused, *budget.warnings))
 
