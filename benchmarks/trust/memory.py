@@ -1,9 +1,10 @@
-"""The memory of one process that identifies a large log, or compares it with the noise that was found.
+"""The memory of one process that identifies a large log, or compares it with the noise that was found, or a long flight.
 
-Usage: python benchmarks/trust/memory.py [--gigabytes 0.4 10] [--docs]
+Usage: python benchmarks/trust/memory.py [--gigabytes 0.4 10] [--hours 1] [--docs]
 
 The log is an NPY file of float32, white noise with a random walk, written in pieces to the folder for temporary files.
 It is mapped: pages of the file that the system keeps for itself and can drop are not counted (RssAnon of Linux).
+The flight is one of `benchmarks/flight`, its inertial sensors at 1 kHz, compared with the library's `ins15`.
 ``--docs`` writes the table into the page.
 """
 
@@ -27,7 +28,7 @@ sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
 from docs_table import write_table  # noqa: E402
 
 PIECE = 10_000_000
-RATE_HZ = 200.0
+RATE_HZ, FLIGHT_HZ = 200.0, 1000.0
 N = 0.05
 """Density of the white noise [rad/s/sqrt(Hz)]."""
 K = 1e-5 * np.sqrt(RATE_HZ)
@@ -98,10 +99,33 @@ def compared(log: Path) -> tuple[float, float, str]:
     return *spent, f"beside its own noise: {said[0]}; beside white noise alone: {said[1]}"
 
 
+def flight(path: Path, hours: float) -> int:
+    """A flight with inertial samples at `FLIGHT_HZ` as NPZ; how many."""
+    sys.path.insert(0, str(ROOT / "benchmarks" / "flight"))
+    import flight as flown
+    import trial
+
+    from kfgen.log.readers import write_log
+
+    flown.IMU_HZ, flown.FINE_HZ = FLIGHT_HZ, 2.0 * FLIGHT_HZ
+    log = trial.log_of(trial.Case("quadrotor", 1, 3600.0 * hours), [])
+    write_log(log, path)
+    return int(log.n)
+
+
+def compared_flight(log: Path) -> tuple[float, float, str]:
+    """Memory, time, and what is said of the flight."""
+    answer = log.with_suffix(".json")
+    spent = measured(["gap", str(log), "--model", "ins15", "--json", str(answer)])
+    found = json.loads(answer.read_text("utf-8"))
+    return *spent, " ".join([found["verdict"], *(s["effect"] for s in found["steps"])])
+
+
 def main() -> int:
     """Write, identify, compare, remove."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--gigabytes", type=float, nargs="*", default=[0.4, 10.0])
+    parser.add_argument("--hours", type=float, default=1.0, help="of the flight")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     rows = ["| file | samples | command | peak memory | time | said |", "|---|---|---|---|---|---|"]
@@ -114,6 +138,14 @@ def main() -> int:
                 peak, seconds, said = command(path)
                 rows.append(f"| {size:g} GB | {n:,} | `{name}` | {peak:.0f} MB | {seconds:.0f} s | {said} |")
                 print(rows[-1], flush=True)
+    if given.hours:
+        with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as folder:
+            path = Path(folder) / "flight.npz"
+            n = flight(path, given.hours)
+            name, size = f"a flight of {given.hours:g} h at {FLIGHT_HZ:g} Hz", path.stat().st_size / 1e9
+            peak, seconds, said = compared_flight(path)
+        rows.append(f"| {name}, {size:.1f} GB | {n:,} | `gap` | {peak:.0f} MB | {seconds:.0f} s | {said} |")
+        print(rows[-1], flush=True)
     if given.docs:
         write_table("trust.md", "memory", "\n".join(rows))
     return 0

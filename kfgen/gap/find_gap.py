@@ -35,7 +35,7 @@ from kfgen.gap.result import GapResult, ModelFile, RecordingGap
 from kfgen.gap.scene.scene import Placed
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.updated_noise import rescaled, with_findings
-from kfgen.gap.words import refused_sentence
+from kfgen.gap.words import compared_at, refused_sentence
 from kfgen.identify.screening.motion import motion_in
 from kfgen.identify.words import COUNTS_AS_NOISE
 from kfgen.log.log import Log, StoredLog
@@ -235,6 +235,8 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     _, warnings = _common(
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
+    if found.path.log.dt > 1.5 * log.dt:
+        warnings.append(compared_at(1.0 / found.path.log.dt))
     gap = scene_gap(found, units_of(log))
     written = as_given(model, assumed_noise(model, log))
     sized = with_sizes(written, model, gap.noise_scales)
