@@ -260,6 +260,40 @@ def test_a_log_that_cannot_tell_is_refused_in_words() -> None:
             kf.find_gap(cut, model())
 
 
+def test_a_long_flight_is_flown_on_a_slower_grid_that_keeps_the_integrals(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Four times slower: between its steps the integral of what acts is that of the samples, and innovations stay white."""
+    log = log_of("quadrotor", 1)
+    program = program_over(model(), log)
+    whole = flight_log(log, program)
+    monkeypatch.setattr("kfgen.gap.flight.flight_log.MAX_STEPS", log.n // 4)
+    monkeypatch.setattr("kfgen.gap.flight.flight_log.GRID_RATE_HZ", 25.0)
+    slower = flight_log(log, program)
+    assert slower.dt == pytest.approx(4.0 * whole.dt)
+    assert slower.t.size == log.n // 4
+    fine = np.cumsum(whole.u, axis=0)[3:-4:4] * whole.dt
+    np.testing.assert_allclose(np.cumsum(slower.u, axis=0)[:-1] * slower.dt, fine, atol=1e-9)
+    scene = flight_scene(log, model())
+    assert scene is not None
+    left = fitted(scene, at(scene)).residual
+    for part in map(Whitener.back, np.split(left, np.cumsum(scene.lengths)[:-1])):
+        assert abs(np.mean(part**2) - 1.0) < 4.0 * np.sqrt(2.0 / part.size)
+    monkeypatch.setattr("kfgen.gap.flight.flight_log.MAX_STEPS", log.n // 5)
+    with pytest.raises(InputError, match="more than the 800 that are held in memory") as caught:
+        flight_log(log, program)
+    assert caught.value.remedy == "Give a part of the log"
+
+
+def test_a_flight_that_is_averaged_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = log_of("quadrotor", 1)
+    monkeypatch.setattr("kfgen.gap.flight.flight_log.MAX_STEPS", log.n // 2)
+    monkeypatch.setattr("kfgen.gap.flight.flight_log.GRID_RATE_HZ", 50.0)
+    found = kf.find_gap(log, model())
+    assert found.verdict == "no_gap"
+    assert any("compared at 50 Hz" in w for w in found.warnings)
+
+
 HIDDEN = [
     ("quadrotor", "time_delay", "gnss", (("delay", 0.15),)),
     ("quadrotor", "lever_arm", "gnss", (("x", 0.6), ("y", -0.3), ("z", 0.4))),

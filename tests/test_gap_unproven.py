@@ -6,6 +6,8 @@ seeds are fixed. An effect that is there, at its detection limit of 8 nats, lose
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from kfgen.gap.find_gap import find_gap
 from kfgen.gap.plant.reach import unreached
 from kfgen.gap.result import GapResult
 from kfgen.gap.scene.scene import Placed
+from kfgen.identify.evidence.long import Stream, condense
 from kfgen.log.log import Channel, Log
 from kfgen.model.plant.file import parse_model
 
@@ -157,3 +160,34 @@ def test_searches_share_what_is_left_of_the_time() -> None:
 def test_what_physics_forbids_is_no_finding(effect: Effect, why: str) -> None:
     """Of the Earth 7.29e-5 rad/s, which noise may make somewhat more."""
     assert (why in effect.forbidden()) if why else effect.forbidden() == ""
+
+
+def test_a_pass_over_a_long_log_takes_nothing_of_the_time_of_a_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 100 s that passed 80 were reading: the search has spent 20, and one that began after 85 s its own 15."""
+    now = [0.0]
+    for clock in ("monotonic", "process_time"):
+        monkeypatch.setattr(f"kfgen.core.time_budget.time.{clock}", lambda: now[0])
+    budget = time_budget.TimeBudget(_clock=now[0], _process=now[0])
+    now[0] += 5.0
+    with time_budget.not_counted():
+        now[0] += 80.0
+    later = time_budget.TimeBudget(_clock=now[0], _process=now[0])
+    now[0] += 15.0
+    assert (budget.spent_s, later.spent_s) == pytest.approx((20.0, 15.0))
+
+
+def test_a_long_record_is_condensed_beside_the_time_of_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a log of 10 GB the pass took all of the time, and its random walk was not found."""
+    now = [0.0]
+    for clock in ("monotonic", "process_time"):
+        monkeypatch.setattr(f"kfgen.core.time_budget.time.{clock}", lambda: now[0])
+    budget = time_budget.TimeBudget(_clock=0.0, _process=0.0)
+
+    def chunks() -> Iterator[NDArray[np.float64]]:
+        now[0] += 1000.0
+        yield np.random.default_rng(0).standard_normal(1 << 12)
+
+    condense(Stream(chunks, 1 << 12, 0.01))
+    assert budget.spent_s == pytest.approx(0.0, abs=1e-6)

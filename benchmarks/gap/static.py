@@ -53,15 +53,15 @@ def _stack(rng: np.random.Generator, size: int) -> tuple[str, ...]:
     return tuple(sorted(names, key=lambda n: ORDER.index(n) if n in ORDER else len(ORDER)))
 
 
-def make(request: Request) -> Case:
-    """Build one record."""
+def make(request: Request, samples: int = 0) -> Case:
+    """Build one record, of so many samples; zero: of the sensor's own length, and of `LENGTHS` where nothing is hidden."""
     rng = request.rng()
     sensor = SENSORS[request.index % len(SENSORS)]
     if "random_telegraph" in request.effects and sensor.sigma:  # its strength is that over white noise
         sensor = SENSORS[request.index % len(SENSORS) - 1]
     if request.kind == "null":
-        return _null(request, rng)
-    r = record(sensor, rng)
+        return _null(request, rng, samples or LENGTHS[request.index % len(LENGTHS)])
+    r = record(sensor, rng, samples)
     if request.kind == "integrity":
         return _fault(request, r)
     catalogue = {**EFFECTS, **UNKNOWN, **NEAR}
@@ -76,9 +76,8 @@ def _case(request: Request, r: Recording, hidden: Sequence[Hidden]) -> Case:
     return Case(request, r.sensor.name, tuple(hidden), r.elapsed, channels, r.model(), r.sensor.numbers)
 
 
-def _null(request: Request, rng: np.random.Generator) -> Case:
+def _null(request: Request, rng: np.random.Generator, n: int) -> Case:
     sensor = SENSORS[request.index % len(SENSORS)]
-    n = LENGTHS[request.index % len(LENGTHS)]
     sensor = replace(sensor, offset=sensor.offset + float(rng.normal(0.0, 20.0)) * sensor.white)
     return _case(request, record(sensor, rng, n), ())
 

@@ -1,9 +1,9 @@
 """False alarms and intervals over all worlds, collected from what the benchmarks measured, with exact binomial bands.
 
-Usage: python benchmarks/trust/nulls.py [SCORES.json ...] [--docs]
+Usage: python benchmarks/trust/nulls.py [SCORES.json ...] [RECORD.jsonl ...] [--docs]
 
-The figures are those of docs/benchmarks.md, and of scores that ``python benchmarks/gap --json SCORES.json`` wrote, which
-are counted beside them. A place of the page that no longer reads as it did is an error, not a row that is left out.
+The figures are those of docs/benchmarks.md, and of scores that ``python benchmarks/gap --json SCORES.json`` or
+``python benchmarks/trust/drawn.py RECORD.jsonl`` wrote, which are counted beside them. A place of the page that no longer reads as it did is an error, not a row that is left out.
 ``--docs`` writes the table into the page of trust.
 """
 
@@ -43,7 +43,7 @@ COVERED = {
     "sensors at rest": r"95\s+%\s+intervals\s+held\s+the\s+truth\s+in\s+(\d+)\s+of\s+(\d+)\s+\(95\s+to\s+99\s+%\)",
     "real recordings": r"95\s+%\s+intervals\s+held\s+the\s+truth\s+in\s+(\d+)\s+of\s+(\d+)\s+\(82\s+to\s+93\s+%\)",
     "moving sensors": r"95\s+%\s+intervals\s+held\s+the\s+truth\s+in\s+(\d+)\s+of\s+(\d+)\s+\(87\s+to\s+95\s+%\)",
-    "flights without a reference": r"95\s+%\s+intervals\s+hold\s+the\s+truth\s+in\s+(\d+)\s+of\s+(\d+);",
+    "flights without a reference": r"95\s+%\s+intervals\s+hold\s+the\s+truth\s+in\s+(\d+)\s+of\s+(\d+)\.\s+First",
 }
 """Where it says how many intervals of planted effects hold the truth, by world."""
 
@@ -76,7 +76,11 @@ def read(pattern: str, page: str) -> re.Match[str]:
 def scores(paths: list[Path]) -> Iterator[tuple[str, Count, Count]]:
     """By world of each file: false alarms, and intervals that hold the truth."""
     for path in paths:
-        for s in json.loads(path.read_text("utf-8"))["scores"]:
+        text = path.read_text("utf-8")
+        is_lines = path.suffix == ".jsonl"
+        for s in map(json.loads, text.splitlines()) if is_lines else json.loads(text)["scores"]:
+            if s["error"]:
+                raise ValueError(f"{path}: no answer of {s['world']}: {s['error']}")
             if s["kind"] == "null":
                 yield s["world"], Count(int(not s["exact"]), 1), Count()
             yield s["world"], Count(), Count(sum(bool(held) for _, held in s["covered"]), len(s["covered"]))
@@ -123,7 +127,7 @@ def table(alarms: dict[str, Count], covered: dict[str, Count]) -> str:
 def main() -> int:
     """Collect and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("scores", type=Path, nargs="*", help="what benchmarks/gap --json wrote")
+    parser.add_argument("scores", type=Path, nargs="*", help="what benchmarks/gap --json or drawn.py wrote")
     parser.add_argument("--docs", action="store_true")
     given = parser.parse_args()
     text = table(*collected((DOCS / "benchmarks.md").read_text("utf-8"), given.scores))

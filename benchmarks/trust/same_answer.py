@@ -114,6 +114,8 @@ SAME_ANSWER: tuple[tuple[str, str, str, str], ...] = (
         "0.0 -> 1.0",
         "a rate that is not positive is refused in the next line",
     ),
+    ("kfgen/gap/core/whitener.py", "if grid.size < omega.size:", "Lt -> LtE", ROUNDING),
+    ("kfgen/gap/scene/screen.py", "if gain > best.gain:", "Gt -> GtE", TIE),
     ("kfgen/gap/scene/screen.py", "B = A[:, distinct] / size[distinct]", "", "a basis of the same space"),
     ("kfgen/gap/scene/screen.py", "if distinct.any():", "", EMPTY),
     ("kfgen/gap/scene/screen.py", "rcond=1e-10, hermitian=True", "", COST),

@@ -49,9 +49,11 @@ def gap(
     from kfgen.core.files.whole_file import write_text
     from kfgen.gap.core.result import NO_GAP
     from kfgen.gap.find_gap import find_gap
+    from kfgen.log.readers import read_long
     from kfgen.report.gap import gap_answer
 
-    given, another = ([read(p, rate, columns, topic, instance) for p in ps or ()] for ps in (logs, proof))
+    given = [read_long(p, rate=rate, columns=columns, topic=topic, instance=instance) for p in logs]
+    another = [read(p, rate, columns, topic, instance) for p in proof or ()]
     found = find_gap(given, model, channels=channels, proof=another)
     if output:
         write_text(output, found.updated_text)

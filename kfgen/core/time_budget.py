@@ -1,7 +1,7 @@
 """How long an answer may take: a search whose time is spent ends with the best so far, and that is said.
 
 Time is that of the process or of the clock, whichever passed less: a busy machine takes none of it away, nor do
-several threads.
+several threads. Reading a long log takes none of it either: `not_counted`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,10 @@ ENDED_EARLY = (
 )
 
 
+_NOT_COUNTED_S: ContextVar[float] = ContextVar("not_counted_s", default=0.0)
+"""Seconds of this process that no budget counts."""
+
+
 @dataclass
 class TimeBudget:
     """The time of one search, from its first line on.
@@ -45,11 +49,13 @@ class TimeBudget:
     ended_early: bool = False
     _clock: float = field(default_factory=time.monotonic)
     _process: float = field(default_factory=time.process_time)
+    _before: float = field(default_factory=_NOT_COUNTED_S.get)
 
     @property
     def spent_s(self) -> float:
-        """Seconds since it began."""
-        return min(time.monotonic() - self._clock, time.process_time() - self._process)
+        """Seconds since it began, less those that are not counted."""
+        passed = min(time.monotonic() - self._clock, time.process_time() - self._process)
+        return passed - (_NOT_COUNTED_S.get() - self._before)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -58,6 +64,17 @@ class TimeBudget:
 
 
 _CURRENT: ContextVar[TimeBudget | None] = ContextVar("time_budget", default=None)
+
+
+@contextmanager
+def not_counted() -> Iterator[None]:
+    """Time that grows with a log and is no search: one pass over it."""
+    clock, process = time.monotonic(), time.process_time()
+    try:
+        yield
+    finally:
+        passed = min(time.monotonic() - clock, time.process_time() - process)
+        _NOT_COUNTED_S.set(_NOT_COUNTED_S.get() + passed)
 
 
 @contextmanager

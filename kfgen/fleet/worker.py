@@ -12,7 +12,7 @@ from kfgen.fleet.answer import LogAnswer, answer_of_gap, answer_of_identificatio
 from kfgen.fleet.result import Outcome
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Log
-from kfgen.log.readers import ColumnMap, read_log, read_long
+from kfgen.log.readers import ColumnMap, read_long
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class LogTask:
         return LogTask(str(log), **options)
 
     def read(self, reader: Callable[..., Any]) -> Any:
-        """The log, by `read_log` or `read_long`."""
+        """The log, by a reader such as `read_long`."""
         if self.samples is not None:
             return Log(**self.samples)
         columns = ColumnMap.parse(self.columns) if self.columns else None
@@ -78,6 +78,6 @@ def _identified(task: LogTask) -> tuple[str, LogAnswer, tuple[str, ...]]:
 def _compared(task: LogTask) -> tuple[str, LogAnswer, tuple[str, ...]]:
     from kfgen.gap.find_gap import find_gap
 
-    log = task.read(read_log)
+    log = task.read(read_long)
     found = find_gap(log, task.model, channels=task.channels)
     return log.sha256, answer_of_gap(found.to_dict()), found.warnings

@@ -7,7 +7,7 @@ or in several poses; or sensors at rest, each channel by itself.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from kfgen.core.time_budget import time_budget
 from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, read_noise
-from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, NO_GAP, Comparison
+from kfgen.gap.at_rest import at_rest, long_at_rest, source_of, updated_by
+from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
@@ -27,21 +28,18 @@ from kfgen.gap.motion.scene import MotionScene
 from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
-from kfgen.gap.rest.channel_gap import channel_gap
-from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.cross_axis import with_pairs
 from kfgen.gap.rest.even_record import drivers_of, regular
-from kfgen.gap.rest.second_recording import gap_on, happens_once
+from kfgen.gap.rest.long_log import MAX_SAMPLES_AT_FULL_RATE, LongLog
 from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
-from kfgen.gap.result import GapResult, LogSource, ModelFile, Proof, RecordingGap
+from kfgen.gap.result import GapResult, ModelFile, RecordingGap
 from kfgen.gap.scene.scene import Placed
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.updated_noise import rescaled, with_findings
-from kfgen.gap.words import refused_sentence
+from kfgen.gap.words import compared_at, refused_sentence
 from kfgen.identify.screening.motion import motion_in
 from kfgen.identify.words import COUNTS_AS_NOISE
-from kfgen.log.log import Log
-from kfgen.log.readers import read_log
+from kfgen.log.log import Log, StoredLog
+from kfgen.log.readers import log_of, read_long
 from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import is_filter_file
@@ -49,15 +47,11 @@ from kfgen.model.plant.user import FORMAT, UserModel, read_model
 from kfgen.run.filter_log import as_named_by
 
 Model = NoiseModel | UserModel | FilterModel
-
-SAMPLES_OF_A_WHOLE_SEARCH = 10_000
-"""In all channels of a log at rest, from which on its search may take all of the time."""
-MIN_SHARE_OF_SEARCH = 0.1
-"""Of the time, that the search over a shorter log has."""
+AnyLog = Log | StoredLog
 
 
 def find_gap(
-    logs: Log | str | Path | Sequence[Log | str | Path],
+    logs: AnyLog | str | Path | Sequence[AnyLog | str | Path],
     model: Model | str | Path,
     *,
     channels: Sequence[str] | str | None = None,
@@ -67,7 +61,7 @@ def find_gap(
 
     Parameters
     ----------
-    logs : Log or path, or a sequence of them
+    logs : Log, StoredLog or path, or a sequence of them
         One log; or several recordings of one sensor at rest, which are compared together.
     model : NoiseModel, UserModel, FilterModel, str or Path
         What is assumed: a model, a noise file, a model file, or the name of a library model.
@@ -86,13 +80,20 @@ def find_gap(
         Model and log have no channel in common or not the same units, a log cannot be compared, or recordings are
         given that this world cannot use.
     """
-    data = [_log(x) for x in ([logs] if isinstance(logs, (Log, str, Path)) else logs)]
-    others = [_log(x) for x in proof]
+    given = [logs] if isinstance(logs, (Log, StoredLog, str, Path)) else logs
+    opened = [read_long(x) if isinstance(x, (str, Path)) else x for x in given]
+    data = [x if isinstance(x, StoredLog) else log_of(x) for x in opened]
+    others = [log_of(x) for x in proof]
     if not data:
         raise InputError("there is no log to compare", remedy="Give one")
     wanted = [c.strip() for c in channels.split(",") if c.strip()] if isinstance(channels, str) else channels
+    stored = next((x for x in data if isinstance(x, StoredLog)), None)
     with time_budget() as budget:
-        found = _found(data, model, wanted, others)
+        if stored is None:
+            found = _found([x for x in data if isinstance(x, Log)], model, wanted, others)
+        else:
+            noise, names, said = _of_stored(stored, len(data), model, wanted)
+            found = long_at_rest(noise, LongLog.of_stored(stored), names, others, said)
     refused = [refused_sentence(c.refused) for c in found.comparisons if c.refused]
     return replace(found, warnings=(*found.warnings, *refused, *budget.warnings))
 
@@ -128,11 +129,29 @@ def _found(
                 remedy="Log GNSS, a barometer of the filter or a reference beside them, or log them at rest",
             )
         warnings.append(COUNTS_AS_NOISE.format(how=how))
-    return _at_rest(noise, data[0], names, others, warnings)
+    if data[0].n > MAX_SAMPLES_AT_FULL_RATE:
+        long = LongLog.of_log(data[0], {n: noise.channel(n) for n in names})
+        return long_at_rest(noise, long, names, others, warnings)
+    return at_rest(noise, data[0], names, others, warnings)
 
 
-def _log(log: Log | str | Path) -> Log:
-    return log if isinstance(log, Log) else read_log(Path(log))
+def _of_stored(
+    log: StoredLog, logs: int, model: Model | str | Path, wanted: Sequence[str] | None
+) -> tuple[NoiseModel, list[str], list[str]]:
+    """The noise that is assumed of a log too long for memory, the channels that are compared, and what is to be said."""
+    assumed = assumed_model(model)
+    if not isinstance(assumed, NoiseModel) or logs > 1 or any(n.startswith("ref_") for n in log.channels):
+        raise InputError(
+            "a log of this length is compared alone, at rest, and with a noise file",
+            where=log.source,
+            remedy="Give a part of the log, or a noise file of its channels",
+        )
+    noise, said = _common(_name(model), assumed, log)
+    return (
+        noise.extended_band(log.dt, log.dt * max(c.n for c in log.channels.values())),
+        list(wanted or noise.channels),
+        said,
+    )
 
 
 def _name(model: Model | str | Path) -> str:
@@ -165,7 +184,7 @@ def _is_model_file(model: str | Path) -> bool:
     return document.get("format") == FORMAT
 
 
-def _common(name: str, noise: NoiseModel, log: Log) -> tuple[NoiseModel, list[str]]:
+def _common(name: str, noise: NoiseModel, log: AnyLog) -> tuple[NoiseModel, list[str]]:
     """The channels that the model and the log have, and what is to be said of the others."""
     known = {c: n for c, n in noise.channels.items() if c in log.channels}
     if not known:
@@ -194,10 +213,6 @@ def _refuse(others: Sequence[Log], where: str) -> None:
         )
 
 
-def _source(log: Log) -> LogSource:
-    return LogSource(log.source, log.sha256)
-
-
 def _plant(assumed: UserModel, log: Log) -> GapResult:
     """Of a plant: what was found is written into its model file."""
     scene = plant_scene(assumed, log)
@@ -220,6 +235,8 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     _, warnings = _common(
         name, NoiseModel({c: ChannelNoise(u, ()) for c, u in model.channel_units.items()}), log
     )
+    if found.path.log.dt > 1.5 * log.dt:
+        warnings.append(compared_at(1.0 / found.path.log.dt))
     gap = scene_gap(found, units_of(log))
     written = as_given(model, assumed_noise(model, log))
     sized = with_sizes(written, model, gap.noise_scales)
@@ -279,53 +296,12 @@ def _of_scenes(
 ) -> GapResult:
     constant = dict.fromkeys(n for g in gaps for n in g.constant_inputs)
     still = [f"the input {n} never changes: no effect of it can be seen" for n in constant]
-    return GapResult((_source(log),), tuple(gaps), assumed, updated, (*warnings, *still))
+    return GapResult((source_of(log),), tuple(gaps), assumed, updated, (*warnings, *still))
 
 
 def units_of(log: Log) -> UnitOf:
     """Units of effects placed at channels of a log, or at a triad of them."""
     return lambda placed: log.unit_at(placed.where)
-
-
-def _at_rest(
-    assumed: NoiseModel, log: Log, names: Sequence[str], others: Sequence[Log], said: Sequence[str]
-) -> GapResult:
-    """Of sensors at rest, each channel by itself, and the noise that channels share."""
-    drive, words = drivers_of(log)
-    warnings = [*said, *words]
-    gaps = {}
-    with time_budget(
-        share=min(max(log.n * len(names) / SAMPLES_OF_A_WHOLE_SEARCH, MIN_SHARE_OF_SEARCH), 1.0)
-    ):
-        for k, name in enumerate(counted(names, "channels", alike=False)):
-            noise = assumed.channel(name)
-            record, stamps, words = regular(log, name, noise.effects, drive)
-            warnings += [w for w in words if w not in warnings]
-            with time_budget(parts=len(names) - k):
-                gaps[name] = channel_gap(name, record, noise, stamps, log.stated, len(names))
-        gaps = with_pairs(gaps)
-    proofs = tuple(p for other in others for p in _proofs(gaps, other))
-    updated = _updated(assumed, gaps)
-    return GapResult((_source(log),), tuple(gaps.values()), assumed, updated, tuple(warnings), proofs=proofs)
-
-
-def _updated(assumed: NoiseModel, gaps: Mapping[str, ChannelGap]) -> NoiseModel:
-    """The noise model with every finding added."""
-    channels = {n: gaps[n].updated if n in gaps else c for n, c in assumed.channels.items()}
-    return NoiseModel(channels, assumed.provenance)
-
-
-def _proofs(gaps: Mapping[str, ChannelGap], other: Log) -> list[Proof]:
-    """The gap of every channel with a finding over another recording."""
-    drive, _ = drivers_of(other)
-    out = []
-    for name, g in gaps.items():
-        if g.verdict != BAD_DATA and (g.findings or g.retuned):
-            record, _, _ = regular(other, name, g.updated.effects, drive)
-            gap = gap_on(g, record, Path(other.source).name)
-            once = tuple(f.effect.title for f in g.findings if happens_once(f.effect))
-            out.append(Proof(_source(other), name, gap, once))
-    return out
 
 
 def _several(
@@ -357,10 +333,10 @@ def _several(
         RecordingGap(log.source, tuple(j.alone[k][1] for j in found.values())) for k, log in enumerate(logs)
     )
     return GapResult(
-        tuple(map(_source, logs)),
+        tuple(map(source_of, logs)),
         tuple(_with_once(j) for j in found.values()),
         assumed,
-        _updated(assumed, {n: j.gap for n, j in found.items()}),
+        updated_by(assumed, {n: j.gap for n, j in found.items()}),
         tuple(dict.fromkeys(warnings)),
         recordings=alone,
     )

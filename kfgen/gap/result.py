@@ -80,7 +80,7 @@ class GapResult(Result):
         The model as it was given, and with everything that was found.
     warnings : tuple of str
     recordings : tuple of RecordingGap
-        Of several recordings, each by itself; what happened once is said there.
+        Of several recordings, each by itself; of a long log, its beginning. What happened once is said there.
     proofs : tuple of Proof
         Of other recordings.
     """
@@ -219,7 +219,8 @@ class GapResult(Result):
             "warnings": list(self.warnings),
         }
         if self.recordings:
-            data["recordings"] = [_recording(*pair) for pair in zip(self.logs, self.recordings)]
+            logs = self.logs if len(self.logs) == len(self.recordings) else self.logs * len(self.recordings)
+            data["recordings"] = [_recording(*pair) for pair in zip(logs, self.recordings)]
         if self.proofs:
             data["proofs"] = [
                 {"log": p.log.name, "sha256": p.log.sha256, "channel": p.channel, **_gap(p.gap)}
@@ -230,7 +231,7 @@ class GapResult(Result):
 
 def _recording(log: LogSource, alone: RecordingGap) -> dict[str, Any]:
     verdicts = {c.channels[0]: c.verdict for c in alone.comparisons}
-    return {"log": log.name, "sha256": log.sha256, "verdicts": verdicts}
+    return {"log": alone.name, "sha256": log.sha256, "verdicts": verdicts}
 
 
 def file_text(model: ModelFile) -> str:

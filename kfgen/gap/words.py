@@ -52,6 +52,11 @@ def percent(p: float) -> str:
     return "more than 99.9 %" if p > 0.999 else f"{100 * p:.3g} %"
 
 
+def compared_at(rate_hz: float) -> str:
+    """Of a long flight whose inertial samples are averaged."""
+    return f"the flight is compared at {rate_hz:.4g} Hz: of so long a log inertial samples are averaged between its steps"
+
+
 def verdict_sentence(c: Comparison) -> str:
     """The verdict in words."""
     of = ", ".join(c.channels)

@@ -214,7 +214,7 @@ def _test_cells(c: Comparison, t: Test) -> list[str]:
 
 
 def _together(result: GapResult) -> list[str]:
-    if not result.recordings:
+    if len(result.logs) == 1:
         return []
     return [
         f"{len(result.logs)} recordings together; the figures are of each recording in turn, "
@@ -226,6 +226,7 @@ def _recordings(result: GapResult) -> tuple[list[str], list[PagePart]]:
     """Each of several recordings by itself, and what happened once in it."""
     if not result.recordings:
         return [], []
+    title = "Each recording by itself" if len(result.logs) > 1 else "Its beginning by itself"
     rows = [
         [c.channels[0], r.name, _alone(own)]
         for c in result.comparisons
@@ -235,12 +236,12 @@ def _recordings(result: GapResult) -> tuple[list[str], list[PagePart]]:
     ]
     once = [f"Once, in {name} only: {finding_sentence(c, f)}." for name, c, f in result.once]
     lines = [
-        "Each recording by itself:",
+        f"{title}:",
         *(f"  {c} of {name}: {words}" for c, name, words in rows),
         *once,
         "",
     ]
-    parts = [heading("Each recording by itself"), table(("channel", "recording", "answer"), rows)]
+    parts = [heading(title), table(("channel", "recording", "answer"), rows)]
     return lines, [*parts, *(text(w) for w in once)]
 
 

@@ -378,6 +378,42 @@ def test_claims_are_squared_cosines() -> None:
     assert _claims(columns, np.array([4.0, 1.0]), []).shape == (0,)
 
 
+def test_claims_do_not_depend_on_units() -> None:
+    """Of a thousandth of the same columns they are the same."""
+    own = [np.eye(12)[:, :1], np.eye(12)[:, 1:3]]
+    columns = np.zeros((12, 2))
+    columns[0, 0], columns[1, 1] = 3e-3, 1e-3
+    assert _claims(columns, np.array([4e-3, 1e-3]), own) == pytest.approx([9.0 / 25.0, 0.5])
+
+
+def test_a_direction_counts_by_its_own_share_whatever_its_size() -> None:
+    """One that is another but for a hundredth of it gains nothing; a small one gains what a large one does."""
+
+    @dataclass(frozen=True)
+    class Scaled(Few):
+        """The place b has another sensitivity."""
+
+        of_b: tuple[float, float] = (0.0, 1.0)
+
+        def residuals(self, points: Sequence[ScenePoint]) -> Array:
+            mixed = self.of_b[0] * A + self.of_b[1] * B
+            sizes = [sum(p.effect.coefficient for p in q.placed if p.where == "b") for q in points]  # type: ignore[attr-defined]
+            return super().residuals(points) + np.outer(B - mixed, sizes)
+
+        def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+            return [[line("b")]]
+
+    gains = {}
+    for of_b in ((0.0, 1.0), (0.0, 1e-4), (1.0, 0.01), (1e3, 10.0)):
+        scene = Scaled(3.0 * A + 0.8 * B, of_b=of_b)
+        (found,) = screen(scene, fitted(scene, at(line("a", 0.1))))
+        gains[of_b] = found.gain
+    assert gains[0.0, 1.0] > 1.0
+    assert gains[0.0, 1e-4] == pytest.approx(gains[0.0, 1.0], rel=1e-6)
+    assert gains[1.0, 0.01] == pytest.approx(0.0, abs=1e-9)
+    assert gains[1e3, 10.0] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_each_effect_has_directions_of_its_own() -> None:
     scene = Few(3.0 * A - B)
     base = fitted(scene, at(line("a", 0.1), line("b", 0.1)))

@@ -84,7 +84,7 @@ def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], updated:
 
 def _is_over(effect: Effect, record: Record) -> bool:
     """Whether next to nothing of a shape is left in the tail: an exponential that has died."""
-    power = np.sum(np.square(effect.regressors(record.elapsed, record.drive)), axis=0)
+    power = np.sum(np.square(record.regressors(effect)), axis=0)
     tail = int(record.n * (1.0 - HELD_OUT_SHARE))
     return bool(np.sum(power[tail:]) < MIN_TAIL_POWER_SHARE * np.sum(power))
 
@@ -167,11 +167,9 @@ def _masked(clean: Record, updated: Problem, blocked: Sequence[Effect]) -> Gap:
     fit: Fit = maximise(updated)
     others = [e for e in fit.effects if e.coefficients() and e.name not in {b.name for b in blocked}]
     shapes = [e for e in fit.effects if e.coefficients() and e not in others]
-    whitener = Whitener.of(fit.effects, clean.n, clean.dt)
+    whitener = Whitener.on(clean, fit.effects)
     z = whitener.series(clean.y - clean.drift(others))
-    B = np.column_stack(
-        [whitener.series(x) for e in shapes for x in e.regressors(clean.elapsed, clean.drive)]
-    )
+    B = np.column_stack([whitener.series(x) for e in shapes for x in clean.regressors(e)])
     unseen, words = _unseen(clean, shapes)
     scale = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
     theta = np.linalg.lstsq(B[~unseen] / scale, z[~unseen], rcond=1e-12)[0] / scale

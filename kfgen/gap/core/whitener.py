@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, filtered, sampled_spectrum
 from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE
+from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
@@ -37,24 +38,36 @@ class Whitener:
     weight: Array
 
     @staticmethod
-    def of(effects: Sequence[Effect], n: int, dt: float, *, constant: bool = False) -> Whitener:
-        """For the random ones among effects of a channel of n samples.
+    def on(record: Record, effects: Sequence[Effect]) -> Whitener:
+        """For the random ones among effects of a record; see `of`."""
+        return Whitener.of(effects, record.n, record.dt / record.averaged, averaged=record.averaged)
+
+    @staticmethod
+    def of(
+        effects: Sequence[Effect], n: int, dt: float, *, constant: bool = False, averaged: int = 1
+    ) -> Whitener:
+        """For the random ones among effects of a channel of n samples, or of n means of samples.
 
         Parameters
         ----------
+        effects : sequence of Effect
+        n : int
+            Samples, or means.
         dt : float
             Sampling period [s].
         constant : bool
             Whether the constant counts; else its weight is zero.
+        averaged : int
+            Samples in each mean.
         """
         omega: Array = np.array(np.arange(1, n) * (np.pi / n), dtype=np.float64)
         grid = omega
         if n > 2 * DENSITY_GRID_POINTS:
             grid = np.array(np.geomspace(omega[0], omega[-1], DENSITY_GRID_POINTS), dtype=np.float64)
-        S = np.maximum(sampled_spectrum(effects, grid, dt, n=n), np.finfo(float).tiny)
+        S = np.maximum(sampled_spectrum(effects, grid, dt, averaged, n), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
-        passed = filtered(effects, omega, dt, n=n) >= MIN_PASSED_POWER_SHARE
+        passed = filtered(effects, omega, dt, averaged, n) >= MIN_PASSED_POWER_SHARE
         return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], passed / np.sqrt(S)]))
 
     def ordinates(self, x: Array) -> Array:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.errors import InputError
 from kfgen.emit.routines import Program
 from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
@@ -20,6 +21,10 @@ Array = NDArray[np.float64]
 
 EVEN_RELATIVE_TOLERANCE = 1e-3
 """Relative differences of steps up to which time is even."""
+MAX_STEPS = 500_000
+"""Samples of a log beyond which its grid is slower than its samples, and steps of a flight that are held in memory."""
+GRID_RATE_HZ = 100.0
+"""Of a slower grid at least: what acts is then the mean over an interval, whose integral is that of the samples."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,7 @@ class FlightLog:
 
 
 def flight_log(log: Log, program: Program) -> FlightLog:
-    """A log on an even grid of its own mean step.
+    """A log on an even grid: of its own mean step, or of a multiple of it where the log is longer than `MAX_STEPS`.
 
     Parameters
     ----------
@@ -108,15 +113,23 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     Raises
     ------
     InputError
-        As `kfgen.run.filter_calls.FilterCalls`.
+        The flight is too long, or as `kfgen.run.filter_calls.FilterCalls`.
     """
+    own = float(log.t[-1] - log.t[0]) / (log.n - 1)
+    stride = _stride(log.n, own)
+    steps, dt = (log.n - 1) // stride + 1, stride * own
+    if steps > MAX_STEPS:
+        raise InputError(
+            f"the flight has {steps:,} steps of {dt:.3g} s, more than the {MAX_STEPS:,} that are held in memory",
+            where=log.source,
+            remedy="Give a part of the log",
+        )
     calls = FilterCalls(program, log)
     model = program.discrete.model
-    dt = float(log.t[-1] - log.t[0]) / (log.n - 1)
-    even = bool(np.allclose(np.diff(log.t), dt, rtol=EVEN_RELATIVE_TOLERANCE))
+    even = stride == 1 and bool(np.allclose(np.diff(log.t), dt, rtol=EVEN_RELATIVE_TOLERANCE))
     raw = np.column_stack([log.values(c) for i in model.motion.inputs for c in i.channels])
     held = over_steps(raw, calls.samples)
-    t = np.asarray(log.t) if even else np.asarray(log.t[0] + dt * np.arange(log.n))
+    t = np.asarray(log.t) if even else np.asarray(log.t[0] + dt * np.arange(steps))
     u = held if even else _over_grid(log.t, held, t)
     drivers = recorded(log) | {d: calls.inputs[d] for d in model.drivers}
     drive = {d: np.interp(t, log.t, v) for d, v in drivers.items()}
@@ -135,6 +148,11 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     names = [c.name for c in model.constants]
     constants = dict(zip(names, calls.constants))
     return FlightLog(t, u, drive, tuple(aiding), np.array(calls.start), constants, discrete)
+
+
+def _stride(n: int, step_s: float) -> int:
+    """Samples in a step of the grid: one, or of a long log as many as `GRID_RATE_HZ` allows."""
+    return max(1, int(1.0 / (GRID_RATE_HZ * step_s) + 1e-6)) if n > MAX_STEPS else 1
 
 
 def _over_grid(t: Array, u: Array, grid: Array) -> Array:

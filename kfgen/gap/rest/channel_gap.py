@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.effects.process.stochastic import Quantisation
 from kfgen.gap.core.battery import Test, battery
 from kfgen.gap.core.holdout import held_out_gap
 from kfgen.gap.core.result import (
@@ -156,8 +157,18 @@ def prepared(record: Record, noise: ChannelNoise) -> Prepared:
     random = replace(random, terms=tuple(t for t in random.terms if not t.effect.changes_samples))
     raw = without_altering(raw, random, [t.effect for t in altering])
     names = frozenset(t.effect.name for t in altering)
+    names |= hidden_in_means() if record.averaged > 1 else frozenset()
     search = ChannelExplanation(raw, random.effects, priors_of(random), without=names)
     return Prepared(whole, raw, trusted, altering, random, search)
+
+
+def hidden_in_means() -> frozenset[str]:
+    """Names of effects that means of many samples do not show: of single samples, and of what is fast."""
+    return frozenset(
+        name
+        for name, cls in catalogue().items()
+        if cls.changes_samples or cls.is_filter or issubclass(cls, Quantisation)
+    )
 
 
 def checked(search: ChannelExplanation, findings: Sequence[Finding]) -> Checks:

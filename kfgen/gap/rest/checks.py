@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 SEED = 1
 """Of the simulated record."""
 MAX_SIMULATED_SAMPLES = 200_000
-"""Length of a log beyond which no record is simulated."""
+"""Length of a log beyond which no record is simulated; means of samples are not simulated either."""
 
 
 def checks_of(
@@ -45,7 +45,8 @@ def checks_of(
     for name, lo, hi in ci95:
         seen[name] = seen.get(name, False) or lo > 0.0 or hi < 0.0
     again = None
-    if search.record.n <= MAX_SIMULATED_SAMPLES:
+    records = records_of(search.record)
+    if search.record.n <= MAX_SIMULATED_SAMPLES and all(r.averaged == 1 for r in records):
         simulated = replace(search, record=_simulated_again(search, effects), chosen=(), known=())
         found = grown(simulated, search_limits())
         again = tuple(c.name for c in found.chosen if c.name != RETUNE)

@@ -47,8 +47,8 @@ def divergence(a: Candidate, b: Candidate) -> float:
 
 
 def _between(a: Candidate, b: Candidate, record: Record) -> float:
-    wa, wb = (Whitener.of(c.fit.effects, record.n, record.dt).weight[1:] for c in (a, b))
+    wa, wb = (Whitener.on(record, c.fit.effects).weight[1:] for c in (a, b))
     ratio = np.maximum(np.divide(wb, wa, out=np.ones_like(wa), where=(wa > 0.0) & (wb > 0.0)), 1e-9) ** 2
     between = record.drift(a.fit.effects) - record.drift(b.fit.effects)
-    X = Whitener.of(b.fit.effects, record.n, record.dt).ordinates(between)
+    X = Whitener.on(record, b.fit.effects).ordinates(between)
     return float(0.5 * np.sum(ratio - 1.0 - np.log(ratio)) + 0.5 * X @ X)

@@ -151,17 +151,12 @@ def series_of(base: Candidate) -> WhiteSeries:
     """The record as a white series, if the base is right; of several the first."""
     record, effects = records_of(base.problem.record)[0], base.fit.effects
     n, dt = record.n, record.dt
-    whitener = Whitener.of(effects, n, dt)
-    fast = Whitener.of([e for e in effects if not e.form().order or e.is_filter], n, dt)
+    whitener = Whitener.on(record, effects)
+    fast = Whitener.on(record, [e for e in effects if not e.form().order or e.is_filter])
     with np.errstate(divide="ignore", invalid="ignore"):
         # The constant, which no density counts, is no noise.
         white = np.where(whitener.weight > 0.0, (whitener.weight / fast.weight) ** 2, 0.0)
-    columns = [
-        whitener.ordinates(x)
-        for e in effects
-        if e.coefficients()
-        for x in e.regressors(record.elapsed, record.drive)
-    ]
+    columns = [whitener.ordinates(x) for e in effects if e.coefficients() for x in record.regressors(e)]
     nuisance = np.linalg.qr(np.array(columns).T)[0] if columns else np.zeros((n, 0))
     y = record.y - record.drift(effects)
     slow = [e for e in effects if e.form().order and not e.coefficients()]

@@ -32,7 +32,7 @@ MIN_RUN_SAMPLES = 16
 def spotted_in(
     record: Record, noise: ChannelNoise, stamps: Array | None = None, stated: float = 0.0
 ) -> list[DetectedFault]:
-    """The faults that a channel shows, those that spoil it first.
+    """The faults that a channel shows, those that spoil it first; means of samples show none.
 
     Parameters
     ----------
@@ -44,6 +44,8 @@ def spotted_in(
     stated : float
         How long the log's header says that it lasted [s].
     """
+    if record.averaged > 1:
+        return []
     known = {e.name for e in noise.effects}
     assumed = assumed_sd(noise.effects, record.dt)
     if stamps is None or stamps.size == record.n:

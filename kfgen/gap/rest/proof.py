@@ -49,10 +49,10 @@ def _of_shape(addition: Candidate) -> list[float]:
     if len(records) > 1 or records[0].n < MIN_PART_SAMPLES:
         return []
     record = records[0]
-    whitener = Whitener.of(effects, record.n, record.dt)
+    whitener = Whitener.on(record, effects)
 
     def fit(shapes: list[Effect]) -> LinearFit:
-        columns = [x for e in shapes for x in e.regressors(record.elapsed, record.drive)]
+        columns = [x for e in shapes for x in record.regressors(e)]
         A = whitener.series(np.column_stack(columns)) if columns else np.zeros((record.n, 0))
         z = whitener.series(record.y)
         scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)

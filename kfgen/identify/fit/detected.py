@@ -112,7 +112,7 @@ def white_series(record: Record, effects: Sequence[Effect]) -> WhiteSeries:
     S = density(effects)
     fast = density([e for e in effects if not e.form().order])
     weight = np.concatenate([[0.0], 1.0 / np.sqrt(S)])
-    shapes = [x for e in effects if e.coefficients() for x in e.regressors(record.elapsed, record.drive)]
+    shapes = [x for e in effects if e.coefficients() for x in record.regressors(e)]
     columns = [dct(x, type=2, norm="ortho") * weight for x in shapes]
     return WhiteSeries(
         record.elapsed,

@@ -88,7 +88,7 @@ def read_log(
         raise InputError(
             f"a channel has more than the {MAX_SAMPLES_IN_MEMORY:,} samples that are held in memory",
             where=str(path),
-            remedy="Give a part of the log; kfgen identify reads a log of any length",
+            remedy="Give a part of the log; identify, and gap of sensors at rest, read any length",
         )
     return assemble(table, map_of(columns), rate, sha256)
 

@@ -151,9 +151,7 @@ def _channel_figures(g: ChannelGap) -> list[PagePart]:
 
 
 def _without(record: Record, effects: Sequence[Effect]) -> Array:
-    return record.y - sum(
-        (e.mean(record.elapsed, record.drive) for e in effects if e.coefficients()), np.zeros(record.y.size)
-    )
+    return record.y - record.drift(effects)
 
 
 def _allan(g: ChannelGap) -> Picture:
@@ -196,7 +194,7 @@ def _spectrum(g: ChannelGap) -> Picture:
 def _near_line(g: ChannelGap, f: Finding) -> Picture:
     """White power of the record beside a line, with it and without."""
     record, effects = g.record, g.updated.effects
-    whitener = Whitener.of(effects, record.n, record.dt)
+    whitener = Whitener.on(record, effects)
     others = tuple(e for e in effects if e.coefficients() and e != f.effect)
     at = round(2.0 * float(f.effect.row("")["frequency"][0]) * record.duration)
     keep = slice(max(at - ORDINATES_BESIDE_LINE, 1), at + ORDINATES_BESIDE_LINE)
@@ -216,7 +214,7 @@ def _near_line(g: ChannelGap, f: Finding) -> Picture:
 def _driven(g: ChannelGap, f: Finding) -> Picture:
     block, factor = max(1, g.record.y.size // RECORD_BLOCKS), parse_unit(g.unit).factor
     t = block_means(g.record.t, block)
-    part = f.effect.mean(g.record.elapsed, g.record.drive)
+    part = g.record.drift([f.effect])
     others = tuple(e for e in g.updated.effects if e.coefficients() and e != f.effect)
     y = block_means(_without(g.record, others), block) / factor
     explained = block_means(part, block) / factor
