@@ -24,7 +24,7 @@ def nulls(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def test_every_place_of_the_page_that_is_counted_is_there(nulls: ModuleType) -> None:
     """Each pattern stands in the page once; else `read` raises."""
-    alarms, covered = nulls.collected((ROOT / "docs" / "benchmarks.md").read_text("utf-8"), [])
+    alarms, covered = nulls.collected((ROOT / "docs/benchmarks.md").read_text("utf-8"), [])
     assert all(0 <= c.k <= c.n and c.n > 0 for c in (*alarms.values(), *covered.values()))
     assert set(nulls.COVERED) == set(covered)
 
