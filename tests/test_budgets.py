@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import runpy
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,10 @@ ROUTINES = {
 
 @cache
 def bench() -> dict[str, Any]:
-    return runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "codegen.py"))
+    folder = str(Path(__file__).parents[1] / "benchmarks")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    return runpy.run_path(f"{folder}/codegen.py")
 
 
 @pytest.mark.parametrize(("name", "form"), TARGETS)
