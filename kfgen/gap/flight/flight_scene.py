@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from kfgen.core.errors import InputError
+from kfgen.core.time_budget import not_counted
 from kfgen.effects.series import RawSamples
 from kfgen.emit.routines import Program
 from kfgen.gap.flight.faults.misread import misread
@@ -84,7 +85,8 @@ def _misread(scene: FlightScene, log: Log, program: Program) -> tuple[Placed, ..
     worst = _worst_channel_sigmas(scene)
     if worst < MAX_UNDOUBTED_SIGMAS:
         return ()
-    faults, right = misread(_first_part(scene, log), program)
+    with not_counted():
+        faults, right = misread(_first_part(scene, log), program)
     if not faults:
         return ()
     least = min(worst * MAX_LEFT_SHARE, MAX_FOLLOWED_SIGMAS)
