@@ -65,13 +65,12 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
     program = program_over(model, log)
     if program.discrete.memories:
         return None
-    scene = FlightScene(flown(flight_log(log, program)))
-    faults = (*stuck_sensors(scene.path), *_clipped(log, inputs))
-    if spoilt := faults or _misread(scene, log, program):
-        return replace(scene, spoilt=spoilt)
-    path, left_out = without_outliers(scene.path)
+    flight = flown(flight_log(log, program))
+    path, left_out = without_outliers(flight)
     known = {(w, e.name) for w, effects in model.noise.items() for e in effects}
-    return FlightScene(path, said=tuple(p for p in left_out if (p.where, p.effect.name) not in known))
+    scene = FlightScene(path, said=tuple(p for p in left_out if (p.where, p.effect.name) not in known))
+    faults = (*stuck_sensors(flight), *_clipped(log, inputs))
+    return replace(scene, spoilt=faults or _misread(scene, log, program))
 
 
 def _clipped(log: Log, channels: Sequence[str]) -> tuple[Placed, ...]:

@@ -30,8 +30,10 @@ MIN_OUTLIER_SHARE = 0.003
 """Of a sensor's samples, below which nothing is left out."""
 MAX_LATE_S = 0.4
 """By which a reading may belong to another time: what the filter expects within it is no error of one reading [s]."""
-MAX_ROUNDS = 6
-"""Of leaving out: a large outlier bends the path, and hides smaller ones."""
+MIN_SHARE_OF_LARGEST = 0.3
+"""Of the largest outlier, that others have to be left out with it: it bends the path, which makes some and hides others."""
+MAX_ROUNDS = 16
+"""Of leaving out."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def without_outliers(path: FlownPath) -> tuple[FlownPath, tuple[Placed, ...]]:
     """
     found = [SensorOutliers(a.t.size, np.zeros((0, a.z.shape[1]))) for a in path.log.aiding]
     for _ in range(MAX_ROUNDS):
-        seen = [_outlying(path, a, o.limit) for a, o in zip(path.log.aiding, found)]
+        seen = [_outlying(path, a, o) for a, o in zip(path.log.aiding, found)]
         more = [_with(o, *s) for o, s in zip(found, seen)]
         if all(m is o for m, o in zip(more, found)):
             break
@@ -93,20 +95,21 @@ def without_outliers(path: FlownPath) -> tuple[FlownPath, tuple[Placed, ...]]:
 
 
 def _with(found: SensorOutliers, far: NDArray[np.bool_], errors: Array, sizes: Array) -> SensorOutliers:
-    """With more of them; as they were where these are too few to be any."""
+    """With more of them."""
     if not far.any():
         return found
     n, m = found.errors.shape[0], errors.shape[0]
-    if n + m < max(MIN_OUTLIERS, MIN_OUTLIER_SHARE * found.samples):
-        return found
     size = np.sqrt((n * found.size**2 + m * _rms(sizes) ** 2) / (n + m))
     return replace(found, errors=np.concatenate([found.errors, errors]), size=float(size))
 
 
 def _outlying(
-    path: FlownPath, samples: AidingSamples, limit: float
+    path: FlownPath, samples: AidingSamples, found: SensorOutliers
 ) -> tuple[NDArray[np.bool_], Array, Array]:
-    """Which samples of a sensor are outliers in any channel; these channels' errors, zero elsewhere, and their sizes."""
+    """Which samples of a sensor are its largest outliers; their errors, zero in other channels, and their sizes.
+
+    None where all together are too few to be any.
+    """
     far = np.zeros(samples.z.shape, dtype=bool)
     errors, sizes = np.zeros(samples.z.shape), np.zeros(samples.z.shape)
     courses = path.equations.reading(samples.sensor).values(path.given)
@@ -117,7 +120,11 @@ def _outlying(
         around = np.median(sliding_window_view(np.pad(size, 2, mode="reflect"), 5)[:, BESIDE], axis=1)
         errors[:, k], sizes[:, k] = z - path.at_rows(course, c), size / bulk
         beyond = _beyond(path, course, c) / np.maximum(np.abs(errors[:, k]), 1e-300)
-        far[:, k] = (size * beyond > limit * bulk) & (around < MAX_NEIGHBOUR_SHARE * size)
+        far[:, k] = (size * beyond > found.limit * bulk) & (around < MAX_NEIGHBOUR_SHARE * size)
+    count = found.errors.shape[0] + int(far.any(axis=1).sum())
+    if count < max(MIN_OUTLIERS, MIN_OUTLIER_SHARE * found.samples):
+        far[:] = False
+    far &= sizes >= MIN_SHARE_OF_LARGEST * sizes[far].max(initial=0.0)
     any_far: NDArray[np.bool_] = np.logical_or.reduce(far, axis=1)
     return any_far, np.where(far, errors, 0.0)[any_far], sizes[far]
 
