@@ -1,6 +1,6 @@
 """What `kfgen gap` says of real flights whose logs were changed in a known way: units, axes, outliers, a step, a delay.
 
-Usage: python benchmarks/recorded_flights.py [--docs]
+Usage: python benchmarks/recorded_flights.py
 
 Recordings are open data of other people in ``../shared/data`` (or KFGEN_DATA); what is absent is left out. Each flight is
 asked as it is first: what is said then is no answer to a change.
@@ -8,7 +8,6 @@ asked as it is first: what is said then is no answer to a change.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
@@ -17,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from docs_table import ROOT, measured_at, write_table
+from docs_table import ROOT, measured_at
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(ROOT / "examples" / "recordings"))
@@ -157,13 +156,10 @@ def main() -> None:
         begun = time.perf_counter()
         before = {(f.effect.name, f.where) for f in kf.find_gap(log, model).findings}
         said = ", ".join(f"{e} {w}" for e, w in sorted(before)) or "nothing"
-        lines.append(f"| {flight} | nothing | {said} | | {time.perf_counter() - begun:.0f} s |")
-        print(lines[-1], flush=True)
+        print(f"| {flight} | nothing | {said} | | {time.perf_counter() - begun:.0f} s |", flush=True)
         for change in CHANGES:
-            lines.append(row(flight, log, model, change, before))
-            print(lines[-1], flush=True)
-    if options.docs:
-        write_table("benchmarks.md", "recorded flights", "\n".join([*lines, "", f"{measured_at(load)}."]))
+            print(row(flight, log, model, change, before), flush=True)
+    print(f"\n{measured_at(load)}.")
 
 
 if __name__ == "__main__":
