@@ -143,15 +143,10 @@ def row(flight: str, log: Log, model: FilterModel, change: Change, before: set[t
 
 
 def main() -> None:
-    """Measure, print, and write the table where `--docs` is given."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true")
-    options = parser.parse_args()
+    """Measure, and print the table line by line."""
     load = os.getloadavg()[0]
-    lines = [
-        "| flight | what was done to its log | said (planted) | other new names | |",
-        "|---|---|---|---|---|",
-    ]
+    print("| flight | what was done to its log | said (planted) | other new names | |")
+    print("|---|---|---|---|---|", flush=True)
     for flight, (log, model) in flights().items():
         begun = time.perf_counter()
         before = {(f.effect.name, f.where) for f in kf.find_gap(log, model).findings}
