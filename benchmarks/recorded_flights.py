@@ -26,12 +26,12 @@ import walk
 from common import DATA
 
 import kfgen as kf
+from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
-STANDARD_GRAVITY = 9.80665
 DEGREES = 180.0 / np.pi
 
 

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import not_counted
+from kfgen.effects.samples.event import Outliers
 from kfgen.effects.series import RawSamples
 from kfgen.emit.routines import Program
 from kfgen.gap.flight.faults.misread import misread
@@ -67,8 +69,9 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
         return None
     flight = flown(flight_log(log, program))
     path, left_out = without_outliers(flight)
-    known = {(w, e.name) for w, effects in model.noise.items() for e in effects}
-    scene = FlightScene(path, said=tuple(p for p in left_out if (p.where, p.effect.name) not in known))
+    known = {w for w, effects in model.noise.items() if any(isinstance(e, Outliers) for e in effects)}
+    said = tuple(p for p in left_out if not any(acts_on(p.where, w) for w in known))
+    scene = FlightScene(path, said=said)
     faults = (*stuck_sensors(flight), *_clipped(log, inputs))
     return replace(scene, spoilt=faults or _misread(scene, log, program))
 
