@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 DIFFERENCE_ROUNDS = 3
 """Of Newton's method for the error between two stored states; attitudes a tenth of a radian apart need two."""
+NO_ANGLE_RAD = 1e-14
+"""Angle that another round would add, at which there is none; a round leaves the angle times what it added itself."""
 
 
 @dataclass(frozen=True)
@@ -266,14 +268,15 @@ class FilterEquations:
         """
         y = y.copy()
         slopes = {}
-        for stored, error, attitude in self._places:
+        for stored, _, attitude in self._places:
             if attitude:
                 q = slice(stored, stored + 4)
                 y[np.einsum("mi,mi->m", x[:, q], y[:, q]) < 0.0, q] *= -1.0
-                slopes[stored] = [self._slope(x, error + k)[:, q] for k in range(3)]
+                columns = self._turned[stored].values([*self._around(x), *np.zeros((self.n, 1))])
+                slopes[stored] = [_stacked(columns[k : k + 4], x.shape[0]) for k in (0, 4, 8)]
         out = np.zeros((x.shape[0], self.n))
         for _ in range(DIFFERENCE_ROUNDS):
-            away = y - self.injected(x, out)
+            away, before = y - (self.injected(x, out) if out.any() else x), out.copy()
             for (stored, error, attitude), end in zip(self._places, [*self._places[1:], (0, self.n, False)]):
                 if attitude:
                     q = slice(stored, stored + 4)
@@ -281,16 +284,30 @@ class FilterEquations:
                         out[:, error + k] += 4.0 * np.einsum("mi,mi->m", slope, away[:, q])
                 else:
                     out[:, error : end[1]] += away[:, stored : stored + end[1] - error]
+            turned = [slice(e, e + 3) for _, e, attitude in self._places if attitude]
+            left = (
+                np.abs(out[:, e] - before[:, e]).max(initial=0.0) * np.abs(out[:, e]).max(initial=0.0)
+                for e in turned
+            )
+            if max(left, default=0.0) < NO_ANGLE_RAD:
+                break
         return out
 
-    def _slope(self, x: Array, k: int) -> Array:
-        """Derivative of the stored states, shape (m, stored), in error number `k`."""
-        error = np.zeros((1, self.n))
-        error[0, k] = 1e-6
-        up, down = (_stacked(self.inject.values([*self._around(x), *(s * error).T])) for s in (1.0, -1.0))
-        return np.asarray((up - down) / 2e-6)
+    @cached_property
+    def _turned(self) -> dict[int, Tape]:
+        """Of the quaternion that begins at each place: derivatives in its attitude's three errors at none, one after the other."""
+        e, corrected = self._errors, self.discrete.model.corrected
+        none = dict.fromkeys(e, 0)
+        return {
+            q: self.tape(
+                [sp.diff(x, e[error + k]).subs(none) for k in range(3) for x in corrected[q : q + 4]]
+            )
+            for q, error, attitude in self._places
+            if attitude
+        }
 
 
-def _stacked(values: Sequence[Array]) -> Array:
-    size = max(np.size(v) for v in values)
+def _stacked(values: Sequence[Array], size: int = 1) -> Array:
+    """Courses side by side, shape (m, values), each as long as the longest or of `size`."""
+    size = max(size, *(np.size(v) for v in values))
     return np.column_stack([np.broadcast_to(np.asarray(v, dtype=np.float64), size) for v in values])

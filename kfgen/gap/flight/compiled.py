@@ -45,25 +45,30 @@ def forward(  # noqa: PLR0913, PLR0917
         Innovations, their variances, gains; written.
     """
     n, N = x.size, Phi.shape[0]
-    T, fresh = np.zeros((n, n)), np.zeros(n)
+    T, turned, fresh = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     at = 0
     for k in range(N):
         while at < row_at.size and row_at[at] == k:
             s, innovation = R[at], y[at]
+            gain = K[at]
+            gain[:] = 0.0
+            for j in range(n):
+                h = H[at, j]
+                if h != 0.0:
+                    for i in range(n):
+                        gain[i] += h * P[j, i]
             for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += P[i, j] * H[at, j]
-                K[at, i] = total
-            for i in range(n):
-                s += H[at, i] * K[at, i]
+                s += H[at, i] * gain[i]
                 innovation -= H[at, i] * x[i]
             for i in range(n):
-                K[at, i] /= s
+                v = gain[i]
+                gain[i] = v / s
+                x[i] += gain[i] * innovation
+                T[0, i] = v
             for i in range(n):
-                x[i] += K[at, i] * innovation
+                v = gain[i]
                 for j in range(n):
-                    P[i, j] -= K[at, i] * K[at, j] * s
+                    P[i, j] -= v * T[0, j]
             e[at], S[at] = innovation, s
             at += 1
         if k == N - 1:
@@ -72,21 +77,25 @@ def forward(  # noqa: PLR0913, PLR0917
             fresh[i] = c[k, i]
         T[:] = 0.0
         for z in range(Pi.size):
-            v = Phi[k, z]
-            fresh[Pi[z]] += v * x[Pj[z]]
+            v, a, b = Phi[k, z], Pi[z], Pj[z]
+            fresh[a] += v * x[b]
             for j in range(n):
-                T[Pi[z], j] += v * P[Pj[z], j]
+                T[a, j] += v * P[b, j]
+        for i in range(n):
+            for j in range(n):
+                turned[j, i] = T[i, j]
         P[:] = 0.0
-        for z in range(Pi.size):
-            v = Phi[k, z]
-            for i in range(n):
-                P[i, Pi[z]] += v * T[i, Pj[z]]
+        for z in range(Pi.size):  # of a symmetric product the upper half is enough
+            v, a, b = Phi[k, z], Pi[z], Pj[z]
+            for j in range(a, n):
+                P[a, j] += v * turned[b, j]
         for z in range(Qi.size):
-            P[Qi[z], Qj[z]] += Qd[k, z]
+            if Qi[z] <= Qj[z]:
+                P[Qi[z], Qj[z]] += Qd[k, z]
         for i in range(n):
             x[i] = fresh[i]
             for j in range(i):
-                P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+                P[i, j] = P[j, i]
 
 
 @compiled(
