@@ -1,6 +1,6 @@
 """What `kfgen gap` says of real flights whose logs were changed in a known way: units, axes, outliers, a step, a delay.
 
-Usage: python benchmarks/recorded_flights.py
+Usage: python benchmarks/recorded_flights.py [--docs]
 
 Recordings are open data of other people in ``../shared/data`` (or KFGEN_DATA); what is absent is left out. Each flight is
 asked as it is first: what is said then is no answer to a change.
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from docs_table import ROOT, measured_at
+from docs_table import ROOT, measured_at, write_table
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(ROOT / "examples" / "recordings"))
@@ -91,6 +91,11 @@ def named(*names: str) -> frozenset[tuple[str, str]]:
 
 
 ENU = [f"axis_swap gnss_{s}_{a}" for s in "pv" for a in "NE"] + [f"sign_error gnss_{s}_D" for s in "pv"]
+LATER = Change(
+    "fixes 0.1 s later than they were",
+    named("time_delay gnss", "time_delay gnss_p", "time_delay gnss_v"),
+    later,
+)
 CHANGES = (
     Change("accelerometers in g", named("unit_error accel"), times(1.0 / STANDARD_GRAVITY, "accel"), "factor", 1.0 / STANDARD_GRAVITY),
     Change("gyros in degrees a second", named("unit_error gyro"), times(DEGREES, "gyro"), "factor", DEGREES),
@@ -99,7 +104,7 @@ CHANGES = (
     Change("gyro_x with the opposite sign", named("sign_error gyro_x"), times(-1.0, "gyro_x")),
     Change("outliers of 20 m in 3 % of the positions", named("outliers gnss_p"), outliers, "sigma", 20.0),
     Change("5 m more of gnss_p_D from the middle on", named("bias_step gnss_p_D"), step, "size", 5.0),
-    Change("fixes 0.1 s later than they were", named("time_delay gnss", "time_delay gnss_p", "time_delay gnss_v"), later),
+    LATER,
 )  # fmt: skip
 
 
@@ -122,13 +127,19 @@ def flights() -> dict[str, tuple[Log, FilterModel]]:
     return {n: way(DATA / f) for n, (f, way) in ways.items() if (DATA / f).is_file()}
 
 
-def row(flight: str, log: Log, model: FilterModel, change: Change, before: set[tuple[str, str]]) -> str:
-    """One line of the table."""
+def changed(log: Log, change: Change) -> Log:
+    """A log after a change."""
     columns = {n: np.array(c.values) for n, c in log.channels.items()}
     new = change.columns(columns, np.asarray(log.t))
-    changed = {n: replace(c, values=new.get(n, columns[n])) for n, c in log.channels.items()}
+    return replace(
+        log, channels={n: replace(c, values=new.get(n, columns[n])) for n, c in log.channels.items()}
+    )
+
+
+def row(flight: str, log: Log, model: FilterModel, change: Change, before: set[tuple[str, str]]) -> str:
+    """One line of the table."""
     begun = time.perf_counter()
-    found = kf.find_gap(replace(log, channels=changed), model)
+    found = kf.find_gap(changed(log, change), model)
     seconds = time.perf_counter() - begun
     said = {(f.effect.name, f.where): f for f in found.findings}
     right = [said[n] for n in change.names if n in said]
@@ -143,18 +154,25 @@ def row(flight: str, log: Log, model: FilterModel, change: Change, before: set[t
 
 
 def main() -> None:
-    """Measure, and print the table line by line."""
-    load = os.getloadavg()[0]
-    print("| flight | what was done to its log | said (planted) | other new names | |")
-    print("|---|---|---|---|---|", flush=True)
+    """Measure, print the table line by line, and write it where that is asked for."""
+    load, lines = os.getloadavg()[0], []
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+        lines.append(line)
+
+    say("| flight | what was done to its log | said (planted) | other new names | |")
+    say("|---|---|---|---|---|")
     for flight, (log, model) in flights().items():
         begun = time.perf_counter()
         before = {(f.effect.name, f.where) for f in kf.find_gap(log, model).findings}
         said = ", ".join(f"{e} {w}" for e, w in sorted(before)) or "nothing"
-        print(f"| {flight} | nothing | {said} | | {time.perf_counter() - begun:.0f} s |", flush=True)
+        say(f"| {flight} | nothing | {said} | | {time.perf_counter() - begun:.0f} s |")
         for change in CHANGES:
-            print(row(flight, log, model, change, before), flush=True)
-    print(f"\n{measured_at(load)}.")
+            say(row(flight, log, model, change, before))
+    say(f"\n{measured_at(load)}.")
+    if "--docs" in sys.argv[1:]:
+        write_table("benchmarks.md", "recorded flights", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -22,8 +22,9 @@ from kfgen.gap.core.search import Distinguishability
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.motion_scene import motion_scene
+from kfgen.gap.scene.addition import ranked
 from kfgen.gap.scene.evidence import evidence
-from kfgen.gap.scene.explanation import explained, ranked
+from kfgen.gap.scene.explanation import explained
 from kfgen.gap.scene.newton import (
     NOISE_LEVEL_SD_OF_LOG,
     coordinates,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
 from kfgen.effects import make
+from kfgen.gap.scene.addition import ranked
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
 from kfgen.gap.scene.scene_gap import scene_gap
+from kfgen.gap.scene.screen import screen
 from kfgen.gap.scene.tempered_scene import tempered
 from kfgen.gap.scene.unevenness import unevenness, unevenness_of_effect
 
@@ -140,3 +142,39 @@ def test_an_effect_with_one_coefficient_scatters_as_its_coefficient_does() -> No
     expected = float(unevenness(scene, fit)[0])
     assert expected > 2.0
     assert unevenness_of_effect(scene, fit, without, 0) == pytest.approx(expected, rel=1e-6)
+
+
+@dataclass(frozen=True)
+class TwoCourses(OneChannel):
+    """The same channel with an effect at each of two places, whose courses resemble each other."""
+
+    other: Array
+
+    def residuals(self, points: Sequence[ScenePoint]) -> Array:
+        """In unit white noise."""
+        course = {"x": self.course, "y": self.other}
+        out = [self.y - sum(p.effect.values[0] * course[p.where] for p in q.placed) for q in points]
+        return np.asarray(dct(np.column_stack(out), type=2, axis=0, norm="ortho"))
+
+    def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
+        """Both, where none is there."""
+        return [] if placed else [[PLACED], [replace(PLACED, where="y")]]
+
+
+def test_effects_that_resemble_each_other_are_ranked_by_what_they_explain() -> None:
+    """One of them acts where the noise is loud as well: it scatters more there, which speaks for the other as little."""
+    rng = np.random.default_rng(12)
+    other, e = rng.standard_normal((2, N))
+    e[256:384] *= 6.0
+    course = other.copy()
+    course[256:384] *= 4.0
+    other[256:384] = 0.0
+    scene = TwoCourses(e + 0.5 * course, course, other)
+    start = fitted(scene, point(scene))
+    there = tempered(scene, fitted(scene, point(scene, PLACED)))
+    base = fitted(there, start.point)
+    trials = ranked(there, base, screen(there, base))
+    own = [1.0 / unevenness_of_effect(there, t.fit, base, 0) for t in trials]
+    assert [t.placed.where for t in trials] == ["x", "y"]
+    assert own[0] < 0.5 * own[1]
+    assert {t.even_share for t in trials} == {max(own)}

@@ -22,7 +22,7 @@ from kfgen.gap.flight.named_effect import placed_effect
 from kfgen.gap.flight.path import flown
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.plan_between import WANTED_NATS, BetweenPlan, ManoeuvreNats
-from kfgen.gap.scene.explanation import relinearised
+from kfgen.gap.scene.addition import relinearised
 from kfgen.gap.scene.newton import fitted, keys_of
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Log

@@ -12,7 +12,7 @@ from kfgen.core.errors import InputError
 from kfgen.effects.plant.sensor import SensorLag
 from kfgen.gap.plant.recorded_channel import check_near
 from kfgen.gap.plant.scene import PlantScene
-from kfgen.gap.scene.explanation import ranked
+from kfgen.gap.scene.addition import ranked
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.gap.scene.screen import Screened

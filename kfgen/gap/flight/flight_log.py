@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,12 +40,22 @@ class AidingSamples:
         Readings [SI].
     at : ndarray of int, shape (m,)
         The grid's time that is nearest.
+    delay : float
+        That is assumed, and is off the times already [s].
+    noise : ndarray, shape (m,)
+        Standard deviation of each sample's noise over the assumed one.
     """
 
     sensor: Sensor
     t: Array
     z: Array
     at: NDArray[np.intp]
+    delay: float
+    noise: Array
+
+    def kept(self, these: NDArray[np.bool_]) -> AidingSamples:
+        """Some of the samples."""
+        return replace(self, t=self.t[these], z=self.z[these], at=self.at[these], noise=self.noise[these])
 
 
 @dataclass(frozen=True)
@@ -136,12 +146,13 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     aiding = []
     for name, z in calls.present.items():
         there = np.isfinite(z).all(axis=1)
-        times = np.asarray(log.t)[there] - calls.delays.get(name, 0.0)
+        delay = calls.delays.get(name, 0.0)
+        times = np.asarray(log.t)[there] - delay
         inside = (times > t[0] - 0.5 * dt) & (times < t[-1] + 0.5 * dt)
         times, there = times[inside], np.flatnonzero(there)[inside]
         at = np.clip(np.rint((times - t[0]) / (t[1] - t[0])), 0, t.size - 1).astype(np.intp)
         if times.size:
-            aiding.append(AidingSamples(model.sensor(name), times, z[there], at))
+            aiding.append(AidingSamples(model.sensor(name), times, z[there], at, delay, np.ones(times.size)))
     discrete = DiscreteModel.at_rate(
         model, 1.0 / dt, max_step=program.discrete.max_step, rates=rates_in(log, model)
     )

@@ -29,7 +29,7 @@ MAX_LOSS_NATS = 20.0
 """Loss of log-likelihood up to which a step is taken: a filter about its own first path fits its noise."""
 SILENCED_VARIANCE_FACTOR = 1e12
 """Of a reading that says nothing."""
-ARRIVED_NATS = 0.01
+ARRIVED_NATS = 0.1
 """Change of log-likelihood below which a path has arrived."""
 
 

@@ -46,7 +46,7 @@ def rows_of(log: FlightLog) -> Rows:
     at = np.concatenate([np.repeat(a.at, a.z.shape[1]) for a in log.aiding]).astype(np.int64)
     t = np.concatenate([np.repeat(a.t, a.z.shape[1]) for a in log.aiding])
     z = np.concatenate([a.z.ravel() for a in log.aiding])
-    R = np.concatenate([np.tile(_variances(log, a), a.t.size) for a in log.aiding])
+    R = np.concatenate([np.outer(a.noise**2, _variances(log, a)).ravel() for a in log.aiding])
     first = np.cumsum([0, *(a.z.shape[1] for a in log.aiding)])
     index = np.concatenate(
         [np.tile(np.arange(a.z.shape[1]) + k, a.t.size) for a, k in zip(log.aiding, first)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +17,19 @@ from numpy.typing import NDArray
 from kfgen.core.channel_names import acts_on
 from kfgen.effects import Effect
 from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
-from kfgen.effects.inertial.inertial_error import free
-from kfgen.effects.inertial.lag import Bandwidth, ClockDrift, Lag, TimeDelay
+from kfgen.effects.inertial.felt import Signals
+from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
-from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
+from kfgen.gap.flight.noise.changed_noise import with_noise_changes
+from kfgen.gap.flight.noise.tuned import TunedFlight, TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.likely_random_errors import likely_random_errors
 from kfgen.gap.flight.random.random_course import not_random
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
+from kfgen.gap.flight.sums import units_of
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, with_errors
 from kfgen.gap.motion.truth import Truth
@@ -44,13 +46,12 @@ MIN_SIGN_SHARE = 0.05
 """Share of the readings that either sign has at least, for an asymmetry of the two to be seen."""
 CONSTANT_STEP_SHARE = 1e-4
 """Change of a constant, as a share of it, by which readings are differentiated."""
-SHORT = {TimeDelay.name: ("delay", 2e-3), ClockDrift.name: ("rate", 2e-5)}
-"""Delay [s] and drift by which the readings' rates are had along the path; larger ones are in proportion, until the path
-is theirs."""
-NODE_LOG_STEP = 0.25
-"""Step of the logarithm of a corner or a time constant between which responses are interpolated."""
-REMEMBERED_UNITS = 4096
-"""Effects whose sums are kept."""
+READS_AHEAD = "an inertial sensor does not read what comes later"
+"""Why a negative delay of one is no finding: that the other sensors are late is one."""
+KNOWS_AHEAD = "a receiver does not know what comes later"
+"""Why a fix of a later time than its stamp says is doubted: clocks that were never set do that."""
+MAX_AHEAD_S = 0.05
+"""By which a fix may be ahead [s]: inertial sensors are late themselves, by their low-passes."""
 MOVED_SHARE = 1e-9
 """Relative variation of what a channel should have read from which on it moves."""
 
@@ -74,6 +75,8 @@ class FlightScene:
         Faults of the log.
     said : tuple of Placed
         See `kfgen.gap.scene.scene.Telling`.
+    cautious : bool
+        Whether what is rare is no candidate, for something else is still there.
     """
 
     path: FlownPath
@@ -83,6 +86,7 @@ class FlightScene:
     memory: dict[Placed, Array] = field(default_factory=dict, compare=False, repr=False)
     spoilt: tuple[Placed, ...] = ()
     said: tuple[Placed, ...] = ()
+    cautious: bool = False
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -188,11 +192,11 @@ class FlightScene:
 
     def _response(self, placed: Placed) -> Array:
         """What the innovations lose by an effect with its values."""
-        return np.asarray(sum(size * self.memory[unit] for unit, size in _units(placed)))
+        return np.asarray(sum(size * self.memory[unit] for unit, size in units_of(placed)))
 
     def _remember(self, placed: Iterable[Placed]) -> None:
         """Compute the responses that are not known yet, many in one pass."""
-        wanted = dict.fromkeys(u for p in placed for u, _ in _units(p) if u not in self.memory)
+        wanted = dict.fromkeys(u for p in placed for u, _ in units_of(p) if u not in self.memory)
         units = list(wanted)
         for first in range(0, len(units), COLUMNS_AT_ONCE):
             some = units[first : first + COLUMNS_AT_ONCE]
@@ -206,20 +210,28 @@ class FlightScene:
     def errors(self, placed: Sequence[Placed]) -> tuple[Array, Array]:
         """What effects add to the readings along the path: of the inputs, shape (n, inputs), of the others, shape (rows,)."""
         du, dz = np.zeros_like(self.path.log.u), np.zeros(self.path.rows.t.size)
+        late: dict[tuple[str, tuple[Effect, ...]], Signals] = {}
         for name in (c for c in self.compared if any(acts_on(p.where, c) for p in placed)):
-            change = self._error(name, placed)
+            change = self._error(name, placed, late)
             if name in self.path.equations.channels:
                 du[:, self.path.equations.channels.index(name)] = change
             else:
                 dz[self.path.rows.of(name)] = self.path.at_rows(change, name)
         return du, dz
 
-    def _error(self, channel: str, placed: Sequence[Placed]) -> Array:
-        """What effects add to one channel along the path, shape (n,)."""
-        here: list[Effect] = [p.effect for p in placed if acts_on(p.where, channel)]
+    def _error(
+        self,
+        channel: str,
+        placed: Sequence[Placed],
+        late: dict[tuple[str, tuple[Effect, ...]], Signals],
+    ) -> Array:
+        """What effects add to one channel along the path, shape (n,); `late` keeps what triads felt after their lags."""
+        here = tuple(p.effect for p in placed if acts_on(p.where, channel))
         sensor, axis = self.truth.place(channel)
         felt = self.truth.signals(sensor)
-        return with_errors(delayed(felt, here), axis, here, self.path.log.drive) - felt.y[:, axis]
+        if (sensor, here) not in late:
+            late[sensor, here] = delayed(felt, here)
+        return with_errors(late[sensor, here], axis, here, self.path.log.drive) - felt.y[:, axis]
 
     def about(self, point: ScenePoint) -> FlightScene:
         """The same flight about the path that is smoothed with the effects of a point subtracted."""
@@ -227,7 +239,7 @@ class FlightScene:
         constants = dict(zip((u.name for u in self.unknowns), point.unknowns.tolist()))
         energies = self.__dict__.get("_energies", self.energies)
         path = self.path.without(du, dz, constants)
-        return FlightScene(path, point.placed, self.sizes, energies, said=self.said)
+        return FlightScene(path, point.placed, self.sizes, energies, said=self.said, cautious=self.cautious)
 
     @cached_property
     def log_widths(self) -> Array:
@@ -246,9 +258,17 @@ class FlightScene:
 
     def tuned(self, point: ScenePoint) -> FlightScene:
         """The flight about no effect, its noises of the sizes that are most likely beside the effects of a point."""
-        found = tuned(self.about(point).path)
-        clean = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
-        return FlightScene(clean.smoothed(), (), found.sizes, said=self.said)
+        return self._about_none(tuned(self.about(point).path))
+
+    def with_noise_changes(self, point: ScenePoint) -> FlightScene:
+        """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
+        path, changed = with_noise_changes(self.about(point).path)
+        found = self._about_none(TunedFlight(path, self.sizes))
+        return replace(found, said=(*self.said, *changed)) if changed else self
+
+    def _about_none(self, found: TunedFlight) -> FlightScene:
+        path = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
+        return FlightScene(path.smoothed(), (), found.sizes, said=self.said, cautious=True)
 
     def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
@@ -260,7 +280,7 @@ class FlightScene:
         """The flight about no effect, with one random error more as a state of its filter."""
         path = replace(self.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
         path = replace(path, random_errors=(*path.random_errors, placed))
-        return FlightScene(path.smoothed(), (), self.sizes, said=self.said)
+        return FlightScene(path.smoothed(), (), self.sizes, said=self.said, cautious=True)
 
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
@@ -298,9 +318,11 @@ class FlightScene:
     def _shows(self, placed: Placed) -> bool:
         """Whether a log can show it: the Earth's rate is an option of the filter, a corner needs samples as fast.
 
-        An asymmetry needs readings of either sign, else it is a scale factor.
+        An asymmetry needs readings of either sign, else it is a scale factor; the axes of an inertial sensor are read at once.
         """
         if isinstance(placed.effect, EarthRate):
+            return False
+        if isinstance(placed.effect, TimeDelay) and placed.where in self.path.equations.channels:
             return False
         if isinstance(placed.effect, ScaleAsymmetry):
             sensor, axis = self.truth.place(placed.where)
@@ -311,6 +333,19 @@ class FlightScene:
         rates = [self.lengths[k] for k, c in enumerate(self.channels) if acts_on(placed.where, c)]
         fastest = max(rates, default=self.path.log.t.size) / (self.span[1] - self.span[0])
         return float(placed.effect.corner) <= fastest
+
+    def unreached(self, placed: Placed) -> str:
+        """See `kfgen.gap.scene.scene.Reaching`."""
+        if _is_early(placed) and any(acts_on(placed.where, c) for c in self.path.equations.channels):
+            return READS_AHEAD
+        late = [
+            a.delay
+            for a in self.path.log.aiding
+            for c in a.sensor.channels
+            if acts_on(placed.where, c) and self.truth.place(c)[0] in self.truth.antennas
+        ]
+        early = late and _is_early(placed, min(late) + MAX_AHEAD_S)
+        return KNOWS_AHEAD if self.cautious and early else ""
 
     @cached_property
     def bench(self) -> MotionCandidates:
@@ -339,39 +374,6 @@ class FlightScene:
         return away, seen if seen.any() else ~seen
 
 
-@lru_cache(maxsize=REMEMBERED_UNITS)
-def _units(placed: Placed) -> tuple[tuple[Placed, float], ...]:
-    """An effect as a sum of effects with their weights, which serve other values of it as well.
-
-    What is linear in its coefficients is a sum of effects of unit size, what is short is in proportion. One that has a
-    corner or a time constant besides is interpolated between neighbours in its logarithm.
-    """
-    if (short := SHORT.get(placed.effect.name)) is not None:
-        name, small = short
-        unit = replace(placed, effect=replace(placed.effect, **{name: small}))
-        return ((unit, float(getattr(placed.effect, name)) / small),)
-    names = {p.name for p in free(placed.effect)}
-    positive = [p.name for p in placed.effect.parameters() if p.name in names and p.kind != "signed"]
-    signed = [p.name for p in placed.effect.parameters() if p.name in names and p.kind == "signed"]
-    if len(positive) > 1 or not names or (positive and signed and isinstance(placed.effect, Lag)):
-        return ((placed, 1.0),)
-    sizes = {n: float(getattr(placed.effect, n)) for n in signed}
-    bare = Placed(replace(placed.effect, **dict.fromkeys(signed, 0.0)), placed.where)
-    linear = [(replace(bare, effect=replace(bare.effect, **{n: 1.0})), s) for n, s in sizes.items()]
-    if not positive:
-        return tuple(linear)
-    nodes = _nodes(float(getattr(placed.effect, positive[0])))
-    return tuple(
-        (replace(p, effect=replace(p.effect, **{positive[0]: x})), size * w)
-        for p, size in (linear or [(bare, 1.0)])
-        for x, w in nodes
-    )
-
-
-def _nodes(value: float) -> list[tuple[float, float]]:
-    """Neighbours of a positive number, evenly in the logarithm, and their weights: a cubic through four of them."""
-    at = np.log(max(value, 1e-300)) / NODE_LOG_STEP
-    first = int(np.floor(at)) - 1
-    s, k = at - first, np.arange(4)
-    weights = [float(np.prod([(s - j) / (i - j) for j in k if j != i])) for i in k]
-    return [(float(np.exp((first + i) * NODE_LOG_STEP)), w) for i, w in zip(k, weights)]
+def _is_early(placed: Placed, allowed_s: float = 0.0) -> bool:
+    """Whether an effect makes a sensor read what comes later, by more than is allowed."""
+    return isinstance(placed.effect, TimeDelay) and float(placed.effect.delay) < -allowed_s

@@ -16,7 +16,7 @@ from kfgen.effects.plant.terms import InputDelay
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.plant.scene import PlantScene
 from kfgen.gap.plant.shooting import Shooting
-from kfgen.gap.scene.explanation import ranked
+from kfgen.gap.scene.addition import ranked
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, start_of
 from kfgen.gap.scene.screen import screen

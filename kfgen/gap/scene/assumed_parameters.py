@@ -13,13 +13,14 @@ from kfgen.core.time_budget import search_is_over
 from kfgen.effects.plant.terms import ParameterError
 from kfgen.gap.core.search import Chosen
 from kfgen.gap.core.thresholds import MAX_ITERATIONS
-from kfgen.gap.scene.explanation import LIMITS, Explained, FittedAddition, explained, with_values
+from kfgen.gap.scene.addition import FittedAddition
+from kfgen.gap.scene.explanation import LIMITS, Explained, explained, with_values
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting, start_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
-FIRST_LIMITS = replace(LIMITS, max_effects=4)
+FIRST_LIMITS = replace(LIMITS, max_effects=4, max_iterations=0)
 """Of a world that has random errors: beyond, one of these is likelier than a long list, and all is looked for again."""
 
 

@@ -14,7 +14,8 @@ from kfgen.effects import Effect
 from kfgen.effects.series import DECADES, OF_A_COEFFICIENT
 from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.newton import SceneFit, coordinates, is_signed, keys_of, log_posterior
-from kfgen.gap.scene.scene import Integrating, Placed, Scene
+from kfgen.gap.scene.scene import HasNoiseSizes, Integrating, Placed, Scene
+from kfgen.gap.scene.tempered_scene import TemperedScene
 
 
 def evidence(scene: Scene, fit: SceneFit) -> float:
@@ -51,6 +52,20 @@ def evidence(scene: Scene, fit: SceneFit) -> float:
     values = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 1.0)
     value += 0.5 * size * float(np.log(2.0 * np.pi)) - 0.5 * float(np.log(values).sum())
     return float(value - 0.5 * np.log(floor).sum())
+
+
+def evidence_over_widths(scene: Scene, fit: SceneFit) -> float:
+    """Evidence of a fit as a density of the readings, comparable among worlds of other noise, up to a constant of the log [nats].
+
+    Parameters
+    ----------
+    scene : Scene
+    fit : SceneFit
+        Of that scene.
+    """
+    world = scene.scene if isinstance(scene, TemperedScene) else scene
+    widths = float(world.log_widths.sum()) if isinstance(world, HasNoiseSizes) else 0.0
+    return evidence(scene, fit) - widths
 
 
 def parameter_width(scene: Scene, effect: Effect, name: str) -> float:

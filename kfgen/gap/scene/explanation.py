@@ -13,73 +13,31 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.time_budget import search_is_over
-from kfgen.effects.inertial.inertial_error import free
 from kfgen.gap.core.search import (
     Chosen,
     Contest,
     Distinguishability,
     Label,
     Refused,
+    grown,
     probabilities,
     refused_of,
     searched,
+    settled,
 )
 from kfgen.gap.core.thresholds import SearchLimits
-from kfgen.gap.rest.evidence import TIME_LIMITS
-from kfgen.gap.scene.evidence import evidence, time_limits
-from kfgen.gap.scene.newton import SceneFit, coordinates, fitted
-from kfgen.gap.scene.proof import unproven, unreached
-from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, Placed, Scene, ScenePoint, start_of
+from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, ranked, relinearised
+from kfgen.gap.scene.evidence import evidence_over_widths
+from kfgen.gap.scene.newton import SceneFit, fitted
+from kfgen.gap.scene.proof import unproven
+from kfgen.gap.scene.scene import Scene, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
-from kfgen.gap.scene.tempered_scene import TemperedScene
-from kfgen.gap.scene.unevenness import unevenness_of_effect
 
 Array = NDArray[np.float64]
 
 LIMITS = SearchLimits(max_effects=10)
-FITTED_ADDITIONS = 8
-"""Additions that are fitted, the best of the screen."""
-MIN_SCREEN_GAIN_NATS = 1.0
-"""Linear gain below which an addition is not fitted."""
 UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
-RESEMBLING_MIN_COS2 = 0.2
-"""Share cos^2 of a direction from which on another addition might be what an effect is."""
-MAX_LINEARISATIONS = 5
-"""Of a world that is linear about a point."""
-MAX_LOSS_NATS = 20.0
-"""Of log-likelihood, beyond which another linearisation is worse than the one before."""
-CONVERGED_SIGMAS = 0.1
-"""Change of a fit, in its standard deviations, at which it is where its linearisation is."""
-DIVERGED_MAX_INFORMATION_SHARE = 1e-6
-"""Share of the information on an unknown below which the simulation has diverged."""
-
-
-@dataclass(frozen=True)
-class FittedAddition:
-    """A fitted addition and its evidence over the scene without it [nats].
-
-    Parameters
-    ----------
-    placed : Placed
-    fit : SceneFit
-        Of the scene with it, the last.
-    gain : float
-        Less the cost of choosing it.
-    direction : ndarray, shape (N,)
-        In which it moves the residuals most, as of `Screened`.
-    """
-
-    placed: Placed
-    fit: SceneFit
-    gain: float
-    direction: Array
-
-    @property
-    def label(self) -> Label:
-        """Effect and place."""
-        return self.placed.effect.name, self.placed.where
 
 
 @dataclass(frozen=True)
@@ -127,8 +85,8 @@ class SceneExplanation:
         ranked : sequence of FittedAddition
             All that competed, itself among them.
         """
-        chosen = (*self.chosen, _chosen(addition, ranked))
-        scene, fit = relinearised(self.scene, addition.fit)
+        chosen = (*self.chosen, _chosen(replace(addition, about=None), ranked))
+        scene, fit = relinearised(*(addition.about or (self.scene, addition.fit)))
         return SceneExplanation(scene, fit, with_values(chosen, fit), self.refused)
 
     def merged(self, addition: FittedAddition) -> SceneExplanation | None:
@@ -192,6 +150,20 @@ def explained(scene: Scene, limits: SearchLimits = LIMITS) -> Explained:
     return Explained(assumed, found.chosen, found.fit, found.scene, refused_of(found))
 
 
+def completed(found: Explained, *, grow: bool) -> Explained:
+    """What was found by a search that was cut short: each effect judged anew beside the others.
+
+    Parameters
+    ----------
+    found : Explained
+    grow : bool
+        Whether more may have evidence.
+    """
+    there = SceneExplanation(found.scene, found.fit, found.added, found.refused)
+    end = settled(grown(there, LIMITS) if grow else there, LIMITS)
+    return Explained(found.assumed, end.chosen, end.fit, end.scene, refused_of(end))
+
+
 def refitted(scene: Scene, found: Explained) -> Explained:
     """What was found, fitted again.
 
@@ -206,31 +178,6 @@ def refitted(scene: Scene, found: Explained) -> Explained:
     return Explained(assumed, with_values(found.added, fit), fit, there)
 
 
-def relinearised(scene: Scene, fit: SceneFit) -> tuple[Scene, SceneFit]:
-    """A world that is linear about a point, about its fit, until the fit moves by less than a tenth of its standard deviation.
-
-    Parameters
-    ----------
-    scene : Scene
-    fit : SceneFit
-        Of that scene.
-    """
-    for _ in range(MAX_LINEARISATIONS):
-        if not isinstance(scene, Linearised):
-            break
-        there = scene.about(fit.point)
-        if not np.isfinite(there.residuals([fit.point])).all():
-            break  # it has no path there: the linear one is all there is
-        moved = fitted(there, fit.point)
-        if moved.value < fit.value - MAX_LOSS_NATS:
-            break
-        change = np.abs(coordinates(moved.point) - coordinates(fit.point))
-        scene, fit = there, moved
-        if (change < CONVERGED_SIGMAS * np.sqrt(np.maximum(np.diag(fit.covariance), 1e-300))).all():
-            break
-    return scene, fit
-
-
 def evidence_of_all(scene: Scene, fit: SceneFit, named: Sequence[Chosen[FittedAddition]] = ()) -> float:
     """Evidence of a fit with everything that it names, up to a constant of the log [nats].
 
@@ -243,9 +190,7 @@ def evidence_of_all(scene: Scene, fit: SceneFit, named: Sequence[Chosen[FittedAd
         Its effects.
     """
     choice = sum(float(np.log(max(len(a.probabilities), 2))) for a in named)
-    world = scene.scene if isinstance(scene, TemperedScene) else scene
-    widths = float(world.log_widths.sum()) if isinstance(world, HasNoiseSizes) else 0.0
-    return evidence(scene, fit) - choice - widths
+    return evidence_over_widths(scene, fit) - choice
 
 
 def with_values(added: Sequence[Chosen[FittedAddition]], fit: SceneFit) -> tuple[Chosen[FittedAddition], ...]:
@@ -298,103 +243,6 @@ def _last(fit: SceneFit, index: int, *, back: bool = False) -> SceneFit:
 def _chosen(best: FittedAddition, trials: Sequence[FittedAddition]) -> Chosen[FittedAddition]:
     alike: dict[Label, float] = {}
     for t in (t for t in trials if t is not best):
-        alike[t.label] = max(alike.get(t.label, 0.0), _cos2(best.direction, t.direction))
+        alike[t.label] = max(alike.get(t.label, 0.0), cos2(best.direction, t.direction))
     others = tuple(Distinguishability(*label, cos2) for label, cos2 in alike.items())
     return Chosen(best, probabilities(trials), others)
-
-
-def _cos2(a: Array, b: Array) -> float:
-    power = float((a @ a) * (b @ b))
-    return float((a @ b) ** 2) / power if power > 0.0 else 0.0
-
-
-def ranked(
-    scene: Scene, base: SceneFit, others: Sequence[Screened], known: FittedAddition | None = None
-) -> list[FittedAddition]:
-    """The most promising additions, fitted, by evidence.
-
-    Parameters
-    ----------
-    scene : Scene
-    base : SceneFit
-        Of the scene without them.
-    others : sequence of Screened
-        Beside `base`, the best first.
-    known : FittedAddition, optional
-        An addition that is fitted already: half as many others are held against it.
-    """
-    if known is not None:
-        others = [o for o in others if not _alike(o.start, known.placed)]
-    if not others and known is None:
-        return []
-    every = [o.start for o in others] + ([known.placed] if known is not None else [])
-    reference = evidence(scene, base)
-    trials = []
-    if known is not None:
-        gain = evidence(scene, known.fit) - reference - _cost(known.placed, every)
-        gain -= _uneven_part(scene, base, known.fit)
-        trials.append(replace(known, gain=gain))
-    for o in others[: FITTED_ADDITIONS if known is None else FITTED_ADDITIONS // 2]:
-        if o.gain < MIN_SCREEN_GAIN_NATS:
-            continue
-        if search_is_over():
-            break
-        fit = _itself(scene, fitted(scene, ScenePoint((*base.point.placed, o.start), base.point.unknowns)))
-        if _blind(base, fit) or unreached(scene, fit):
-            continue
-        value = evidence(scene, fit) - reference - _cost(o.start, every) - _uneven_part(scene, base, fit)
-        trials.append(FittedAddition(fit.point.placed[-1], fit, value, o.direction))
-    return sorted(trials, key=lambda t: -t.gain)
-
-
-def _uneven_part(scene: Scene, base: SceneFit, fit: SceneFit) -> float:
-    """What of a gain a misfit gives that is larger at some times than at others [nats]; nothing where none is left."""
-    if not isinstance(scene, TemperedScene):
-        return 0.0
-    wider = unevenness_of_effect(scene, fit, base, len(fit.point.placed) - 1)
-    return (1.0 - 1.0 / wider) * max(fit.value - base.value, 0.0)
-
-
-def _cost(placed: Placed, every: Sequence[Placed]) -> float:
-    """Nats that an addition costs: every effect at every place is as likely, and nothing; so are the ways to write one.
-
-    Else a matrix would be likelier the more of its entries and rows are tried, and what its classes say is rare.
-    """
-    labels = [(p.effect.name, p.where) for p in every]
-    ways = labels.count((placed.effect.name, placed.where))
-    return (
-        float(np.log((len(set(labels)) + 1) * max(ways, 1)))
-        + placed.effect.prior_penalty_nats
-        + placed.prior_penalty_nats
-    )
-
-
-def _alike(a: Placed, b: Placed) -> bool:
-    """Whether two additions are the same but for their values: of a span, another span."""
-    spans = [float(getattr(x.effect, "duration", 0.0)) > 0.0 for x in (a, b)]
-    names = [{p.name for p in free(x.effect)} for x in (a, b)]
-    same = type(a.effect) is type(b.effect) and a.where == b.where
-    return same and spans[0] == spans[1] and names[0] == names[1]
-
-
-def _blind(base: SceneFit, fit: SceneFit) -> bool:
-    """Whether the data no longer say what they said of the unknowns: there the simulation has diverged."""
-    count = base.point.unknowns.size
-    if not np.isfinite(fit.information).all():
-        return True
-    before, after = (np.diag(f.information)[f.information.shape[0] - count :] for f in (base, fit))
-    return bool((after < DIVERGED_MAX_INFORMATION_SHARE * before).any())
-
-
-def _itself(scene: Scene, fit: SceneFit) -> SceneFit:
-    """A fit whose last effect keeps to times with which it is itself: one beyond is held at the nearest."""
-    last = fit.point.placed[-1]
-    if last.effect.name not in TIME_LIMITS or last.held:
-        return fit
-    lo, hi = time_limits(scene, last.effect.name)
-    times = {p.name: float(getattr(last.effect, p.name)) for p in free(last.effect) if p.kind == "time"}
-    if not any(t > hi or t < lo for t in times.values()):
-        return fit
-    nearest = {n: min(max(t, lo), hi) for n, t in times.items()}
-    held = replace(last, effect=replace(last.effect, **nearest), held=tuple(times))
-    return fitted(scene, ScenePoint((*fit.point.placed[:-1], held), fit.point.unknowns))

@@ -16,11 +16,12 @@ import numpy as np
 from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.search import NO_EFFECT, Chosen, Label
 from kfgen.gap.core.thresholds import TIE_NATS
+from kfgen.gap.scene.addition import FittedAddition, relinearised
 from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS, Answered
-from kfgen.gap.scene.explanation import FittedAddition, evidence_of_all, explained
+from kfgen.gap.scene.explanation import completed, evidence_of_all, explained
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.random_error import FittedRandomError, HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.scene import Linearised, ScenePoint
+from kfgen.gap.scene.scene import Linearised, Scene, ScenePoint
 
 MAX_ROUNDS = 2
 """Times that random errors are added, and effects looked for again."""
@@ -30,6 +31,8 @@ MIN_RANDOM_ERROR_NATS = 5.0
 """Evidence above which a random error is added: it takes up what nobody looked for as well."""
 MIN_WORTH_SHARE = 0.5
 """Of the evidence of what was found, which random errors alone must have to be tried in its place."""
+MIN_LEADING_SHARE = 0.5
+"""Of the largest gain of an effect, that others have which stand beside it when random errors are looked for first."""
 
 
 def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
@@ -53,6 +56,10 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         if len(answer.random_errors) == count:
             break
     answer = _pruned(answer)
+    if not answer.random_errors:
+        is_long = len(answer.found.added) >= FIRST_LIMITS.max_effects
+        found = completed(answer.found, grow=is_long)
+        answer = replace(answer, scene=found.scene, found=found)
     scene = answer.scene
     if not isinstance(scene, HasRandomErrors):
         return answer
@@ -83,11 +90,25 @@ def _pruned(answer: Answered) -> Answered:
 
 def _beside(answer: Answered, is_unfinished: bool) -> Answered:
     """With random errors beside what was found, where there is evidence for them."""
-    scene, point = answer.scene, answer.fit.point
+    scene, point = _leading(answer) if is_unfinished else (answer.scene, answer.fit.point)
     assert isinstance(scene, HasRandomErrors)
-    start = scene.tuned(point) if is_unfinished else scene
+    changed = scene.with_noise_changes(point) if is_unfinished else scene
+    start = changed.tuned(point) if is_unfinished else scene
     assert isinstance(start, HasRandomErrors)
-    return _better(answer, _gathered(start, point), start)
+    return _better(answer, _gathered(start, point), start, is_another=changed is not scene)
+
+
+def _leading(answer: Answered) -> tuple[Scene, ScenePoint]:
+    """The scene about the effects that gained most, and these: the others may be what random errors look like."""
+    gains = [a.gain for a in answer.found.added]
+    kept = tuple(
+        p
+        for p, g in zip(answer.found.fit.point.placed, gains)
+        if g >= MIN_LEADING_SHARE * max(gains, default=0.0)
+    )
+    point = ScenePoint(kept, answer.found.fit.point.unknowns)
+    scene, fit = relinearised(answer.scene, fitted(answer.scene, point))
+    return scene, fit.point
 
 
 def _instead(answer: Answered) -> Answered:
@@ -116,10 +137,17 @@ def _gathered(scene: HasRandomErrors, point: ScenePoint) -> list[list[FittedRand
 
 
 def _better(
-    answer: Answered, every: Sequence[Sequence[FittedRandomError]], scene: HasRandomErrors
+    answer: Answered,
+    every: Sequence[Sequence[FittedRandomError]],
+    scene: HasRandomErrors,
+    *,
+    is_another: bool = False,
 ) -> Answered:
-    """The answer with the first of each list of random errors in the noise of a scene, if the whole is likelier."""
-    if not every:
+    """The answer with the first of each list of random errors in the noise of a scene, if the whole is likelier.
+
+    Without any the answer stays, unless the scene is another one by itself.
+    """
+    if not every and not is_another:
         return answer
     for found in every:
         scene = scene.with_random_error(found[0].placed)
@@ -130,7 +158,7 @@ def _better(
     gain = total(more) - total(answer)
     lost = [a for a in answer.found.added if a.label not in {b.label for b in again.added}]
     if gain < (TIE_NATS if lost else MIN_RANDOM_ERROR_NATS):
-        return _shared(answer, lost, named[0].fitted.label, gain)
+        return _shared(answer, lost, named[0].fitted.label, gain) if named else answer
     rival = lost[0].label if lost else NO_EFFECT
     judged = []
     for of_one, w in zip(every, named):
@@ -141,7 +169,9 @@ def _better(
 
 def _shared(answer: Answered, lost: Sequence[Chosen[FittedAddition]], label: Label, gain: float) -> Answered:
     """The answer whose probabilities know of a random error in place of some effects."""
-    share = float(1.0 / (1.0 + np.exp(-gain)))
+    from scipy.special import expit
+
+    share = float(expit(gain))
     added = tuple(
         replace(a, probabilities={k: p * (1.0 - share) for k, p in a.probabilities.items()} | {label: share})
         if any(a is x for x in lost)

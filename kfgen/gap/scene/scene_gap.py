@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import acts_on
 from kfgen.core.time_budget import time_budget
 from kfgen.gap.core.battery import Test, chance_of, holm, white_tests
 from kfgen.gap.core.holdout import HELD_OUT_SHARE, Gap
@@ -25,9 +26,10 @@ from kfgen.gap.core.result import (
 )
 from kfgen.gap.core.search import Chosen, Refused
 from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.second_recording import happens_once
+from kfgen.gap.scene.addition import FittedAddition
 from kfgen.gap.scene.assumed_parameters import Answered, answered
 from kfgen.gap.scene.detection_limits import limits
-from kfgen.gap.scene.explanation import FittedAddition
 from kfgen.gap.scene.holdout import band_edges, held_out
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
@@ -47,7 +49,7 @@ from kfgen.gap.scene.scene import (
     start_of,
 )
 from kfgen.gap.scene.screen import basis
-from kfgen.gap.scene.under_misfit import under_misfit, without_events, without_weakest
+from kfgen.gap.scene.under_misfit import AMONG_OTHER_EVENTS, under_misfit, without_events, without_weakest
 from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
@@ -191,8 +193,10 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     after, noise_scales = _updated_tests(answer)
     levels = levels_in(scene, noise_scales)
     sizes = (*noise_scales, *(scene.noise_scales if isinstance(scene, HasNoiseSizes) else ()))
-    findings = _findings(answer, unit_of)
-    refused = [*found.refused, *_stand_ins(answer)]
+    doubtful = {t.channel for t in after if t.significant}
+    said, unsaid = _said(scene, doubtful)
+    findings = _findings(answer, said, unit_of)
+    refused = [*found.refused, *_stand_ins(answer), *unsaid]
     verdict = EFFECTS_FOUND if findings or sizes else NO_GAP
     if any(w.objection for w in answer.random_errors) or any(t.significant for t in after):
         verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
@@ -238,10 +242,19 @@ def _as_assumed(answer: Answered) -> Answered:
     return replace(answer, found=replace(found, fit=found.assumed), tempered=None)
 
 
-def _findings(answer: Answered, unit_of: UnitOf) -> tuple[Finding, ...]:
+def _said(scene: Scene, doubtful: Collection[str]) -> tuple[list[Placed], list[Refused]]:
+    """What a scene was made without, and what of it may be something else: a moment of channels that fail their tests."""
+    said = scene.said if isinstance(scene, Telling) else ()
+    unsure = [happens_once(p.effect) and any(acts_on(p.where, c) for c in doubtful) for p in said]
+    refused = [
+        Refused(p.effect.name, p.where, 0.0, AMONG_OTHER_EVENTS) for p, is_one in zip(said, unsure) if is_one
+    ]
+    return [p for p, is_one in zip(said, unsure) if not is_one], refused
+
+
+def _findings(answer: Answered, said: Sequence[Placed], unit_of: UnitOf) -> tuple[Finding, ...]:
     """Faults that were left out, the effects that were added, and the random errors whose course is one."""
     sd = _deviations(answer)
-    said = answer.scene.said if isinstance(answer.scene, Telling) else ()
     return (
         *(_fault_finding(f, unit_of) for f in said),
         *(_finding(answer, a, i, sd, unit_of) for i, a in enumerate(answer.found.added)),

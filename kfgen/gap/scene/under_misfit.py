@@ -24,7 +24,14 @@ from kfgen.gap.scene.explanation import (
 )
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.proof import too_wide
-from kfgen.gap.scene.scene import HasNoiseSizes, Linearised, ReadingByReading, Scene
+from kfgen.gap.scene.scene import (
+    HasNoiseSizes,
+    Linearised,
+    Placed,
+    Reaching,
+    ReadingByReading,
+    Scene,
+)
 from kfgen.gap.scene.tempered_scene import TemperedScene, tempered
 from kfgen.gap.scene.unevenness import scattered_deviations, unevenness_of_effect
 
@@ -185,7 +192,8 @@ def _determined(found: Explained) -> tuple[Explained, float]:
     while left.chosen:
         deviation = scattered_deviations(left.scene, left.fit)
         wide = [
-            too_wide(left.scene, left.fit, i, deviation, MAX_INTERVAL_RATIO) for i in range(len(left.chosen))
+            too_wide(left.scene, left.fit, i, deviation, MAX_INTERVAL_RATIO) or _unreached(left.scene, p)
+            for i, p in enumerate(left.fit.point.placed)
         ]
         if any(wide):
             index = next(i for i, why in enumerate(wide) if why)
@@ -206,6 +214,11 @@ def _determined(found: Explained) -> tuple[Explained, float]:
     if gained < 0.0:
         left, gained = SceneExplanation(left.scene, found.assumed, (), left.refused), 0.0
     return replace(found, added=left.chosen, fit=left.fit, refused=refused_of(left)), gained
+
+
+def _unreached(scene: Scene, placed: Placed) -> str:
+    """Why an effect is nothing that can be there, or hardly is; empty where it may be."""
+    return scene.unreached(placed) if isinstance(scene, Reaching) else ""
 
 
 def _nats_beside_others(

@@ -25,6 +25,8 @@ MAX_NEIGHBOUR_SHARE = 0.5
 """Of it, that the median of the two before and the two after has at most: a delay in a manoeuvre lasts longer."""
 BESIDE = (0, 1, 3, 4)
 """Of five samples, those about the one in the middle."""
+BULK_SAMPLES = 101
+"""About a sample, whose median innovation is the bulk's: noise may become louder."""
 MIN_OUTLIERS = 3
 MIN_OUTLIER_SHARE = 0.003
 """Of a sensor's samples, below which nothing is left out."""
@@ -84,10 +86,7 @@ def without_outliers(path: FlownPath) -> tuple[FlownPath, tuple[Placed, ...]]:
         more = [_with(o, *s) for o, s in zip(found, seen)]
         if all(m is o for m, o in zip(more, found)):
             break
-        kept = [
-            a if m is o else replace(a, t=a.t[~s[0]], z=a.z[~s[0]], at=a.at[~s[0]])
-            for a, s, m, o in zip(path.log.aiding, seen, more, found)
-        ]
+        kept = [a if m is o else a.kept(~s[0]) for a, s, m, o in zip(path.log.aiding, seen, more, found)]
         log, found = replace(path.log, aiding=tuple(kept)), more
         path = replace(path, log=log, dz=np.zeros(rows_of(log).t.size)).smoothed()
     named = [(o, sensor_of(a.sensor.channels)) for o, a in zip(found, path.log.aiding) if o.errors.size]
@@ -110,13 +109,15 @@ def _outlying(
 
     None where all together are too few to be any.
     """
+    from scipy.ndimage import median_filter
+
     far = np.zeros(samples.z.shape, dtype=bool)
     errors, sizes = np.zeros(samples.z.shape), np.zeros(samples.z.shape)
     courses = path.equations.reading(samples.sensor).values(path.given)
     for k, (c, course) in enumerate(zip(samples.sensor.channels, courses)):
         rows = path.rows.of(c)
         size, z = np.abs(path.linear.normalised[rows]), path.rows.z[rows]
-        bulk = max(1.0, 1.4826 * float(np.median(size)))
+        bulk = np.maximum(1.0, 1.4826 * median_filter(size, min(BULK_SAMPLES, size.size), mode="reflect"))
         around = np.median(sliding_window_view(np.pad(size, 2, mode="reflect"), 5)[:, BESIDE], axis=1)
         errors[:, k], sizes[:, k] = z - path.at_rows(course, c), size / bulk
         beyond = _beyond(path, course, c) / np.maximum(np.abs(errors[:, k]), 1e-300)

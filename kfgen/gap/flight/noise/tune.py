@@ -13,7 +13,7 @@ from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, sizes_of_part
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.scene import FlightScene
-from kfgen.gap.scene.explanation import relinearised
+from kfgen.gap.scene.addition import relinearised
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import start_of
 from kfgen.log.readers import LogOrPath, log_of
