@@ -211,3 +211,21 @@ def test_an_open_gate_rejects_nothing_and_widens_nothing(name: str) -> None:
         if call.routine != "predict" or call.inputs[-1] > 0.0:
             machine.call(call.routine, split(routines[call.routine], call.inputs))
     assert watched(machine)["RESETS"] == 0.0
+
+
+@pytest.mark.parametrize("share", [0.01, 0.9])
+def test_filterpy_widens_along_the_rows_of_the_reference_and_no_further(share: float) -> None:
+    """A field that no attitude explains, of a hundredth of what a sample may be and of nearly all of it, up to resets."""
+    program = Program(DiscreteModel(build("ahrs6")), "p")
+    machine, kf = Machine(program, np.float64), getattr(loaded(module(program)), class_name(program))()
+    machine.call("init")
+    z = share * program.setting("MAX_MAG_SAMPLE").value * np.array([1.0, 0.1, 0.01])
+    widest = 0.0
+    for _ in range(60):
+        for call, values in (("predict", [STILL, 0.05]), ("update_mag", [z.tolist()])):
+            assert getattr(kf, call)(*values).name == machine.call(call, values)
+        P = machine.covariance()
+        np.testing.assert_allclose(kf.P, P, rtol=1e-6, atol=1e-9 * np.abs(P).max())
+        widest = max(widest, float(P[0, 0]))
+    assert watched(machine)["RESETS"] > 0.0
+    assert widest > 2.0 * program.prior(0).value ** 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from kfgen.core.errors import InputError
@@ -155,19 +155,24 @@ def _joint(
 def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref]) -> list[Stmt]:
     """It is counted; where that has gone on for too long, P widens along each row that sees something of the priors, as far as states may widen."""
     wide: list[Stmt] = program.supervisor.reset(sensor.name)
-    sd = widened_at_most(program)
     for i, row in enumerate(rows):
         a, projection, c = widened(y[i], row, {j: program.prior(j) for j in row})
         direction = [Store(Ref(GAIN, k), a.get(k, Num(0.0))) for k in range(program.n)]
         along, limit, spread = (Ref(f"{name}_{i}") for name in ("along", "limit", "spread"))
         call = (Let(spread.name, c), FunctionCall("inflate", (Ref(GAIN), spread)))
-        known = [j for j in row if program.prior(j).value > 0.0]
-        most = Num(min((sd[j] / program.prior(j).value for j in known), default=0.0) ** 2)
+        most = Num(widened_share(program, row))
         seen = Compare(">", along, mul(R[i], Num(LEAST_SEEN)))
         near = Compare("<=", mul(y[i], y[i]), limit)
         wide += [Let(along.name, projection), Let(limit.name, mul(most, along))]
         wide.append(When(All((seen, near)), (*direction, *call)))
     return [*program.supervisor.rejected(sensor.name), When(Compare(">", DUE, Num(0.0)), tuple(wide))]
+
+
+def widened_share(program: Program, states: Iterable[int]) -> float:
+    """Square of an innovation up to which P widens along a row of these states, over the priors' variance of the row."""
+    sd = widened_at_most(program)
+    known = [j for j in states if program.prior(j).value > 0.0]
+    return float(min((sd[j] / program.prior(j).value for j in known), default=0.0) ** 2)
 
 
 def _plausible(

@@ -22,6 +22,7 @@ from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
+from kfgen.emit.update import LEAST_SEEN, widened_share
 from kfgen.model.parts.sensors import Sensor
 
 TARGET = "filterpy"
@@ -196,7 +197,7 @@ def files(program: Program) -> dict[str, str]:
 
 def _sensor(program: Program, s: Sensor, arguments: tuple[Argument, ...]) -> dict[str, Any]:
     """A sensor as the template needs it."""
-    share, printer = s.gated_length()[1], PythonPrinter(program.n)
+    share, printer, H = s.gated_length()[1], PythonPrinter(program.n), program.discrete.H(s)
     return {
         "name": s.name,
         "title": s.title,
@@ -204,6 +205,9 @@ def _sensor(program: Program, s: Sensor, arguments: tuple[Argument, ...]) -> dic
         "channels": s.channels,
         "period": s.period,
         "R": [printer.expression(sample_variance(program.discrete, s, c)) for c in s.channels],
+        "widened": [
+            widened_share(program, [j for j in range(program.n) if row[j] != 0]) for row in H.tolist()
+        ],
         "least": f"MIN_{identifier(s.name).upper()}" if s.min_length else "",
         "share": share,
         "shortest": (1.0 - share) ** 2,
@@ -257,6 +261,7 @@ def module(program: Program) -> dict[str, str]:
         methods=_methods(program),
         priors=[program.prior(i).name for i in range(program.n)],
         widest=[sd.name for sd in widest(program)],
+        least_seen=LEAST_SEEN,
         quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
         errors=AlignRoutine(program).errors if program.align else [],
         reasons=REASONS,
