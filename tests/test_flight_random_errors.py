@@ -20,6 +20,8 @@ from kfgen.core.units import parse_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.flight.flight_scene import flight_scene
+from kfgen.gap.flight.linear_flight import BYTES_AT_ONCE, COLUMNS_AT_ONCE
+from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, ScenePoint
@@ -84,6 +86,33 @@ def test_a_random_error_of_size_zero_changes_nothing() -> None:
     for channel in ("gyro_z", "accel_x", "mag_y", "baro"):
         none = replace(path, random_errors=(Placed(make("gauss_markov", sigma=1e-12, tau=3.0), channel),))
         assert none.linear.log_likelihood == pytest.approx(path.linear.log_likelihood, abs=1e-5)
+
+
+def test_a_flight_in_blocks_of_steps_has_the_numbers_of_one_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every pass over the filter's steps, with random errors of an input and of a reading, and sizes of noises."""
+    sizes = NoiseSizes({"gyro": 1.3, "accel": 0.8})
+    errors = tuple(Placed(DRIFT, c) for c in ("gyro_z", "baro"))
+    path = clean().path
+    rng = np.random.default_rng(0)
+    du, dz = (rng.standard_normal((*a.shape, 3)) for a in (path.log.u, path.rows.z))
+
+    def numbers() -> list[Any]:
+        linear = replace(path, sizes=sizes, random_errors=errors).linear
+        passes = linear.smoothed(), linear.columns(du, dz), *linear.products(linear.e)
+        return [linear.e, linear.S, linear.K, *passes, *linear.scores(sizes.inputs)]
+
+    whole = numbers()
+    monkeypatch.setattr("kfgen.gap.flight.step_matrices.STEPS_AT_ONCE", 777)
+    for found, wanted in zip(numbers(), whole):
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_many_columns_of_a_long_flight_are_not_held_at_once() -> None:
+    linear = clean().path.linear
+    assert linear.columns_at_once == COLUMNS_AT_ONCE
+    longer = replace(linear, matrices=replace(linear.matrices, steps=400_000))
+    at_once = longer.columns_at_once
+    assert 8 * at_once * 400_000 * 6 < BYTES_AT_ONCE < 8 * (at_once + 1) * (400_000 * 6 + 4 * linear.y.size)
 
 
 def test_a_random_error_of_an_input_is_that_error_in_all_readings() -> None:

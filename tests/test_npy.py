@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import pickle
+from mmap import mmap
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from kfgen.core.errors import InputError
+from kfgen.log.log import Log
 from kfgen.log.readers import ColumnMap, read_log, read_long
 from kfgen.log.readers.arrays.npy import read as read_npy
 from kfgen.log.readers.tables.table import chunks
@@ -107,3 +110,33 @@ def test_a_log_that_is_too_long_for_memory_is_refused_before_it_is_read(
     with pytest.raises(InputError, match="more than the 99 samples"):
         read_log(path, rate=100.0, columns=columns)
     assert read_long(path, rate=100.0, columns=columns).channel("gyro_x").unit == "rad/s"
+
+
+def no_file() -> object:
+    raise OSError("no room")
+
+
+def owner(values: Any) -> object:
+    """What holds the memory of an array."""
+    while isinstance(values, np.ndarray):
+        values = values.base
+    return values
+
+
+def test_what_is_read_goes_into_a_file_where_it_is_many_numbers_and_stays_where_none_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kfgen.log.readers.MAX_NUMBERS_IN_MEMORY", 11)
+    array = np.arange(12.0).reshape(4, 3)
+    array[1, 2] = np.nan
+    path = npy(tmp_path, array)
+    how = {"rate": 10.0, "columns": "gyro_x=#1 [deg/s], gyro_y=#2 [rad/s], gyro_z=#3 [rad/s]"}
+    mapped = read_long(path, **how)
+    monkeypatch.setattr("tempfile.TemporaryFile", no_file)
+    held = read_long(path, **how)
+    for log, is_mapped in ((mapped, True), (held, False)):
+        assert isinstance(log, Log)
+        assert isinstance(owner(log.channels["gyro_z"].values), mmap) is is_mapped
+        for k, (c, factor) in enumerate(zip(log.channels.values(), (np.pi / 180.0, 1.0, 1.0))):
+            np.testing.assert_allclose(c.values, array[:, k] * factor, rtol=1e-15)
+            assert not c.values.flags.writeable

@@ -75,6 +75,18 @@ def test_the_compiled_loop_has_the_values_of_numpy(name: str) -> None:
     assert r[2] == pytest.approx(wanted, rel=1e-15)
 
 
+@pytest.mark.parametrize("size", [1, 6, 7, 8, 20])
+def test_a_table_has_the_values_of_its_formulas_whatever_its_blocks(
+    size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("kfgen.core.tape.ROWS_AT_ONCE", 7)
+    u = np.linspace(-1.0, 2.0, size)
+    found = tape([U, U * V + 1, V, sp.Integer(3)], [U, V]).table([u, np.array([0.5])])
+    np.testing.assert_allclose(
+        found, np.column_stack([u, 0.5 * u + 1.0, np.full(size, 0.5), np.full(size, 3.0)])
+    )
+
+
 def series(formula: sp.Expr) -> list[int]:
     """Coefficients of a function of t, by the audit."""
     writer = exact_writer([T])

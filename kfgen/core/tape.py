@@ -37,6 +37,9 @@ _NUMPY: dict[str, str] = {
 """Operations that numpy calls otherwise."""
 _OPERATIONS = tuple(getattr(np, _NUMPY.get(name, name)) for name in UNARY + BINARY)
 
+ROWS_AT_ONCE = 8192
+"""Values of a variable for which a table is computed at once."""
+
 
 @dataclass(frozen=True)
 class Tape:
@@ -71,6 +74,23 @@ class Tape:
             f = _OPERATIONS[code]
             r.append(f(r[a]) if code < len(UNARY) else f(r[a], r[b]))
         return [r[k] for k in self.outputs.tolist()]
+
+    def table(self, given: Sequence[Array]) -> Array:
+        """The expressions for many values of the variables at once, shape (m, o).
+
+        Block by block: of all the operations in between no more is held than those of a block.
+
+        Parameters
+        ----------
+        given : sequence of ndarray, shape (m,) or (1,)
+        """
+        m = max((np.size(g) for g in given), default=1)
+        out = np.empty((m, self.outputs.size))
+        for begin in range(0, m, ROWS_AT_ONCE):
+            block = slice(begin, begin + ROWS_AT_ONCE)
+            for k, value in enumerate(self.values([g if np.size(g) == 1 else g[block] for g in given])):
+                out[block, k] = value
+        return out
 
 
 def tape(expressions: Sequence[sp.Expr], variables: Sequence[sp.Symbol]) -> Tape:

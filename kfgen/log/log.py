@@ -5,6 +5,7 @@ A simulated and a measured log are the same type.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -245,6 +246,21 @@ class Log:
         """
         part = {k: replace(c, values=_frozen(c.values[start:stop])) for k, c in self.channels.items()}
         return replace(self, t=self.t[start:stop], channels=part, stated=0.0)
+
+    def on_disk(self) -> Log:
+        """The same log, its channels in a file without a name: the system can drop them from memory and read them again.
+
+        As it is where no such file can be written.
+        """
+        try:
+            with tempfile.TemporaryFile() as file:
+                for c in self.channels.values():
+                    c.values.tofile(file)
+                held = np.asarray(np.memmap(file, np.float64, "r", shape=(len(self.channels), self.n)))
+        except OSError:
+            return self
+        kept = {name: replace(c, values=row) for (name, c), row in zip(self.channels.items(), held)}
+        return replace(self, channels=kept)
 
     def select(self, names: Iterable[str]) -> Log:
         """Only the named channels."""

@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from kfgen.core.tape import Tape, tape
+from kfgen.core.tape import ROWS_AT_ONCE, Tape, tape
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT
@@ -34,19 +34,15 @@ class SparseRows:
     columns: NDArray[np.int64]
     shape: tuple[int, int]
 
-    def entries(self, given: Sequence[Array], m: int) -> Array:
-        """The entries at every one of m sets of values, shape (m, entries)."""
-        out = np.empty((m, self.rows.size))
-        for k, v in enumerate(self.tape.values(given)):
-            out[:, k] = v
-        return out
+    def entries(self, given: Sequence[Array]) -> Array:
+        """The entries at every set of values, shape (m, entries)."""
+        return self.tape.table(given)
 
     def at(self, given: Sequence[Array]) -> Array:
         """The matrices at every set of values, shape (m, rows, columns)."""
-        size = max((np.size(g) for g in given), default=1)
-        out = np.zeros((size, *self.shape))
-        for i, j, value in zip(self.rows.tolist(), self.columns.tolist(), self.tape.values(given)):
-            out[:, i, j] = value
+        entries = self.entries(given)
+        out = np.zeros((entries.shape[0], *self.shape))
+        out[:, self.rows, self.columns] = entries
         return out
 
 
@@ -236,12 +232,12 @@ class FilterEquations:
 
     def stepped(self, given: Sequence[Array]) -> Array:
         """Every state one step on, shape (m, stored)."""
-        return self.normalised(_stacked(self.step.values(given)))
+        return self.normalised(self.step.table(given))
 
     def injected(self, x: Array, error: Array) -> Array:
         """Stored states, shape (m, stored), with errors, shape (m, n), put in."""
         given = [*self._around(x), *error.T]
-        made = _stacked(self.inject.values(given))
+        made = self.inject.table(given)
         return self.normalised(
             np.hstack([made, x[:, made.shape[1] :]])
         )  # kept samples of inputs have no error
@@ -266,14 +262,20 @@ class FilterEquations:
         Newton's method with the derivative at no error: of vectors it is one; of a unit quaternion in its angle its
         columns are orthogonal and half as long, so that four times its transpose is its inverse.
         """
+        parts = [slice(k, k + ROWS_AT_ONCE) for k in range(0, x.shape[0], ROWS_AT_ONCE)]
+        return np.concatenate(
+            [np.zeros((0, self.n)), *(self._difference(x[part], y[part]) for part in parts)]
+        )
+
+    def _difference(self, x: Array, y: Array) -> Array:
         y = y.copy()
         slopes = {}
         for stored, _, attitude in self._places:
             if attitude:
                 q = slice(stored, stored + 4)
                 y[np.einsum("mi,mi->m", x[:, q], y[:, q]) < 0.0, q] *= -1.0
-                columns = self._turned[stored].values([*self._around(x), *np.zeros((self.n, 1))])
-                slopes[stored] = [_stacked(columns[k : k + 4], x.shape[0]) for k in (0, 4, 8)]
+                columns = self._turned[stored].table([*self._around(x), *np.zeros((self.n, 1))])
+                slopes[stored] = [columns[:, k : k + 4] for k in (0, 4, 8)]
         out = np.zeros((x.shape[0], self.n))
         for _ in range(DIFFERENCE_ROUNDS):
             away, before = y - (self.injected(x, out) if out.any() else x), out.copy()
@@ -305,9 +307,3 @@ class FilterEquations:
             for q, error, attitude in self._places
             if attitude
         }
-
-
-def _stacked(values: Sequence[Array], size: int = 1) -> Array:
-    """Courses side by side, shape (m, values), each as long as the longest or of `size`."""
-    size = max(size, *(np.size(v) for v in values))
-    return np.column_stack([np.broadcast_to(np.asarray(v, dtype=np.float64), size) for v in values])

@@ -3,6 +3,9 @@
 One forward pass is the filter about a path; one more carries any number of columns through its gains, by which effects
 are judged after the states have absorbed what they can [1]_, [2]_; one backward pass gives the smoothed path [3]_.
 
+A pass goes over blocks of steps: every loop begins at step ``first`` and reading ``at``, changes what is carried from
+one block to the next, and returns the reading at which the next block begins.
+
 References
 ----------
 .. [1] B. Friedland, Treatment of bias in recursive filtering, IEEE Trans. Automatic Control 14(4), 1969.
@@ -21,33 +24,34 @@ from kfgen.model.plant.compiled import compiled
 
 
 @compiled(
-    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1],"
-    " float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[:,::1])"
+    "int64(int64, int64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1],"
+    " float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1],"
+    " float64[::1], float64[::1], float64[:,::1])"
 )
 def forward(  # noqa: PLR0913, PLR0917
-    Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any, c: Any, P: Any, x: Any, row_at: Any, H: Any, y: Any,
-    R: Any, e: Any, S: Any, K: Any,
-) -> None:  # fmt: skip
+    first: int, at: int, Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any, c: Any, P: Any, x: Any, row_at: Any,
+    H: Any, y: Any, R: Any, e: Any, S: Any, K: Any,
+) -> int:  # fmt: skip
     """The filter about a path.
 
     Parameters
     ----------
-    Phi, Qd : ndarray, shape (n, entries)
-        Entries of the transition and the process noise of each step, at rows and columns ``Pi, Pj`` and ``Qi, Qj``.
+    Phi, Qd : ndarray, shape (steps, entries)
+        Entries of the transition and the process noise of each step of the block, at rows and columns ``Pi, Pj`` and
+        ``Qi, Qj``.
     c : ndarray, shape (n, states)
         By how much the path misses its own equations in each step.
     P, x : ndarray, shape (states, states), ndarray, shape (states,)
-        At the start, about the path; changed.
+        At the first step, about the path; carried.
     row_at, H, y, R : ndarray, shape (rows,), (rows, states), (rows,), (rows,)
         Scalar readings less what the path says, in the order of time.
     e, S, K : ndarray, shape (rows,), (rows,), (rows, states)
         Innovations, their variances, gains; written.
     """
-    n, N = x.size, Phi.shape[0]
+    n, last = x.size, c.shape[0] - 1
     T, turned, fresh = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-    at = 0
-    for k in range(N):
+    for step in range(Phi.shape[0]):
+        k = first + step
         while at < row_at.size and row_at[at] == k:
             s, innovation = R[at], y[at]
             gain = K[at]
@@ -71,13 +75,13 @@ def forward(  # noqa: PLR0913, PLR0917
                     P[i, j] -= v * T[0, j]
             e[at], S[at] = innovation, s
             at += 1
-        if k == N - 1:
+        if k == last:
             break
         for i in range(n):
             fresh[i] = c[k, i]
         T[:] = 0.0
         for z in range(Pi.size):
-            v, a, b = Phi[k, z], Pi[z], Pj[z]
+            v, a, b = Phi[step, z], Pi[z], Pj[z]
             fresh[a] += v * x[b]
             for j in range(n):
                 T[a, j] += v * P[b, j]
@@ -86,53 +90,46 @@ def forward(  # noqa: PLR0913, PLR0917
                 turned[j, i] = T[i, j]
         P[:] = 0.0
         for z in range(Pi.size):  # of a symmetric product the upper half is enough
-            v, a, b = Phi[k, z], Pi[z], Pj[z]
+            v, a, b = Phi[step, z], Pi[z], Pj[z]
             for j in range(a, n):
                 P[a, j] += v * turned[b, j]
         for z in range(Qi.size):
             if Qi[z] <= Qj[z]:
-                P[Qi[z], Qj[z]] += Qd[k, z]
+                P[Qi[z], Qj[z]] += Qd[step, z]
         for i in range(n):
             x[i] = fresh[i]
             for j in range(i):
                 P[i, j] = P[j, i]
+    return at
 
 
 @compiled(
-    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,:,::1],"
-    " int64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[:,::1])"
+    "int64(int64, int64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1],"
+    " float64[:,:,::1], float64[:,::1], int64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[:,::1])"
 )
 def columns(  # noqa: PLR0913, PLR0917
-    Phi: Any,
-    Pi: Any,
-    Pj: Any,
-    B: Any,
-    Bi: Any,
-    Bj: Any,
-    du: Any,
-    row_at: Any,
-    H: Any,
-    S: Any,
-    K: Any,
-    out: Any,
-) -> None:
+    first: int, at: int, Phi: Any, Pi: Any, Pj: Any, B: Any, Bi: Any, Bj: Any, du: Any, U: Any, row_at: Any, H: Any,
+    S: Any, K: Any, out: Any,
+) -> int:  # fmt: skip
     """What errors of readings do to the normalised innovations.
 
     Parameters
     ----------
     Phi, Pi, Pj, row_at, H, S, K
         As of `forward`.
-    B : ndarray, shape (n, entries)
+    B : ndarray, shape (steps, entries)
         By how much errors of inputs move the error state, at rows and columns ``Bi, Bj``.
     du : ndarray, shape (n, inputs, m)
         Errors of the inputs [SI].
+    U : ndarray, shape (states, m)
+        What they do to the states; zero at the start, carried.
     out : ndarray, shape (rows, m)
         Errors of the other readings [SI]; written over by what the innovations lose.
     """
-    n, N, m = H.shape[1], Phi.shape[0], out.shape[1]
-    U, fresh, V = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
-    at = 0
-    for k in range(N):
+    n, last, m = H.shape[1], du.shape[0] - 1, out.shape[1]
+    fresh, V = np.zeros((n, m)), np.zeros(m)
+    for step in range(Phi.shape[0]):
+        k = first + step
         while at < row_at.size and row_at[at] == k:
             for j in range(m):
                 V[j] = out[at, j]
@@ -149,34 +146,38 @@ def columns(  # noqa: PLR0913, PLR0917
             for j in range(m):
                 out[at, j] = V[j] * scale
             at += 1
-        if k == N - 1:
+        if k == last:
             break
         fresh[:] = 0.0
         for z in range(Pi.size):
-            v, a, b = Phi[k, z], Pi[z], Pj[z]
+            v, a, b = Phi[step, z], Pi[z], Pj[z]
             for j in range(m):
                 fresh[a, j] += v * U[b, j]
         for z in range(Bi.size):
-            v, a, b = B[k, z], Bi[z], Bj[z]
+            v, a, b = B[step, z], Bi[z], Bj[z]
             for j in range(m):
                 fresh[a, j] += v * du[k, b, j]
         U[:] = fresh
+    return at
 
 
 @compiled(
-    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], int64[::1],"
-    " float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[::1])"
+    "int64(int64, int64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1],"
+    " float64[::1], int64[::1], float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64[:,::1],"
+    " float64[::1])"
 )
 def products(  # noqa: PLR0913, PLR0917
-    Phi: Any, Pi: Any, Pj: Any, B: Any, Bi: Any, Bj: Any, row_at: Any, H: Any, S: Any, K: Any, w: Any,
-    of_inputs: Any, of_readings: Any,
-) -> None:  # fmt: skip
+    first: int, at: int, Phi: Any, Pi: Any, Pj: Any, B: Any, Bi: Any, Bj: Any, lam: Any, row_at: Any, H: Any, S: Any,
+    K: Any, w: Any, of_inputs: Any, of_readings: Any,
+) -> int:  # fmt: skip
     """Products of a series with the columns of unit errors of each single reading: `columns` backwards, see [3]_.
 
     Parameters
     ----------
     Phi, Pi, Pj, B, Bi, Bj, row_at, H, S, K
         As of `columns`.
+    lam : ndarray, shape (states,)
+        Zero at the end, carried.
     w : ndarray, shape (rows,)
         The series.
     of_inputs : ndarray, shape (n, inputs)
@@ -184,16 +185,16 @@ def products(  # noqa: PLR0913, PLR0917
     of_readings : ndarray, shape (rows,)
         Written over: of an error of one other reading.
     """
-    n, N = H.shape[1], Phi.shape[0]
-    lam, fresh = np.zeros(n), np.zeros(n)
-    at = row_at.size - 1
-    for k in range(N - 1, -1, -1):
-        if k < N - 1:
+    n, last = H.shape[1], of_inputs.shape[0] - 1
+    fresh = np.zeros(n)
+    for step in range(Phi.shape[0] - 1, -1, -1):
+        k = first + step
+        if k < last:
             for z in range(Bi.size):
-                of_inputs[k, Bj[z]] += B[k, z] * lam[Bi[z]]
+                of_inputs[k, Bj[z]] += B[step, z] * lam[Bi[z]]
             fresh[:] = 0.0
             for z in range(Pi.size):
-                fresh[Pj[z]] += Phi[k, z] * lam[Pi[z]]
+                fresh[Pj[z]] += Phi[step, z] * lam[Pi[z]]
             lam[:] = fresh
         while at >= 0 and row_at[at] == k:
             v = w[at] / np.sqrt(S[at])
@@ -203,32 +204,36 @@ def products(  # noqa: PLR0913, PLR0917
             for i in range(n):
                 lam[i] += H[at, i] * v
             at -= 1
+    return at
 
 
 @compiled(
-    "void(float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1],"
-    " float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1], float64[:,::1],"
-    " float64[:,::1])"
+    "int64(int64, int64, float64[:,::1], int64[::1], int64[::1], float64[::1], int64[::1], float64[:,::1],"
+    " float64[::1], float64[::1], float64[:,::1], float64[:,::1])"
 )
-def smooth(  # noqa: PLR0913, PLR0917
-    Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any, c: Any, P0: Any, x0: Any, row_at: Any, H: Any, e: Any,
-    S: Any, K: Any, out: Any,
-) -> None:  # fmt: skip
-    """The errors of the path with all readings known: one backward pass, and one forward.
+def disturbances(  # noqa: PLR0913, PLR0917
+    first: int, at: int, Phi: Any, Pi: Any, Pj: Any, r: Any, row_at: Any, H: Any, e: Any, S: Any, K: Any, out: Any,
+) -> int:  # fmt: skip
+    """The smoothed disturbances of a path, one backward pass; `smoothed` makes its errors of them.
 
     Parameters
     ----------
-    Phi, Pi, Pj, Qd, Qi, Qj, c, row_at, H, e, S, K
+    Phi, Pi, Pj, row_at, H, e, S, K
         As of `forward`.
-    P0, x0
-        At the start, as they were given to it.
+    r : ndarray, shape (states,)
+        Zero at the end, carried.
     out : ndarray, shape (n, states)
         Written.
     """
-    n, N = x0.size, Phi.shape[0]
-    r, fresh = np.zeros(n), np.zeros(n)
-    at = row_at.size - 1
-    for k in range(N - 1, -1, -1):
+    n, last = H.shape[1], out.shape[0] - 1
+    fresh = np.zeros(n)
+    for step in range(Phi.shape[0] - 1, -1, -1):
+        k = first + step
+        if k < last:
+            fresh[:] = 0.0
+            for z in range(Pi.size):
+                fresh[Pj[z]] += Phi[step, z] * r[Pi[z]]
+            r[:] = fresh
         while at >= 0 and row_at[at] == k:
             u = e[at] / S[at]
             for i in range(n):
@@ -238,34 +243,53 @@ def smooth(  # noqa: PLR0913, PLR0917
             at -= 1
         for i in range(n):
             out[k, i] = r[i]
-        if k > 0:
-            fresh[:] = 0.0
-            for z in range(Pi.size):
-                fresh[Pj[z]] += Phi[k - 1, z] * r[Pi[z]]
-            r[:] = fresh
-    x = x0 + P0 @ out[0]
-    for k in range(N):
-        if k > 0:
-            fresh[:] = 0.0
-            for i in range(n):
-                fresh[i] = c[k - 1, i]
-            for z in range(Pi.size):
-                fresh[Pi[z]] += Phi[k - 1, z] * x[Pj[z]]
-            for z in range(Qi.size):
-                fresh[Qi[z]] += Qd[k - 1, z] * out[k, Qj[z]]
-            x[:] = fresh
-        for i in range(n):
-            out[k, i] = x[i]
+    return at
 
 
 @compiled(
-    "void(float64[:,::1], int64[::1], int64[::1], float64[:,:,::1], int64[::1], int64[::1], int64[::1], float64[:,::1],"
-    " float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1])"
+    "void(int64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1], float64[:,::1],"
+    " float64[::1], float64[:,::1])"
+)
+def smoothed(  # noqa: PLR0913, PLR0917
+    first: int, Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any, c: Any, x: Any, out: Any
+) -> None:
+    """The errors of the path with all readings known, one forward pass.
+
+    Parameters
+    ----------
+    Phi, Pi, Pj, Qd, Qi, Qj, c
+        As of `forward`.
+    x : ndarray, shape (states,)
+        The error at the first step; carried.
+    out : ndarray, shape (n, states)
+        Of `disturbances`; written over.
+    """
+    n, last = x.size, out.shape[0] - 1
+    fresh = np.zeros(n)
+    for step in range(Phi.shape[0]):
+        k = first + step
+        for i in range(n):
+            out[k, i] = x[i]
+        if k == last:
+            break
+        for i in range(n):
+            fresh[i] = c[k, i]
+        for z in range(Pi.size):
+            fresh[Pi[z]] += Phi[step, z] * x[Pj[z]]
+        for z in range(Qi.size):
+            fresh[Qi[z]] += Qd[step, z] * out[k + 1, Qj[z]]
+        x[:] = fresh
+
+
+@compiled(
+    "int64(int64, int64, int64, float64[:,::1], int64[::1], int64[::1], float64[:,:,::1], int64[::1], int64[::1],"
+    " float64[::1], float64[:,::1], int64[::1], float64[:,::1], float64[::1], float64[::1], float64[:,::1],"
+    " float64[::1], float64[::1])"
 )
 def scores(  # noqa: PLR0913, PLR0917
-    Phi: Any, Pi: Any, Pj: Any, parts: Any, Qi: Any, Qj: Any, row_at: Any, H: Any, e: Any, S: Any, K: Any,
-    of_rows: Any, of_parts: Any,
-) -> None:  # fmt: skip
+    first: int, at: int, last: int, Phi: Any, Pi: Any, Pj: Any, parts: Any, Qi: Any, Qj: Any, r: Any, N: Any,
+    row_at: Any, H: Any, e: Any, S: Any, K: Any, of_rows: Any, of_parts: Any,
+) -> int:  # fmt: skip
     """Derivatives of the log-likelihood in the logarithm of every noise's standard deviation, in one backward pass.
 
     With ``u = e/S - K'r`` and ``D = 1/S + K'NK`` of the disturbance smoother, that of a reading of variance R is
@@ -273,20 +297,42 @@ def scores(  # noqa: PLR0913, PLR0917
 
     Parameters
     ----------
+    last : int
+        The last step of the flight.
     Phi, Pi, Pj, Qi, Qj, row_at, H, e, S, K
         As of `forward`.
-    parts : ndarray, shape (parts, n, entries)
+    parts : ndarray, shape (parts, steps, entries)
         Entries of the process noise of each input alone.
+    r, N : ndarray, shape (states,), (states, states)
+        Zero at the end, carried.
     of_rows : ndarray, shape (rows,)
         ``u^2 - D``; written.
     of_parts : ndarray, shape (parts,)
         ``r'Qr - tr(QN)``; added to.
     """
-    n, steps = H.shape[1], Phi.shape[0]
-    r, back, g = np.zeros(n), np.zeros(n), np.zeros(n)
-    N, T = np.zeros((n, n)), np.zeros((n, n))
-    at = row_at.size - 1
-    for k in range(steps - 1, -1, -1):
+    n = H.shape[1]
+    back, g, T = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    for step in range(Phi.shape[0] - 1, -1, -1):
+        k = first + step
+        if k < last:
+            for p in range(parts.shape[0]):
+                total = 0.0
+                for z in range(Qi.size):
+                    total += parts[p, step, z] * (r[Qi[z]] * r[Qj[z]] - N[Qi[z], Qj[z]])
+                of_parts[p] += total
+            back[:] = 0.0
+            T[:] = 0.0
+            for z in range(Pi.size):
+                v = Phi[step, z]
+                back[Pj[z]] += v * r[Pi[z]]
+                for j in range(n):
+                    T[Pj[z], j] += v * N[Pi[z], j]
+            N[:] = 0.0
+            for z in range(Pi.size):
+                v = Phi[step, z]
+                for i in range(n):
+                    N[i, Pj[z]] += v * T[i, Pi[z]]
+            r[:] = back
         while at >= 0 and row_at[at] == k:
             u, D = e[at] / S[at], 1.0 / S[at]
             for i in range(n):
@@ -302,23 +348,4 @@ def scores(  # noqa: PLR0913, PLR0917
                 for j in range(n):
                     N[i, j] += H[at, i] * H[at, j] * D - H[at, i] * g[j] - g[i] * H[at, j]
             at -= 1
-        if k == 0:
-            break
-        for p in range(parts.shape[0]):
-            total = 0.0
-            for z in range(Qi.size):
-                total += parts[p, k - 1, z] * (r[Qi[z]] * r[Qj[z]] - N[Qi[z], Qj[z]])
-            of_parts[p] += total
-        back[:] = 0.0
-        T[:] = 0.0
-        for z in range(Pi.size):
-            v = Phi[k - 1, z]
-            back[Pj[z]] += v * r[Pi[z]]
-            for j in range(n):
-                T[Pj[z], j] += v * N[Pi[z], j]
-        N[:] = 0.0
-        for z in range(Pi.size):
-            v = Phi[k - 1, z]
-            for i in range(n):
-                N[i, Pj[z]] += v * T[i, Pi[z]]
-        r[:] = back
+    return at

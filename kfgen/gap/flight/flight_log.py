@@ -137,10 +137,9 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     calls = FilterCalls(program, log)
     model = program.discrete.model
     even = stride == 1 and bool(np.allclose(np.diff(log.t), dt, rtol=EVEN_RELATIVE_TOLERANCE))
-    raw = np.column_stack([log.values(c) for i in model.motion.inputs for c in i.channels])
-    held = over_steps(raw, calls.samples)
     t = np.asarray(log.t) if even else np.asarray(log.t[0] + dt * np.arange(steps))
-    u = held if even else _over_grid(log.t, held, t)
+    acting = (over_steps(log.values(c), calls.samples) for i in model.motion.inputs for c in i.channels)
+    u = np.column_stack([a if even else _over_grid(log.t, a, t) for a in acting])
     drivers = recorded(log) | {d: calls.inputs[d] for d in model.drivers}
     drive = {d: np.interp(t, log.t, v) for d, v in drivers.items()}
     aiding = []
@@ -168,9 +167,8 @@ def _stride(n: int, step_s: float) -> int:
 
 def _over_grid(t: Array, u: Array, grid: Array) -> Array:
     """Means over the intervals of an even grid of what acts between uneven times: the integral is kept."""
-    total = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u[:-1] * np.diff(t)[:, None], axis=0)])
+    total = np.concatenate([np.zeros(1), np.cumsum(u[:-1] * np.diff(t))])
     edges = np.append(grid, grid[-1] + (grid[1] - grid[0]))
-    at = np.column_stack([np.interp(edges, t, c) for c in total.T])
-    out = np.diff(at, axis=0) / (grid[1] - grid[0])
+    out = np.diff(np.interp(edges, t, total)) / (grid[1] - grid[0])
     out[-1] = u[-1]
     return np.asarray(out)

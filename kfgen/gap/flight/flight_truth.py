@@ -6,8 +6,6 @@ information about the effect, and would be taken for it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,11 +32,11 @@ def flight_truth(path: FlownPath) -> Truth:
     """
     log, model, eq = path.log, path.log.discrete.model, path.equations
     n = log.t.size
-    inputs = averaged(_courses(eq.true_inputs.values(path.given), n), log.dt)
+    inputs = averaged(eq.true_inputs.table(path.given), log.dt)
     rate, force = (_triad(path, inputs, name) for name in ("gyro", "accel"))
     R_nb = _attitude(path)
     parts: list[tuple[Part, Array]] = [(i, inputs[:, log.triads[i.name]]) for i in model.motion.inputs]
-    parts += [(a.sensor, _courses(eq.clean(a.sensor).values(path.given), n)) for a in log.aiding]
+    parts += [(a.sensor, eq.clean(a.sensor).table(path.given)) for a in log.aiding]
     should = should_read(parts, np.swapaxes(R_nb, 1, 2))
     power = None if force is None else vibration_power(log.u[:, log.triads["accel"]], log.dt)
     return Truth(
@@ -58,17 +56,13 @@ def averaged(values: Array, dt: float) -> Array:
     return np.asarray(uniform_filter1d(values, width + 1 - width % 2, axis=0, mode="nearest"))
 
 
-def _courses(values: Sequence[Array], n: int) -> Array:
-    return np.column_stack([np.broadcast_to(np.asarray(v, dtype=np.float64), n) for v in values])
-
-
 def _triad(path: FlownPath, inputs: Array, name: str) -> Array | None:
     """A triad of body axes, from an input or from a sensor, shape (n, 3); None where the model has none."""
     if name in path.log.triads and path.log.triads[name].stop - path.log.triads[name].start == 3:
         return inputs[:, path.log.triads[name]]
     for a in path.log.aiding:
         if a.sensor.name == name and len(a.sensor.channels) == 3:
-            found = _courses(path.equations.clean(a.sensor).values(path.given), path.log.t.size)
+            found = path.equations.clean(a.sensor).table(path.given)
             return averaged(found, path.log.dt)
     return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,13 +10,15 @@ from numpy.typing import NDArray
 
 from kfgen.gap.flight.random.random_error import RandomError
 from kfgen.gap.flight.rows import Rows
+from kfgen.gap.flight.step_matrices import StepMatrices
 from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
-Places = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 COLUMNS_AT_ONCE = 32
-"""Columns of one pass: memory for the errors of all inputs at all times."""
+"""Columns of one pass at most."""
+BYTES_AT_ONCE = 100e6
+"""Memory for the columns of one pass, of the inputs at all times and of what they do to the readings."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,7 @@ class LinearFlight:
 
     Parameters
     ----------
-    Phi, Qd, B : ndarray, shape (n, entries)
-    Phi_at, Qd_at : (ndarray, ndarray)
-        Rows and columns of the entries of ``Phi`` and ``Qd``.
+    matrices : StepMatrices
     c : ndarray, shape (n, states)
     P0, x0 : ndarray, shape (states, states), ndarray, shape (states,)
     H : ndarray, shape (rows, states)
@@ -40,11 +41,7 @@ class LinearFlight:
 
     equations: FilterEquations
     rows: Rows
-    Phi: Array
-    Phi_at: Places
-    Qd: Array
-    Qd_at: Places
-    B: Array
+    matrices: StepMatrices
     c: Array
     P0: Array
     x0: Array
@@ -56,13 +53,15 @@ class LinearFlight:
     K: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
-    def _entries(self) -> tuple[Array | NDArray[np.int64], ...]:
-        return self.Phi, *self.Phi_at, self.Qd, *self.Qd_at
-
-    @property
     def states(self) -> int:
         """Error states, those of random errors among them."""
         return int(self.x0.size)
+
+    @property
+    def columns_at_once(self) -> int:
+        """Of `columns`: as many as the memory allows."""
+        numbers = self.matrices.steps * len(self.equations.channels) + 4 * self.y.size
+        return int(np.clip(BYTES_AT_ONCE / (8.0 * numbers), 1, COLUMNS_AT_ONCE))
 
     def filtered(self) -> LinearFlight:
         """With the innovations, their variances and the gains of one pass of the filter."""
@@ -70,8 +69,12 @@ class LinearFlight:
 
         m = self.y.size
         e, S, K = np.empty(m), np.empty(m), np.empty((m, self.states))
-        P, x = self.P0.copy(), self.x0.copy()
-        forward(*self._entries, self.c, P, x, self.rows.at, self.H, self.y, self.R, e, S, K)
+        P, x, at = self.P0.copy(), self.x0.copy(), 0
+        Phi_at, Qd_at = self.matrices.Phi_at, self.matrices.Qd_at
+        for b in self.matrices.blocks():
+            at = forward(
+                b.first, at, b.Phi, *Phi_at, b.Qd, *Qd_at, self.c, P, x, self.rows.at, self.H, self.y, self.R, e, S, K
+            )  # fmt: skip
         return replace(self, e=e, S=S, K=K)
 
     def with_random_error(self, random_error: RandomError) -> LinearFlight:
@@ -81,28 +84,15 @@ class LinearFlight:
         ----------
         random_error : RandomError
         """
-        N, k, n = self.Phi.shape[0], random_error.order, self.states
-        block = np.arange(k)
-        here, there = np.repeat(n + block, k), n + np.tile(block, k)
-        Phi, Qd = ([np.broadcast_to(M.ravel(), (N, k * k))] for M in (random_error.Phi, random_error.Qd))
-        at = [(here, there)]
-        B, H = self.equations.input_errors, np.pad(self.H, ((0, 0), (0, k)))
-        if random_error.channel in self.equations.channels:
-            own = np.flatnonzero(B.columns == self.equations.channels.index(random_error.channel))
-            for j, c in enumerate(random_error.C.tolist()):
-                Phi.append(c * self.B[:, own])
-                at.append((B.rows[own], np.full(own.size, n + j)))
-        else:
+        k, n = random_error.order, self.states
+        H = np.pad(self.H, ((0, 0), (0, k)))
+        if random_error.channel not in self.equations.channels:
             H[self.rows.of(random_error.channel), n:] = random_error.C
-        places = [np.concatenate([old, *new]) for old, new in zip(self.Phi_at, zip(*at))]
         P0 = np.zeros((n + k, n + k))
         P0[:n, :n], P0[n:, n:] = self.P0, random_error.P0
         return replace(
             self,
-            Phi=np.ascontiguousarray(np.hstack([self.Phi, *Phi])),
-            Phi_at=(places[0], places[1]),
-            Qd=np.ascontiguousarray(np.hstack([self.Qd, *Qd])),
-            Qd_at=(np.append(self.Qd_at[0], here), np.append(self.Qd_at[1], there)),
+            matrices=self.matrices.with_random_error(self.equations, random_error, n),
             c=np.pad(self.c, ((0, 0), (0, k))),
             P0=P0,
             x0=np.append(self.x0, np.zeros(k)),
@@ -141,27 +131,32 @@ class LinearFlight:
         cut = {n: getattr(self, n)[:kept] for n in ("H", "y", "R", "e", "S", "K")}
         return replace(self, rows=rows, **cut)
 
-    def scores(self, parts: Array) -> tuple[Array, Array]:
+    def scores(self, sizes: Mapping[str, float]) -> tuple[Array, Array]:
         """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.compiled.scores`.
 
         Parameters
         ----------
-        parts : ndarray, shape (parts, n, entries)
-            Of the process noise.
+        sizes : mapping of str to float
+            Of the noise of inputs, over what the filter assumes, as the matrices have them.
 
         Returns
         -------
-        tuple of ndarray, shape (rows,) and (parts,)
-            Of every reading by itself, of every part.
+        tuple of ndarray, shape (rows,) and (inputs,)
+            Of every reading by itself, of the noise of every input.
         """
         from kfgen.gap.flight.compiled import scores
 
-        of_rows, of_parts = np.zeros(self.y.size), np.zeros(parts.shape[0])
-        own = np.pad(parts, ((0, 0), (0, 0), (0, self.Qd.shape[1] - parts.shape[2])))
-        scores(
-            self.Phi, *self.Phi_at, np.ascontiguousarray(own), *self.Qd_at, self.rows.at, self.H, self.e, self.S, self.K,
-            of_rows, of_parts,
-        )  # fmt: skip
+        of_rows, of_parts = np.zeros(self.y.size), np.zeros(len(sizes))
+        r, N, at = np.zeros(self.states), np.zeros((self.states, self.states)), self.y.size - 1
+        Phi_at, Qd_at, last = self.matrices.Phi_at, self.matrices.Qd_at, self.matrices.steps - 1
+        for b in self.matrices.blocks(backwards=True):
+            parts = np.zeros((len(sizes), *b.Qd.shape))
+            for part, (name, size) in zip(parts, sizes.items()):
+                part[:, : b.noise[name].shape[1]] = size**2 * b.noise[name]
+            at = scores(
+                b.first, at, last, b.Phi, *Phi_at, parts, *Qd_at, r, N, self.rows.at, self.H, self.e, self.S, self.K,
+                of_rows, of_parts,
+            )  # fmt: skip
         return self.R * of_rows, of_parts
 
     def columns(self, du: Array, dz: Array) -> Array:
@@ -177,11 +172,13 @@ class LinearFlight:
         from kfgen.gap.flight.compiled import columns
 
         out = np.ascontiguousarray(dz, dtype=np.float64).copy()
-        B = self.equations.input_errors
+        B, Phi_at = self.equations.input_errors, self.matrices.Phi_at
         du = np.ascontiguousarray(du, dtype=np.float64)
-        columns(
-            self.Phi, *self.Phi_at, self.B, B.rows, B.columns, du, self.rows.at, self.H, self.S, self.K, out
-        )
+        U, at = np.zeros((self.states, out.shape[1])), 0
+        for b in self.matrices.blocks():
+            at = columns(
+                b.first, at, b.Phi, *Phi_at, b.B, B.rows, B.columns, du, U, self.rows.at, self.H, self.S, self.K, out
+            )  # fmt: skip
         return out
 
     def products(self, series: Array) -> tuple[Array, Array]:
@@ -198,19 +195,29 @@ class LinearFlight:
         """
         from kfgen.gap.flight.compiled import products
 
-        B = self.equations.input_errors
-        of_inputs = np.zeros((self.Phi.shape[0], len(self.equations.channels)))
+        B, Phi_at = self.equations.input_errors, self.matrices.Phi_at
+        of_inputs = np.zeros((self.matrices.steps, len(self.equations.channels)))
         of_readings = np.zeros(self.y.size)
-        products(
-            self.Phi, *self.Phi_at, self.B, B.rows, B.columns, self.rows.at, self.H, self.S, self.K,
-            np.ascontiguousarray(series), of_inputs, of_readings,
-        )  # fmt: skip
+        lam, at, w = np.zeros(self.states), self.y.size - 1, np.ascontiguousarray(series)
+        for b in self.matrices.blocks(backwards=True):
+            at = products(
+                b.first, at, b.Phi, *Phi_at, b.B, B.rows, B.columns, lam, self.rows.at, self.H, self.S, self.K, w,
+                of_inputs, of_readings,
+            )  # fmt: skip
         return of_inputs, of_readings
 
     def smoothed(self) -> Array:
         """Errors of the path with all readings known, shape (n, states)."""
-        from kfgen.gap.flight.compiled import smooth
+        from kfgen.gap.flight.compiled import disturbances, smoothed
 
-        out = np.zeros((self.Phi.shape[0], self.x0.size))
-        smooth(*self._entries, self.c, self.P0, self.x0, self.rows.at, self.H, self.e, self.S, self.K, out)
+        out = np.zeros((self.matrices.steps, self.states))
+        Phi_at, Qd_at = self.matrices.Phi_at, self.matrices.Qd_at
+        r, at = np.zeros(self.states), self.y.size - 1
+        for b in self.matrices.blocks(backwards=True):
+            at = disturbances(
+                b.first, at, b.Phi, *Phi_at, r, self.rows.at, self.H, self.e, self.S, self.K, out
+            )
+        x = self.x0 + self.P0 @ out[0]
+        for b in self.matrices.blocks():
+            smoothed(b.first, b.Phi, *Phi_at, b.Qd, *Qd_at, self.c, x, out)
         return out

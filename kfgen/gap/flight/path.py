@@ -16,6 +16,7 @@ from kfgen.gap.flight.linear_flight import LinearFlight
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.flight.rows import Rows, rows_of
+from kfgen.gap.flight.step_matrices import step_matrices
 from kfgen.gap.scene.scene import Placed
 from kfgen.model.filter_equations import FilterEquations
 
@@ -91,8 +92,7 @@ class FlownPath:
         out = np.empty(self.rows.t.size)
         given = self.given if given is None else given
         for a in self.log.aiding:
-            for c, values in zip(a.sensor.channels, self.equations.reading(a.sensor).values(given)):
-                course = np.broadcast_to(np.asarray(values, dtype=np.float64), self.log.t.shape)
+            for c, course in zip(a.sensor.channels, self.equations.reading(a.sensor).table(given).T):
                 out[self.rows.of(c)] = self.at_rows(course, c)
         return out
 
@@ -100,38 +100,24 @@ class FlownPath:
     def linear(self) -> LinearFlight:
         """The filter about it."""
         eq, rows, x = self.equations, self.rows, self.x
-        matrices = eq.transition, eq.process_noise, eq.input_errors
-        Phi, Qd, B = (m.entries(self.given, x.shape[0]) for m in matrices)
         c = np.zeros((x.shape[0], eq.n))
         c[:-1] = eq.difference(x[1:], eq.stepped(self.given)[:-1])
         H = np.zeros((rows.t.size, eq.n))
         for a in self.log.aiding:
-            J = eq.jacobian(a.sensor).at(self.given)
-            J = np.broadcast_to(J, (x.shape[0], *J.shape[1:]))
+            J = eq.jacobian(a.sensor).at([g[a.at] if g.size > 1 else g for g in self.given])
             for k, name in enumerate(a.sensor.channels):
-                at = rows.of(name)
-                H[at] = J[rows.at[at], k]
+                H[rows.of(name)] = J[:, k]
         y = rows.z - self.dz - self.expected()
         R = rows.R * self.sizes.of_rows(rows) ** 2
         if self.silenced is not None:
             R = np.where(self.silenced, SILENCED_VARIANCE_FACTOR * R, R)
-        for name, size in self.sizes.inputs.items():
-            Qd = Qd + (size**2 - 1.0) * self.input_noise[name]
         P0 = start_covariance(self.log, eq)
         x0 = eq.difference(x[:1], self.log.start[None, :])[0]
-        F, Q = eq.transition, eq.process_noise
-        linear = LinearFlight(
-            eq, rows, Phi, (F.rows, F.columns), Qd, (Q.rows, Q.columns), B, c, P0, x0, H, y, R
-        )
+        matrices = step_matrices(eq, self.given, x.shape[0], self.sizes.inputs)
+        linear = LinearFlight(eq, rows, matrices, c, P0, x0, H, y, R)
         for placed in self.random_errors:
             linear = linear.with_random_error(random_error_of(placed, self.log.dt))
         return linear.filtered()
-
-    @cached_property
-    def input_noise(self) -> dict[str, Array]:
-        """What the noise of each input gives to the process noise, entries of each step, shape (n, entries)."""
-        n = self.x.shape[0]
-        return {name: m.entries(self.given, n) for name, m in self.equations.input_noise.items()}
 
     def smoothed(self, rounds: int = GAUSS_NEWTON_ROUNDS) -> FlownPath:
         """The path moved to where all readings want it (Gauss and Newton), by shorter steps where whole ones fail.

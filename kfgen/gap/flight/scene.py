@@ -21,7 +21,6 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
-from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
 from kfgen.gap.flight.noise.changed_noise import with_noise_changes
 from kfgen.gap.flight.noise.tuned import TunedFlight, TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
@@ -197,9 +196,9 @@ class FlightScene:
     def _remember(self, placed: Iterable[Placed]) -> None:
         """Compute the responses that are not known yet, many in one pass."""
         wanted = dict.fromkeys(u for p in placed for u, _ in units_of(p) if u not in self.memory)
-        units = list(wanted)
-        for first in range(0, len(units), COLUMNS_AT_ONCE):
-            some = units[first : first + COLUMNS_AT_ONCE]
+        units, at_once = list(wanted), self.path.linear.columns_at_once
+        for first in range(0, len(units), at_once):
+            some = units[first : first + at_once]
             du = np.zeros((*self.path.log.u.shape, len(some)))
             dz = np.zeros((self.path.rows.t.size, len(some)))
             for k, unit in enumerate(some):

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from kfgen.effects.samples.event import BiasStep
 from kfgen.effects.series import coefficient_worth, log_mean
-from kfgen.gap.flight.linear_flight import COLUMNS_AT_ONCE
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.scene.scene import Placed
 
@@ -62,8 +61,9 @@ def step_energies(path: FlownPath, channels: Sequence[str], unknowns: Array) -> 
     grid = start + (stop - start) * (np.arange(GRID_POINTS) + 1.0) / (GRID_POINTS + 1.0)
     cases = [(c, t) for c in channels for t in grid.tolist()]
     found: list[Array] = []
-    for first in range(0, len(cases), COLUMNS_AT_ONCE):
-        some = cases[first : first + COLUMNS_AT_ONCE]
+    at_once = path.linear.columns_at_once
+    for first in range(0, len(cases), at_once):
+        some = cases[first : first + at_once]
         du = np.zeros((*path.log.u.shape, len(some)))
         dz = np.zeros((path.rows.t.size, len(some)))
         for k, (channel, t) in enumerate(some):

@@ -42,6 +42,8 @@ LogOrPath = Log | str | Path
 Columns = ColumnMap | str
 """Which column is which channel, or the text that says so: ``gyro_x=gx [deg/s/131], accel_x=#1 [g/16384]``."""
 
+MAX_NUMBERS_IN_MEMORY = 20_000_000
+"""Samples of all channels of a log beyond which what was read goes into a file again, from where it is mapped."""
 MAX_SAMPLES_IN_MEMORY = 20_000_000
 """Samples of a channel beyond which a mapped file is not read into memory."""
 
@@ -135,7 +137,11 @@ def read_long(
         As `read_log`.
     """
     table, sha256 = read_table(Path(path), rate, LogChoice(topic, instance))
-    return (stored if _is_too_long(table) else assemble)(table, map_of(columns), rate, sha256)
+    if _is_too_long(table):
+        return stored(table, map_of(columns), rate, sha256)
+    log = assemble(table, map_of(columns), rate, sha256)
+    del table
+    return log.on_disk() if log.n * len(log.channels) > MAX_NUMBERS_IN_MEMORY else log
 
 
 def recording_of(path: Path, choice: LogChoice = ANY) -> LogRecording | None:

@@ -113,7 +113,7 @@ def _outlying(
 
     far = np.zeros(samples.z.shape, dtype=bool)
     errors, sizes = np.zeros(samples.z.shape), np.zeros(samples.z.shape)
-    courses = path.equations.reading(samples.sensor).values(path.given)
+    courses = path.equations.reading(samples.sensor).table(path.given).T
     for k, (c, course) in enumerate(zip(samples.sensor.channels, courses)):
         rows = path.rows.of(c)
         size, z = np.abs(path.linear.normalised[rows]), path.rows.z[rows]

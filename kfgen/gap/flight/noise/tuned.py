@@ -180,14 +180,6 @@ class _SizeLikelihood:
     stop: int | None = None
 
     @cached_property
-    def parts(self) -> Array:
-        """Process noise of each input alone, shape (inputs, n, entries), of the assumed size."""
-        noise = self.path.input_noise
-        return np.array([noise[g.inputs[0]] for g in self.groups if g.inputs]).reshape(
-            -1, self.path.x.shape[0], self.path.equations.process_noise.rows.size
-        )
-
-    @cached_property
     def _rows(self) -> list[NDArray[np.intp]]:
         rows = self.path.rows
         seen = rows.t.size if self.stop is None else int(np.searchsorted(rows.at, self.stop))
@@ -196,10 +188,9 @@ class _SizeLikelihood:
 
     def __call__(self, x: Array) -> tuple[float, Array]:
         """Log posterior [nats] of logarithms of sizes, shape (groups,), and its gradient."""
-        linear = replace(self.path, sizes=_sizes(self.groups, x)).linear.until(self.stop)
-        count = self.parts.shape[0]
-        size = np.exp(2.0 * x[:count])[:, None, None]
-        of_rows, of_parts = linear.scores(size * self.parts)
+        sizes = _sizes(self.groups, x)
+        linear = replace(self.path, sizes=sizes).linear.until(self.stop)
+        of_rows, of_parts = linear.scores(sizes.inputs)
         prior = np.array([g.sd_of_log for g in self.groups])
         slope = np.array([*of_parts, *(of_rows[r].sum() for r in self._rows)]) - x / prior**2
         value = linear.log_likelihood - 0.5 * float(np.sum((x / prior) ** 2))
