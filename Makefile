@@ -1,6 +1,7 @@
 # make demo   environment, install, the main job; ends with the path of a report page
 # make docs   environment, the pages as a site with the notebooks executed; ends with the path of its first page
-# make test   environment, install, every test; make test-quick a part of them in a minute, make test-long the long ones too
+# make test   environment, install, every test; make test-quick a part of them in a minute, make test-long the long
+#             ones too, then make prove, whose figures are the tables of docs/trust.md
 VENV ?= .venv
 BIN := $(VENV)/bin
 
@@ -20,6 +21,7 @@ test-quick: $(VENV)/installed
 
 test-long: $(VENV)/installed-docs
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+	$(MAKE) prove
 
 # The lowest versions that are declared, of every extra that is tested, in an environment of their own.
 test-lowest:

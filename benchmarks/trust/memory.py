@@ -5,7 +5,7 @@ Usage: python benchmarks/trust/memory.py [--gigabytes 0.4 10] [--hours 1] [--doc
 The log is an NPY file of float32, white noise with a random walk, written in pieces to the folder for temporary files.
 It is mapped: pages of the file that the system keeps for itself and can drop are not counted (RssAnon of Linux).
 The flight is one of `benchmarks/flight`, its inertial sensors at 1 kHz, compared with the library's `ins15`.
-``--docs`` writes the table into the page.
+``--docs`` writes the table into the page; rows that are not measured now stay there as they are.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT)]
 
-from docs_table import write_table  # noqa: E402
+from docs_table import table_of, write_table  # noqa: E402
 
 PIECE = 10_000_000
 RATE_HZ, FLIGHT_HZ = 200.0, 1000.0
@@ -121,6 +121,17 @@ def compared_flight(log: Path) -> tuple[float, float, str]:
     return *spent, " ".join([found["verdict"], *(s["effect"] for s in found["steps"])])
 
 
+def with_others(rows: list[str], table: str) -> list[str]:
+    """These rows, in a table that has others of other files and commands."""
+
+    def measured_there(row: str) -> tuple[str, str]:
+        cells = row.split("|")
+        return cells[1].partition(",")[0].strip(), cells[3].strip()
+
+    new = {measured_there(r): r for r in rows}
+    return [*(new.pop(measured_there(r), r) for r in table.strip().splitlines()), *new.values()]
+
+
 def main() -> int:
     """Write, identify, compare, remove."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -147,7 +158,7 @@ def main() -> int:
         rows.append(f"| {name}, {size:.1f} GB | {n:,} | `gap` | {peak:.0f} MB | {seconds:.0f} s | {said} |")
         print(rows[-1], flush=True)
     if given.docs:
-        write_table("trust.md", "memory", "\n".join(rows))
+        write_table("trust.md", "memory", "\n".join(with_others(rows, table_of("trust.md", "memory"))))
     return 0
 
 
