@@ -30,12 +30,12 @@ test-lowest:
 		$$(.venv-lowest/bin/python tools/lowest.py arma fast pil px4 ros zstd hdf5 parquet)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-lowest/bin/python -m pytest -n 2 --dist worksteal -m "lowest and not long"
 
-# Two hours: hostile inputs, kills, memory, changes of the code; the figures go into docs/trust.md.
+# Three hours: hostile inputs, kills, memory, changes of the code; the figures go into docs/trust.md.
 prove: $(VENV)/installed
 	$(BIN)/python benchmarks/trust/fuzz.py --docs
 	$(BIN)/python benchmarks/trust/kills.py --docs
 	$(BIN)/python benchmarks/trust/faults.py --docs
-	mkdir -p out && $(BIN)/python benchmarks/trust/drawn.py out/drawn.jsonl --minutes 60
+	mkdir -p out && $(BIN)/python benchmarks/trust/drawn.py out/drawn.jsonl --minutes 90
 	$(BIN)/python benchmarks/trust/nulls.py out/drawn.jsonl --docs
 	$(BIN)/python benchmarks/trust/memory.py --docs
 	$(BIN)/python benchmarks/trust/mutants.py --docs

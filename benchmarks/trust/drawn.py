@@ -36,12 +36,12 @@ FLIGHT_S = 60.0
 STRENGTHS = (100.0, 30.0)
 """Of the planted effects [nats], in turn."""
 COUNTS = {
-    ("sensors at rest, short records", "null"): 2700,
+    ("sensors at rest, short records", "null"): 2400,
     ("sensors at rest, short records", "single"): 160,
-    ("moving sensors", "null"): 180,
+    ("moving sensors", "null"): 120,
     ("moving sensors", "single"): 90,
-    ("plants", "null"): 70,
-    ("flights without a reference", "null"): 36,
+    ("plants", "null"): 45,
+    ("flights without a reference", "null"): 24,
 }
 """Records of each world and kind in a whole run."""
 MADE: dict[str, tuple[str, tuple[str, ...], Callable[[Request], Case]]] = {

@@ -37,6 +37,8 @@ SILENCE = r"\| `(?P<model>[\w-]+)` \| (?P<n>\d+) \| \d+ \| (?P<k>\d+) \|"
 """A row of the table of library models on logs of their own."""
 ALARM = r"`(?P<model>[\w-]+)`, [\w-]+, seed (?P<seed>\d+):"
 """A false alarm of that table."""
+SHARED = "library models on logs of their own"
+"""The row of that table, whose logs share random numbers."""
 MANOEUVRES = 12
 """Logs of one seed in that table, which share their random numbers."""
 COVERED = {
@@ -94,11 +96,10 @@ def collected(page: str, paths: list[Path]) -> tuple[dict[str, Count], dict[str,
         n = int(found["n"])
         alarms[world] = Count(int(found["k"]) if "k" in found else n - int(found["silent"]), n)
     rows = [m.groupdict() for m in re.finditer(SILENCE, page)]
-    models = "library models on logs of their own"
-    alarms[models] = Count(sum(int(r["k"]) for r in rows), sum(int(r["n"]) for r in rows))
+    alarms[SHARED] = Count(sum(int(r["k"]) for r in rows), sum(int(r["n"]) for r in rows))
     drawn = Counter((m["model"], m["seed"]) for m in re.finditer(ALARM, page))
     alarms[f"the same, by random numbers: {MANOEUVRES} logs share theirs"] = Count(
-        len(drawn), alarms[models].n // MANOEUVRES
+        len(drawn), alarms[SHARED].n // MANOEUVRES
     )
     for world, pattern in COVERED.items():
         k, n = map(int, read(pattern, page).groups())
@@ -113,7 +114,9 @@ def table(alarms: dict[str, Count], covered: dict[str, Count]) -> str:
     """Markdown: worlds with their false alarms and their intervals."""
     rows = ["| records without a hidden effect | called a gap | of | exact 95 % band |", "|---|---|---|---|"]
     whole = sum((c for name, c in alarms.items() if not name.startswith("the same")), Count())
-    rows += [f"| {n} | {c.k} | {c.n} | {c.band} |" for n, c in [*alarms.items(), ("all", whole)] if c.n]
+    distinct = sum((c for name, c in alarms.items() if name != SHARED), Count())
+    sums = [("all", whole), ("all with random numbers of their own", distinct)]
+    rows += [f"| {n} | {c.k} | {c.n} | {c.band} |" for n, c in [*alarms.items(), *sums] if c.n]
     rows += [
         "",
         "| 95 % intervals of planted effects | hold the truth | of | exact 95 % band |",
