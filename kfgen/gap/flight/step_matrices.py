@@ -15,9 +15,11 @@ from kfgen.model.filter_equations import FilterEquations
 Array = NDArray[np.float64]
 Places = tuple[NDArray[np.int64], NDArray[np.int64]]
 
+KEPT_STEPS = 131072
+"""Of a flight whose matrices are kept, in one block. A longer one's are computed anew for each pass over it, for they would
+be most of what it holds in memory."""
 STEPS_AT_ONCE = 32768
-"""Steps of a block. A longer flight's matrices are computed anew for each pass over it: that takes less time than the
-pass, and they would be most of what it holds in memory."""
+"""Steps of its blocks."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class StepMatrices:
 
     def beginning(self, first: int) -> Block:
         """The block that begins at a step; of a short flight it is kept."""
-        return self._only if self.steps <= STEPS_AT_ONCE else self.made(first)
+        return self._only if self.steps <= KEPT_STEPS else self.made(first)
 
     def blocks(self, backwards: bool = False) -> Iterator[Block]:
         """All blocks.
@@ -76,7 +78,7 @@ class StepMatrices:
         backwards : bool
             The last one first.
         """
-        firsts = range(0, self.steps, STEPS_AT_ONCE)
+        firsts = range(0, self.steps, _at_once(self.steps))
         yield from map(self.beginning, reversed(firsts) if backwards else firsts)
 
     def with_random_error(self, eq: FilterEquations, random_error: RandomError, states: int) -> StepMatrices:
@@ -130,7 +132,7 @@ def step_matrices(
     """
 
     def made(first: int) -> Block:
-        values = [g[first : first + STEPS_AT_ONCE] if g.size > 1 else g for g in given]
+        values = [g[first : first + _at_once(steps)] if g.size > 1 else g for g in given]
         Phi, Qd, B = (m.entries(values) for m in (eq.transition, eq.process_noise, eq.input_errors))
         noise = {name: eq.input_noise[name].entries(values) for name in sizes}
         for name, size in sizes.items():
@@ -139,3 +141,8 @@ def step_matrices(
 
     F, Q = eq.transition, eq.process_noise
     return StepMatrices(steps, (F.rows, F.columns), (Q.rows, Q.columns), made)
+
+
+def _at_once(steps: int) -> int:
+    """Steps of a block of a flight."""
+    return steps if steps <= KEPT_STEPS else STEPS_AT_ONCE
