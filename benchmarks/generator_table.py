@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from textwrap import wrap
 
@@ -35,6 +36,16 @@ class Measured:
         return tuple(str(n) for n in (self.flops, self.instructions, self.stack, self.code))
 
 
+@dataclass(frozen=True)
+class Cost:
+    """What one call costs: executed floating-point operations and instructions, stack, and all code [B]."""
+
+    flops: int
+    instructions: int
+    stack: int
+    code: int
+
+
 def advantage(found: dict[str, list[Measured]]) -> str:
     """By how much each form of kfgen is ahead of the best other generator, in words; behind where it is."""
     parts = []
@@ -64,3 +75,44 @@ def write(found: dict[str, list[Measured]], bounds: dict[str, int], load: float)
     least = " and ".join(f"{b} ({m})" for m, b in bounds.items())
     words = f"{advantage(found)} No elementary congruence in place takes fewer flops than {least}. {measured_at(load)}."
     write_table("benchmarks.md", "generators", "\n".join([*lines, "", *wrap(words, 119)]))
+
+
+Filters = dict[str, dict[str, Cost]]
+"""Of one model: the cost of each routine, by generator."""
+
+
+def a_second(costs: Mapping[str, Cost], rates: Mapping[str, int], what: str) -> int:
+    """Operations or instructions of a second of flight."""
+    return sum(rates[name.removeprefix("update_")] * getattr(c, what) for name, c in costs.items())
+
+
+def whole_advantage(found: Mapping[str, Filters], rates: Mapping[str, int]) -> str:
+    """By how much each form of kfgen is ahead of the best other generator over a second, in words; behind where it is."""
+    parts = []
+    for own in ("kfgen p", "kfgen ud"):
+        for what in ("flops", "instructions"):
+            said = []
+            for model, filters in found.items():
+                others = [n for n in filters if not n.startswith("kfgen")]
+                best = min(others, key=lambda n: a_second(filters[n], rates, what))
+                mine, least = (a_second(filters[n], rates, what) for n in (own, best))
+                less = 100.0 * (1.0 - mine / least)
+                said.append(f"{abs(less):.1f} % {'fewer' if less >= 0 else 'more'} than {best} ({model})")
+            parts.append(f"`{own}` takes {', '.join(said)} {what}")
+    return "; ".join(parts) + "."
+
+
+def write_whole(found: Mapping[str, Filters], rates: Mapping[str, int], load: float) -> None:
+    """The table of whole filters."""
+    head = ("filter", "generator", "`predict`", "updates", "a second", "stack [B]", "code [B]")
+    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+    for model, filters in found.items():
+        for name, costs in filters.items():
+            calls = [f"{c.flops}, {c.instructions}" for c in costs.values()]
+            second = " / ".join(f"{a_second(costs, rates, w) / 1000:.0f}k" for w in ("flops", "instructions"))
+            stack, code = max(c.stack for c in costs.values()), next(iter(costs.values())).code
+            lines.append(
+                f"| {model} | {name} | {calls[0]} | {'; '.join(calls[1:])} | {second} | {stack} | {code} |"
+            )
+    words = f"{whole_advantage(found, rates)} {measured_at(load)}."
+    write_table("benchmarks.md", "whole filters", "\n".join([*lines, "", *wrap(words, 119)]))

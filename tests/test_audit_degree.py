@@ -16,9 +16,11 @@ from scipy.integrate import solve_ivp
 
 from kfgen.audit.audit import audit, notes
 from kfgen.audit.degree import Horizon, degree
+from kfgen.audit.exact import chain, padic
 from kfgen.audit.exact.chain import along, null_space
-from kfgen.audit.exact.padic import PRIMES, Ring
+from kfgen.audit.exact.padic import MOST_PRIMES, PRIMES, NoRoot, Ring, primes
 from kfgen.audit.exact.plan import Plan
+from kfgen.audit.words import sentence
 from kfgen.effects import make
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.library import LIBRARY
@@ -438,3 +440,42 @@ def test_bad_options_say_what(words: list[str], said: str, kfgen: Callable[..., 
     done = kfgen("audit", "ahrs6", *words)
     assert done.exit_code == 2
     assert said in str(done.exception)
+
+
+def test_there_are_enough_primes_for_a_model_with_many_roots() -> None:
+    """All different, prime, and below 2^29."""
+    found = list(primes())
+    assert len(set(found)) == MOST_PRIMES
+    assert max(found) < 2**29
+    assert all(pow(2, p - 1, p) == 1 for p in found)
+    assert list(primes(3)) == found[3:]
+
+
+def test_a_prime_without_a_root_is_no_reason_to_refuse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A speed is a root: half of the primes have it, however many of them come first that do not."""
+    m = build("ins15", None, {"sensors": "gnss_velocity,airspeed"})
+    plan = Plan(m, m.sensors)
+    still = [LIBRARY["cruise"]]
+
+    def fails(p: int) -> bool:
+        try:
+            along(plan, still, p=p)
+        except NoRoot:
+            return True
+        return False
+
+    without = next(p for p in PRIMES if fails(p))
+    found = along(plan, still)[0].nullity
+    monkeypatch.setattr(chain, "PRIMES", (without,))
+    monkeypatch.setattr(padic, "PRIMES", (without,))
+    monkeypatch.setattr(padic, "MOST_PRIMES", 17)
+    assert along(plan, still)[0].nullity == found
+
+
+def test_a_share_is_said_in_percent() -> None:
+    """A scale factor of one for a turn of one radian is a percent for ten milliradians."""
+    m = build("ins33")
+    state = next(s for s in m.states if s.name == "sg_x")
+    turn = next(s for s in m.states if s.name == "mg_xz")
+    said = sentence([("gyro scale factor x", state, 1.0), ("gyro misalignment xz", turn, 1.0)])
+    assert said == "1 % of gyro scale factor x is hidden by 10 mrad of gyro misalignment xz"

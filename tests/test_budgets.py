@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from kfgen.emit.routines import Program
@@ -43,11 +44,11 @@ ROUTINES = {
 
 
 @cache
-def bench() -> dict[str, Any]:
+def bench(name: str = "codegen") -> dict[str, Any]:
     folder = str(Path(__file__).parents[1] / "benchmarks")
     if folder not in sys.path:
         sys.path.insert(0, folder)
-    return runpy.run_path(f"{folder}/codegen.py")
+    return runpy.run_path(f"{folder}/{name}.py")
 
 
 @pytest.mark.parametrize(("name", "form"), TARGETS)
@@ -89,3 +90,37 @@ def test_three_rows_of_three_non_zeros(form: str, flops: int, divisions: int) ->
     assert found[0] <= flops
     assert found[1] <= divisions
     assert sum(found) > 3 * program.n, "three rows change every state at least"
+
+
+COUNTED = """
+float in[4], out[3];
+static void sums(void) {
+  out[0] = in[0] + in[1] - in[2]; out[1] = in[0] * in[1] / in[2]; out[2] = -__builtin_sqrtf(in[3]);
+}
+void call_sums(void); void call_sums(void) { sums(); }
+int main(void); int main(void) { return 0; }
+__attribute__((section(".vectors"), used)) const void *const vectors[] = { (const void *)call_sums, in, out };
+"""
+
+
+def test_operations_that_a_core_executes_are_counted(tmp_path: Path) -> None:
+    """Two sums, a product, a quotient and a root; loads, stores and signs are none."""
+    (tmp_path / "sums.c").write_text(COUNTED)
+    board = bench("whole_filter")["CountingBoard"](tmp_path / "sums.c", tmp_path)
+    board.write("in", np.array([3.0, 4.0, 2.0, 9.0], np.float32))
+    board.call("call_sums")
+    assert np.frombuffer(board.read("out", 12), np.float32).tolist() == [5.0, 6.0, -3.0]
+    assert board.flops == 5
+
+
+def test_whole_filters_are_right_and_no_dearer_than_common_subexpressions() -> None:
+    """Results of either are compared with double precision by the benchmark; fusion of P takes the same operations."""
+    found = bench("whole_filter")
+    p = found["Equations"](DiscreteModel(build("ahrs6")))
+    own, peer = (dict(found["Measurement"](p, n).costs()) for n in ("kfgen p", "sympy dense + cse"))
+    assert own.keys() == {"predict", "update_accel", "update_mag"}
+    assert own["predict"].flops < peer["predict"].flops
+    for name, cost in own.items():
+        assert cost.flops <= peer[name].flops, name
+    factored = dict(found["Measurement"](p, "kfgen ud, emitted").costs())
+    assert sum(c.flops for c in factored.values()) > sum(c.flops for c in own.values())

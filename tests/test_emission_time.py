@@ -10,6 +10,7 @@ import pytest
 from kfgen.core.errors import InputError
 from kfgen.emit.emit import emit
 from kfgen.emit.routines import Program
+from kfgen.emit.targets.c import CPrinter
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import LIBRARY, build
 from kfgen.model.option import STATE, Choice, Kind, Names, OrState, YesNo
@@ -96,3 +97,10 @@ def test_every_option_of_the_largest_models_is_emitted_in_seconds(
 def test_a_higher_order_multiplies_nothing_out_that_gets_longer(name: str, order: int, most: int) -> None:
     """An entry of the corrected inputs of ins33 had 100,000 operations at order 2, where that of the raw ones has 942."""
     assert Program(DiscreteModel(build(name), order), "ud").predict.operations <= most
+
+
+@pytest.mark.long
+def test_every_number_of_a_third_order_in_earth_axes_is_one_of_single_precision() -> None:
+    """Multiplied out, the gravity of the ellipsoid had a coefficient of 7.69e-39, which is none."""
+    program = Program(DiscreteModel(build("ins23", None, {"frame": "ecef"}), 3), "ud")
+    assert "const float" in CPrinter(program).body(program.predict)

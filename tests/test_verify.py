@@ -41,7 +41,7 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
     },
     ("ahrs6", "ud"): {
         "predict": 310, "update_accel": 987, "update_mag": 1063, "predict stack": 41,
-        "stack": 350, "text": 16600,
+        "stack": 352, "text": 16600,
     },
     ("ins15", "p"): {
         "predict": 1712, "update_gnss_position": 2013, "update_gnss_velocity": 1993,

@@ -17,6 +17,7 @@ SPOKEN_UNITS = {
     "m/s^2": (1e-3, "mm/s^2"),
     "T": (1e-6, "uT"),
     "s": (1e-3, "ms"),
+    "1": (1e-2, "%"),
 }
 """In what a state is said: [SI], unit."""
 
@@ -88,7 +89,7 @@ def amount(value: float, unit: str) -> str:
         Its SI unit.
     """
     scale, shown = SPOKEN_UNITS.get(unit, (1.0, unit))
-    return f"{value / scale:.4g} {'' if shown == '1' else shown}".strip()
+    return f"{value / scale:.4g} {shown}"
 
 
 def listed(parts: Sequence[str]) -> str:

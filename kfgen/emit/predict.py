@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kfgen.emit.covariance.packed import Row
 from kfgen.emit.guards import every, within
-from kfgen.emit.ir.ir import All, Compare, Expr, Note, Num, Ref, Routine, StatusFlag, When
+from kfgen.emit.ir.ir import All, Compare, Expr, Note, Num, Ref, Routine, StatusFlag, Stmt, When
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.state import normalised
 
@@ -14,8 +14,15 @@ if TYPE_CHECKING:
     from kfgen.emit.routines import Program
 
 
-def predict(program: Program) -> Routine:
-    """State and covariance over one step."""
+def propagated(program: Program, guarded: bool = True) -> list[Stmt]:
+    """State and covariance over one step, of inputs that are known to be fit.
+
+    Parameters
+    ----------
+    program : Program
+    guarded : bool
+        Only where the new state is finite, and with a look at the new covariance.
+    """
     rows, noise = program.transition
     noise = {key: q for key, q in noise.items() if key[0] not in program.slow}
     lower = program.lowering()
@@ -32,11 +39,15 @@ def predict(program: Program) -> Routine:
     stream = iter(entries)
     Phi: dict[int, Row] = {i: {j: next(stream) for j in row} for i, row in rows.items()}
     Qd = {key: next(stream) for key in noise}
-    then = [*program.covariance.predict(Phi, Qd), *program.covariance_guard()]
-    body += [Note("state"), *normalised(program, values[len(flat) :], lower, True, then)]
+    then = [*program.covariance.predict(Phi, Qd), *(program.covariance_guard() if guarded else ())]
+    return [*body, Note("state"), *normalised(program, values[len(flat) :], lower, guarded, then)]
+
+
+def predict(program: Program) -> Routine:
+    """State and covariance over one step."""
     raw = (list(program.discrete.Phi), list(program.discrete.named_noise[0]), program.discrete.step)
     arguments = program.motion_arguments([e for row in raw for e in row])
-    body = [*program.supervisor.resynchronise(), *program.supervisor.changed(), *body]
+    body = [*program.supervisor.resynchronise(), *program.supervisor.changed(), *propagated(program)]
     looked = [c for a in arguments[:-1] for c in within(a, program.input_limit(a.name))]
     refused = (StatusFlag("BAD_INPUT"), *program.supervisor.missed())
     known = (When(every(looked), tuple(body), refused),) if looked else tuple(body)

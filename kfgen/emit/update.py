@@ -48,25 +48,22 @@ LEAST_SEEN = 1e-6
 """Share of a row's variance that the priors make of it at least, where P widens along it: of less nothing is seen."""
 
 
-def update(program: Program, sensor: Sensor) -> Routine:
-    """Fuse one sample of a sensor: all of its rows, or none.
+def linearised(program: Program, sensor: Sensor, lower: Lowering) -> tuple[list[Stmt], list[Row], list[Expr]]:
+    """A sample at the predicted state: statements, non-zeros of the Jacobian by row, and the innovation.
 
     Raises
     ------
     InputError
         A row of it depends on no state.
     """
-    model = program.discrete.model
     h, H = program.discrete.expected(sensor), program.discrete.H(sensor)
-    lower = program.lowering()
-    used = [*h, *H]
-    body = program.atoms.make(lower, used)
+    body = program.atoms.make(lower, [*h, *H])
     entries = [(i, j) for i in range(H.rows) for j in range(program.n) if H[i, j] != 0]
     blind = [c for i, c in enumerate(sensor.channels) if not any(k == i for k, _ in entries)]
     if blind:
         raise InputError(
             f"the measurement {blind[0]} depends on no state, so it can correct none",
-            where=model.name,
+            where=program.discrete.model.name,
             remedy="Leave it out, or write its expression in states",
         )
     values, statements = lower.many([*h, *(H[i, j] for i, j in entries)])
@@ -76,9 +73,16 @@ def update(program: Program, sensor: Sensor) -> Routine:
         rows[i][j], made = lower.let(value, "h")
         body += made
     y = _innovation(sensor, values[: H.rows], lower, body)
+    return body, rows, y
+
+
+def update(program: Program, sensor: Sensor) -> Routine:
+    """Fuse one sample of a sensor: all of its rows, or none; raises as `linearised` and `variances`."""
+    lower = program.lowering()
+    body, rows, y = linearised(program, sensor, lower)
     R = variances(program, sensor)
     gate = squared_gate(lower, sensor)
-    given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(H.rows)], strict=True))
+    given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(R.size)], strict=True))
     after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
     rejected = _rejected(program, sensor, rows, y, [r for *_, r in given])
     corrected = inject(program, guarded=True)
@@ -87,8 +91,8 @@ def update(program: Program, sensor: Sensor) -> Routine:
     else:
         body += fused_with_rollback(program.covariance, given, gate, [*corrected, *after], rejected)
     z = Argument("z", len(sensor.channels), f"{sensor.title} [{sensor.unit}]: " + ", ".join(sensor.channels))
-    others = program.sample_arguments(used)
-    memory = (*program.covariance.scratch, *kept(program.covariance, H.rows))
+    others = program.sample_arguments([*program.discrete.expected(sensor), *program.discrete.H(sensor)])
+    memory = (*program.covariance.scratch, *kept(program.covariance, R.size))
     return Routine(
         f"update_{sensor.name}",
         f"Fuse one sample: {sensor.title}.",

@@ -22,7 +22,7 @@ import numpy as np
 import sympy as sp
 
 from kfgen.audit.exact.modular import Echelon, coefficient, product
-from kfgen.audit.exact.padic import PRIMES, Degenerate, Ring
+from kfgen.audit.exact.padic import PRIMES, Degenerate, NoRoot, Ring, primes
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.segment_series import SegmentSeries, start_of
 from kfgen.core.errors import InputError
@@ -119,11 +119,16 @@ def along(
     """
     if p is not None:
         return [null_space_along(plan, m, length, GenericPoint(p, generic)) for m in manoeuvres]
-    for prime in PRIMES[first:]:
+    left = len(PRIMES)
+    for prime in primes(first):
         try:
             return [null_space_along(plan, m, length, GenericPoint(prime, generic)) for m in manoeuvres]
+        except NoRoot as error:
+            why: Degenerate = error
         except Degenerate as error:
-            why = error
+            why, left = error, left - 1
+            if not left:
+                break
     raise InputError(
         f"{plan.model.name} has no value where the motion starts ({why})",
         remedy="Give its states another initial value",
@@ -174,6 +179,8 @@ def _first_look(
     try:
         state = start_of(plan, manoeuvre, ring, generic=point.generic)
         rows, gained = row_space_modulo_p(plan, ring, manoeuvre.segments[0], length, state)
+    except NoRoot:
+        raise
     except Degenerate:
         return list(range(plan.size)), max(point.digits, plan.size)
     return rows.unobservable_columns, max(point.digits, gained + 2)

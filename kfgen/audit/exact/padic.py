@@ -13,7 +13,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -36,11 +36,34 @@ PRIMES = (
     536870717,
     536870701,
 )
-"""Below 2^29: sums of 127 products of residues stay within 64 bits. One may lack a root that a model needs."""
+"""Below 2^29: sums of 127 products of residues stay within 64 bits. One in two lacks a root that a model needs."""
+MOST_PRIMES = 256
+"""Primes that are tried for a model with roots: of eight independent ones a prime has them all in one of 256."""
+
+
+def primes(first: int = 0) -> Iterator[int]:
+    """The primes, and those below them.
+
+    Parameters
+    ----------
+    first : int
+        The place of the first one.
+    """
+    from sympy import prevprime
+
+    yield from PRIMES[first:]
+    p = PRIMES[-1]
+    for _ in range(MOST_PRIMES - len(PRIMES)):
+        p = int(prevprime(p))
+        yield p
 
 
 class Degenerate(ArithmeticError):
     """A point at which a value does not exist modulo p; another point has to be taken."""
+
+
+class NoRoot(Degenerate):
+    """A square root that does not exist modulo p: half of the primes have it."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +99,12 @@ class Ring:
         return v
 
     def sqrt(self, a: int) -> int:
-        """A square root by Newton's steps; raises `Degenerate` where there is none."""
+        """A square root by Newton's steps; raises `NoRoot` where there is none."""
         from sympy.ntheory import sqrt_mod
 
         root = sqrt_mod(a % self.p, self.p)
         if not root:
-            raise Degenerate("no square root modulo p")
+            raise NoRoot("no square root modulo p")
         root, half = int(root), pow(2, -1, self.m)
         for _ in range(self.digits.bit_length() + 1):
             root = (root + a * self.inverse(root)) * half % self.m

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-from kfgen.emit.covariance.correction import GAIN, corrected
+from kfgen.emit.covariance.correction import GAIN, corrected, gathered
 from kfgen.emit.covariance.forms import (
     ANY_HELD,
     HEALTH,
@@ -139,8 +139,9 @@ class Bierman(CovarianceForm):
                 S[i, j] = let(body, f"Sj_{i}_{j}_", total([mul(v[k], g[k]) for k in f if k in g]))
         return body, S
 
-    def fuse(self, tag: str, H: Row, R: Expr) -> Fusion:
+    def fuse(self, row: int, H: Row, R: Expr) -> Fusion:
         """Bierman's update: ``f = U'h``, ``v = D f``, ``alpha_j = alpha_(j-1) + v_j f_j`` down to ``S``."""
+        tag = str(row)
         before: list[Stmt] = []
         f, v = self._projected(before, tag, H)
         alpha: dict[int, Expr] = {min(f) - 1: R}
@@ -149,7 +150,7 @@ class Bierman(CovarianceForm):
         S = alpha[self.n - 1]
         columns = self._columns_loops if self.loops else self._columns
         body, b = columns(tag, R, f, v, alpha)
-        return Fusion(tuple(before), S, (*body, *self._correct(tag, b, S)))
+        return Fusion(tuple(before), S, (*body, *self._correct(row, b, S)))
 
     def _columns(
         self, tag: str, R: Expr, f: dict[int, Expr], v: dict[int, Expr], alpha: dict[int, Expr]
@@ -199,15 +200,19 @@ class Bierman(CovarianceForm):
         )
         return [*body, For("j", first, n, column)], [Ref("b_", k) for k in range(n)]
 
-    def _correct(self, tag: str, b: list[Expr], S: Expr) -> list[Stmt]:
+    def _correct(self, row: int, b: list[Expr], S: Expr) -> list[Stmt]:
         """The gain at work; held states give up theirs, and the covariance gets it back."""
-        y, s = Ref(f"y_{tag}"), Ref(f"s_{tag}")
+        y, s = Ref(f"y_{row}"), Ref(f"s_{row}")
         body: list[Stmt] = []
-        K = [let(body, f"K_{tag}_{k}", mul(value, s)) for k, value in enumerate(b)]
+        K = [let(body, f"K_{row}_{k}", mul(value, s)) for k, value in enumerate(b)]
         dx = [Ref("dx", self.order[k]) for k in range(self.n)]
         handed = [Store(Ref(GAIN, k), value) for k, value in enumerate(K)]
-        plain = tuple(Store(x, add(x, mul(value, y))) for x, value in zip(dx, K))
-        held = (*handed, FunctionCall("hold", (Ref(GAIN), S)), *corrected(self.n, y, self.loops, self.order))
+        plain = tuple(gathered(row, x, mul(value, y)) for x, value in zip(dx, K))
+        held = (
+            *handed,
+            FunctionCall("hold", (Ref(GAIN), S)),
+            *corrected(row, self.n, y, self.loops, self.order),
+        )
         return [*body, When(Compare(">", ANY_HELD, Num(0.0)), held, plain)]
 
     def stored_range(self, a: StateRange, b: StateRange | None, factor: float) -> tuple[float, float]:

@@ -10,11 +10,27 @@ GAIN = "gain"
 """Scratch of an update: what a call takes of the gain."""
 
 
-def corrected(n: int, y: Expr, loops: bool, order: Sequence[int] = ()) -> list[Stmt]:
+def gathered(row: int, dx: Ref, value: Expr) -> Store:
+    """An element of the correction grows by what a row corrects; the first one begins it.
+
+    Parameters
+    ----------
+    row : int
+        Of the sensor.
+    dx : Ref
+    value : Expr
+        Gain times innovation.
+    """
+    return Store(dx, add(dx, value) if row else value)
+
+
+def corrected(row: int, n: int, y: Expr, loops: bool, order: Sequence[int] = ()) -> list[Stmt]:
     """The correction gathers gain times innovation, the gain from its array, in an order of the states.
 
     Parameters
     ----------
+    row : int
+        Of the sensor.
     n : int
         States.
     y : Expr
@@ -26,6 +42,6 @@ def corrected(n: int, y: Expr, loops: bool, order: Sequence[int] = ()) -> list[S
     """
     if loops and list(order) in ([], list(range(n))):
         dx = Ref("dx", "i")
-        return [For("i", 0, n, (Store(dx, add(dx, mul(Ref(GAIN, "i"), y))),))]
+        return [For("i", 0, n, (gathered(row, dx, mul(Ref(GAIN, "i"), y)),))]
     places = [(k, Ref("dx", s)) for k, s in enumerate(order or range(n))]
-    return [Store(dx, add(dx, mul(Ref(GAIN, k), y))) for k, dx in places]
+    return [gathered(row, dx, mul(Ref(GAIN, k), y)) for k, dx in places]

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.emit.covariance.correction import GAIN, corrected
+from kfgen.emit.covariance.correction import GAIN, corrected, gathered
 from kfgen.emit.covariance.packed import Noise, Row, cell, packed_size, place, predict_covariance, total
 from kfgen.emit.covariance.state_range import StateRange
 from kfgen.emit.ir.ir import (
@@ -169,13 +169,13 @@ class CovarianceForm:
         """
         raise NotImplementedError
 
-    def fuse(self, tag: str, H: Row, R: Expr) -> Fusion:
+    def fuse(self, row: int, H: Row, R: Expr) -> Fusion:
         """One scalar of Jacobian H and noise variance R.
 
         Parameters
         ----------
-        tag : str
-            In the names of locals.
+        row : int
+            Of the sensor; the first one begins the correction.
         H : dict of int to Expr
             Non-zeros of the Jacobian.
         R : Expr
@@ -265,8 +265,9 @@ class Packed(CovarianceForm):
         """By congruence in place."""
         return predict_covariance(self.n, Phi, Qd, self.names, self.loops)
 
-    def fuse(self, tag: str, H: Row, R: Expr) -> Fusion:
-        """``b = P H'``, ``S = H b + R``, ``K = b / S``, ``P <- P - K b'``; for held states see `_general`."""
+    def fuse(self, row: int, H: Row, R: Expr) -> Fusion:
+        """``b = P H'``, ``S = H b + R``, ``K = b / S``, ``P <- P - K b'``; for held states see `_held`."""
+        tag = str(row)
         before: list[Stmt] = []
         b: list[Expr] = []
         for k in range(self.n):
@@ -281,14 +282,14 @@ class Packed(CovarianceForm):
             which = When(
                 Compare(">", ANY_HELD, Num(0.0)), (held,), (FunctionCall("fuse_all", (Ref(GAIN), s)),)
             )
-            return Fusion(tuple(before), S, (*handed, which, *corrected(self.n, y, self.loops)))
+            return Fusion(tuple(before), S, (*handed, which, *corrected(row, self.n, y, self.loops)))
         plain: list[Stmt] = []
         for k in range(self.n):
             gain = Ref(f"K_{tag}_{k}")
-            plain += [Let(gain.name, mul(b[k], s)), Store(Ref("dx", k), add(Ref("dx", k), mul(gain, y)))]
+            plain += [Let(gain.name, mul(b[k], s)), gathered(row, Ref("dx", k), mul(gain, y))]
             plain += [Store(cell(k, l), sub(cell(k, l), mul(gain, b[l]))) for l in range(k, self.n)]
         which = When(
-            Compare(">", ANY_HELD, Num(0.0)), (*handed, held, *corrected(self.n, y, False)), tuple(plain)
+            Compare(">", ANY_HELD, Num(0.0)), (*handed, held, *corrected(row, self.n, y, False)), tuple(plain)
         )
         return Fusion(tuple(before), S, (which,))
 

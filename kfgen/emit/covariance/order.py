@@ -18,7 +18,7 @@ SETUP, TURN, FIRST = 8, 4, 2
 NOISE = 4
 """Operations of a row in a column that a noise goes through."""
 MAX_PASSES = 4
-"""Times that every state of a group is tried at every place."""
+"""Times that every run of states of a group is tried at every place."""
 
 
 def in_groups(n: int, Phi: Mapping[int, Sequence[int]], driven: Sequence[int] = ()) -> Groups:
@@ -49,37 +49,50 @@ def in_groups(n: int, Phi: Mapping[int, Sequence[int]], driven: Sequence[int] = 
 
 
 def _cheapest(group: list[int], needs: Needs, size: tuple[int, int], driven: set[int]) -> tuple[int, ...]:
-    """The order of a group that takes the fewest operations of those that moving one state at a time leads to."""
+    """The order of a group that takes the fewest operations of those that moving one run of states at a time leads to."""
     best = tuple(group)
-    least = _work(best, needs, size, driven)
+    least = work(best, needs, size, driven)
     for _ in range(MAX_PASSES if len(group) > 1 else 0):
         before = least
         for order in _moved(best):
-            work = _work(order, needs, size, driven)
-            if work < least:
-                best, least = order, work
+            tried = work(order, needs, size, driven)
+            if tried < least:
+                best, least = order, tried
         if least == before:
             break
     return best
 
 
 def _moved(order: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-    """The orders with one state at another place."""
-    for state in order:
-        rest = [s for s in order if s != state]
-        for k in range(len(order)):
-            yield (*rest[:k], state, *rest[k:])
+    """The orders with a run of states at another place."""
+    for length in range(1, len(order)):
+        for first in range(len(order) - length + 1):
+            run, rest = order[first : first + length], order[:first] + order[first + length :]
+            for k in range(len(rest) + 1):
+                yield (*rest[:k], *run, *rest[k:])
 
 
-def _work(order: tuple[int, ...], needs: Needs, size: tuple[int, int], driven: set[int]) -> int:
-    """Operations of the products, the rotations and the noise of a group with so many states above it, and from it on."""
+def work(order: tuple[int, ...], needs: Needs, size: tuple[int, int], driven: set[int]) -> int:
+    """Operations of the products, the rotations and the noise of a group.
+
+    Parameters
+    ----------
+    order : tuple of int
+        Of its states.
+    needs : mapping of int to set of int
+        The states that drive each.
+    size : (int, int)
+        How many states there are above it, and from it on.
+    driven : set of int
+        States with white noise.
+    """
     above, rest = size
     at = {state: k for k, state in enumerate(order)}
-    work = sum(PRODUCT * (rest - at[j]) for i in order for j in needs[i] if j in at)
+    total = sum(PRODUCT * (rest - at[j]) for i in order for j in needs[i] if j in at)
     for r, columns in rotations(filled(order, needs)):
-        work += len(columns) * (SETUP + TURN * (above + r)) + FIRST * (above + r)
+        total += len(columns) * (SETUP + TURN * (above + r)) + FIRST * (above + r)
     tops = [above + at[i] for i in order if i in driven]
-    return work + sum(NOISE * top * (top + 1) // 2 for top in tops)
+    return total + sum(NOISE * top * (top + 1) // 2 for top in tops)
 
 
 def filled(order: Sequence[int], needs: Mapping[int, set[int]]) -> list[set[int]]:

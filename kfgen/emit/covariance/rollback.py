@@ -81,7 +81,7 @@ def fused_with_rollback(
     body: list[Stmt] = list(accepted)
     for i, (channel, H, residual, R) in reversed(list(enumerate(rows))):
         y, s = Ref(f"y_{i}"), Ref(f"s_{i}")
-        fusion = form.fuse(f"{i}", H, R)
+        fusion = form.fuse(i, H, R)
         inner: tuple[Stmt, ...] = (*fusion.apply, *body)
         if i == len(rows) - 1:
             inner = (When(Compare("<=", NIS, gate), inner, (StatusFlag("GATED"), *back, *rejected)),)

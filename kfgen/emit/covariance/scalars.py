@@ -44,7 +44,7 @@ def fused(form: CovarianceForm, row: int, H: Row, residual: Expr, R: Expr) -> li
         Variance of the noise.
     """
     y, s = Ref(f"y_{row}"), Ref(f"s_{row}")
-    fusion = form.fuse(f"{row}", H, R)
+    fusion = form.fuse(row, H, R)
     apply: tuple[Stmt, ...] = (Let(s.name, Bin("/", Num(1.0), fusion.S)), *fusion.apply)
     positive = When(Compare(">", fusion.S, Num(0.0)), apply, (StatusFlag("NOT_POSITIVE"),))
     return [

@@ -7,7 +7,7 @@ from collections.abc import Set
 
 import sympy as sp
 
-LONGEST = 64
+LONGEST = 16
 """Products of one term beyond which it stays factored: it is a function of the place, and cancels with nothing."""
 
 
