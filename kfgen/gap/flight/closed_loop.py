@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kfgen.gap.flight.compiled import propagated
 from kfgen.model.plant.compiled import compiled, run_tape
 
 
@@ -73,29 +74,11 @@ def _corrected(  # noqa: PLR0913, PLR0917
     return -0.5 * math.log(S) - (0.5 * size * size if size < limit else limit * (size - 0.5 * limit))
 
 
-@compiled(
-    "void(float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], int64, int64[::1], int64[::1], int64[::1], int64[::1])"
-)
-def _propagated(  # noqa: PLR0913, PLR0917
-    P: Any, T: Any, r: Any, outputs: Any, first: int, Pi: Any, Pj: Any, Qi: Any, Qj: Any
-) -> None:
-    """``Phi P Phi' + Qd`` by the entries that are not zero, which stand in registers after output `first`."""
-    n = P.shape[0]
-    T[:] = 0.0
-    for z in range(Pi.size):
-        v = r[outputs[first + z], 0]
-        for j in range(n):
-            T[Pi[z], j] += v * P[Pj[z], j]
-    P[:] = 0.0
-    for z in range(Pi.size):
-        v = r[outputs[first + z], 0]
-        for i in range(n):
-            P[i, Pi[z]] += v * T[i, Pj[z]]
-    for z in range(Qi.size):
-        P[Qi[z], Qj[z]] += r[outputs[first + Pi.size + z], 0]
-    for i in range(n):
-        for j in range(i):
-            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+@compiled("void(float64[:,::1], int64[::1], float64[::1])")
+def _read(r: Any, outputs: Any, out: Any) -> None:
+    """The first outputs of a tape, as many as there is room for."""
+    for z in range(out.size):
+        out[z] = r[outputs[z], 0]
 
 
 @compiled(
@@ -141,12 +124,11 @@ def fly(  # noqa: PLR0913, PLR0917
     readings = out2.size - Hi.size
     r1, r2 = np.zeros((first1 + o1.shape[0], 1)), np.zeros((first2 + o2.shape[0], 1))
     r3 = np.zeros((first3 + o3.shape[0], 1))
-    x, T, H = x0.copy(), np.zeros((n, n)), np.zeros((readings, n))
+    x, H = x0.copy(), np.zeros((readings, n))
+    T, turned, Phi, Qd = np.zeros((n, n)), np.zeros((n, n)), np.zeros(Pi.size), np.zeros(Qi.size)
     dx, K = np.zeros(n), np.zeros(n)
-    at, most = (
-        0,
-        -0.5 * np.sum(np.log(row_R)),
-    )  # no reading is likelier than one without an error of the prediction
+    # No reading is likelier than one without an error of the prediction.
+    at, most = 0, -0.5 * np.sum(np.log(row_R))
     for k in range(N):
         if score[0] + most < least:
             score[0] = -np.inf
@@ -173,4 +155,6 @@ def fly(  # noqa: PLR0913, PLR0917
         _given(r1, x, known[k], fixed)
         _tape(o1, first1, c1, r1)
         _stored(x, r1, out1, quaternions)
-        _propagated(P, T, r1, out1, stored, Pi, Pj, Qi, Qj)
+        _read(r1, out1[stored:], Phi)
+        _read(r1, out1[stored + Pi.size :], Qd)
+        propagated(P, T, turned, Phi, Pi, Pj, Qd, Qi, Qj)

@@ -24,6 +24,36 @@ from kfgen.model.plant.compiled import compiled
 
 
 @compiled(
+    "void(float64[:,::1], float64[:,::1], float64[:,::1], float64[::1], int64[::1], int64[::1], float64[::1], int64[::1],"
+    " int64[::1])"
+)
+def propagated(  # noqa: PLR0913, PLR0917
+    P: Any, T: Any, turned: Any, Phi: Any, Pi: Any, Pj: Any, Qd: Any, Qi: Any, Qj: Any
+) -> None:
+    """``Phi P Phi' + Qd`` in place, by the entries that are not zero, shape (entries,); of a symmetric product the upper half."""
+    n = P.shape[0]
+    T[:] = 0.0
+    for z in range(Pi.size):
+        v, a, b = Phi[z], Pi[z], Pj[z]
+        for j in range(n):
+            T[a, j] += v * P[b, j]
+    for i in range(n):
+        for j in range(n):
+            turned[j, i] = T[i, j]
+    P[:] = 0.0
+    for z in range(Pi.size):
+        v, a, b = Phi[z], Pi[z], Pj[z]
+        for j in range(a, n):
+            P[a, j] += v * turned[b, j]
+    for z in range(Qi.size):
+        if Qi[z] <= Qj[z]:
+            P[Qi[z], Qj[z]] += Qd[z]
+    for i in range(n):
+        for j in range(i):
+            P[i, j] = P[j, i]
+
+
+@compiled(
     "int64(int64, int64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1],"
     " float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1],"
     " float64[::1], float64[::1], float64[:,::1])"
@@ -79,27 +109,10 @@ def forward(  # noqa: PLR0913, PLR0917
             break
         for i in range(n):
             fresh[i] = c[k, i]
-        T[:] = 0.0
         for z in range(Pi.size):
-            v, a, b = Phi[step, z], Pi[z], Pj[z]
-            fresh[a] += v * x[b]
-            for j in range(n):
-                T[a, j] += v * P[b, j]
-        for i in range(n):
-            for j in range(n):
-                turned[j, i] = T[i, j]
-        P[:] = 0.0
-        for z in range(Pi.size):  # of a symmetric product the upper half is enough
-            v, a, b = Phi[step, z], Pi[z], Pj[z]
-            for j in range(a, n):
-                P[a, j] += v * turned[b, j]
-        for z in range(Qi.size):
-            if Qi[z] <= Qj[z]:
-                P[Qi[z], Qj[z]] += Qd[step, z]
-        for i in range(n):
-            x[i] = fresh[i]
-            for j in range(i):
-                P[i, j] = P[j, i]
+            fresh[Pi[z]] += Phi[step, z] * x[Pj[z]]
+        x[:] = fresh
+        propagated(P, T, turned, Phi[step], Pi, Pj, Qd[step], Qi, Qj)
     return at
 
 
