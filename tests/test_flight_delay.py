@@ -65,6 +65,12 @@ def test_no_sensor_reads_what_comes_later() -> None:
     assert not said("gnss_p", 0.3)
     assert not said("gnss", -0.02)
     assert not said("gnss", -0.1, cautious=False)
+    late = tuple(replace(a, delay=0.2) for a in scene.path.log.aiding)
+    assumed = replace(
+        scene, path=replace(scene.path, log=replace(scene.path.log, aiding=late)), cautious=True
+    )
+    for delay, is_early in ((-0.1, False), (-0.3, True)):
+        assert bool(assumed.unreached(Placed(make("time_delay", delay=delay), "gnss"))) == is_early
 
 
 def test_the_axes_of_an_inertial_sensor_are_read_at_once() -> None:

@@ -20,7 +20,7 @@ from kfgen.core.units import parse_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.flight.flight_scene import flight_scene
-from kfgen.gap.flight.linear_flight import BYTES_AT_ONCE, COLUMNS_AT_ONCE
+from kfgen.gap.flight.linear.linear_flight import BYTES_AT_ONCE, COLUMNS_AT_ONCE
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.scene.newton import fitted
@@ -102,8 +102,8 @@ def test_a_flight_in_blocks_of_steps_has_the_numbers_of_one_block(monkeypatch: p
         return [linear.e, linear.S, linear.K, *passes, *linear.scores(sizes.inputs)]
 
     whole = numbers()
-    monkeypatch.setattr("kfgen.gap.flight.step_matrices.KEPT_STEPS", 0)
-    monkeypatch.setattr("kfgen.gap.flight.step_matrices.STEPS_AT_ONCE", 777)
+    monkeypatch.setattr("kfgen.gap.flight.linear.step_matrices.KEPT_STEPS", 0)
+    monkeypatch.setattr("kfgen.gap.flight.linear.step_matrices.STEPS_AT_ONCE", 777)
     for found, wanted in zip(numbers(), whole):
         np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-9 * np.abs(wanted).max())
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kfgen.gap.flight.compiled import propagated
+from kfgen.gap.flight.linear.compiled import propagated
 from kfgen.model.plant.compiled import compiled, run_tape
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.gap.core.result import OutageDrift
-from kfgen.gap.flight.linear_flight import LinearFlight
+from kfgen.gap.flight.linear.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
 
 Array = NDArray[np.float64]

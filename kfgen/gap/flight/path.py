@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from kfgen.gap.flight.first_flight import first_flight
 from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
-from kfgen.gap.flight.linear_flight import LinearFlight
+from kfgen.gap.flight.linear.linear_flight import LinearFlight
+from kfgen.gap.flight.linear.step_matrices import step_matrices
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.flight.rows import Rows, rows_of
-from kfgen.gap.flight.step_matrices import step_matrices
 from kfgen.gap.scene.scene import Placed
 from kfgen.model.filter_equations import FilterEquations
 

@@ -22,7 +22,7 @@ from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.noise.changed_noise import with_noise_changes
-from kfgen.gap.flight.noise.tuned import TunedFlight, TunedSize, shown_scales, tuned
+from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.likely_random_errors import likely_random_errors
@@ -257,17 +257,18 @@ class FlightScene:
 
     def tuned(self, point: ScenePoint) -> FlightScene:
         """The flight about no effect, its noises of the sizes that are most likely beside the effects of a point."""
-        return self._about_none(tuned(self.about(point).path))
+        found = tuned(self.about(point).path)
+        return replace(self._about_none(found.path), sizes=found.sizes)
 
     def with_noise_changes(self, point: ScenePoint) -> FlightScene:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
         path, changed = with_noise_changes(self.about(point).path)
-        found = self._about_none(TunedFlight(path, self.sizes))
-        return replace(found, said=(*self.said, *changed)) if changed else self
+        return replace(self._about_none(path), said=(*self.said, *changed)) if changed else self
 
-    def _about_none(self, found: TunedFlight) -> FlightScene:
-        path = replace(found.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
-        return FlightScene(path.smoothed(), (), found.sizes, said=self.said, cautious=True)
+    def _about_none(self, path: FlownPath) -> FlightScene:
+        """About a path with no effect subtracted; what is rare is no candidate there, for something is still missing."""
+        clean = replace(path, du=np.zeros_like(path.du), dz=np.zeros_like(path.dz))
+        return FlightScene(clean.smoothed(), (), self.sizes, said=self.said, cautious=True)
 
     def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
@@ -277,9 +278,7 @@ class FlightScene:
 
     def with_random_error(self, placed: Placed) -> FlightScene:
         """The flight about no effect, with one random error more as a state of its filter."""
-        path = replace(self.path, du=np.zeros_like(self.path.du), dz=np.zeros_like(self.path.dz))
-        path = replace(path, random_errors=(*path.random_errors, placed))
-        return FlightScene(path.smoothed(), (), self.sizes, said=self.said, cautious=True)
+        return self._about_none(replace(self.path, random_errors=(*self.path.random_errors, placed)))
 
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""

@@ -90,12 +90,16 @@ def _pruned(answer: Answered) -> Answered:
 
 def _beside(answer: Answered, is_unfinished: bool) -> Answered:
     """With random errors beside what was found, where there is evidence for them."""
-    scene, point = _leading(answer) if is_unfinished else (answer.scene, answer.fit.point)
-    assert isinstance(scene, HasRandomErrors)
-    changed = scene.with_noise_changes(point) if is_unfinished else scene
-    start = changed.tuned(point) if is_unfinished else scene
+    if not is_unfinished:
+        scene = answer.scene
+        assert isinstance(scene, HasRandomErrors)
+        return _better(answer, _gathered(scene, answer.fit.point), scene)
+    leading, point = _leading(answer)
+    assert isinstance(leading, HasRandomErrors)
+    changed = leading.with_noise_changes(point)
+    start = changed.tuned(point)
     assert isinstance(start, HasRandomErrors)
-    return _better(answer, _gathered(start, point), start, is_another=changed is not scene)
+    return _better(answer, _gathered(start, point), start, is_another=changed is not leading)
 
 
 def _leading(answer: Answered) -> tuple[Scene, ScenePoint]:

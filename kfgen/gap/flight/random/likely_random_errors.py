@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
-from kfgen.gap.flight.linear_flight import LinearFlight
+from kfgen.gap.flight.linear.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.scene.evidence import parameter_width

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.flight.linear_flight import LinearFlight
+from kfgen.gap.flight.linear.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.motion.truth import Truth

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.gap.flight.linear.step_matrices import StepMatrices
 from kfgen.gap.flight.random.random_error import RandomError
 from kfgen.gap.flight.rows import Rows
-from kfgen.gap.flight.step_matrices import StepMatrices
 from kfgen.model.filter_equations import FilterEquations
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ BYTES_AT_ONCE = 100e6
 
 @dataclass(frozen=True)
 class LinearFlight:
-    """The filter about a path: its matrices, innovations and gains; see `kfgen.gap.flight.compiled`.
+    """The filter about a path: its matrices, innovations and gains; see `kfgen.gap.flight.linear.compiled`.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class LinearFlight:
 
     def filtered(self) -> LinearFlight:
         """With the innovations, their variances and the gains of one pass of the filter."""
-        from kfgen.gap.flight.compiled import forward
+        from kfgen.gap.flight.linear.compiled import forward
 
         m = self.y.size
         e, S, K = np.empty(m), np.empty(m), np.empty((m, self.states))
@@ -132,7 +132,7 @@ class LinearFlight:
         return replace(self, rows=rows, **cut)
 
     def scores(self, sizes: Mapping[str, float]) -> tuple[Array, Array]:
-        """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.compiled.scores`.
+        """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.linear.compiled.scores`.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class LinearFlight:
         tuple of ndarray, shape (rows,) and (inputs,)
             Of every reading by itself, of the noise of every input.
         """
-        from kfgen.gap.flight.compiled import scores
+        from kfgen.gap.flight.linear.compiled import scores
 
         of_rows, of_parts = np.zeros(self.y.size), np.zeros(len(sizes))
         r, N, at = np.zeros(self.states), np.zeros((self.states, self.states)), self.y.size - 1
@@ -169,7 +169,7 @@ class LinearFlight:
         dz : ndarray, shape (rows, m)
             Errors of the other readings [SI].
         """
-        from kfgen.gap.flight.compiled import columns
+        from kfgen.gap.flight.linear.compiled import columns
 
         out = np.ascontiguousarray(dz, dtype=np.float64).copy()
         B, Phi_at = self.equations.input_errors, self.matrices.Phi_at
@@ -193,7 +193,7 @@ class LinearFlight:
         tuple of ndarray, shape (n, inputs) and (rows,)
             Of the inputs at every time, of every other reading.
         """
-        from kfgen.gap.flight.compiled import products
+        from kfgen.gap.flight.linear.compiled import products
 
         B, Phi_at = self.equations.input_errors, self.matrices.Phi_at
         of_inputs = np.zeros((self.matrices.steps, len(self.equations.channels)))
@@ -208,7 +208,7 @@ class LinearFlight:
 
     def smoothed(self) -> Array:
         """Errors of the path with all readings known, shape (n, states)."""
-        from kfgen.gap.flight.compiled import disturbances, smoothed
+        from kfgen.gap.flight.linear.compiled import disturbances, smoothed
 
         out = np.zeros((self.matrices.steps, self.states))
         Phi_at, Qd_at = self.matrices.Phi_at, self.matrices.Qd_at

@@ -53,6 +53,14 @@ def propagated(  # noqa: PLR0913, PLR0917
             P[i, j] = P[j, i]
 
 
+@compiled("void(float64[::1], float64[::1], float64[::1], int64[::1], int64[::1], float64[::1])")
+def _moved(fresh: Any, c: Any, Phi: Any, Pi: Any, Pj: Any, x: Any) -> None:
+    """``c + Phi x`` into `fresh`, shape (states,), by the entries that are not zero."""
+    fresh[:] = c
+    for z in range(Pi.size):
+        fresh[Pi[z]] += Phi[z] * x[Pj[z]]
+
+
 @compiled(
     "int64(int64, int64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64[::1],"
     " float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64[:,::1], float64[::1], float64[::1],"
@@ -107,10 +115,7 @@ def forward(  # noqa: PLR0913, PLR0917
             at += 1
         if k == last:
             break
-        for i in range(n):
-            fresh[i] = c[k, i]
-        for z in range(Pi.size):
-            fresh[Pi[z]] += Phi[step, z] * x[Pj[z]]
+        _moved(fresh, c[k], Phi[step], Pi, Pj, x)
         x[:] = fresh
         propagated(P, T, turned, Phi[step], Pi, Pj, Qd[step], Qi, Qj)
     return at
@@ -285,10 +290,7 @@ def smoothed(  # noqa: PLR0913, PLR0917
             out[k, i] = x[i]
         if k == last:
             break
-        for i in range(n):
-            fresh[i] = c[k, i]
-        for z in range(Pi.size):
-            fresh[Pi[z]] += Phi[step, z] * x[Pj[z]]
+        _moved(fresh, c[k], Phi[step], Pi, Pj, x)
         for z in range(Qi.size):
             fresh[Qi[z]] += Qd[step, z] * out[k + 1, Qj[z]]
         x[:] = fresh
