@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ import kfgen as kf
 from kfgen.core import time_budget
 from kfgen.core.numbers import few_digits, moment
 from kfgen.effects import make
+from kfgen.effects.noise_model import noise_text
 from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit import limits
 from kfgen.identify.fit.fit import Problem, maximise
 from kfgen.identify.fit.interval import interval95, stretched
+from kfgen.identify.identification import Identification
 from kfgen.identify.screening.motion import motion_in
-from kfgen.identify.words import measured_by, of_channels, record_length
+from kfgen.identify.words import measured_by, no_limit, of_channels, record_length
 from kfgen.log.log import Channel, Log
 from kfgen.report.identify import identify_answer
 from kfgen.run.run import SensorRun
@@ -84,6 +88,40 @@ def test_an_interval_that_could_not_be_searched_is_open_where_nothing_is_known(
         lo, hi = interval95(problem, small, (1, "K"))
     # A walk of n steps knows the logarithm of K to 1 / sqrt(2 n): 0.029.
     assert np.log(hi / lo) == pytest.approx(2.0 * 1.96 / np.sqrt(2.0 * T.size), rel=0.3)
+
+
+def not_identifiable(found: Identification) -> list[dict[str, Any]]:
+    return list(found.to_dict()["channels"]["gyro_x"]["not_identifiable"])
+
+
+def test_a_limit_for_which_there_was_no_time_is_said_with_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """White noise, and no time for the limits of what else there may be: no number, in file, text and JSON."""
+    white = log_of(gyro_x=(np.random.default_rng(8).standard_normal(T.size), "deg/s"))
+    key = "gyro_x rate_random_walk K"
+    in_time = kf.identify(white)
+    assert in_time.noise.provenance[key].startswith("below ")
+    monkeypatch.setattr(time_budget, "SEARCH_SECONDS", 0.0)
+    monkeypatch.setattr(time_budget, "FIT_SECONDS", 0.0)
+    found = kf.identify(white)
+    why = "without an upper limit: the search ended before; give fewer channels or a shorter part of the log"
+    assert found.noise.provenance[key] == why
+    answer = identify_answer(found)
+    assert f"  rate_random_walk K is {why}" in answer.text.splitlines()
+    assert "unbounded" not in answer.text + noise_text(found.noise)
+    (walk,) = (x for x in not_identifiable(found) if x["effect"] == "rate_random_walk")
+    assert (walk["upper95"], walk["open"]) == (None, why)
+    assert not any("open" in x for x in not_identifiable(in_time))
+    assert found.cautions[-1].endswith("Give fewer channels or a shorter part of the log for a complete one")
+
+
+def test_a_limit_that_a_record_does_not_set_is_not_laid_to_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A likelihood that stays flat to the end of its box, with time left."""
+    record = Record(T, np.random.default_rng(9).standard_normal(T.size))
+    monkeypatch.setattr(limits, "upper95", lambda *_: np.inf)
+    with time_budget.time_budget():
+        none = limits.limit(record, (make("white_noise", N=1.0),), "rate_random_walk")
+    assert not none.is_known
+    assert no_limit(none.ended_early) == "without an upper limit: this record sets none; a longer one may"
 
 
 def test_a_barometer_is_not_explained_by_its_own_pressure() -> None:

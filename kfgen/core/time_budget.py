@@ -22,9 +22,11 @@ SHARE_OF_IDENTIFICATION = 0.4
 """Of these: an identification has no proof to follow, and is waited for."""
 MIN_SECONDS = 2.0
 """Of a search whose turn comes when all is spent [s]."""
+LESS_TO_SEARCH = "give fewer channels or a shorter part of the log"
+"""What lets a search come to its end."""
 ENDED_EARLY = (
     "the search ended after {seconds:.0f} s of computing with the best so far, and what it did not come to may be "
-    "missing. Give fewer channels or a shorter part of the log for a complete one"
+    f"missing. {LESS_TO_SEARCH.capitalize()} for a complete one"
 )
 
 

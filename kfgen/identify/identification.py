@@ -23,6 +23,7 @@ from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine
 from kfgen.identify.identify import Identified, records_within
 from kfgen.identify.screening.left_out import LeftOut
+from kfgen.identify.words import no_limit
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -189,7 +190,9 @@ class IdentifiedChannel:
         for limit in self.limits:
             unit = {p.name: p.unit for p in limit.effect.parameters()}[limit.parameter]
             text = quantity(limit.upper95, derived_unit(unit, display_unit(self.unit)))
-            said[f"{name} {limit.effect.name} {limit.parameter}"] = f"below {text} at 95 %"
+            said[f"{name} {limit.effect.name} {limit.parameter}"] = (
+                f"below {text} at 95 %" if limit.is_known else no_limit(limit.ended_early)
+            )
         return said
 
     @staticmethod
@@ -255,6 +258,7 @@ def _limit_data(limit: Limit, si: str) -> dict[str, Any]:
         "upper95": finite(limit.upper95),
         "unit": derived_unit(unit, si),
         "log_hours_for_20_percent": finite(limit.hours),
+        **({} if limit.is_known else {"open": no_limit(limit.ended_early)}),
         **{p.name + "_s": getattr(limit.effect, p.name) for p in parameters if p.kind == "time"},
     }
 

@@ -8,6 +8,7 @@ from itertools import groupby
 
 from kfgen.core.channel_names import AXES, sensor_and_axis
 from kfgen.core.numbers import few_digits, how_many, moment
+from kfgen.core.time_budget import LESS_TO_SEARCH
 
 MAX_TIMES_SAID = 5
 """Events of which the times are said."""
@@ -38,6 +39,16 @@ def measured_by(hours: float) -> str:
     long = record_length(hours)
     log = f"a {long} log" if long else f"no log of {MAX_RECORD_HOURS:g} h"
     return f"{log} would measure half of this limit to ±20 %"
+
+
+def no_limit(ended_early: bool) -> str:
+    """Why a parameter has no upper limit: the search ended before, or the record does not close it."""
+    why = (
+        f"the search ended before; {LESS_TO_SEARCH}"
+        if ended_early
+        else "this record sets none; a longer one may"
+    )
+    return f"without an upper limit: {why}"
 
 
 def of_channels(said: Mapping[str, Sequence[str]]) -> list[str]:

@@ -16,7 +16,7 @@ from kfgen.identify.identification import (
     IdentifiedEffect,
     expected_deviation,
 )
-from kfgen.identify.words import measured_by
+from kfgen.identify.words import measured_by, no_limit
 from kfgen.report.convert import meaning_parts
 from kfgen.report.page import (
     Answer,
@@ -163,7 +163,9 @@ def _multiple(line: PeriodicLine) -> str:
 
 
 def _limit(limit: Limit, seconds: float, unit: str) -> str:
-    """An upper limit in words, of a record of so many seconds."""
+    """An upper limit in words, of a record of so many seconds, or why there is none."""
+    if not limit.is_known:
+        return f"{limit.effect.name} {limit.parameter} is {no_limit(limit.ended_early)}"
     u = derived_unit({p.name: p.unit for p in limit.effect.parameters()}[limit.parameter], unit)
     times = [
         f" (at {p.name} = {getattr(limit.effect, p.name):.3g} s)"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kfgen.core.errors import InputError
+from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect, effect_named
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.bounds import seconds_for
@@ -16,15 +17,22 @@ from kfgen.identify.fit.interval import upper95
 
 @dataclass(frozen=True)
 class Limit:
-    """What the record cannot show: a parameter below `upper95` [SI].
+    """What the record cannot show: a parameter below `upper95` [SI], infinite where no limit is known.
 
     `hours` of log would give it to 20 % if it were half of that, the middle of what is left open.
+    `ended_early` says that there was no time to look for the limit.
     """
 
     effect: Effect
     parameter: str
     upper95: float
     hours: float
+    ended_early: bool = False
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is an upper limit."""
+        return bool(np.isfinite(self.upper95))
 
 
 def starts(name: str, record: Evidence) -> list[Effect]:
@@ -69,20 +77,24 @@ def limit(record: Evidence, others: tuple[Effect, ...], name: str) -> Limit:
     size = shown[0].searched()[0].name
     # At the fastest start of several, white noise hides a term of any size.
     found = [_limit_at(record, others, start, size) for start in shown[1:] or shown]
-    worst, top = max(found, key=lambda f: f[1])
+    worst, top, ended_early = max(found, key=lambda f: f[1])
     half = replace(worst, **{size: 0.5 * top})
     seconds = float("inf")
     if np.isfinite(top):
         seconds = seconds_for((*others, half), record.dt, (index, size), skip=record.skip)
-    return Limit(replace(worst, **{size: top}), size, top, max(seconds, record.duration) / 3600.0)
+    hours = max(seconds, record.duration) / 3600.0
+    return Limit(replace(worst, **{size: top}), size, top, hours, ended_early)
 
 
-def _limit_at(record: Evidence, others: tuple[Effect, ...], start: Effect, size: str) -> tuple[Effect, float]:
-    """An effect with its times held, fitted beside the others, and the upper limit of its size."""
+def _limit_at(
+    record: Evidence, others: tuple[Effect, ...], start: Effect, size: str
+) -> tuple[Effect, float, bool]:
+    """An effect with its times held, fitted beside the others, its size's limit, and whether time was short for it."""
     key = (len(others), size)
     fixed = frozenset((len(others), p.name) for p in start.searched()[1:])
     small = replace(start, **{size: 1e-3 * float(getattr(start, size))})
     trials = [Problem(record, (*others, e), fixed=fixed) for e in (start, small)]
     fits = [maximise(t) for t in trials]
     best = max(range(2), key=lambda i: fits[i].value)
-    return fits[best].effects[-1], upper95(trials[best], fits[best], key)
+    top = upper95(trials[best], fits[best], key)
+    return fits[best].effects[-1], top, not np.isfinite(top) and fit_is_over()
