@@ -21,6 +21,7 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
+from kfgen.model.known_delays import shifts, without_shifts
 from kfgen.model.library import build
 from kfgen.model.symbols.blocks import Attitude
 from kfgen.run.run import load
@@ -93,10 +94,13 @@ def flown(
     kf.nominal[:] = [*start, *[0.0] * (len(p.discrete.nominal_names) - len(start))]
     inputs = {i.name: np.column_stack([log.values(c) for c in i.channels]) for i in model.motion.inputs}
     takes = {r.name: {a.name for a in r.arguments} for r in p.pieces}
+    kf.constants[:] = list(({c.name: c.value for c in model.constants} | without_shifts(model)).values())
+    late = {s.name: round(shifts(model).get(s.name, 0.0) * RATE) for s in model.sensors}  # in rows
     nis = dict.fromkeys((s.name for s in model.sensors), (0.0, 0))
     for k in range(log.n):
         for s in model.sensors:
-            z = np.array([log.channels[c].values[k] for c in s.channels])
+            row = k + late[s.name]  # a sample is fused at its own time, where a known delay is over
+            z = np.array([log.channels[c].values[row] if row < log.n else np.nan for c in s.channels])
             if not np.isfinite(z).all():
                 continue
             extra = {n: v[k] for n, v in inputs.items() if n in takes[f"expect_{s.name}"]}
