@@ -66,6 +66,17 @@ def test_row_4_ins_at_rest_hides_four_directions() -> None:
     assert all(d.units.keys() == d.vector.keys() for d in answer.directions)
 
 
+def test_what_hides_a_milliradian_is_no_more_than_all_of_a_scale_factor() -> None:
+    """Normal gravity on Earth-centred axes is 1e-5 m/s^2 off the level: only 703 times its scale would hide a tilt."""
+    (tilt,) = (
+        d for d in audit(build("ins33", None, {"frame": "ecef"})).first.directions if "phi_y" in d.vector
+    )
+    shares = [abs(e) * 1e-3 for name, e in tilt.vector.items() if tilt.units[name] == "1"]
+    assert len(shares) > 1
+    assert max(shares) <= 1.0
+    assert tilt.vector["ma_xz"] == pytest.approx(1.0, rel=1e-6)
+
+
 def test_row_4_in_words() -> None:
     sentences = {d.sentence for d in audit(build("ins15")).first.directions}
     assert sentences == {

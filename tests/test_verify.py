@@ -330,7 +330,15 @@ def test_header_has_no_finding_of_misra(form: str, tmp_path: Path) -> None:
         pytest.skip("cppcheck is not installed")
     write_folder(program("ahrs6", form), "c", None, tmp_path / "f")
     (tmp_path / "f" / "use.c").write_text(MISRA_USE)
-    words = ["cppcheck", "--addon=misra", "--max-configs=1", "-U__cplusplus", "--std=c99", "-q"]
+    words = [
+        "cppcheck",
+        "--enable=style",
+        "--addon=misra",
+        "--max-configs=1",
+        "-U__cplusplus",
+        "--std=c99",
+        "-q",
+    ]
     done = subprocess.run(
         [*words, "--template={file}:{line}: {id}", "use.c"],
         cwd=tmp_path / "f",
@@ -338,7 +346,11 @@ def test_header_has_no_finding_of_misra(form: str, tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    found = [line for line in (done.stdout + done.stderr).splitlines() if "misra" in line]
+    left_out = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "static_checks.py"))[
+        "OF_CPPCHECK"
+    ]
+    lines = [line for line in (done.stdout + done.stderr).splitlines() if "misra" in line]
+    found = [line for line in lines if line.split(": ")[-1] not in left_out]
     assert any(line.startswith("use.c") for line in found), "the add-on does not work"
     assert [line for line in found if not line.startswith("use.c")] == []
 
@@ -352,6 +364,7 @@ int main(void)
     static const float in[3] = {0.1f, 0.2f, 0.3f};
     float q[4];
     int unused;
+    static const kf_reason_t none = KF_REASON_NONE;
     kf_status_t s = ahrs6_init(&kf);
     s = ahrs6_predict(&kf, in, 0.01f);
     s = ahrs6_update_accel(&kf, in);
@@ -360,6 +373,6 @@ int main(void)
     ahrs6_get_attitude(&kf, q);
     ahrs6_consider(&kf, 1, 1);
     return ((s == KF_OK) && (ahrs6_get_variance(&kf, AHRS6_E_PHI_N) > ahrs6_get_state(&kf, AHRS6_X_Q_W))
-        && (ahrs6_get_nis(&kf) > ahrs6_get_innovation(&kf, 0)) && (ahrs6_model_hash() != 0)) ? 0 : 1;
+        && (ahrs6_get_nis(&kf) > ahrs6_get_innovation(&kf, 0)) && (ahrs6_model_hash() != 0) && (none == KF_REASON_NONE)) ? 0 : 1;
 }
 """

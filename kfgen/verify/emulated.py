@@ -272,8 +272,8 @@ class Emulated:
 
     def status(self) -> int:
         """Number of the status that the last call returned."""
-        size = self._board.sizes["status"]
-        return int.from_bytes(self._board.read("status", size), "little")
+        size = self._board.sizes["last_status"]
+        return int.from_bytes(self._board.read("last_status", size), "little")
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""

@@ -121,7 +121,7 @@ class Host:
         self._words = (word * program.word_count).in_dll(self._library, "kf")
         memory = sum(size for size, _ in program.arrays.values())
         self._memory = (number * memory).in_dll(self._library, "kf")
-        self._status = ctypes.c_int.in_dll(self._library, "status")
+        self._status = ctypes.c_int.in_dll(self._library, "last_status")
         self._program, self._type = program, np.dtype(word)
 
     def call(self, routine: str, inputs: Sequence[float]) -> None:

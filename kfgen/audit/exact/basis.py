@@ -9,11 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 from kfgen.audit.exact.chain import NullSpace
 from kfgen.audit.exact.padic import Ring, echelon
 from kfgen.audit.exact.plan import Plan
 from kfgen.audit.exact.segment_series import start_of
+from kfgen.audit.exact.value_columns import least_seen, shown
+from kfgen.audit.words import SPOKEN_UNITS
+from kfgen.core.linear import Array
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
 
 Vector = tuple[int, ...]
@@ -62,13 +66,49 @@ def readable(plan: Plan, manoeuvre: Manoeuvre, hidden: NullSpace, *, generic: bo
         if any(v) and hidden.contains(v, ring)
     ]
     candidates = found + [("", v) for v in _circuits(hidden, _moving(plan))]
+    shares = _Shares(plan, manoeuvre, ring, generic)
     kept: list[tuple[str, Vector]] = []
-    for words, v in candidates:
-        rows = [v, *(k for _, k in kept)]
-        if len(kept) < hidden.nullity and len(echelon(rows, range(plan.size), ring)) == len(rows):
-            kept.append((words, v))
+    late: list[tuple[str, Vector]] = []
+    for beyond_all in (False, True):
+        for words, v in late if beyond_all else candidates:
+            rows = [v, *(k for _, k in kept)]
+            if len(kept) == hidden.nullity or len(echelon(rows, range(plan.size), ring)) < len(rows):
+                continue
+            if not beyond_all and shares.beyond_all(v):
+                late.append((words, v))
+            else:
+                kept.append((words, v))
     kept.sort(key=lambda e: (not e[0], _order(e[1])))
     return [_null(words, v, ring) for words, v in kept]
+
+
+@dataclass(frozen=True)
+class _Shares:
+    """Whether amounts that are shares are possible ones: a force of 1e-5 m/s^2 hides a tilt by 70,000 % of its scale."""
+
+    plan: Plan
+    manoeuvre: Manoeuvre
+    ring: Ring
+    generic: bool
+
+    def beyond_all(self, v: Vector) -> bool:
+        """Whether the unit in which the first state is said goes with more than all (100 %) of another state."""
+        units = [s.unit for s in self.plan.model.states]
+        support = _order(v)
+        shares = [k for k in support[1:] if units[k] == "1"]
+        if not shares:
+            return False
+        one = SPOKEN_UNITS.get(units[support[0]], (1.0, ""))[0]
+        exact = [self.ring.rational(v[k]) for k in shares]
+        known = [float(e) for e in exact if e is not None]
+        if len(known) < len(shares):
+            amounts = least_seen(self._seen, support)
+            known = [amounts[k] for k in shares]
+        return any(abs(e) * one > 1.0 for e in known)
+
+    @cached_property
+    def _seen(self) -> Array:
+        return shown(self.plan, self.manoeuvre, None, generic=self.generic)
 
 
 def _order(v: Vector) -> list[int]:

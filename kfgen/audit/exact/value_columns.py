@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 
-from kfgen.audit.exact.basis import NullVector
 from kfgen.audit.exact.chain import NullSpace, along
 from kfgen.audit.exact.padic import PRIMES
 from kfgen.audit.exact.plan import Plan
 from kfgen.core.linear import Array, van_loan
 from kfgen.manoeuvre.flight import Flight
 from kfgen.manoeuvre.manoeuvre import Manoeuvre
+
+if TYPE_CHECKING:
+    from kfgen.audit.exact.basis import NullVector
 
 FLOATING_POINT_STEPS = 1500
 """Steps of the floating point run."""
