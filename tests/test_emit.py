@@ -701,7 +701,7 @@ class OnHost:
         (tmp_path / "scratch").mkdir()
         write_folder(p, "c", None, tmp_path / "c")
         self.core = Host(p, tmp_path / "c", tmp_path / "scratch")
-        self.status = ctypes.c_uint.in_dll(self.core._library, "status")
+        self.status = ctypes.c_uint.in_dll(self.core._library, "last_status")
         self.core.call("init", ())
         self.p = p
 
