@@ -26,7 +26,7 @@ from kfgen.gap.core.result import (
     OutageDrift,
 )
 from kfgen.gap.core.search import Refused
-from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2
+from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, NEARLY_ALIKE_MIN_COS2
 from kfgen.gap.motion.candidates import FIELD_PREFIX
 
 VERDICTS = {
@@ -107,6 +107,8 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
     words = (
         f"{_what(f)}{_in_unknown_field(c, f)}. It is {percent(f.probability)} probable among all candidates"
     )
+    if f.nothing_probability > CONFUSION_SET_MIN_PROBABILITY:
+        words += f", that nothing is missing {percent(f.nothing_probability)}"
     if f.test is not None:
         words += f"; without it the mismatch is strongest {_band(f.test)}"
     if c.gap.before > 0.0:

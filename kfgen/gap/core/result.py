@@ -69,6 +69,11 @@ class Finding:
         return self.effect.name
 
     @property
+    def nothing_probability(self) -> float:
+        """Of that nothing is missing in its place."""
+        return sum(p for n, _, p in self.alternatives if n == NO_EFFECT[0])
+
+    @property
     def indistinguishable(self) -> tuple[str, ...]:
         """Names that the record does not rule out, each once."""
         return tuple(

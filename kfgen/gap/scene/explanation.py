@@ -35,7 +35,9 @@ from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
 
 Array = NDArray[np.float64]
 
-LIMITS = SearchLimits(max_effects=10)
+LIMITS = SearchLimits(max_effects=10, min_first_evidence_nats=0.0)
+"""A first effect is named where it is likelier than that nothing is missing: choosing it is paid for, and over a log
+without an effect the best of all candidates is three nats and more below that, all but once in some hundred logs."""
 UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
 
