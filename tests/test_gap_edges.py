@@ -20,6 +20,7 @@ from kfgen.gap.core.completion import Completion
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.truth import body_rate
+from kfgen.gap.scene.scene import ScenePoint
 from kfgen.gap.scene.scene_gap import SceneGap, scene_gap
 from kfgen.log.log import Channel, Log
 
@@ -75,6 +76,27 @@ def table(x: Array) -> dict[str, Channel]:
 
 def names(gap: SceneGap) -> list[str]:
     return [f.effect.name for f in gap.findings]
+
+
+def test_white_noise_goes_on_about_its_mean_where_no_truth_is_known() -> None:
+    """Whatever the samples beside do by chance: about their mean, few samples at the ends were a warm-up.
+
+    That mean is one of N samples, here within five standard deviations of nothing.
+    """
+    q, rng = attitude(), np.random.default_rng(12)
+    channels = {f"ref_q_{c}": Channel(q[:, k], "") for k, c in enumerate("wxyz")}
+    y = rate(T) + N / np.sqrt(DT) * rng.standard_normal((T.size, 3))
+    channels |= {f"gyro_{a}": Channel(y[:, k], "rad/s") for k, a in enumerate("xyz")}
+    noise = ChannelNoise("rad/s", (Term(make("white_noise", N=N)),))
+    scene = motion_scene(Log(T, channels), NoiseModel({f"gyro_{a}": noise for a in "xyz"}))
+    assert scene is not None
+    unknown = np.flatnonzero(~scene.good)
+    assert 8 < unknown.size < 256
+    at = ScenePoint((), np.array([u.value for u in scene.unknowns]))
+    for left, drawn in zip(scene.left(at), scene.made_up):
+        level = (left - drawn)[unknown]
+        assert np.ptp(level) < 1e-6 * N / np.sqrt(DT)
+        assert abs(level[0]) < 5.0 * np.sqrt(2.0 / T.size) * N / np.sqrt(DT)
 
 
 @pytest.mark.parametrize("delay", [0.012, -0.1])

@@ -34,8 +34,6 @@ from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown
 
 Array = NDArray[np.float64]
 
-FEW = 128
-"""Samples without a truth that may follow the mean beside them; more would be seen in the spectrum."""
 BESIDE = 32
 """Samples on either side of a stretch that is not compared to which its noise is joined."""
 RECENT = 4
@@ -265,11 +263,10 @@ class MotionScene:
         count, near = self.beside.recalled(known.tobytes(), lambda: known_beside(known, BESIDE))
         mean = uniform_filter1d(away, 2 * BESIDE + 1, mode="constant")
         level = np.interp(np.arange(left.size), near, mean[near] / count[near])
-        if known.size - int(known.sum()) > FEW:
-            completion = self.completions.recalled(
-                (k, known.tobytes()), lambda: Completion.of(self.whiteners[k], known)
-            )
-            level = completion.completed(np.where(known, away, level))
+        completion = self.completions.recalled(
+            (k, known.tobytes()), lambda: Completion.of(self.whiteners[k], known)
+        )
+        level = completion.completed(np.where(known, away, level))
         return np.where(known, left, noise + level)
 
     def _assumed_within(self, c: Compared, left: Array, edges: Sequence[tuple[float, float]]) -> Array:
