@@ -31,6 +31,7 @@ from kfgen.gap.core.search import (
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, SearchLimits
 from kfgen.gap.rest import explanation
 from kfgen.gap.scene import explanation as scene_explanation
+from kfgen.gap.scene.assumed_parameters import FIRST_LIMITS
 
 LIMITS = explanation.search_limits()
 """Those of a channel at rest."""
@@ -136,7 +137,8 @@ def test_the_thresholds_of_the_worlds() -> None:
     """Those with which the rates of false alarms were measured."""
     assert SearchLimits(8, 1.0, 3.0, 1.0, 3) == LIMITS
     assert explanation.search_limits(6).min_first_evidence_nats == pytest.approx(2.7918, abs=1e-4)
-    assert SearchLimits(10, 3.0, 3.0, 1.0, 3) == scene_explanation.LIMITS
+    assert SearchLimits(10, 1.0, 3.0, 1.0, 3) == scene_explanation.LIMITS
+    assert SearchLimits(4, 0.0, 3.0, 1.0, 0) == FIRST_LIMITS
 
 
 @pytest.mark.parametrize(("evidence", "found"), [(0.99, []), (1.01, ["a"]), (5.0, ["a"])])

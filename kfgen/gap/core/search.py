@@ -188,7 +188,7 @@ class Explanation(Protocol[A]):
         """Of each effect, whether it is to be put to the test again."""
 
     def contest(self, index: int) -> Contest[Self, A] | None:
-        """What could stand in the place of an effect; None where it needs no test after all."""
+        """What could stand in the place of an effect; None where it needs no test after all, or time ended before its end."""
 
     def absorbers_last(self) -> Self | None:
         """Nothing chosen, and not to be added what could absorb other effects; None where that needs no trial."""

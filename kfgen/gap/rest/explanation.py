@@ -9,7 +9,7 @@ from functools import cached_property
 
 from kfgen.effects import Effect
 from kfgen.gap.core.search import Chosen, Contest, Label, Refused, probabilities, worth
-from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, SearchLimits
+from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, MIN_FIRST_EVIDENCE_NATS, SearchLimits
 from kfgen.gap.rest.comb import comb_of
 from kfgen.gap.rest.distinguishability import distinguishability
 from kfgen.gap.rest.evidence import (
@@ -26,8 +26,6 @@ from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Key, Prior, Problem, maximise
 
-MIN_FIRST_EVIDENCE_NATS = 1.0
-"""Of a first effect in one channel: of 200 records without a gap one reached 1.43 nats, one 0.11, all others less than zero."""
 UNRIVALLED_PROBABILITY = 0.9999
 """Probability of a name that had no rival."""
 UNRIVALLED_EVIDENCE_NATS = 40.0

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.search import (
     Chosen,
     Contest,
@@ -35,9 +36,7 @@ from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
 
 Array = NDArray[np.float64]
 
-LIMITS = SearchLimits(max_effects=10, min_first_evidence_nats=0.0)
-"""A first effect is named where it is likelier than that nothing is missing: choosing it is paid for, and over a log
-without an effect the best of all candidates is three nats and more below that, all but once in some hundred logs."""
+LIMITS = SearchLimits(max_effects=10)
 UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
 
@@ -112,11 +111,16 @@ class SceneExplanation:
         left = self.chosen[:index] + self.chosen[index + 1 :]
         return SceneExplanation(self.scene, fit, with_values(left, fit), self.refused)
 
-    def contest(self, index: int) -> Contest[SceneExplanation, FittedAddition]:
-        """The scene without an effect, and what could stand in its place; the effect itself keeps its fit."""
+    def contest(self, index: int) -> Contest[SceneExplanation, FittedAddition] | None:
+        """The scene without an effect, and what could stand in its place; the effect itself keeps its fit.
+
+        None where time ended before all were fitted: what was not would have no share, and the effect be certain.
+        """
         rest, same = self.without(index), _last(self.fit, index)
         known = replace(self.chosen[index].addition, placed=same.point.placed[-1], fit=same)
         trials = ranked(self.scene, rest.fit, rest.others, known)
+        if search_is_over():
+            return None
         return Contest(rest, trials, next((t for t in trials if t.fit is same), None))
 
     def absorbers_last(self) -> SceneExplanation | None:

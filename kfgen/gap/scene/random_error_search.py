@@ -33,6 +33,8 @@ MIN_WORTH_SHARE = 0.5
 """Of the evidence of what was found, which random errors alone must have to be tried in its place."""
 MIN_LEADING_SHARE = 0.5
 """Of the largest gain of an effect, that others have which stand beside it when random errors are looked for first."""
+DRIFTS = frozenset({"bias_step", "rate_ramp", "warm_up"})
+"""Courses of time alone, which one course of a random error looks like."""
 
 
 def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
@@ -55,6 +57,8 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         answer = beside
         if len(answer.random_errors) == count:
             break
+    for where in dict.fromkeys(a.label[1] for a in answer.found.added if a.name in DRIFTS):
+        answer = _instead_of_drifts(answer, where)
     answer = _pruned(answer)
     if not answer.random_errors:
         is_long = len(answer.found.added) >= FIRST_LIMITS.max_effects
@@ -124,6 +128,21 @@ def _instead(answer: Answered) -> Answered:
     every = _gathered(written, answer.found.assumed.point)
     gained = sum(found[0].evidence for found in every)
     return _better(answer, every, written) if gained > MIN_WORTH_SHARE * worth else answer
+
+
+def _instead_of_drifts(answer: Answered, where: str) -> Answered:
+    """With a random error in place of what drifts or steps on a channel, where that is likelier; else it has its share."""
+    scene, there = answer.scene, answer.found.fit.point
+    drifts = [a.name in DRIFTS and a.label[1] == where for a in answer.found.added]
+    if search_is_over() or not isinstance(scene, HasRandomErrors):
+        return answer
+    kept = tuple(p for p, is_drift in zip(there.placed, drifts) if not is_drift)
+    fit = fitted(scene, ScenePoint(kept, there.unknowns))
+    likely = [f for f in scene.likely_random_errors(fit.point) if f.placed.where == where]
+    lead = sum(a.gain for a, is_drift in zip(answer.found.added, drifts) if is_drift)
+    if not likely or likely[0].evidence < MIN_WORTH_SHARE * lead:
+        return answer
+    return _better(answer, [likely], scene)
 
 
 def _gathered(scene: HasRandomErrors, point: ScenePoint) -> list[list[FittedRandomError]]:
