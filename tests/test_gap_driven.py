@@ -10,9 +10,10 @@ from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, noise_text, parse_noise
+from kfgen.gap.core.drivers import drivers_of
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.even_record import regular
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

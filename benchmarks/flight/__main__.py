@@ -21,7 +21,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from flight import AXES
+from flight import AXES, DRIVEN, LEVEL
 from table import table
 from trial import Case, run
 from vehicle import VEHICLES
@@ -48,6 +48,9 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("g_sensitivity", "gyro_x", ("xx",)),
     ("g_sensitivity", "gyro_z", ("zy",)),
     ("temperature", "gyro_y", ("coefficient",)),
+    ("supply_current", "mag_x", ("coefficient",)),
+    ("supply_current", "mag_z", ("coefficient",)),
+    ("coupling:throttle", "baro", ("coefficient",)),
     ("rate_ramp", "gyro_z", ("R",)),
     *(("bias_step", c, ("size",)) for c in ("gyro_y", "accel_x", "baro", "gnss_p_E", "mag_x")),
     ("hard_iron", "mag", ("x", "y", "z")),
@@ -89,6 +92,7 @@ def _single(rng: np.random.Generator, i: int, k: int, X: float, duration_s: floa
     fixed: tuple[tuple[str, float], ...] = ()
     fixed += (("time", duration_s * float(rng.uniform(0.3, 0.7))),) if name == "bias_step" else ()
     fixed += (("tau", CORRELATION_TIME_S),) if name == "gauss_markov" else ()
+    fixed += (("reference", LEVEL[DRIVEN[name]]),) if name in DRIVEN else ()
     case = Case(able[(i + k) % len(able)], int(rng.integers(2**31)), duration_s, X, name, where, parameters)
     return replace(case, fixed=fixed)
 

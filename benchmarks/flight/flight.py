@@ -15,13 +15,17 @@ from vehicle import Motion, motion
 Array = NDArray[np.float64]
 
 IMU_HZ, FINE_HZ = 100.0, 800.0
-RATES_HZ = {"gnss": 5.0, "mag": 25.0, "baro": 20.0}
+RATES_HZ = {"gnss": 5.0, "mag": 25.0, "baro": 20.0, "current": 5.0, "throttle": 20.0}
 GYRO_N, ACCEL_N = 1.5e-4, 2e-3
 """Densities of white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
 SD = {"gnss_p": 1.5, "gnss_v": 0.1, "mag": 2e-7, "baro": 0.3}
 FIELD_NED_T = np.array([2.0e-5, 0.0, 4.4e-5])
 AXES = "xyz"
 RANDOM = ("rate_random_walk", "gauss_markov")
+DRIVEN = {"temperature": "temperature", "supply_current": "current", "coupling:throttle": "throttle"}
+"""What follows a recorded quantity, and which."""
+LEVEL = {"temperature": 293.15, "current": 8.0, "throttle": 0.45}
+"""About which the recorded quantities vary, and what follows them [SI]."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,23 @@ def _matrix(values: Mapping[str, float]) -> Array:
     for entry, value in values.items():
         M[AXES.index(entry[0]), AXES.index(entry[1])] = value
     return M
+
+
+def _drive(truth: Motion, seed: int) -> dict[str, Array]:
+    """Temperature [K], throttle and current [A] at the fine times, about their means.
+
+    A motor works against the force that it makes, and against what is in no log: wind, slopes, a battery that sinks.
+    """
+    rng = np.random.default_rng([seed, 4])
+    t = truth.t
+    warm = 15.0 * (1.0 - np.exp(-t / 60.0)) + 2.0 * np.sin(t / 17.0)
+    every_s = 4.0
+    knots = np.arange(0.0, t[-1] + 2.0 * every_s, every_s)
+    wind = np.interp(t, knots, rng.standard_normal(knots.size))
+    force = np.linalg.norm(truth.f_b, axis=1) / 9.80665 - 1.0
+    throttle = np.clip(0.45 + 0.3 * force + 0.12 * wind, 0.05, 1.0)
+    current = 25.0 * throttle**1.5 * (1.0 + 0.002 * t)
+    return {"temperature": warm, "throttle": throttle - throttle.mean(), "current": current - current.mean()}
 
 
 def _means(x: Array) -> Array:
@@ -61,20 +82,17 @@ def _inertial(
                 w[:, k] += omega @ _matrix(e.values)[k]
             elif e.name == "g_sensitivity":
                 w[:, k] += f @ _matrix(e.values)[k]
-            elif e.name == "temperature":
-                w[:, k] += e.values["coefficient"] * drive["temperature"]
             elif e.name == "rate_ramp":
                 w[:, k] += e.values["R"] * truth.t
-            elif e.name == "bias_step":
-                w[:, k] += e.values["size"] * (truth.t >= e.values["time"])
         elif e.where.startswith("accel"):
             k = AXES.index(e.where[-1])
             if e.name == "scale_factor":
                 a[:, k] += e.values["coefficient"] * f[:, k]
             elif e.name == "misalignment":
                 a[:, k] += f @ _matrix(e.values)[k]
-            elif e.name == "bias_step":
-                a[:, k] += e.values["size"] * (truth.t >= e.values["time"])
+    for k, axis in enumerate(AXES):
+        w[:, k] += _added(effects, f"gyro_{axis}", truth.t, drive)
+        a[:, k] += _added(effects, f"accel_{axis}", truth.t, drive)
     both = np.hstack([_means(a), _means(w)])
     noise = rng.standard_normal(both.shape) * np.sqrt(IMU_HZ) * np.repeat([ACCEL_N, GYRO_N], 3)
     return np.asarray(both + noise)
@@ -89,9 +107,15 @@ def _sum(effects: list[Effect], name: str, places: tuple[str, ...], key: str) ->
     return sum(e.values[key] for e in effects if e.name == name and e.where in places)
 
 
-def _stepped(effects: list[Effect], channel: str, t: Array) -> Array:
-    steps = [e.values for e in effects if e.name == "bias_step" and e.where == channel]
-    return np.asarray(sum((v["size"] * (t >= v["time"]) for v in steps), np.zeros(t.size)))
+def _added(effects: list[Effect], channel: str, t: Array, drive: Mapping[str, Array]) -> Array:
+    """Steps, and what follows recorded quantities, on a channel at times [s] at which these are given."""
+    out = np.zeros(t.size)
+    for e in (e for e in effects if e.where == channel):
+        if e.name == "bias_step":
+            out += e.values["size"] * (t >= e.values["time"])
+        elif e.name in DRIVEN:
+            out += e.values["coefficient"] * drive[DRIVEN[e.name]]
+    return out
 
 
 def _gnss(truth: Motion, times: Array, effects: list[Effect]) -> tuple[Array, Array]:
@@ -162,8 +186,7 @@ def fly(
     rng = np.random.default_rng(seed)
     truth = motion(vehicle, duration_s, FINE_HZ, np.random.default_rng([seed, 1]))
     n = int(duration_s * IMU_HZ)
-    warm = 15.0 * (1.0 - np.exp(-truth.t / 60.0)) + 2.0 * np.sin(truth.t / 17.0)
-    drive = {"temperature": warm}
+    drive = _drive(truth, seed)
     imu = _inertial(truth, effects, drive, rng)[:n]
     imu += bias * np.concatenate([0.05 * rng.standard_normal(3), 0.003 * rng.standard_normal(3)])
     t = np.arange(n) / IMU_HZ
@@ -193,19 +216,26 @@ def fly(
         "gnss_v": (rows["gnss"], v, "NED"),
         "mag": (rows["mag"], m, AXES),
     }
+    fine = slice(None, None, int(FINE_HZ / IMU_HZ))
+    shown = {name: course[fine][:n] for name, course in drive.items()}
     for sensor, (at, values, axes) in parts.items():
         noisy = values + SD[sensor] * rng.standard_normal(values.shape)
+        there = {name: course[at] for name, course in shown.items()}
         for k, a in enumerate(axes):
-            channels[f"{sensor}_{a}"] = np.full(n, np.nan)
-            channels[f"{sensor}_{a}"][at] = noisy[:, k] + _stepped(effects, f"{sensor}_{a}", t[at])
-    height = height + _stepped(effects, "baro", t[rows["baro"]])
+            name = f"{sensor}_{a}"
+            channels[name] = np.full(n, np.nan)
+            channels[name][at] = noisy[:, k] + _added(effects, name, t[at], there)
+    at = rows["baro"]
+    height = height + _added(effects, "baro", t[at], {name: course[at] for name, course in shown.items()})
     channels["baro"] = np.full(n, np.nan)
     channels["baro"][rows["baro"]] = height + SD["baro"] * rng.standard_normal(height.size)
     for e in effects:
         if e.name in RANDOM:
             channels[e.where] = channels[e.where] + random_course(e, n, seed)
-    channels["temperature"] = 293.15 + warm[:: int(FINE_HZ / IMU_HZ)][:n] + 0.02 * rng.standard_normal(n)
-    fine = slice(None, None, int(FINE_HZ / IMU_HZ))
+    for name, sd in (("temperature", 0.02), ("current", 0.1), ("throttle", 0.0)):
+        at = rows.get(name, np.arange(n))
+        channels[name] = np.full(n, np.nan)
+        channels[name][at] = (LEVEL[name] + shown[name] + sd * rng.standard_normal(n))[at]
     known = {
         "p": truth.p[fine][:n],
         "v": truth.v[fine][:n],

@@ -18,6 +18,8 @@ UNITS = {
     "mag": "T",
     "baro": "m",
     "temperature": "K",
+    "current": "A",
+    "throttle": "",
 }
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 from kfgen.core.elapsed import counted
 from kfgen.core.time_budget import time_budget
 from kfgen.effects.noise_model import NoiseModel
+from kfgen.gap.core.drivers import drivers_of
 from kfgen.gap.core.result import BAD_DATA
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.cross_axis import with_pairs
-from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.even_record import regular
 from kfgen.gap.rest.long_log import LongLog, with_means
 from kfgen.gap.rest.second_recording import gap_on, happens_once
 from kfgen.gap.result import GapResult, LogSource, Proof, RecordingGap

@@ -18,6 +18,7 @@ from kfgen.core.units import parse_unit
 from kfgen.effects.faults.samples import Fault
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, read_noise
 from kfgen.gap.at_rest import at_rest, long_at_rest, source_of, updated_by
+from kfgen.gap.core.drivers import drivers_of, silent
 from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
@@ -28,7 +29,7 @@ from kfgen.gap.motion.scene import MotionScene
 from kfgen.gap.motion.slower_scene import slower_scene
 from kfgen.gap.plant.updated_model import updated_model
 from kfgen.gap.plant.wiring import plant_scene
-from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.even_record import regular
 from kfgen.gap.rest.long_log import MAX_SAMPLES_AT_FULL_RATE, LongLog
 from kfgen.gap.rest.several_recordings import JointGap, Recording, joint_gap
 from kfgen.gap.result import GapResult, ModelFile, RecordingGap
@@ -296,7 +297,7 @@ def _of_scenes(
 ) -> GapResult:
     constant = dict.fromkeys(n for g in gaps for n in g.constant_inputs)
     still = [f"the input {n} never changes: no effect of it can be seen" for n in constant]
-    return GapResult((source_of(log),), tuple(gaps), assumed, updated, (*warnings, *still))
+    return GapResult((source_of(log),), tuple(gaps), assumed, updated, (*warnings, *still, *silent(log)))
 
 
 def units_of(log: Log) -> UnitOf:

@@ -204,8 +204,8 @@ class FilterModel:
         """The attitude block, where there is one."""
         return next((b for b in self.blocks if isinstance(b, Attitude)), None)
 
-    def _shown(self, channel: str, perturbed: bool) -> sp.Expr:
-        """``sum C x`` of a channel's effects, for the estimate or for the truth."""
+    def effects_on(self, channel: str, *, perturbed: bool = False) -> sp.Expr:
+        """``sum C x`` of a channel's effects [SI], for the estimate or for the truth."""
         total = sp.Integer(0)
         for a in self.attached:
             for c, k, new in zip(a.form.C, a.states, a.brought):
@@ -243,7 +243,7 @@ class FilterModel:
     def corrected_input(self, channel: str, perturbed: bool) -> sp.Expr:
         """What an input shows without its biases and driven effects, of the estimate or of the truth."""
         noise = sp.Symbol(f"n_{channel}", real=True) if perturbed else 0
-        return sp.Symbol(channel, real=True) - self._shown(channel, perturbed) - noise
+        return sp.Symbol(channel, real=True) - self.effects_on(channel, perturbed=perturbed) - noise
 
     @cached_property
     def _estimated_rates(self) -> dict[str, sp.Matrix]:
@@ -369,7 +369,7 @@ class FilterModel:
     def expected(self, sensor: Sensor, *, perturbed: bool = False) -> sp.Matrix:
         """The expected measurement with the effects of its channels, shape (m, 1)."""
         h = self.read(sensor, perturbed=perturbed)
-        return h + sp.Matrix([self._shown(c, perturbed) for c in sensor.channels])
+        return h + sp.Matrix([self.effects_on(c, perturbed=perturbed) for c in sensor.channels])
 
     def H(self, sensor: Sensor) -> sp.Matrix:
         """The measurement's Jacobian, shape (m, n)."""

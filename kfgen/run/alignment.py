@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
@@ -18,6 +19,7 @@ from kfgen.model.filter_file import HEADING
 from kfgen.model.known_delays import shifts
 from kfgen.model.parts.motion import Input
 from kfgen.model.parts.sensors import Sensor
+from kfgen.run.driver_course import driver_course
 from kfgen.run.own_times import SAME_TIME_PERIODS
 
 Array = NDArray[np.float64]
@@ -51,12 +53,12 @@ def align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str,
     up = next((p for p in parts if p.at_rest == "up"), None)
     if up is None:
         return
-    up_b = _first_mean(log, up, model)
+    up_b = _first_mean(log, up, program)
     up_b = up_b / np.linalg.norm(up_b)
     ahead = np.array([1.0, 0.0, 0.0]) if abs(up_b[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     for s in model.sensors:
         if s.at_rest == "north" and s in parts:
-            ahead = _first_mean(log, s, model)
+            ahead = _first_mean(log, s, program)
             calibrated = s.calibrated(tuple(ahead), tuple(up_b))
             k |= {name: calibrated[name] for name in calibrated.keys() & k.keys()}
             x |= {name: calibrated[name] for name in calibrated.keys() & x.keys()}
@@ -70,8 +72,9 @@ def align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str,
     x |= {f"q_{a}": float(v) for a, v in zip("wxyz", q)}
 
 
-def _first_mean(log: Log, part: Input | Sensor, model: FilterModel) -> Array:
+def _first_mean(log: Log, part: Input | Sensor, program: Program) -> Array:
     """The mean of a triad over the alignment, late samples by their own times, without the errors that the filter knows of it; raises `InputError` where it says nothing."""
+    model = program.discrete.model
     since = log.t - log.t[0] - shifts(model).get(part.name, 0.0)
     first = (since >= -SAME_TIME_PERIODS * log.dt) & (since <= ALIGNMENT_S)
     values = np.column_stack([log.channel(c).values[first] for c in part.channels])
@@ -82,7 +85,20 @@ def _first_mean(log: Log, part: Input | Sensor, model: FilterModel) -> Array:
             where=log.source,
             remedy="Cut the log to where the sensor works and is at rest",
         )
-    return _undone(good.mean(axis=0), part, model)
+    follows = [_at_start(model.effects_on(c), log, first, program) for c in part.channels]
+    return _undone(good.mean(axis=0) - np.array(follows), part, model)
+
+
+def _at_start(effects: sp.Expr, log: Log, first: NDArray[np.bool_], program: Program) -> float:
+    """What effects add to a channel over the alignment: states and constants as they begin, drivers as they are recorded."""
+    model = program.discrete.model
+    own = dict(zip(program.discrete.nominal_names, program.discrete.start)) | {
+        c.name: float(c.value) for c in model.constants
+    }
+    driven = {m.name: m.channel for m in program.discrete.memories} | {d: d for d in model.drivers}
+    names = {str(s) for s in effects.free_symbols}
+    own |= {n: float(driver_course(log, d)[first].mean()) for n, d in driven.items() if n in names}
+    return float(effects.subs({s: own[str(s)] for s in effects.free_symbols}))
 
 
 def _undone(read: Array, part: Input | Sensor, model: FilterModel) -> Array:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.units import MAX_QUANTITY
-from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
 from kfgen.log.log import Log
@@ -27,6 +26,7 @@ from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS, SAMPLES, Inp
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.equations import Equations, Shown
 from kfgen.run.alignment import align_attitude
+from kfgen.run.driver_course import driver_course
 from kfgen.run.own_times import OwnTimes
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ class FilterCalls:
         """Inputs and drivers by argument, shape (n,) or (n, 3)."""
         model = self.program.discrete.model
         triads = {argument(i.name): _input(self.log, i) for i in model.motion.inputs}
-        return triads | {argument(d): _driver(self.log, d) for d in model.drivers}
+        return triads | {argument(d): driver_course(self.log, d) for d in model.drivers}
 
     @property
     def samples(self) -> str:
@@ -272,15 +272,6 @@ def _input(log: Log, given: Input) -> Array:
     else:
         values = np.column_stack([log.values(c) for c in given.channels])
     return values[:, 0] if given.scalar else values
-
-
-def _driver(log: Log, name: str) -> Array:
-    """A driver over time, shape (n,); of the vibration what the accelerometers show, where it is not recorded."""
-    accels = [f"accel_{a}" for a in "xyz"]
-    if name == "vibration" and name not in log.channels and all(a in log.channels for a in accels):
-        power = vibration_power(np.column_stack([log.values(a) for a in accels]), log.dt)
-        return np.asarray(np.sqrt(power.sum(axis=1)))
-    return np.asarray(log.values(name))
 
 
 def over_steps(values: Array, samples: str) -> Array:

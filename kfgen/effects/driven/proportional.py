@@ -35,6 +35,10 @@ class Driver:
         A course that people meet, for simulations: it starts at `level`, settles by `rise`, and swings.
     effect : str
         The effect of the catalogue that is proportional to it; without one it acts as ``coupling:NAME``.
+    read_by : str
+        The sensor whose own reading it is: beside that sensor's channels it drives nothing, for it has their noise.
+    drives : str
+        The sensor of a vehicle that it is known to drive, a motor's current a magnetometer; empty where it may drive any.
     """
 
     unit: str
@@ -42,6 +46,8 @@ class Driver:
     rise: float
     swing: float
     effect: str = ""
+    read_by: str = ""
+    drives: str = ""
 
     def course(self, t: Array) -> Array:
         """A course over times `t` [s], shape (n,)."""
@@ -53,10 +59,10 @@ class Driver:
 DRIVERS: Mapping[str, Driver] = {
     "temperature": Driver("K", 293.15, 12.0, 4.0, "temperature"),
     "voltage": Driver("V", 5.0, -0.2, 0.05, "supply_voltage"),
-    "current": Driver("A", 1.0, 0.5, 0.5, "supply_current"),
-    "pressure": Driver("Pa", 101325.0, -300.0, 100.0, "air_pressure"),
+    "current": Driver("A", 1.0, 0.5, 0.5, "supply_current", drives="mag"),
+    "pressure": Driver("Pa", 101325.0, -300.0, 100.0, "air_pressure", read_by="baro"),
     "humidity": Driver("", 0.4, 0.1, 0.05, "humidity"),
-    "throttle": Driver("", 0.3, 0.3, 0.2),
+    "throttle": Driver("", 0.3, 0.3, 0.2, drives="baro"),
     "vibration": Driver("m/s^2", 0.5, 1.0, 0.5),
 }
 """By the name of its channel."""
@@ -212,11 +218,6 @@ class Coupling(DriverProportional):
     name: ClassVar[str] = "coupling"
     prior_penalty_nats: ClassVar[float] = 1.0
     separating_experiment: ClassVar[str] = "that channel moved by itself, all else kept"
-
-    @classmethod
-    def starts(cls, look: Look) -> list[Self]:
-        """Only where it is looked for."""
-        return []
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.emit.routines import Program
-from kfgen.gap.rest.even_record import recorded
+from kfgen.gap.core.drivers import recorded
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.sensors import Sensor

@@ -12,7 +12,7 @@ from kfgen.core.channel_names import AXES, acts_on
 from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.core.wgs84 import EARTH_RATE
 from kfgen.effects import Effect, Look, catalogue, effect_named
-from kfgen.effects.driven.proportional import DriverProportional
+from kfgen.effects.driven.proportional import DRIVERS, DriverProportional, coupled, driver_named
 from kfgen.effects.inertial.barometer import StaticPressureError
 from kfgen.effects.inertial.errors import (
     EarthRate,
@@ -48,6 +48,8 @@ IN_TIME = ("rate_ramp", "warm_up")
 
 DRIFT_ALONE = 3.0
 """Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
+DRIVEN_ELSEWHERE = 2.0
+"""Nats by which what is known to drive one kind of sensor is rarer on the others: a motor's current on a barometer."""
 MAX_EVENTS = 2
 """Effects of a while of one magnetometer: what more of them would describe is a field that changes, and no event."""
 SLOW_DRIFT = 1e-5
@@ -270,15 +272,24 @@ def _distinguishable(bench: MotionCandidates, entries: Sequence[str]) -> list[st
 
 
 def _in_time(bench: MotionCandidates, name: str, sensor: str) -> list[list[Placed]]:
-    """Drifts that have nothing to do with motion."""
+    """What follows a recorded driver or time alone, and has nothing to do with motion."""
     empty = np.zeros(0)
-    drive = {k: np.asarray(v.mean()) for k, v in bench.drive.items()}
+    drive = {k: float(v.mean()) for k, v in bench.drive.items() if _drives(bench, k)}
     t = bench.truth.t
-    look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), {k: float(v) for k, v in drive.items()})
+    look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), drive)
     driven = [cls for cls in catalogue().values() if issubclass(cls, DriverProportional)]
+    driven += [coupled(n) for n in drive if n in DRIVERS and not DRIVERS[n].effect]
     prior_penalty_nats = (
         DRIFT_ALONE if sensor == "mag" else 0.0
     )  # beside any other sensor stands a constant bias
-    found: list[tuple[Sequence[Effect], float]] = [(cls.starts(look), 0.0) for cls in driven]
+    found: list[tuple[Sequence[Effect], float]] = []
+    for cls in driven:
+        usual = driver_named(cls.driver).drives in ("", sensor)
+        found.append((cls.starts(look), 0.0 if usual else DRIVEN_ELSEWHERE))
     found += [(effect_named(n).starts(look), prior_penalty_nats) for n in IN_TIME]
     return [[Placed(e, name, r) for e in starts] for starts, r in found if starts]
+
+
+def _drives(bench: MotionCandidates, name: str) -> bool:
+    """Whether a recorded quantity may drive others: it is no reading of a sensor that is compared."""
+    return driver_named(name).read_by not in bench.truth.read

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from kfgen.effects.noise_model import NoiseModel
+from kfgen.gap.core.drivers import recorded
 from kfgen.gap.motion.compared_channel import compared_of, sound_samples
 from kfgen.gap.motion.model_truth import model_truth
 from kfgen.gap.motion.scene import MotionScene
-from kfgen.gap.rest.even_record import recorded
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
 

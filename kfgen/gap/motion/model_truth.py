@@ -19,9 +19,9 @@ from kfgen.effects.faults.samples import Fault
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.drivers import recorded
 from kfgen.gap.motion.recorded_motion import recorded_motion, recorded_states
 from kfgen.gap.motion.truth import Truth
-from kfgen.gap.rest.even_record import recorded
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
 from kfgen.manoeuvre.rotations import as_matrix

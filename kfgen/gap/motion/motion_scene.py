@@ -11,6 +11,7 @@ import numpy as np
 from kfgen.effects.faults.reference import OtherMotion
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.noise_model import NoiseModel
+from kfgen.gap.core.drivers import recorded
 from kfgen.gap.motion.compared_channel import compared_of, sound_samples
 from kfgen.gap.motion.likeness import MAX_UNEXPLAINED_SHARE
 from kfgen.gap.motion.references.attitude_convention import misread
@@ -19,7 +20,6 @@ from kfgen.gap.motion.references.rounded_reference import rounded
 from kfgen.gap.motion.scene import MotionScene
 from kfgen.gap.motion.truth import held, truth_of
 from kfgen.gap.motion.untold_acceleration import without_untold
-from kfgen.gap.rest.even_record import recorded
 from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
 

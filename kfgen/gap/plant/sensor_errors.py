@@ -19,10 +19,10 @@ from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.effects.inertial.vibration import vibration_power
 from kfgen.effects.plant.terms import PlantEffect
+from kfgen.gap.core.drivers import recorded
 from kfgen.gap.motion.candidates import MotionCandidates, offers
 from kfgen.gap.motion.placed_effects import delayed, is_motion, with_errors
 from kfgen.gap.motion.truth import Truth
-from kfgen.gap.rest.even_record import recorded
 from kfgen.gap.scene.scene import Placed, ScenePoint
 from kfgen.log.log import Log
 

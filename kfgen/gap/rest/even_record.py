@@ -1,4 +1,4 @@
-"""A channel of a log as an even record: holes drawn over, drivers that say nothing left out, both said."""
+"""A channel of a log as an even record: holes drawn over, and said."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import moment
-from kfgen.effects import Effect, catalogue
-from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.effects import Effect
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.completion import Completion
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
-from kfgen.gap.rest.words import drawn, idle_driver
+from kfgen.gap.rest.words import drawn
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.whittle import block_means
 from kfgen.identify.screening.noise_free import refuse_noise_free
 from kfgen.log.log import Log
 
@@ -31,66 +29,8 @@ MAX_MISSING_SHARE = 0.5
 """Share of the samples that may be missing."""
 MIN_MEAN_WINDOW_SAMPLES = 512
 """Samples at least of the mean about which missing ones are drawn."""
-MAX_PLAIN_WINDOW_SAMPLES = 51
-"""Samples of a window that is smoothed as it is."""
 MAX_STEP_ERROR_PERIODS = 0.35
 """Of a period: root mean square of the steps' error beyond which there is no period."""
-
-
-def drivers_of(log: Log) -> tuple[dict[str, Array], list[str]]:
-    """All channels but references as what may drive others, and what is to be said of drivers that show nothing."""
-    known = {cls.driver for cls in catalogue().values()}
-    drive, said = {}, []
-    for name in (n for n in log.channels if not n.startswith("ref_")):
-        values = log.channel(name).values
-        good = np.isfinite(values)
-        if good.any() and np.ptp(values[good]) > 0.0:
-            drive[name] = smoothed(np.interp(log.t, log.t[good], values[good]))
-        elif name in known:
-            said.append(idle_driver(name, bool(good.any())))
-    return drive, said
-
-
-def recorded(log: Log) -> dict[str, Array]:
-    """The known drivers that a log holds without a hole, smoothed."""
-    whole = {n: c.values for n, c in log.channels.items() if n in DRIVERS}
-    return {n: smoothed(v) for n, v in whole.items() if np.isfinite(v).all()}
-
-
-def smoothed(values: Array) -> Array:
-    """A driver without its own noise, as far as that leaves nothing of it behind: parabolas over windows.
-
-    A noisy regressor explains less than the quantity that it stands for. In units of its size to a power of two, which
-    changes no digit: squares of any number are numbers then.
-    """
-    _, size = np.frexp(np.abs(values).max(initial=0.0))
-    return np.asarray(np.ldexp(_smoothed(np.ldexp(values, -size)), size))
-
-
-def _smoothed(values: Array) -> Array:
-    # The mean square of third differences of white noise is 20 times its variance.
-    noise2 = float(np.mean(np.diff(values, 3) ** 2)) / 20.0 if values.size > 8 else 0.0
-    best, window = values, 5
-    while 8 * window < values.size:
-        trial = _parabolas(values, window)
-        # A parabola takes up about 2.25 / window of the noise.
-        left = float(np.mean((values - trial) ** 2)) / max(1.0 - 2.25 / window, 0.1)
-        if left > noise2 * (1.02 + 4.0 * float(np.sqrt(2.0 / values.size))):
-            break
-        best, window = trial, 2 * window + 1
-    return np.asarray(best)
-
-
-def _parabolas(values: Array, window: int) -> Array:
-    """Local parabolas over windows, shape (n,); long ones on means of short blocks."""
-    from scipy.signal import savgol_filter
-
-    block = max(1, window // MAX_PLAIN_WINDOW_SAMPLES)
-    if block == 1:
-        return np.asarray(savgol_filter(values, window, 2, mode="interp"))
-    smooth = savgol_filter(block_means(values, block), 2 * (window // block // 2) + 1, 2, mode="interp")
-    middle = (np.arange(smooth.size) + 0.5) * block
-    return np.asarray(np.interp(np.arange(values.size) + 0.5, middle, smooth))
 
 
 def regular(

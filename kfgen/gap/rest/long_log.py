@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.core.drivers import drivers_of
 from kfgen.gap.core.result import BAD_DATA, EFFECTS_FOUND, GRAVEST_FIRST, NO_GAP, UNKNOWN_EFFECT, Finding
 from kfgen.gap.rest.channel_gap import channel_gap, hidden_in_means
 from kfgen.gap.rest.comparison import ChannelGap
-from kfgen.gap.rest.even_record import drivers_of, regular
+from kfgen.gap.rest.even_record import regular
 from kfgen.gap.rest.explanation import ABSORBERS
 from kfgen.gap.rest.words import compared_in_parts, interpolated_samples
 from kfgen.identify.evidence.long import CHUNK_SAMPLES, Long, Stream, condense

@@ -27,14 +27,6 @@ def no_measurements(count: int, channel: str, ends_s: tuple[float, float], kinds
     )
 
 
-def idle_driver(channel: str, has_numbers: bool) -> str:
-    """Of a driver that shows nothing: it never changes, or it holds no number."""
-    constant = "never changes: no effect of it can be seen"
-    return (
-        f"channel {channel} {constant if has_numbers else 'holds no number: no effect of it is looked for'}"
-    )
-
-
 def drawn(count: int, channel: str) -> str:
     """Of missing samples over which assumed noise is drawn."""
     return f"{count} samples of {channel} are missing; assumed noise is drawn over them"

@@ -139,8 +139,8 @@ def _instead_of_drifts(answer: Answered, where: str) -> Answered:
     kept = tuple(p for p, is_drift in zip(there.placed, drifts) if not is_drift)
     fit = fitted(scene, ScenePoint(kept, there.unknowns))
     likely = [f for f in scene.likely_random_errors(fit.point) if f.placed.where == where]
-    lead = sum(a.gain for a, is_drift in zip(answer.found.added, drifts) if is_drift)
-    if not likely or likely[0].evidence < MIN_WORTH_SHARE * lead:
+    gained = sum(a.gain for a, is_drift in zip(answer.found.added, drifts) if is_drift)
+    if not likely or likely[0].evidence < MIN_WORTH_SHARE * gained:
         return answer
     return _better(answer, [likely], scene)
 
