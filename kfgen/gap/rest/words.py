@@ -37,7 +37,7 @@ def idle_driver(channel: str, has_numbers: bool) -> str:
 
 def drawn(count: int, channel: str) -> str:
     """Of missing samples over which assumed noise is drawn."""
-    return f"{count} samples of {channel} are missing; assumed noise is drawn over them"
+    return f"{count} samples of {channel} are missing; assumed noise of the size beside is drawn over them"
 
 
 def loses_unseen(loss_nats: float) -> str:
