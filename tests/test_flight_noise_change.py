@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +32,13 @@ DEVIATIONS = {"gnss_p": 1.5, "gnss_v": 0.1, "baro": 0.3, "mag": 2e-7}
 """Of the noise of the flights [SI]."""
 
 
+DURATION_S = 60.0
+"""Of a flight."""
+
+
+@lru_cache
 def flight(seed: int = 0) -> Log:
-    found = trial.log_of(trial.Case("quadrotor", 112_361 + seed, 60.0), [])
+    found = trial.log_of(trial.Case("quadrotor", 112_361 + seed, DURATION_S), [])
     assert isinstance(found, Log)
     return found
 
@@ -74,7 +80,7 @@ def test_the_level_changes_where_and_as_much_as_it_did(sensor: str) -> None:
     count = int(np.isfinite(log.channels[names[0]].values).sum())
     sd = float(np.sqrt(2.0 / (len(names) * count)))
     assert np.log(effect.ratio / 3.0) == pytest.approx(0.0, abs=3.0 * sd)  # type: ignore[attr-defined]
-    assert effect.time == pytest.approx(30.0, abs=10.0 * 60.0 / count)  # type: ignore[attr-defined]
+    assert effect.time == pytest.approx(0.5 * DURATION_S, abs=10.0 * DURATION_S / count)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("seed", range(3))

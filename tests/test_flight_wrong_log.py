@@ -34,8 +34,15 @@ def model() -> FilterModel:
     return kf.build("ins15", options={"left_out": "false"}, sensors=sensors)
 
 
+@lru_cache
+def as_it_was() -> Log:
+    found = trial.log_of(trial.Case("quadrotor", 112_351, 60.0), [])
+    assert isinstance(found, Log)
+    return found
+
+
 def log_with(change: Callable[[Columns, NDArray[np.float64]], object]) -> Log:
-    log = trial.log_of(trial.Case("quadrotor", 112_351, 60.0), [])
+    log = as_it_was()
     columns = {n: np.array(c.values) for n, c in log.channels.items()}
     change(columns, log.t)
     channels = {n: replace(c, values=columns[n]) for n, c in log.channels.items()}

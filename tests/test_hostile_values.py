@@ -202,6 +202,37 @@ def test_a_hundred_thousand_columns(kfgen: Cli) -> None:
     assert len(refused(kfgen, "identify", "wide.csv", "--rate", 1, "--channels", "nothing")) < 1000
 
 
+WIDE = [
+    "gap wide.csv --model n.toml --rate 1",
+    "denoise wide.csv --rate 1",
+    "run ahrs6 log.csv --noise wide.toml",
+]
+
+
+@pytest.mark.parametrize("words", WIDE)
+def test_a_message_does_not_list_a_thousand_channels(words: str, kfgen: Cli) -> None:
+    names = [f"c{k}" for k in range(1000)]
+    rows = [",".join(f"{c} [m]" for c in names), *[",".join("1" for _ in names)] * 2]
+    Path("wide.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    noise = "".join(f'[{c}]\nunit = "m"\neffects = [{{effect="white_noise", N=1}}]\n' for c in names)
+    Path("wide.toml").write_text('format = "kfgen-noise-1"\n' + noise, encoding="utf-8")
+    log(white())
+    assert len(refused(kfgen, *words.split())) < 1000
+
+
+def test_a_model_without_white_noise_is_refused_before_anything_is_compared(
+    kfgen: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two channels the second one's: the first was searched before, and all of nine in 31 s."""
+    y = np.column_stack([T, white(), white(1)])
+    np.savetxt("two.csv", y, delimiter=",", header="t [s],a [m],b [m]", comments="")
+    noise = '[{}]\nunit = "m"\neffects = [{{effect="{}", {}=0.1}}]\n'
+    text = noise.format("a", "white_noise", "N") + noise.format("b", "bias", "sd")
+    Path("n.toml").write_text('format = "kfgen-noise-1"\n' + text, encoding="utf-8")
+    monkeypatch.setattr("kfgen.gap.at_rest.channel_gap", lambda *_: pytest.fail("a channel was compared"))
+    assert "the model of b has no white noise" in refused(kfgen, "gap", "two.csv", "--model", "n.toml")
+
+
 def test_a_file_of_an_emitted_folder_that_the_user_changed_stays(kfgen: Cli) -> None:
     words = ["emit", "gyro-static", "--target", "c", "-o", "code"]
     assert kfgen(*words).exit_code == 0

@@ -197,6 +197,23 @@ def test_standard_output_by_its_name_goes_where_it_goes() -> None:
     assert "ins15" in text.rpartition("}")[2]
 
 
+@pytest.mark.parametrize("words", ["emit gyro-static --target c -o", "demo --out"])
+@pytest.mark.parametrize("place", ["in.csv", "/dev/null"])
+def test_a_file_is_no_folder(words: str, place: str, kfgen: Cli) -> None:
+    before = everything()
+    done = kfgen(*words.split(), place)
+    assert done.exit_code == 2
+    assert str(done.exception).startswith(f"{place}: it is no folder. Give")
+    assert everything() == before
+
+
+def test_a_link_that_leads_to_itself_stays(kfgen: Cli) -> None:
+    Path("loop").symlink_to("pool")
+    Path("pool").symlink_to("loop")
+    assert "loop: the output cannot be written" in str(kfgen("list", "--json", "loop").exception)
+    assert Path("loop").is_symlink()
+
+
 def test_a_disk_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "is_block_device", lambda _: True)
     with pytest.raises(InputError, match="it is a disk"):

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.files.toml_document import document_of, text_of
 from kfgen.core.files.whole_file import write_text
@@ -117,7 +118,7 @@ class NoiseModel:
         """The noise of a channel; raises `InputError` when the model has none of that name."""
         if name not in self.channels:
             raise InputError(
-                f"the noise file has no channel '{name}'", remedy=f"It has {', '.join(self.channels)}"
+                f"the noise file has no channel '{name}'", remedy=f"It has {some_of(self.channels)}"
             )
         return self.channels[name]
 

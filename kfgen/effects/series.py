@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.sampling_period import usual_period
+
 if TYPE_CHECKING:
     from kfgen.effects.effect import Effect
     from kfgen.effects.linear_system import LinearSystem
@@ -269,7 +271,7 @@ class RawSamples:
     @cached_property
     def dt(self) -> float:
         """The usual step of time [s]."""
-        return float(np.median(np.diff(self.t)))
+        return usual_period(self.t)
 
     @cached_property
     def noise(self) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
+from kfgen.core.files.destination import check_folder
 from kfgen.core.files.whole_file import sha256_of, write_whole_folder
 from kfgen.core.result import Result, ShortTable
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
@@ -156,8 +157,7 @@ def write_folder(
 def _check_free(folder: Path, force: bool) -> None:
     if not folder.exists():
         return
-    if not folder.is_dir():
-        raise InputError("it is a file, not a folder", where=str(folder))
+    check_folder(folder, folder)
     found = (p for p in folder.rglob("*") if not p.is_dir() and p.parent.name != PYTHON_CACHE)
     present = {p.relative_to(folder).as_posix() for p in found}
     present |= {p.name for p in folder.iterdir() if p.is_dir() and not any(p.iterdir())}

@@ -17,6 +17,7 @@ from kfgen.gap.rest.cross_axis import with_pairs
 from kfgen.gap.rest.even_record import regular
 from kfgen.gap.rest.long_log import LongLog, with_means
 from kfgen.gap.rest.second_recording import gap_on, happens_once
+from kfgen.gap.rest.trust import check_model
 from kfgen.gap.result import GapResult, LogSource, Proof, RecordingGap
 from kfgen.log.log import Log
 
@@ -30,6 +31,8 @@ def at_rest(
     assumed: NoiseModel, log: Log, names: Sequence[str], others: Sequence[Log], said: Sequence[str]
 ) -> GapResult:
     """Of sensors at rest, each channel by itself, and the noise that channels share."""
+    for name in names:
+        check_model(name, assumed.channel(name))
     drive, words = drivers_of(log)
     warnings = [*said, *words]
     gaps = {}

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from kfgen.core.channel_names import some_of
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import time_budget
@@ -192,7 +193,7 @@ def _common(name: str, noise: NoiseModel, log: AnyLog) -> tuple[NoiseModel, list
         raise InputError(
             f"no channel of {name} is in the log",
             where=log.source,
-            remedy=f"The model has {', '.join(noise.channels)}, the log {', '.join(log.channels)}",
+            remedy=f"The model has {some_of(noise.channels)}, the log {some_of(log.channels)}",
         )
     for c, n in known.items():
         if not parse_unit(n.unit).same_dimension(parse_unit(log.channels[c].unit)):
@@ -203,7 +204,7 @@ def _common(name: str, noise: NoiseModel, log: AnyLog) -> tuple[NoiseModel, list
             )
     lacking = [c for c in noise.channels if c not in known]
     it = "it" if len(lacking) == 1 else "them"
-    said = [f"{', '.join(lacking)} of {name} cannot be compared: the log lacks {it}"] if lacking else []
+    said = [f"{some_of(lacking)} of {name} cannot be compared: the log lacks {it}"] if lacking else []
     return NoiseModel(known, noise.provenance), said
 
 

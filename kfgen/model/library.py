@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from kfgen.core.channel_names import acts_on
+from kfgen.core.channel_names import acts_on, some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.effects import Effect, make
@@ -162,7 +162,7 @@ def _check_units(model: FilterModel, noise: NoiseModel | None) -> None:
         raise InputError(
             f"the noise file has no channel of {model.name}",
             where="--noise",
-            remedy=f"It has {', '.join(noise.channels)}, the model {', '.join(model.channel_units)}",
+            remedy=f"It has {some_of(noise.channels)}, the model {', '.join(model.channel_units)}",
         )
     for place, given in ((p, n.unit) for p, n in (noise.channels if noise else {}).items()):
         units = [model.channel_units[c] for c in model.channels_of(place)]

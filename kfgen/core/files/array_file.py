@@ -70,8 +70,8 @@ class ArrayHeader:
                 (2, 0): np.lib.format.read_array_header_2_0,
             }
             shape, fortran, dtype = readers[version](file)
-        except Exception as error:  # a crafted header makes numpy raise anything, tokenize.TokenError for one
-            raise ValueError(_first_line(error)) from None
+        except Exception:  # a crafted header makes numpy raise anything, tokenize.TokenError for one
+            raise ValueError("its header is none of numpy") from None
         if dtype.hasobject:
             raise ValueError("it holds Python objects, which are never loaded")
         if len(shape) > MAX_DIMENSIONS or any(isinstance(n, bool) or not 0 <= n <= MAX_LENGTH for n in shape):

@@ -75,11 +75,13 @@ class Destination:
         InputError
             No folder to be in, a folder in its place, no permission, a name that cannot be, no space.
         """
-        if self.stream:
+        if self.stream and not folder:
             self._check_stream()
             return
         self._check_name()
-        if not folder and os.path.isdir(self.path):
+        if folder:
+            check_folder(self.path, self.named)
+        elif os.path.isdir(self.path):
             raise InputError(
                 "the output is a folder", where=str(self.named), remedy="Give the name of a file in it"
             )
@@ -94,9 +96,9 @@ class Destination:
         discard(trial)
 
     def _check_name(self) -> None:
-        """A name that the system does not allow is one for no file."""
+        """A name that the system does not allow, or a link that leads to itself, is one for no file."""
         try:
-            self.path.lstat()
+            self.named.stat()
         except (FileNotFoundError, NotADirectoryError):
             return
         except (OSError, ValueError) as error:
@@ -169,6 +171,27 @@ class Destination:
         sys.stdout.flush()
         number = match.group(2) or match.group(3) or {"stdout": "1", "stderr": "2"}[match.group(1)]
         return os.fdopen(os.dup(int(number)), "wb")
+
+
+def check_folder(path: Path, named: Path) -> None:
+    """Refuse what is there and no folder, as the place of one.
+
+    Parameters
+    ----------
+    path : Path
+        With links followed.
+    named : Path
+        As it was asked for, for the message.
+
+    Raises
+    ------
+    InputError
+        It is a file, a device or a pipe.
+    """
+    if path.exists() and not path.is_dir():
+        raise InputError(
+            "it is no folder", where=str(named), remedy="Give the name of a folder, which may be a new one"
+        )
 
 
 def reason_of(error: BaseException) -> str:

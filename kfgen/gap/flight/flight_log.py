@@ -110,7 +110,7 @@ class FlightLog:
         return out
 
 
-def flight_log(log: Log, program: Program) -> FlightLog:
+def flight_log(log: Log, program: Program, known: Mapping[str, Array] | None = None) -> FlightLog:
     """A log on an even grid: of its own mean step, or of a multiple of it where the log is longer than `MAX_STEPS`.
 
     Parameters
@@ -119,6 +119,8 @@ def flight_log(log: Log, program: Program) -> FlightLog:
         With the inputs and drivers of the program's model.
     program : Program
         At the log's rate.
+    known : mapping of str to ndarray, shape (log.n,), optional
+        Its recorded drivers, smoothed, where that is done already.
 
     Raises
     ------
@@ -140,7 +142,7 @@ def flight_log(log: Log, program: Program) -> FlightLog:
     t = np.asarray(log.t) if even else np.asarray(log.t[0] + dt * np.arange(steps))
     acting = (over_steps(log.values(c), calls.samples) for i in model.motion.inputs for c in i.channels)
     u = np.column_stack([a if even else _over_grid(log.t, a, t) for a in acting])
-    drivers = recorded(log) | {d: calls.inputs[d] for d in model.drivers}
+    drivers = (recorded(log) if known is None else dict(known)) | {d: calls.inputs[d] for d in model.drivers}
     drive = {d: np.interp(t, log.t, v) for d, v in drivers.items()}
     aiding = []
     for name, z in calls.present.items():

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import moment
+from kfgen.core.sampling_period import usual_period
 from kfgen.effects import Effect
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
@@ -38,7 +39,7 @@ def regular(
 ) -> tuple[Record, Array, list[str]]:
     """A channel as an even record, its time stamps as they are, and what is to be said.
 
-    Missing samples are drawn from the assumed noise, about the mean beside them.
+    Missing samples are drawn from the assumed noise in the size of its steps, about the mean beside them.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def regular(
     faults: tuple[DetectedFault, ...] = ()
     if logged.size > MIN_STEPS_FOR_REPEATS:
         invalid, faults = invalid_samples(
-            RawSamples(logged, y[good], assumed_sd(assumed, float(np.median(np.diff(logged)))))
+            RawSamples(logged, y[good], assumed_sd(assumed, usual_period(logged)))
         )
         said += words_of(name, logged, invalid, faults)
         good[good] = ~invalid
@@ -77,7 +78,7 @@ def regular(
             remedy="Check the sensor and the column",
         )
     _refuse_noise_free(log, name)
-    dt = float(np.median(np.diff(stamps)))
+    dt = usual_period(stamps)
     _refuse_far(log, name, y[good], assumed_sd(assumed, dt))
     steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
@@ -123,7 +124,11 @@ def _refuse_far(log: Log, name: str, y: Array, assumed: float) -> None:
 
 
 def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], dt: float) -> Array:
-    """The series with the unknown samples as the noise makes them likely, shape (n,); always the same."""
+    """The series with the unknown samples as the noise makes them likely, shape (n,); always the same.
+
+    The noise has the size that the steps between known neighbours show: what is drawn is no mixture of two sizes then,
+    which would look like outliers.
+    """
     from scipy.ndimage import uniform_filter1d
 
     random = [e for e in assumed if not e.coefficients()]
@@ -136,5 +141,8 @@ def _drawn_over(y: Array, known: NDArray[np.bool_], assumed: Sequence[Effect], d
     white = Whitener.of(random, y.size, dt, constant=True)
     amplitude = np.divide(1.0, white.weight, out=np.zeros(y.size), where=white.weight > 0.0)
     noise = Whitener.back(np.random.default_rng(0).standard_normal(y.size) * amplitude)
+    beside = known[1:] & known[:-1]
+    if beside.any() and noise.any():
+        noise *= np.sqrt(np.mean(np.diff(y)[beside] ** 2) / np.mean(np.diff(noise) ** 2))
     away = np.where(known, y - mean - noise, 0.0)
     return np.where(known, y, mean + noise + Completion.of(white, known).completed(away))

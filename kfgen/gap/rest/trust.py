@@ -132,6 +132,11 @@ def check(channel: str, record: Record, noise: ChannelNoise) -> None:
         )
     if not np.ptp(record.y) > 0.0:
         raise InputError(f"{channel} never changes", remedy="Check the sensor and the column")
+    check_model(channel, noise)
+
+
+def check_model(channel: str, noise: ChannelNoise) -> None:
+    """Raise `InputError` where nothing in what is assumed of a channel is white."""
     if not any(e.form().V or e.form().Z for e in noise.effects):
         raise InputError(
             f"the model of {channel} has no white noise",

@@ -29,7 +29,7 @@ def no_measurements(count: int, channel: str, ends_s: tuple[float, float], kinds
 
 def drawn(count: int, channel: str) -> str:
     """Of missing samples over which assumed noise is drawn."""
-    return f"{count} samples of {channel} are missing; assumed noise is drawn over them"
+    return f"{count} samples of {channel} are missing; assumed noise of the size beside is drawn over them"
 
 
 def loses_unseen(loss_nats: float) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import how_many, moment
+from kfgen.core.sampling_period import GAP_IN_PERIODS, MIN_SHARE_OF_NEIGHBOURS, STRETCHES, single_period
 from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
@@ -22,25 +23,18 @@ from kfgen.identify.screening.noise_free import refuse_noise_free
 
 Array = NDArray[np.float64]
 
-GAP_IN_PERIODS = 1.5
-"""Periods beyond which a step of time is a gap."""
 JITTER_SAID_IN_PERIODS = 0.05
 """Of a period: root mean square of the steps' error that is said."""
 UNEVEN_IN_PERIODS = 0.2
 """Of a period: beyond, times are taken as they are."""
-WHOLE_IN_PERIODS = 0.1
-"""Of a period: error of a step that is a whole number of them."""
 MAX_GAP_SHARE_OF_STEPS = 0.1
 """Share of the steps beyond which long ones are no gaps."""
-STRETCHES_OF_RATE_CHECK = 20
 MIN_RATIO_OF_CHANGED_RATE = 1.1
 """Ratio of the sampling periods of two stretches that is no chance."""
 MAX_MISSING_SHARE = 0.9
 """Share of samples that may be missing."""
 MAX_UNEVEN_SAMPLES = 10_000
 """Samples at uneven times that are fitted."""
-MIN_SHARE_OF_NEIGHBOURS = 0.1
-"""Share of steps of one period of the log, from which on a channel has the log's rate and lost samples."""
 MIN_STEPS_OF_A_RATE = 8
 MIN_SHARE_OF_OWN_STEPS = 0.5
 """Of the steps of a channel with a rate of its own: those that are about a period long."""
@@ -80,7 +74,7 @@ def evidence(
     refuse_noise_free(y)
     steps = np.diff(t)
     dt, of_channel = _period(logged, steps)
-    single = _single_period(np.diff(logged))
+    single = single_period(np.diff(logged))
     if single and float(np.mean(np.diff(logged) > GAP_IN_PERIODS * single)) > MAX_GAP_SHARE_OF_STEPS:
         share = 1.0 - logged.size / (1.0 + (logged[-1] - logged[0]) / single)
         dt, of_channel = single, False
@@ -172,26 +166,26 @@ def _period(logged: Array, steps: Array) -> tuple[float, bool]:
 
 def _check_rate(t: Array, steps: Array) -> None:
     """A rate that changes for good is refused."""
-    if steps.size < 10 * STRETCHES_OF_RATE_CHECK:
+    if steps.size < 10 * STRETCHES:
         return
-    parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES_OF_RATE_CHECK)]
-    if max(parts) < MIN_RATIO_OF_CHANGED_RATE * min(parts) or _single_period(steps):
+    parts = [float(np.median(part)) for part in np.array_split(steps, STRETCHES)]
+    if max(parts) < MIN_RATIO_OF_CHANGED_RATE * min(parts) or single_period(steps):
         return
     # Random steps differ as well; a change of rate has stretches that agree with their neighbours.
     calm = [
         float(np.std(part[part < GAP_IN_PERIODS * m]) / m)
-        for part, m in zip(np.array_split(steps, STRETCHES_OF_RATE_CHECK), parts)
+        for part, m in zip(np.array_split(steps, STRETCHES), parts)
     ]
     if np.median(calm) > UNEVEN_IN_PERIODS:
         return
     first = next(
         i for i, m in enumerate(parts) if abs(m / parts[0] - 1.0) > 0.5 * (MIN_RATIO_OF_CHANGED_RATE - 1.0)
     )
-    near = int(first * steps.size / STRETCHES_OF_RATE_CHECK)
+    near = int(first * steps.size / STRETCHES)
     at = next(
         (
             k
-            for k in range(max(near - steps.size // STRETCHES_OF_RATE_CHECK, 0), steps.size)
+            for k in range(max(near - steps.size // STRETCHES, 0), steps.size)
             if abs(steps[k] / parts[first] - 1.0) < 0.02
         ),
         near,
@@ -201,19 +195,6 @@ def _check_rate(t: Array, steps: Array) -> None:
         remedy="Cut the log there and identify the parts one by one; where the sensor's rate did not change, give it "
         "with --rate HZ",
     )
-
-
-def _single_period(steps: Array) -> float:
-    """The period [s] of which steps are multiples, single ones among them all along the log; zero where they are not."""
-    if steps.size < STRETCHES_OF_RATE_CHECK:
-        return 0.0
-    period = float(np.quantile(steps, MIN_SHARE_OF_NEIGHBOURS))
-    single = np.abs(steps / period - 1.0) < WHOLE_IN_PERIODS
-    whole = np.abs(steps / period - np.round(steps / period)) < WHOLE_IN_PERIODS
-    parts = np.array_split(single, STRETCHES_OF_RATE_CHECK)
-    if not (whole.mean() > 0.95 and min(float(p.mean()) for p in parts) > MIN_SHARE_OF_NEIGHBOURS):
-        return 0.0
-    return float(np.median(steps[single]))
 
 
 def _pieces(t: Array, y: Array, drive: Mapping[str, Array], gaps: NDArray[np.int64]) -> list[Record]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import kfgen
+from kfgen.core.channel_names import some_of
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.result import Result, ShortTable
@@ -145,7 +146,7 @@ def denoise(  # noqa: PLR0913 - the choices of one command
     wanted = list(checked(channels) or [c for c in data.channels if c.startswith(FILTERED_UNASKED)])
     if not wanted:
         raise InputError(
-            f"there is no gyro or accel among {', '.join(data.channels)}",
+            f"there is no gyro or accel among {some_of(data.channels)}",
             where=data.source,
             remedy="Name channels with --channels",
         )

@@ -7,8 +7,9 @@ in the units that are taken for its own; what makes the log likelier stays, unti
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -18,6 +19,7 @@ from kfgen.effects import Effect
 from kfgen.effects.faults.axes import SignError, axis_faults
 from kfgen.effects.faults.samples import UnitError, unit_factors
 from kfgen.emit.routines import Program
+from kfgen.gap.core.drivers import recorded
 from kfgen.gap.flight.first_flight import flight_score
 from kfgen.gap.flight.flight_log import FlightLog, flight_log
 from kfgen.gap.flight.rows import rows_of
@@ -88,7 +90,9 @@ def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
     InputError
         As of `kfgen.gap.flight.flight_log.flight_log`.
     """
-    as_logged = flight_log(log, program)
+    known = recorded(log)  # no driver is read wrongly
+    as_flown = partial(flight_log, program=program, known=known)
+    as_logged = as_flown(log)
     equations = FilterEquations(as_logged.discrete)
     least = max(MIN_GAIN_NATS, MIN_GAIN_NATS_PER_READING * rows_of(as_logged).t.size)
     faults, best = tuple[Placed, ...](), flight_score(as_logged, equations)
@@ -97,7 +101,7 @@ def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
         for m in _misreadings(log, program.discrete.model):
             right = m.put_right(log)
             lost = m.shrunk_nats(as_logged)
-            score = _score(right, program, equations, wanted + lost) - lost
+            score = _score(as_flown, right, equations, wanted + lost) - lost
             if score > wanted:
                 wanted, found = score, m
         if found is None:
@@ -107,9 +111,9 @@ def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
     return faults, log
 
 
-def _score(log: Log, program: Program, equations: FilterEquations, least: float) -> float:
+def _score(of: Callable[[Log], FlightLog], log: Log, equations: FilterEquations, least: float) -> float:
     try:
-        return flight_score(flight_log(log, program), equations, least)
+        return flight_score(of(log), equations, least)
     except InputError:
         return -np.inf
 

@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import some_of
 from kfgen.log.readers.arrays.array_names import is_time
 
 Array = NDArray[np.float64]
@@ -134,8 +135,8 @@ def _where(kinds: Sequence[str], kind: str) -> frozenset[int]:
 def _of(kinds: Sequence[str], header: Sequence[str]) -> list[str]:
     words = [f"'{n}'" for n, kind in zip(header, kinds, strict=True) if kind == "words"]
     dates = [f"'{n}'" for n, kind in zip(header, kinds, strict=True) if kind == "date"]
-    said = [f"columns of words were left out: {', '.join(words)}"] if words else []
-    return said + ([f"dates without a time zone are UTC: {', '.join(dates)}"] if dates else [])
+    said = [f"columns of words were left out: {some_of(words)}"] if words else []
+    return said + ([f"dates without a time zone are UTC: {some_of(dates)}"] if dates else [])
 
 
 def _without_keys(rows: list[tuple[int, list[str]]]) -> tuple[list[tuple[int, list[str]]], list[str]]:
