@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from kfgen.report.figures.gap_figures import BAND_SIGMAS, CHANCE_OUTSIDE_PERCENT, outside_words
+from kfgen.run.band import BAND_SIGMAS, CHANCE_OUTSIDE_PERCENT, outside_words
 
 
 def test_the_share_by_chance_is_that_of_the_normal_distribution() -> None:
@@ -17,7 +17,9 @@ def test_the_share_by_chance_is_that_of_the_normal_distribution() -> None:
 
 def test_white_residuals_leave_their_band_by_chance_alone() -> None:
     """4.55 % of 20 000: the share's standard deviation is 0.15 %; a part of 500 has a quarter outside never."""
-    said = outside_words("Assumed", np.random.default_rng(112_341).standard_normal(20_000), (0.0, 200.0))
+    said = outside_words(
+        "Assumed", np.random.default_rng(112_341).standard_normal(20_000), np.linspace(0.0, 200.0, 20_000)
+    )
     assert float(re.findall(r"Assumed: ([0-9.]+) %", said)[0]) == pytest.approx(4.55, abs=0.6)
     assert "mostly" not in said
 
@@ -25,8 +27,10 @@ def test_white_residuals_leave_their_band_by_chance_alone() -> None:
 def test_the_time_in_which_residuals_leave_their_band_is_said() -> None:
     x = np.random.default_rng(112_342).standard_normal(20_000)
     x[5000:7000] *= 4.0
-    assert outside_words("Updated", x, (100.0, 300.0)).endswith("mostly from 150 to 170 s.")
+    assert outside_words("Updated", x, np.linspace(100.0, 300.0, x.size)).endswith(
+        "mostly from 150 to 170 s."
+    )
 
 
 def test_few_residuals_are_counted_too() -> None:
-    assert "100.0 % outside" in outside_words("Assumed", np.full(7, 3.0), (0.0, 1.0))
+    assert "100.0 % outside" in outside_words("Assumed", np.full(7, 3.0), np.linspace(0.0, 1.0, 7))

@@ -210,6 +210,7 @@ class GapResult(Result):
                 for a, b in c.outages
             ],
             "unknowns": {n: {"value": v, "unit": u} for c in every for n, (u, v) in c.unknowns.items()},
+            "parked": any(c.parked for c in every),
             "limits": [_limit(c, m) for c in every for m in c.limits],
             "refused": [
                 {"effect": r.effect, "channel": r.where, "evidence_nats": r.evidence_nats, "why": r.why}
@@ -348,6 +349,8 @@ def _limit(c: Comparison, m: DetectionLimit) -> dict[str, Any]:
         "parameter": m.parameter,
         "would_not_see_below": finite(m.value),
         "unit": _si(c, p, m.unit),
+        "excited": m.is_excited,
+        **({"excited_by": m.manoeuvre} if m.manoeuvre else {}),
     }
 
 

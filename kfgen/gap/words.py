@@ -28,6 +28,7 @@ from kfgen.gap.core.result import (
 from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, NEARLY_ALIKE_MIN_COS2
 from kfgen.gap.motion.candidates import FIELD_PREFIX
+from kfgen.manoeuvre.library import LIBRARY
 
 VERDICTS = {
     NO_GAP: "model and record agree",
@@ -43,6 +44,8 @@ NESTED_TOLERANCE_NATS = 1e-6
 """Change of a log-likelihood that is none."""
 MAX_NEARLY_ALIKE = 3
 """Effects that are said to look alike."""
+MAX_NOT_EXCITED_SAID = 4
+"""Effects that one manoeuvre would excite, of which the names are said in a sentence."""
 MAX_REFUSED_SAID = 3
 """Effects that were not added, of which the names are said."""
 
@@ -275,8 +278,50 @@ def refused_sentence(refused: Sequence[Refused]) -> str:
     return f"Not added in spite of the evidence: {said}{more}"
 
 
+PARKED = (
+    "the vehicle is parked: it never moves in this log, so that no effect that comes with motion can show; "
+    "give a log in which it moves"
+)
+
+
+def not_excited_sentence(limits: Sequence[DetectionLimit]) -> str:
+    """What the motion does not excite, and which manoeuvres would, the one that shows most first.
+
+    Parameters
+    ----------
+    limits : sequence of DetectionLimit
+        Those of effects that are not excited.
+    """
+    by_manoeuvre: dict[str, list[str]] = {}
+    for m in limits:
+        by_manoeuvre.setdefault(m.manoeuvre, []).append(f"{m.effect.name} of {m.where}")
+    best = sorted((n for n in by_manoeuvre if n), key=lambda n: -len(by_manoeuvre[n]))
+    said = [_shown_by(n, list(dict.fromkeys(by_manoeuvre[n]))) for n in best]
+    if "" in by_manoeuvre:
+        said.append(f"no manoeuvre is known for {_some(list(dict.fromkeys(by_manoeuvre[''])))}")
+    number = "one effect" if len(limits) == 1 else f"{len(limits)} numbers of effects"
+    return f"The motion of this log does not excite {number}, which it cannot show: {'; '.join(said)}"
+
+
+def _shown_by(manoeuvre: str, effects: Sequence[str]) -> str:
+    return f"{manoeuvre} ({LIBRARY[manoeuvre].title}, {LIBRARY[manoeuvre].length:g} s) would excite {_some(effects)}"
+
+
+def _some(names: Sequence[str]) -> str:
+    more = len(names) - MAX_NOT_EXCITED_SAID
+    return ", ".join(names[:MAX_NOT_EXCITED_SAID]) + (f" and {more} more" if more > 0 else "")
+
+
+def not_excited_words(m: DetectionLimit) -> tuple[str, str, str]:
+    """What is not excited, the size from which on it would be seen all the same, and what would excite it."""
+    what, size = limit_words(m)
+    return what, size, m.manoeuvre or "no manoeuvre known"
+
+
 def limit_words(m: DetectionLimit) -> tuple[str, str]:
     """What has a detection limit, and the limit."""
+    if not math.isfinite(m.value):
+        return f"{m.effect.name} {m.parameter} of {m.where}", "at no size"
     unit = derived_unit({p.name: p.unit for p in m.effect.parameters()}[m.parameter], m.unit)
     times = [
         f" at tau = {getattr(m.effect, p.name):.3g} s" for p in m.effect.parameters() if p.kind == "time"

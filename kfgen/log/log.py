@@ -100,6 +100,8 @@ class Log:
     samples : str
         What a sample of an inertial sensor stands for: the interval ``after`` it, the one ``before`` it, or the
         instant (``at``); empty where the log does not say.
+    unplaced : mapping of str to str
+        Channels none of whose samples is within the time of the log, and what times theirs are.
 
     Raises
     ------
@@ -115,6 +117,7 @@ class Log:
     axis: str = "t"
     stated: float = 0.0
     samples: str = ""
+    unplaced: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))

@@ -7,23 +7,19 @@ import numpy as np
 import kfgen
 from kfgen.emit.folder import EmittedFilter
 from kfgen.log.log import Log
+from kfgen.report.figures.run_figures import run_parts
 from kfgen.report.page import (
     Answer,
     Page,
     PagePart,
     code,
     columns,
-    figure,
     heading,
     sentence,
     source_words,
     table,
 )
-from kfgen.report.plots import AFTER, MEASURED, Line, Picture, series_picture, thin
 from kfgen.run.run import FilterRun
-from kfgen.run.words import consistency
-
-INNOVATION_COLORS = (AFTER, MEASURED, "#c4452f", "#7a8794")
 
 
 def emit_answer(emitted: EmittedFilter) -> Answer:
@@ -69,38 +65,19 @@ def run_answer(result: FilterRun) -> Answer:
         parts.append(sentence(words[0].upper() + words[1:] + "."))
     head, rows = result.short_table()
     final = [[n, f"{v:.6g}"] for n, v in zip(result.names, result.estimate[-1])]
-    lines += [columns([head, *rows]), "  at the end:", columns(final, "    ")]
+    lines += [columns([head, *rows])]
+    said = [result.consistency(name) for name in result.updated]
+    lines += [f"  {words}" for name, words in zip(result.updated, said) if result.updated[name].beyond_gate]
+    lines += ["  at the end:", columns(final, "    ")]
     parts += [
-        heading("Innovations"),
-        *(figure(run_picture(result, name), f"Innovations of {name}.") for name in result.updated),
-        table(head, rows),
+        *run_parts(result),
+        table(head, rows, "Samples beyond the gate are fused here; the emitted filter would reject them."),
         table(("state at the end [SI]", "value"), final, "The state at the end", folded=True),
     ]
-    verdict = tuple(
-        f"{consistency(name, float(s.nis.mean()), s.t.size, s.expected_nis95)}."
-        for name, s in result.updated.items()
-    )
+    verdict = tuple(f"{words}." for words in said)
     facts = (("log", source_words(result.source, result.sha256)), ("length", f"{result.duration:.6g} s"))
     page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts), verdict, None, facts)
     return Answer("\n".join(lines), result.to_dict(), page)
-
-
-def run_picture(result: FilterRun, name: str) -> Picture:
-    """The innovations of a sensor over time.
-
-    Parameters
-    ----------
-    result : FilterRun
-    name : str
-        Of the sensor.
-    """
-    s = result.sensors[name]
-    keep = thin(s.t)
-    lines = [
-        Line(s.channels[i], s.t[keep], s.innovation[keep, i], INNOVATION_COLORS[i % 4])
-        for i in range(s.innovation.shape[1])
-    ]
-    return series_picture(lines, "innovation [SI]", f"innovation-{name}")
 
 
 def simulate_answer(log: Log, path: str) -> Answer:

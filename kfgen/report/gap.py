@@ -12,11 +12,14 @@ from kfgen.gap.core.result import NO_GAP, Comparison, Finding
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.result import GapResult, Proof, span_of_test
 from kfgen.gap.words import (
+    PARKED,
     VERDICTS,
     check_sentences,
     finding_sentence,
     limit_words,
     noise_scale_sentence,
+    not_excited_sentence,
+    not_excited_words,
     outage_sentence,
     parameter_words,
     percent,
@@ -38,6 +41,8 @@ from kfgen.report.page import (
 )
 
 FINDINGS_HEAD = ("of", "effect", "parameter", "value", "95 % interval", "probability", "closes")
+NOT_EXCITED = "Not excited by the motion of this log: what it cannot show"
+NOT_EXCITED_HEAD = ("effect", "would be seen from", "excited by")
 MAX_TEST_ROWS = 20
 """Rows of a table of tests."""
 LEAST_P = 1e-99
@@ -110,8 +115,11 @@ def comparison_lines(c: Comparison) -> list[str]:
     lines = [f"{w}." for w in sentences(c)] + [columns(_figures_rows(c))]
     if c.checks:
         lines += [f"  {w}" for w in check_sentences(c.checks)]
-    if c.limits:
-        lines += ["  Detection limits", columns([list(limit_words(m)) for m in c.limits])]
+    if seen := [m for m in c.limits if m.is_excited]:
+        lines += ["  Detection limits", columns([list(limit_words(m)) for m in seen])]
+    if unseen := [m for m in c.limits if not m.is_excited]:
+        rows = [list(not_excited_words(m)) for m in unseen]
+        lines += [f"  {NOT_EXCITED}", columns([list(NOT_EXCITED_HEAD), *rows])]
     return lines
 
 
@@ -128,10 +136,12 @@ def _comparison_parts(c: Comparison) -> list[PagePart]:
     ]
     if c.checks:
         parts.append(text(" ".join(f"{w}." for w in check_sentences(c.checks))))
-    if c.limits:
-        rows = [list(limit_words(m)) for m in c.limits]
+    if seen := [m for m in c.limits if m.is_excited]:
         limits = "Detection limits: what would not have been seen"
-        parts.append(table(("effect", "below"), rows, limits, folded=True))
+        parts.append(table(("effect", "below"), [list(limit_words(m)) for m in seen], limits, folded=True))
+    if unseen := [m for m in c.limits if not m.is_excited]:
+        rows = [list(not_excited_words(m)) for m in unseen]
+        parts.append(table(NOT_EXCITED_HEAD, rows, NOT_EXCITED, folded=True))
     return parts
 
 
@@ -146,11 +156,13 @@ def sentences(c: Comparison) -> list[str]:
         )
     return [
         verdict_sentence(c),
+        *([PARKED[0].upper() + PARKED[1:]] if c.parked else []),
         *(_retuned_numbers(c) if isinstance(c, ChannelGap) and c.retuned else ()),
         *map(noise_scale_sentence, c.noise_scales),
         *along,
         *(finding_sentence(c, f) for f in c.findings),
         *(outage_sentence(*pair) for pair in c.outages),
+        *([not_excited_sentence(unseen)] if (unseen := [m for m in c.limits if not m.is_excited]) else []),
     ]
 
 

@@ -21,7 +21,7 @@ MEASURED, BEFORE, AFTER, BAND = "#1b2430", "#c4452f", "#1f5fa8", "#b9c4d0"
 
 @dataclass(frozen=True)
 class Line:
-    """A curve of a picture: what it is called, its points, a color, a band around it."""
+    """A curve of a picture: what it is called, its points, a color, a band around it; a band alone has no number in y."""
 
     label: str
     x: Array
@@ -167,24 +167,53 @@ def spectrum_picture(frequency: Array, before: Array, after: Array, key: str) ->
 
 def series_picture(lines: Sequence[Line], ylabel: str, key: str, xlabel: str = "time [s]") -> Picture:
     """Curves over time, with bands."""
+    return stacked_picture([(ylabel, lines)], key, xlabel)
+
+
+def stacked_picture(
+    panels: Sequence[tuple[str, Sequence[Line]]], key: str, xlabel: str = "time [s]"
+) -> Picture:
+    """Curves over time, with bands, a panel below the other for each label of an axis; the first has the legend."""
+    alone = len(panels) == 1
+
+    def draw(axes: list[Any]) -> None:
+        for ax, (ylabel, lines) in zip(axes, panels):
+            _series_axes(ax, lines)
+            ax.set(ylabel=ylabel)
+            if not alone:
+                ax.sharex(axes[0])
+                ax.tick_params(labelbottom=ax is axes[-1])
+        axes[-1].set(xlabel=xlabel)
+        above = {} if alone else {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4}
+        axes[0].legend(frameon=False, fontsize=8.5, **above)
+
+    return Picture(key, draw, (7.4, 3.0 if alone else 0.6 + 1.75 * len(panels)), (len(panels), 1))
+
+
+def _series_axes(ax: Any, lines: Sequence[Line]) -> None:
+    for line in lines:
+        if line.lo is not None and line.hi is not None:
+            is_band = not np.isfinite(line.y).any()
+            said = {"label": line.label} if is_band else {}
+            shade = 0.55 if line.color == BAND else 0.2
+            ax.fill_between(line.x, line.lo, line.hi, color=line.color, alpha=shade, linewidth=0, **said)
+            if is_band:
+                continue
+        style = "--" if line.dashed else "-"
+        ax.plot(line.x, line.y, color=line.color, linewidth=1.1, label=line.label, linestyle=style)
+
+
+def plan_picture(lines: Sequence[Line], xlabel: str, ylabel: str, key: str) -> Picture:
+    """Curves in a plane whose axes have one scale."""
 
     def draw(axes: list[Any]) -> None:
         (ax,) = axes
-        for line in lines:
-            if line.lo is not None and line.hi is not None:
-                ax.fill_between(line.x, line.lo, line.hi, color=line.color, alpha=0.2, linewidth=0)
-            ax.plot(
-                line.x,
-                line.y,
-                color=line.color,
-                linewidth=1.1,
-                label=line.label,
-                linestyle="--" if line.dashed else "-",
-            )
+        _series_axes(ax, lines)
         ax.set(xlabel=xlabel, ylabel=ylabel)
+        ax.set_aspect("equal", adjustable="datalim")
         ax.legend(frameon=False, fontsize=8.5)
 
-    return Picture(key, draw, (7.4, 3.0))
+    return Picture(key, draw, (7.4, 5.0))
 
 
 def curves_picture(panels: Sequence[tuple[str, Sequence[Line]]], key: str) -> Picture:

@@ -15,7 +15,10 @@ Array = NDArray[np.float64]
 
 
 def estimates(result: FilterRun, model: FilterModel) -> Log:
-    """Every stored state, ``sd_`` of every error state, ``innovation_`` of every channel and ``nis_`` of every sensor.
+    """Every stored state, ``sd_`` of every error state, ``innovation_`` of every channel with its ``sd_innovation_``.
+
+    Of every sensor ``nis_``, the squared innovation of the whole sample over its covariance, ``nis_over_gate_``, the same
+    over the square of the emitted filter's gate, and ``accepted_``: one, or zero where the emitted filter would reject it.
 
     Parameters
     ----------
@@ -26,7 +29,7 @@ def estimates(result: FilterRun, model: FilterModel) -> Log:
     Returns
     -------
     Log
-        At the times of the run; innovations and NIS are missing where a sensor had no sample.
+        At the times of the run; innovations, NIS and decisions are missing where a sensor had no sample.
     """
     units = {n: "" if isinstance(b, Attitude) else b.unit for b in model.blocks for n in b.nominal_names}
     units |= {s.name: s.unit for s in model.states if s.name not in units}
@@ -35,9 +38,12 @@ def estimates(result: FilterRun, model: FilterModel) -> Log:
         channels[f"sd_{state.name}"] = _channel(x, state.unit)
     for name, run in result.updated.items():
         sensor, rows = model.sensor(name), np.searchsorted(result.t, run.t)
-        for c, x in zip(sensor.channels, run.innovation.T):
-            channels[f"innovation_{c}"] = _channel(_at(rows, x, result.t.size), model.channel_units[c])
-        channels[f"nis_{name}"] = _channel(_at(rows, run.nis, result.t.size), "")
+        for before, values in (("innovation", run.innovation), ("sd_innovation", run.deviation)):
+            for c, x in zip(sensor.channels, values.T if values is not None else ()):
+                channels[f"{before}_{c}"] = _channel(_at(rows, x, result.t.size), model.channel_units[c])
+        decided = {"nis": run.nis, "nis_over_gate": run.over_gate, "accepted": run.is_accepted.astype(float)}
+        for before, x in decided.items():
+            channels[f"{before}_{name}"] = _channel(_at(rows, x, result.t.size), "")
     return Log(result.t, channels, source=f"{result.model} over {result.source}")
 
 

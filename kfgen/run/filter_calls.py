@@ -77,7 +77,8 @@ class FilterCalls:
     Raises
     ------
     InputError
-        An input is missing or not a number, a sample is too large for any sensor, or no sensor is in the log.
+        An input is missing or not a number, a sample is too large for any sensor, a sensor is of another epoch, or no
+        sensor is in the log.
     """
 
     program: Program
@@ -97,6 +98,7 @@ class FilterCalls:
                 remedy=f"It stores {', '.join(self.program.discrete.nominal_names)}",
             )
         self._check_sizes()
+        self._check_epochs()
         _ = self.inputs
         self._check_rate()
         if not self._samples:
@@ -114,6 +116,17 @@ class FilterCalls:
                     f"channel {name} has samples beyond anything that is measured",
                     where=self.log.source,
                     remedy="Check the column and its unit",
+                )
+
+    def _check_epochs(self) -> None:
+        """Sensors without a sample in the time of the log would silently aid nothing."""
+        for sensor in self.program.discrete.model.sensors:
+            said = next((self.log.unplaced[c] for c in sensor.channels if c in self.log.unplaced), "")
+            if said:
+                raise InputError(
+                    f"{sensor.name} is of another epoch: {said}, and none is between",
+                    where=self.log.source,
+                    remedy="Log both by one clock, or name the sensors that the filter shall have (--sensor, or `sensors` of its file)",
                 )
 
     def _check_rate(self) -> None:

@@ -33,4 +33,5 @@ def as_named_by(model: FilterModel, log: Log) -> Log:
             names[own[0]] = channel
     if not names:
         return log
-    return replace(log, channels={names.get(c, c): v for c, v in log.channels.items()})
+    unplaced = {names.get(c, c): v for c, v in log.unplaced.items()}
+    return replace(log, channels={names.get(c, c): v for c, v in log.channels.items()}, unplaced=unplaced)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -19,46 +20,16 @@ from kfgen.log.log import Log
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
+from kfgen.model.filter_equations import FilterEquations
 from kfgen.run.adaptive.rules import rule_named
+from kfgen.run.against_reference import AttitudeError, StateErrors, attitude_error, state_errors
 from kfgen.run.filter_calls import FilterCall, FilterCalls, rates_in
 from kfgen.run.filter_log import as_named_by
+from kfgen.run.sensor_run import SensorRun
+from kfgen.run.track import LevelAxes, Track, logged_tracks, track
+from kfgen.run.words import beyond_gate, consistency
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SensorRun:
-    """One sensor's updates: times of the samples in the log (m,), innovations (m, rows), their normalised squares (m,).
-
-    `channels` are the names of the rows.
-    """
-
-    t: Array
-    innovation: Array
-    nis: Array
-    channels: tuple[str, ...]
-
-    @property
-    def expected_nis95(self) -> tuple[float, float]:
-        """Between which ends the mean NIS of a consistent filter is with 95 %: a chi-square of all rows, over the updates."""
-        from scipy.stats import chi2
-
-        m, rows = self.innovation.shape
-        lo, hi = chi2.ppf([0.025, 0.975], m * rows) / m
-        return float(lo), float(hi)
-
-
-@dataclass(frozen=True)
-class AttitudeError:
-    """Root mean square errors [rad] against a reference attitude, over the samples that have one.
-
-    The total is the angle of the whole rotation that is left once the norths agree.
-    """
-
-    inclination: float
-    heading: float
-    samples: int
-    total: float = float("nan")
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,6 +60,10 @@ class FilterRun(Result):
         Against the log's reference attitude, where it has one.
     smoothed : bool
         Whether `estimate` and `deviation` are those with all readings known, later ones as well.
+    forward : FilterRun, optional
+        Of a smoothed run: the run of the filter alone.
+    calls : FilterCalls, optional
+        Of the run: its filter and its log, from which errors and tracks are made when they are wanted.
     """
 
     model: str
@@ -103,11 +78,46 @@ class FilterRun(Result):
     duration: float = 0.0
     attitude: AttitudeError | None = None
     smoothed: bool = False
+    forward: FilterRun | None = field(default=None, compare=False)
+    calls: FilterCalls | None = field(default=None, compare=False)
+
+    @cached_property
+    def errors(self) -> tuple[StateErrors, ...]:
+        """Errors of every block of states for which the log has a reference, with their standard deviations."""
+        if self.calls is None:
+            return ()
+        equations = FilterEquations(self.calls.program.discrete)
+        return state_errors(equations, self.estimate, self.deviation, self.calls.log)
+
+    @cached_property
+    def tracks(self) -> tuple[Track, ...]:
+        """Where the vehicle was and how it was turned: as estimated, and as the log says it."""
+        if self.calls is None:
+            return ()
+        model, names = self.calls.program.discrete.model, self.names
+        fixed = {c.name: float(c.value) for c in model.constants}
+        axes = LevelAxes.of(model, names, self.estimate[0], fixed)
+        label = "smoothed" if self.smoothed else "filter"
+        runs = [(label, self), *([("filter", self.forward)] if self.forward is not None else [])]
+        estimated = [track(n, axes, model, names, self.t, r.estimate) for n, r in runs]
+        if estimated[0].position is None and estimated[0].attitude is None:
+            return ()
+        return (*estimated, *logged_tracks(axes, model, names, self.calls.log))
 
     @property
     def updated(self) -> dict[str, SensorRun]:
         """The sensors that had an update."""
         return {name: s for name, s in self.sensors.items() if s.t.size}
+
+    def unit_of(self, channel: str) -> str:
+        """The unit of a channel of a sensor, SI; empty where it is not known."""
+        return self.calls.program.discrete.model.channel_units.get(channel, "") if self.calls else ""
+
+    def consistency(self, sensor: str) -> str:
+        """The verdict on a sensor: whether its innovations are as large as the filter expects, and what the gate would do."""
+        s = self.updated[sensor]
+        said = consistency(sensor, float(s.nis.mean()), s.t.size, s.expected_nis95)
+        return f"{said}; {beyond_gate(s.beyond_gate, s.t.size, s.gate)}" if s.beyond_gate else said
 
     @property
     def title(self) -> str:
@@ -124,12 +134,12 @@ class FilterRun(Result):
         return lines
 
     def short_table(self) -> ShortTable:
-        """Updates, rows and mean NIS of each sensor."""
+        """Updates, rows, mean NIS and samples beyond the gate of each sensor."""
         rows = [
-            [name, str(s.t.size), str(s.innovation.shape[1]), f"{s.nis.mean():.3g}"]
+            [name, str(s.t.size), str(s.innovation.shape[1]), f"{s.nis.mean():.3g}", str(s.beyond_gate)]
             for name, s in self.updated.items()
         ]
-        return ("sensor", "updates", "rows", "mean NIS"), rows
+        return ("sensor", "updates", "rows", "mean NIS", "beyond gate"), rows
 
     def to_dict(self) -> dict[str, Any]:
         """The estimate at the end [SI], the mean NIS of each sensor, the errors of the attitude."""
@@ -150,9 +160,14 @@ class FilterRun(Result):
                 "unit": "rad",
                 "samples": self.attitude.samples,
             }
+        if self.errors:
+            data["errors"] = {
+                name: {"rmse": rms, "unit": e.unit, "outside_3_sigma_share": share, "samples": int(e.t.size)}
+                for e in self.errors
+                for name, rms, share in zip(e.names, e.rms, e.outside)
+            }
         data["sensors"] = {
-            name: {"updates": int(s.t.size), "mean_nis": float(s.nis.mean())}
-            for name, s in self.updated.items()
+            name: {**s.to_dict(), "sentence": self.consistency(name)} for name, s in self.updated.items()
         }
         return data | {"final": dict(zip(self.names, self.estimate[-1].tolist()))}
 
@@ -229,37 +244,42 @@ def run(  # noqa: PLR0913 - what a user may choose
         wrap = lambda emitted: adapted(emitted, rule)  # noqa: E731
     calls = FilterCalls(program, log, start or {})
     if not smooth:
-        return _with_reference(_played(calls, wrap), log)
+        return _with_reference(_played(calls, wrap, as_emitted=wrap is None), calls)
     from kfgen.run.smooth import ForwardPass, check_smoothable, of_all_readings
 
     check_smoothable(calls, adapts=wrap is not None)
     forward = ForwardPass()
-    return _with_reference(of_all_readings(_played(calls, forward.wrap), calls, forward), log)
+    filtered = _with_reference(_played(calls, forward.wrap, as_emitted=True), calls)
+    known = _with_reference(of_all_readings(filtered, calls, forward), calls)
+    return replace(known, forward=filtered)
 
 
-def _with_reference(result: FilterRun, log: Log) -> FilterRun:
+def _with_reference(result: FilterRun, calls: FilterCalls) -> FilterRun:
     """Where the run comes from, and how far it is from the log's reference attitude."""
-    known = replace(result, source=log.source, sha256=log.sha256, duration=log.duration)
+    log = calls.log
+    known = replace(result, source=log.source, sha256=log.sha256, duration=log.duration, calls=calls)
     return replace(known, attitude=attitude_error(result, log))
 
 
-def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None) -> FilterRun:
-    """The calls of a log on the emitted filter."""
+def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None, as_emitted: bool) -> FilterRun:
+    """The calls of a log on the emitted filter; `as_emitted`: with the covariances of its model."""
     program, log = calls.program, calls.log
     emitted = getattr(load(program), class_name(program))
     kf = (wrap(emitted) if wrap else emitted)()
+    gates = dict(kf.gates)
     kf.gates = dict.fromkeys(kf.gates, calls.GATE)
     kf.nominal[:], kf.constants[:] = calls.start, calls.constants
     names = program.discrete.nominal_names
     estimate = np.empty((log.n, len(names)))
     deviation = np.empty((log.n, program.n))
-    seen: dict[str, list[tuple[float, Array, float]]] = {name: [] for name in calls.present}
+    seen: dict[str, list[tuple[float, Array, float, Array]]] = {name: [] for name in calls.present}
 
     def make(call: FilterCall) -> None:
+        kf.nis = np.nan
         getattr(kf, call.routine)(**call.given)
-        if call.sensor:
-            rows = np.size(call.given["z"])
-            seen[call.sensor].append((log.t[call.row], kf.innovation[:rows].copy(), kf.nis))
+        if call.sensor and np.isfinite(kf.nis):  # else it was refused before it was compared with anything
+            y, S = (x[: np.size(call.given["z"])].copy() for x in (kf.innovation, kf.variance))
+            seen[call.sensor].append((log.t[call.row], y, kf.nis, np.sqrt(S)))
 
     for k in range(log.n):
         for call in calls.updates(k):
@@ -268,58 +288,9 @@ def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None) -
         for call in calls.steps(k):
             make(call)
     channels = {s.name: s.channels for s in program.discrete.model.sensors}
-    sensors = {
-        name: SensorRun(
-            np.array([r[0] for r in rows]),
-            np.array([r[1] for r in rows]),
-            np.array([r[2] for r in rows]),
-            channels[name],
-        )
-        for name, rows in seen.items()
-    }
+    sensors = {}
+    for name, rows in seen.items():
+        t, y, nis, sd = (np.array([r[i] for r in rows]) for i in range(4))
+        sensors[name] = SensorRun(t, y, nis, channels[name], sd if as_emitted else None, gates[name])
     t, model = np.asarray(log.t), program.discrete.model.name
     return FilterRun(model, t, names, estimate, deviation, sensors, np.array(kf.P))
-
-
-def attitude_error(result: FilterRun, log: Log) -> AttitudeError | None:
-    """Compare with the log's ``ref_q_*``; None where it has none.
-
-    Parameters
-    ----------
-    result : FilterRun
-        Over `log`.
-    log : Log
-        With the reference ``ref_q_w`` to ``ref_q_z``; where it has a channel ``movement``, samples above 0.5 count.
-
-    Returns
-    -------
-    AttitudeError or None
-
-    Notes
-    -----
-    Inclination is the angle between the two verticals; heading is what remains about the vertical,
-    after the constant difference of the two norths is removed.
-    """
-    from scipy.spatial.transform import Rotation
-
-    if "q_w" not in result.names or any(f"ref_q_{a}" not in log.channels for a in "wxyz"):
-        return None
-    at = result.names.index("q_w")
-    reference = np.column_stack([log.channel(f"ref_q_{a}").values for a in "wxyz"])
-    good = np.isfinite(reference).all(axis=1)
-    if "movement" in log.channels:
-        good &= log.channel("movement").values > 0.5
-    if not good.any():
-        return None
-    estimated = Rotation.from_quat(result.estimate[good, at : at + 4], scalar_first=True)
-    error = (estimated * Rotation.from_quat(reference[good], scalar_first=True).inv()).as_quat(
-        scalar_first=True
-    )
-    w, x, y, z = error.T
-    inclination = 2.0 * np.arcsin(np.clip(np.hypot(x, y), 0.0, 1.0))
-    heading = 2.0 * np.arctan2(z, w)
-    heading -= np.angle(np.mean(np.exp(1j * heading)))
-    heading = np.angle(np.exp(1j * heading))
-    total = 2.0 * np.arccos(np.clip(np.cos(heading / 2.0) * np.cos(inclination / 2.0), -1.0, 1.0))
-    sizes = [float(np.sqrt(np.mean(e**2))) for e in (inclination, heading, total)]
-    return AttitudeError(sizes[0], sizes[1], int(good.sum()), sizes[2])

@@ -32,6 +32,24 @@ def consistency(sensor: str, mean_nis: float, updates: int, expected95: tuple[fl
     return f"{said}, as of a consistent filter ({ends})"
 
 
+def beyond_gate(count: int, updates: int, gate: float) -> str:
+    """How many samples the emitted filter would reject.
+
+    Parameters
+    ----------
+    count : int
+        Samples beyond the gate.
+    updates : int
+        All of them.
+    gate : float
+        Standard deviations.
+    """
+    return (
+        f"{count} of {updates} samples {'is' if count == 1 else 'are'} beyond the gate of {gate:g} standard deviations: "
+        "the emitted filter would reject what this run fuses"
+    )
+
+
 def suppresses_motion(gain: float, as_noise: bool) -> str:
     """Of a filter that takes a true rate away.
 

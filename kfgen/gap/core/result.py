@@ -113,6 +113,10 @@ class DetectionLimit:
         Of the parameter [SI]; infinite where no size would be seen.
     unit : str
         The unit U of the effect's parameters, as the user writes it.
+    is_excited : bool
+        Whether the motion shows an effect of a size that a vehicle may have.
+    manoeuvre : str
+        Of the library, the shortest that would show one of usual size; empty where none does, or none was looked for.
     """
 
     effect: Effect
@@ -120,6 +124,8 @@ class DetectionLimit:
     parameter: str
     value: float
     unit: str = ""
+    is_excited: bool = True
+    manoeuvre: str = ""
 
 
 @dataclass(frozen=True)
@@ -218,6 +224,8 @@ class Comparison:
         Effects that were not added in spite of their evidence.
     outages : tuple of (OutageDrift, OutageDrift)
         How far a filter drifts where its receiver is silent, as assumed and updated; outages in the last part of the log.
+    parked : bool
+        Whether the vehicle never moves.
     """
 
     is_at_rest: ClassVar[bool] = False
@@ -238,6 +246,7 @@ class Comparison:
     constant_inputs: tuple[str, ...] = ()
     refused: tuple[Refused, ...] = ()
     outages: tuple[tuple[OutageDrift, OutageDrift], ...] = ()
+    parked: bool = False
 
     @property
     def is_updated(self) -> bool:

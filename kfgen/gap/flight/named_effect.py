@@ -100,10 +100,21 @@ def _pair(text: str, whole: str, where: str) -> tuple[str, str]:
     return name, value
 
 
-def _typical(cls: type[Effect], place: str, where: str) -> str:
-    """The usual size of an effect at a place."""
+def typical_size(cls: type[Effect], place: str) -> str:
+    """The usual size of an effect at a place; empty where none is known.
+
+    Parameters
+    ----------
+    cls : type of Effect
+    place : str
+    """
     found = next((s for begins, s in cls.typical.items() if begins and acts_on(begins, place)), None)
-    size = found or cls.typical.get("", "")
+    return found or cls.typical.get("", "")
+
+
+def _typical(cls: type[Effect], place: str, where: str) -> str:
+    """The usual size of an effect at a place, which must be known."""
+    size = typical_size(cls, place)
     if not size:
         raise InputError(
             f"{cls.name} has no typical size at {place}",

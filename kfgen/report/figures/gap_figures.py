@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,10 @@ from kfgen.gap.scene.scene_gap import SceneGap
 from kfgen.identify.evidence.allan import overlapping_variance
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means, residual_ratio
+from kfgen.report.figures.band import band_picture
 from kfgen.report.page import PagePart, figure
 from kfgen.report.plots import (
     AFTER,
-    BAND,
     BEFORE,
     MEASURED,
     Line,
@@ -33,6 +32,7 @@ from kfgen.report.plots import (
     spectrum_picture,
     thin,
 )
+from kfgen.run.band import outside_words
 
 Array = NDArray[np.float64]
 
@@ -46,14 +46,6 @@ RESIDUAL_BLOCKS = 600
 RECORD_BLOCKS = 400
 """Blocks of time in the picture of a record and what a driver explains of it."""
 ORDINATES_BESIDE_LINE = 60
-BAND_SIGMAS = 2.0
-CHANCE_OUTSIDE_PERCENT = 4.6
-"""Of normal samples, outside of that band."""
-SHARE_PARTS = 40
-"""Of the log, in each of which samples outside of the band are counted."""
-MAX_OUTSIDE_SHARE = 0.25
-"""Of a part, above which its time is said."""
-MAX_WINDOWS = 3
 
 
 def figures(c: Comparison) -> list[PagePart]:
@@ -83,10 +75,11 @@ def _scene_figures(c: SceneGap) -> list[PagePart]:
     parts = []
     for channel, *ordinates in pairs:
         before, after = (Whitener.back(X) for X in ordinates)
+        t = np.linspace(*c.span_s, before.size)
         caption = f"What the models leave of {channel}, in standard deviations of its noise. "
-        caption += outside_words("Assumed", before, c.span_s)
+        caption += outside_words("Assumed", before, t)
         if c.is_updated:
-            caption += f" {outside_words('Updated', after, c.span_s)}"
+            caption += f" {outside_words('Updated', after, t)}"
         parts.append(figure(partial(_residuals, c, channel, before, after), caption))
     return parts
 
@@ -94,42 +87,15 @@ def _scene_figures(c: SceneGap) -> list[PagePart]:
 def _residuals(c: SceneGap, channel: str, before: Array, after: Array) -> Picture:
     block = max(1, before.size // RESIDUAL_BLOCKS)
     t = np.linspace(*c.span_s, before.size)
-    ends = np.array(c.span_s)
-    nothing, band = np.zeros(2), np.full(2, BAND_SIGMAS)
-    lines = [Line(f"{BAND_SIGMAS:g} standard deviations", ends, nothing, BAND, -band, band)]
-    lines.append(Line(ASSUMED, *_blocks(t, before, block), BEFORE))
+    lines = [Line(ASSUMED, *_blocks(t, before, block), BEFORE)]
     if c.is_updated:
         lines.append(Line(UPDATED, *_blocks(t, after, block), AFTER))
-    return series_picture(lines, f"{channel} [standard deviations]", f"left-{channel}")
+    panel = (f"{channel} [standard deviations]", np.array(c.span_s), np.ones(2), lines)
+    return band_picture([panel], f"left-{channel}")
 
 
 def _blocks(t: Array, x: Array, block: int) -> tuple[Array, Array]:
     return block_means(t, block), block_means(x, block) * np.sqrt(block)
-
-
-def outside_words(model: str, x: Array, span_s: tuple[float, float]) -> str:
-    """How many samples of white noise lie outside of their band, and when most of them do.
-
-    Parameters
-    ----------
-    model : str
-        Whose residuals they are.
-    x : ndarray, shape (n,)
-        Evenly in time, in standard deviations.
-    span_s : tuple of float
-        First and last time [s].
-    """
-    outside = np.abs(x) > BAND_SIGMAS
-    said = f"{model}: {100.0 * outside.mean():.1f} % outside of {BAND_SIGMAS:g} ({CHANCE_OUTSIDE_PERCENT:g} % by chance)"
-    edges = np.linspace(0, x.size, min(SHARE_PARTS, x.size) + 1).astype(np.int64)
-    shares = np.array([outside[a:b].mean() for a, b in pairwise(edges.tolist())])
-    bad = np.flatnonzero(np.diff(np.concatenate([[False], shares > MAX_OUTSIDE_SHARE, [False]]))).reshape(
-        -1, 2
-    )
-    times = np.interp(edges, [0, x.size], span_s)
-    longest = sorted(bad.tolist(), key=lambda w: w[0] - w[1])[:MAX_WINDOWS]
-    windows = [f"{times[a]:.0f} to {times[b]:.0f} s" for a, b in sorted(longest)]
-    return f"{said}, mostly from {' and '.join(windows)}." if windows else f"{said}."
 
 
 def _channel_figures(g: ChannelGap) -> list[PagePart]:

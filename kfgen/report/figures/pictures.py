@@ -19,7 +19,7 @@ from kfgen.identify.plan import RecordPlan
 from kfgen.report.audit import audit_picture
 from kfgen.report.denoise import denoise_picture
 from kfgen.report.figures.gap_figures import figures
-from kfgen.report.filter import run_picture
+from kfgen.report.figures.run_figures import run_pictures
 from kfgen.report.fleet import fleet_pictures
 from kfgen.report.identify import panel
 from kfgen.report.judge import named_picture
@@ -87,7 +87,7 @@ def _(result: Audited) -> Pictures:
 def _(result: FilterRun) -> Pictures:
     if not result.updated:
         raise _none(f"the run of {result.model} has no innovations to draw: no sensor updated it")
-    return [(f"Innovations of {name}", run_picture(result, name)) for name in result.updated]
+    return run_pictures(result)
 
 
 @pictures_of.register

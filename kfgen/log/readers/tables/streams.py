@@ -140,7 +140,16 @@ class LogRecording:
         for one in placed:
             columns.update({k: v for k, v in one.columns.items() if k not in columns})
         words += _of_placed(placed)
-        return LogTable(self.source, columns, None, tuple(words), samples=self.samples, topics=self.topics)
+        warnings = tuple(words)
+        return LogTable(
+            self.source,
+            columns,
+            None,
+            warnings,
+            samples=self.samples,
+            topics=self.topics,
+            unplaced=_unplaced(base, placed),
+        )
 
 
 def _inertial(stream: LogStream) -> bool:
@@ -183,7 +192,8 @@ def _of_base(base: LogStream) -> list[str]:
 class _Placed:
     """The channels of a stream in the rows of a time axis.
 
-    `moved` are the times by which stamps were moved [s], of `lost` samples of `n` there is no row.
+    `moved` are the times by which stamps were moved [s], of `lost` samples of `n` there is no row; `span` is that of its
+    stamps [s].
     """
 
     name: str
@@ -191,6 +201,7 @@ class _Placed:
     moved: Array
     n: int
     lost: int
+    span: tuple[float, float]
 
     @staticmethod
     def of(t: Array, stream: LogStream) -> _Placed:
@@ -210,7 +221,20 @@ class _Placed:
             values[row[order]] = np.asarray(column.values, float)[order]
             columns[name] = TableColumn(values, column.unit)
         lost = stream.t.size - np.unique(row[near]).size
-        return _Placed(stream.name, columns, moved[near], stream.t.size, lost)
+        span = float(stream.t[0]), float(stream.t[-1])
+        return _Placed(stream.name, columns, moved[near], stream.t.size, lost, span)
+
+
+def _unplaced(base: LogStream, placed: Sequence[_Placed]) -> dict[str, str]:
+    """By channel, how the times of a stream differ from those of the time axis, where none of its samples has a row."""
+    axis = f"those of {base.name} from {moment(base.t[0])} to {moment(base.t[-1])} s"
+    return {
+        channel: f"the stamps of {p.name} are from {moment(p.span[0])} to {moment(p.span[1])} s, {axis}"
+        for p in placed
+        if not p.moved.size
+        for channel in p.columns
+        if channel not in base.columns
+    }
 
 
 def _of_placed(placed: Sequence[_Placed]) -> list[str]:

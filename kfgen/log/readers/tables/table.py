@@ -64,6 +64,8 @@ class LogTable:
         What to type where columns have no names or no units; empty where that is not known.
     topics : mapping of str to Clock
         The clock of everything in a flight log, by topic.
+    unplaced : mapping of str to str
+        As in `Log`.
     """
 
     source: str
@@ -75,6 +77,7 @@ class LogTable:
     others: Mapping[str, TableColumn] = field(default_factory=dict)
     hint: str = ""
     topics: Mapping[str, Clock] = field(default_factory=dict)
+    unplaced: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -203,7 +206,16 @@ def assemble(table: LogTable, columns: ColumnMap | None, rate: float | None, sha
             )
         return Log(_time(table, tau), channels, table.source, sha256, table.warnings, axis="tau")
     t = np.arange(n) / rate if rate else _time(table, time)
-    return Log(t, channels, table.source, sha256, warnings, stated=stated, samples=table.samples)
+    return Log(
+        t,
+        channels,
+        table.source,
+        sha256,
+        warnings,
+        stated=stated,
+        samples=table.samples,
+        unplaced=table.unplaced,
+    )
 
 
 def stored(table: LogTable, columns: ColumnMap | None, rate: float | None, sha256: str) -> StoredLog:
