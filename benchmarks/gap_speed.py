@@ -25,7 +25,8 @@ def static(n: int = 1_000_000) -> tuple[int, list[str], float]:
     from scipy.signal import lfilter
 
     from kfgen.gap.rest.channel_gap import channel_gap
-    from kfgen.gap.rest.even_record import drivers_of, regular
+    from kfgen.gap.core.drivers import drivers_of
+    from kfgen.gap.rest.even_record import regular
 
     rng = np.random.default_rng(1)
     t = np.arange(n) / 100.0
