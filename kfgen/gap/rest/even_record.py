@@ -147,7 +147,8 @@ def regular(
             f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
             f"t = {moment(stamps[int(np.argmax(np.diff(stamps)))])} s",
             where=log.source,
-            remedy="Cut the log at its gaps, or resample it evenly",
+            remedy="Cut the log at its gaps, or give the sensor's own rate with --rate HZ where it samples evenly "
+            f"and only the stamps are late (their mean is {1.0 / float(np.diff(stamps).mean()):.4g} Hz)",
         )
     place = np.concatenate([[0.0], np.cumsum(steps)])
     if count == y.size and good.all():
