@@ -122,9 +122,9 @@ def rounded_normal(k: Array, s: float) -> Array:
 def _differences(y: Array, lag: int, step: float, coarser: int = 1) -> Codes:
     """Absolute differences in steps of a grid so many times as coarse, shape (n - lag,); of no grid zero or one."""
     if step <= 0.0:
-        return (y[lag:] != y[:-lag]).astype(np.int64)
+        return np.asarray(y[lag:] != y[:-lag], dtype=np.int64)
     code = np.rint((y - y[0]) / step).astype(np.int64) // coarser
-    return np.abs(code[lag:] - code[:-lag])
+    return np.asarray(np.abs(code[lag:] - code[:-lag]), dtype=np.int64)
 
 
 def _typical(d: Codes) -> float:

@@ -21,6 +21,7 @@ from kfgen.gap.rest.words import drawn, idle_driver
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.whittle import block_means
 from kfgen.identify.screening.noise_free import refuse_noise_free
+from kfgen.identify.screening.shocks import shocks, shocks_said
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -98,7 +99,7 @@ def regular(
 ) -> tuple[Record, Array, list[str]]:
     """A channel as an even record, its time stamps as they are, and what is to be said.
 
-    Missing samples are drawn from the assumed noise, about the mean beside them.
+    Missing samples and those of shocks are drawn from the assumed noise, about the mean beside them.
 
     Parameters
     ----------
@@ -117,12 +118,14 @@ def regular(
     drive = {k: v for k, v in (drive or {}).items() if k != name}
     good = np.isfinite(y)
     logged = log.t[good]
+    said += _without_shocks(log.t, y, good, name)
+    calm = log.t[good]
     faults: tuple[DetectedFault, ...] = ()
-    if logged.size > MIN_STEPS_FOR_REPEATS:
+    if calm.size > MIN_STEPS_FOR_REPEATS:
         invalid, faults = invalid_samples(
-            RawSamples(logged, y[good], assumed_sd(assumed, float(np.median(np.diff(logged)))))
+            RawSamples(calm, y[good], assumed_sd(assumed, float(np.median(np.diff(calm)))))
         )
-        said += words_of(name, logged, invalid, faults)
+        said += words_of(name, calm, invalid, faults)
         good[good] = ~invalid
     stamps = log.t[good]
     if y.size < 3:
@@ -161,6 +164,15 @@ def regular(
     if count > stamps.size:
         said.append(drawn(count - stamps.size, name))
     return Record(t, filled, drive, faults=faults), logged, said
+
+
+def _without_shocks(t: Array, y: Array, good: NDArray[np.bool_], name: str) -> list[str]:
+    """Mark the samples of shocks as no good ones, and say when they were."""
+    at = np.flatnonzero(good)
+    spans = shocks(y[at])
+    for first, end in spans:
+        good[at[first:end]] = False
+    return [f"{name}: {words}" for words in shocks_said(t[at], spans)]
 
 
 def _refuse_noise_free(log: Log, name: str) -> None:
