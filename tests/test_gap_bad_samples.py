@@ -53,6 +53,20 @@ def test_one_wild_sample_is_an_outlier(size: float) -> None:
     assert pytest.approx(WHITE.N, rel=0.03) == white.N  # type: ignore[attr-defined]
 
 
+def test_knocks_on_the_bench_are_left_out_with_their_times() -> None:
+    """Two of 1.2 s, as `identify` knows them. Before: bursts of noise, certain."""
+    y = noise(3)
+    k = np.arange(120)
+    for at in (4000, 9000):
+        y[at : at + 120] += 3.0 * np.exp(-k / 40.0) * np.sin(1.3 * k)
+    gap, said = gap_of(y)
+    assert (gap.verdict, gap.findings) == ("no_gap", ())
+    (words,) = [w for w in said if "shocks are left out" in w]
+    assert words.startswith("gyro_x")
+    times = [float(w.split()[0]) for w in words.split("at t = ")[1:]]
+    assert times == pytest.approx([40.0, 90.0], abs=0.5)
+
+
 def test_values_on_an_adc_grid_are_no_stretch() -> None:
     """Eight bits: a third of the samples equals the one before."""
     gap, said = gap_of(np.round(noise(1) / 0.08) * 0.08)

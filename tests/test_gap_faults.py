@@ -137,6 +137,17 @@ def test_a_log_that_pauses_is_refused() -> None:
         regular(Log(t, {"gyro_x": Channel.of(white(8), "rad/s")}), "gyro_x")
 
 
+def test_a_refusal_for_uneven_time_names_the_rate() -> None:
+    """Stamps that come in packets of 20: with the rate of the sensor the same log is compared."""
+    t = np.repeat(T[19::20], 20)[:N] + 1e-4 * (np.arange(t_size := N // 20 * 20) % 20)
+    log = Log(t, {"gyro_x": Channel.of(white(8, t_size), "rad/s")})
+    with pytest.raises(InputError, match="uneven") as refused:
+        regular(log, "gyro_x")
+    assert "--rate HZ" in refused.value.remedy
+    mean = float(refused.value.remedy.partition("mean is ")[2].partition(" Hz")[0])
+    assert mean == pytest.approx(1.0 / DT, rel=0.01)
+
+
 def slow(seed: int) -> Array:
     a, w = np.exp(-DT / 5.0), np.random.default_rng([seed, 52]).standard_normal(N)
     x = np.empty(N)

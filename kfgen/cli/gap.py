@@ -18,6 +18,7 @@ from kfgen.cli.options import (
     Rate,
     Report,
     Topic,
+    best_so_far,
     deliver,
     read,
 )
@@ -52,12 +53,13 @@ def gap(
     from kfgen.log.readers import read_long
     from kfgen.report.gap import gap_answer
 
-    given = [read_long(p, rate=rate, columns=columns, topic=topic, instance=instance) for p in logs]
-    another = [read(p, rate, columns, topic, instance) for p in proof or ()]
-    found = find_gap(given, model, channels=channels, proof=another)
-    if output:
-        write_text(output, found.updated_text)
-    deliver(gap_answer(found), json, report)
+    with best_so_far():
+        given = [read_long(p, rate=rate, columns=columns, topic=topic, instance=instance) for p in logs]
+        another = [read(p, rate, columns, topic, instance) for p in proof or ()]
+        found = find_gap(given, model, channels=channels, proof=another)
+        if output:
+            write_text(output, found.updated_text)
+        deliver(gap_answer(found), json, report)
     if fail_on_gap and found.verdict != NO_GAP:
         raise typer.Exit(3)
 

@@ -67,12 +67,13 @@ def identify(
     from kfgen.log.readers import read_long
     from kfgen.report.identify import identify_answer
 
-    data = [read_long(log, rate=rate, columns=columns, topic=topic, instance=instance) for log in logs]
-    found = identified(data, channels=channels, effects=effects, method=method)
-    answer = identify_answer(found)
-    if output:
-        found.save(output)
-    opt.deliver(answer, json, report)
+    with opt.best_so_far():
+        data = [read_long(log, rate=rate, columns=columns, topic=topic, instance=instance) for log in logs]
+        found = identified(data, channels=channels, effects=effects, method=method)
+        answer = identify_answer(found)
+        if output:
+            found.save(output)
+        opt.deliver(answer, json, report)
 
 
 @app.command()

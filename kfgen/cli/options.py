@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kfgen.core.elapsed import end_elapsed_time, warn
+from kfgen.core.terminal import INTERRUPTED, first_interrupt
+from kfgen.core.time_budget import end_search, forget_end, is_ended_by_user
 
 if TYPE_CHECKING:
     from kfgen.log.log import Log
@@ -60,8 +65,27 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
     return built
 
 
+@contextmanager
+def best_so_far() -> Iterator[None]:
+    """Ctrl-C ends the search inside with the best so far, which is delivered; a second one ends the command at once."""
+    forget_end()
+    try:
+        with first_interrupt(_is_taken):
+            yield
+    finally:
+        forget_end()
+
+
+def _is_taken() -> bool:
+    if not end_search():
+        return False
+    # Inside the handler of a signal: a buffer may be half written.
+    os.write(2, b"\nthe search ends with the best so far; Ctrl-C again ends at once\n")
+    return True
+
+
 def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
-    """Print an answer, write what was asked for, and exit with 1 when a check failed."""
+    """Print an answer, write what was asked for, and exit with 1 when a check failed, with 130 when it is unfinished."""
     from kfgen.core.files.whole_file import publish, write_text
     from kfgen.core.terminal import json_text
     from kfgen.report.page import write_page
@@ -76,5 +100,7 @@ def deliver(answer: Answer, json_to: str | None, report: Path | None) -> None:
     publish()
     end_elapsed_time()
     print(data if json_to == "-" else answer.shown())
+    if is_ended_by_user():
+        raise typer.Exit(INTERRUPTED)
     if not answer.ok:
         raise typer.Exit(1)

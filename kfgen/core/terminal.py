@@ -9,8 +9,10 @@ import re
 import shlex
 import signal
 import sys
+import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TextIO
@@ -22,6 +24,8 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 _TEMPORARY = re.compile(r"\.([^/]+)\.[a-z0-9_]{8}\.kfgen(-old)?")
 
 
+INTERRUPTED = 130
+"""Exit status of a command that was ended by Ctrl-C, or by a pipe that was closed."""
 COLOURS = {"good": "1;32", "attention": "1;33", "error": "1;31"}
 """What is painted on a terminal, by its sense: green, yellow, red."""
 
@@ -84,6 +88,30 @@ def catch_signals() -> None:
             signal.signal(getattr(signal, name), _end)
 
 
+@contextmanager
+def first_interrupt(is_taken: Callable[[], bool]) -> Iterator[None]:
+    """Ask what is called whether it takes a Ctrl-C; the command ends at once where it does not.
+
+    Parameters
+    ----------
+    is_taken : callable
+        Called in the signal's handler, in the main thread.
+    """
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if not is_taken():
+            raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # only the main one is told of signals
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def _end(number: int, _: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)
 
@@ -103,7 +131,7 @@ def _ending_of(error: BaseException) -> tuple[int, str]:
     if isinstance(error, KfgenError):
         return error.exit_status, printable(f"kfgen: {error}")
     if isinstance(error, BrokenPipeError | KeyboardInterrupt):
-        return 130, ""
+        return INTERRUPTED, ""
     if isinstance(error, MemoryError):
         return 2, "kfgen: there is not enough memory. Cut the log, or give fewer channels"
     if isinstance(error, OSError):

@@ -6,6 +6,7 @@ several threads. Reading a long log takes none of it either: `not_counted`.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,6 +28,11 @@ LESS_TO_SEARCH = "give fewer channels or a shorter part of the log"
 ENDED_EARLY = (
     "the search ended after {seconds:.0f} s of computing with the best so far, and what it did not come to may be "
     f"missing. {LESS_TO_SEARCH.capitalize()} for a complete one"
+)
+
+ENDED_BY_USER = (
+    "the search is unfinished: it was ended after {seconds:.0f} s of computing by Ctrl-C, with the best so far, and what "
+    "it did not come to is missing. Let it run to its end for a complete one"
 )
 
 
@@ -62,10 +68,32 @@ class TimeBudget:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of it."""
-        return (ENDED_EARLY.format(seconds=self.spent_s),) if self.ended_early else ()
+        said = ENDED_BY_USER if _ENDED_BY_USER.is_set() else ENDED_EARLY
+        return (said.format(seconds=self.spent_s),) if self.ended_early else ()
 
 
 _CURRENT: ContextVar[TimeBudget | None] = ContextVar("time_budget", default=None)
+_ENDED_BY_USER = threading.Event()
+
+
+def end_search() -> bool:
+    """Let the search that runs end with the best so far; False where none runs, or it was told so before."""
+    budget = _CURRENT.get()
+    if budget is None or _ENDED_BY_USER.is_set():
+        return False
+    _ENDED_BY_USER.set()
+    budget.ended_early = True
+    return True
+
+
+def is_ended_by_user() -> bool:
+    """Whether the last search was told to end with the best so far."""
+    return _ENDED_BY_USER.is_set()
+
+
+def forget_end() -> None:
+    """Begin or end a command: of the next search nobody has said yet that it is to end."""
+    _ENDED_BY_USER.clear()
 
 
 @contextmanager
@@ -125,7 +153,7 @@ def fit_is_over() -> bool:
 
 
 def _is_over(budget: TimeBudget, limit_s: float) -> bool:
-    if budget.spent_s < limit_s:
+    if budget.spent_s < limit_s and not _ENDED_BY_USER.is_set():
         return False
     budget.ended_early = True
     return True

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.units import parse_unit
 from kfgen.effects.effect import AddsNothingAtRest, Effect, parameter
+from kfgen.effects.faults.repeats import repeated_share
 from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 MIN_STEPS_FOR_REPEATS = 64
 """Steps between samples below which repeats are not judged."""
+MIN_REPEATED_SHARE = 0.005
+"""Of the samples, below which repeats are not said."""
 MIN_CLIPPED_SAMPLES = 4
 """At one value: of a short record one sample is a large share."""
 MIN_CLIPPED_SHARE = 0.004
@@ -117,20 +120,27 @@ class RepeatedSamples(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """More equal neighbours than the ADC grid and the noise explain."""
+        if raw.n <= MIN_STEPS_FOR_REPEATS or raw.adc_step > MIN_COARSE_STEP_SIGMAS * raw.assumed:
+            return None
+        share = cls._while_moving(raw) if raw.moves else repeated_share(raw.y, raw.adc_step)
+        if share < MIN_REPEATED_SHARE:
+            return None
+        return DetectedFault(cls(share), float(np.mean(np.diff(raw.y) == 0.0)) * raw.n, spoils=True)
+
+    @staticmethod
+    def _while_moving(raw: RawSamples) -> float:
+        """The share of a sensor that moves: it is not Gaussian, and only what is far above chance is told."""
         same = np.diff(raw.y) == 0.0
         looked = same if raw.still is None else same[~raw.still]
-        if looked.size < MIN_STEPS_FOR_REPEATS or raw.adc_step > MIN_COARSE_STEP_SIGMAS * raw.assumed:
-            return None
+        if looked.size < MIN_STEPS_FOR_REPEATS:
+            return 0.0
         equal = float(np.mean(looked))
         chance = min(raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
         share = (equal - chance) / max(1.0 - chance, 1e-9)
         least = 3.0 / looked.size + 5.0 * np.sqrt(chance / looked.size) + 0.25 * chance
-        if equal - chance < max(least, 0.005):
-            return None
         one, two = raw.steps
-        if one > (1.0 - 0.25 * share) * two:  # samples that repeat make steps to neighbours small
-            return None
-        return DetectedFault(cls(share), equal * raw.n, spoils=True)
+        # Samples that repeat make steps to neighbours small.
+        return share if equal - chance >= least and one <= (1.0 - 0.25 * share) * two else 0.0
 
 
 @dataclass(frozen=True)

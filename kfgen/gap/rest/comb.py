@@ -19,6 +19,31 @@ MAX_ACCIDENT_PROBABILITY = 1e-3
 """That so many lines would be multiples of something by accident, below which they are a comb."""
 
 
+MAX_RATIO_BESIDE_WAVE = 12
+"""Of two frequencies of which one is a multiple of the other."""
+
+
+def beside_wave(waves: Sequence[float], lines: Sequence[float], duration: float) -> float:
+    """The fundamental [Hz] of a periodic wave that leaves other waves or lines at its multiples: it has another shape.
+
+    Zero where there is none.
+
+    Parameters
+    ----------
+    waves, lines : sequence of float
+        Fundamentals of periodic waves and frequencies of lines [Hz].
+    duration : float
+        Of the record [s].
+    """
+    for i, wave in enumerate(waves):
+        for other in [*waves[:i], *lines]:
+            low, high = min(wave, other), max(wave, other)
+            order = round(high / low)
+            if order <= MAX_RATIO_BESIDE_WAVE and abs(high - order * low) < 1.0 / duration:
+                return low
+    return 0.0
+
+
 def comb_of(frequencies: Sequence[float], duration: float) -> float:
     """The fundamental [Hz] of which at least `MIN_LINES` lines are harmonics; zero where there is none.
 

@@ -20,6 +20,7 @@ from kfgen.gap.rest.faults import assumed_sd
 from kfgen.gap.rest.words import drawn
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.screening.noise_free import refuse_noise_free
+from kfgen.identify.screening.shocks import shocks, shocks_said
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ def regular(
 ) -> tuple[Record, Array, list[str]]:
     """A channel as an even record, its time stamps as they are, and what is to be said.
 
-    Missing samples are drawn from the assumed noise in the size of its steps, about the mean beside them.
+    Missing samples and those of shocks are drawn from the assumed noise in the size of its steps, about the mean beside them.
 
     Parameters
     ----------
@@ -58,12 +59,12 @@ def regular(
     drive = {k: v for k, v in (drive or {}).items() if k != name}
     good = np.isfinite(y)
     logged = log.t[good]
+    said += _without_shocks(log.t, y, good, name)
+    calm = log.t[good]
     faults: tuple[DetectedFault, ...] = ()
-    if logged.size > MIN_STEPS_FOR_REPEATS:
-        invalid, faults = invalid_samples(
-            RawSamples(logged, y[good], assumed_sd(assumed, usual_period(logged)))
-        )
-        said += words_of(name, logged, invalid, faults)
+    if calm.size > MIN_STEPS_FOR_REPEATS:
+        invalid, faults = invalid_samples(RawSamples(calm, y[good], assumed_sd(assumed, usual_period(calm))))
+        said += words_of(name, calm, invalid, faults)
         good[good] = ~invalid
     stamps = log.t[good]
     if y.size < 3:
@@ -88,7 +89,8 @@ def regular(
             f"time is uneven: {count} periods of {dt:.4g} s for {stamps.size} samples, the longest step after "
             f"t = {moment(stamps[int(np.argmax(np.diff(stamps)))])} s",
             where=log.source,
-            remedy="Cut the log at its gaps, or resample it evenly",
+            remedy="Cut the log at its gaps, or give the sensor's own rate with --rate HZ where it samples evenly "
+            f"and only the stamps are late (their mean is {1.0 / float(np.diff(stamps).mean()):.4g} Hz)",
         )
     place = np.concatenate([[0.0], np.cumsum(steps)])
     if count == y.size and good.all():
@@ -101,6 +103,15 @@ def regular(
     if count > stamps.size:
         said.append(drawn(count - stamps.size, name))
     return Record(t, filled, drive, faults=faults), logged, said
+
+
+def _without_shocks(t: Array, y: Array, good: NDArray[np.bool_], name: str) -> list[str]:
+    """Mark the samples of shocks as no good ones, and say when they were."""
+    at = np.flatnonzero(good)
+    spans = shocks(y[at])
+    for first, end in spans:
+        good[at[first:end]] = False
+    return [f"{name}: {words}" for words in shocks_said(t[at], spans)]
 
 
 def _refuse_noise_free(log: Log, name: str) -> None:

@@ -10,7 +10,7 @@ from functools import cached_property
 from kfgen.effects import Effect
 from kfgen.gap.core.search import Chosen, Contest, Label, Refused, probabilities, worth
 from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, MIN_FIRST_EVIDENCE_NATS, SearchLimits
-from kfgen.gap.rest.comb import comb_of
+from kfgen.gap.rest.comb import beside_wave, comb_of
 from kfgen.gap.rest.distinguishability import distinguishability
 from kfgen.gap.rest.evidence import (
     RETUNE,
@@ -31,6 +31,7 @@ UNRIVALLED_PROBABILITY = 0.9999
 UNRIVALLED_EVIDENCE_NATS = 40.0
 """Evidence that such a name keeps beside the others, above which it is not judged anew."""
 LINE = "sinusoid"
+WAVE = "periodic_wave"
 ONE_LINE_MAX_INVERSE_RECORDS = 40.0
 """Distance of two lines, in inverse lengths of the record, within which they may be one that wanders."""
 ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
@@ -100,7 +101,8 @@ class ChannelExplanation:
     def comb_hz(self) -> float:
         """The fundamental [Hz] of which its lines are harmonics; zero where they are not."""
         lines = [_frequency_hz(c.addition) for c in self.chosen if c.name == LINE]
-        return comb_of(lines, self.record.duration)
+        waves = [1.0 / float(c.addition.effect.row("")["period"][0]) for c in self.chosen if c.name == WAVE]
+        return beside_wave(waves, lines, self.record.duration) or comb_of(lines, self.record.duration)
 
     @property
     def is_closed(self) -> bool:

@@ -24,7 +24,7 @@ MIN_LARGE_IN_WINDOW = 6
 LARGE_OF_ONE_OUTLIER = 3
 """Samples that one outlier makes large: itself and its neighbours."""
 FALSE_ALARM_PER_RECORD = 1e-6
-POWER_OVER_NOISE_OF_TAIL = 2.5
+POWER_OVER_NOISE_OF_TAIL = 1.6
 """Mean square of a window over that of the noise, above which a shock has not ended."""
 MAX_SHARE_OF_SHOCKS = 0.05
 """Of the record: beyond, it is its motion or its noise; unless it is few long ones."""
