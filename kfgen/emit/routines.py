@@ -44,6 +44,10 @@ from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.supervisor import Supervisor
 from kfgen.emit.targets.names import argument, check_names, identifier
 from kfgen.emit.targets.words import driver_text
+from kfgen.emit.watch.parts import REST, checked
+from kfgen.emit.watch.rest import PLACES as REST_PLACES
+from kfgen.emit.watch.rest import SETTINGS as REST_SETTINGS
+from kfgen.emit.watch.rest import resting
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
@@ -74,6 +78,8 @@ class Program:
         What its calls cost on cores, in words for the reader of the code.
     horizon : float
         Age up to which measurements are fused at their own times [s]; zero: there is no delayed horizon.
+    without : tuple of str
+        Parts of the supervisor that are left out, of `kfgen.emit.watch.parts.PARTS`.
     """
 
     discrete: DiscreteModel
@@ -83,9 +89,11 @@ class Program:
     q_interval: float = 0.0
     costs: tuple[str, ...] = ()
     horizon: float = 0.0
+    without: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         d = self.discrete
+        checked(self.without)
         for option, value, known in (("--form", self.form, FORMS), ("--real", self.real, REALS)):
             if value not in known:
                 raise InputError(
@@ -244,8 +252,13 @@ class Program:
     @cached_property
     def settings(self) -> dict[str, Constant]:
         """What firmware may set before it compiles, by name."""
-        own = HORIZON_SETTINGS if self.horizon else ()
+        own = (*(HORIZON_SETTINGS if self.horizon else ()), *(REST_SETTINGS if self.resting else ()))
         return settings(self.discrete) | {c.name: c for c in own}
+
+    @cached_property
+    def resting(self) -> Sensor | None:
+        """What is given v = 0 where the body is found at rest; None where that is left out or cannot be found."""
+        return None if REST in self.without else resting(self.discrete.model)
 
     def setting(self, name: str) -> Num:
         """A setting as a number of the emitted code."""
@@ -268,9 +281,9 @@ class Program:
         model = self.discrete.model
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
         rows = {s.name: len(s.channels) for s in model.sensors}
-        return Supervisor(
-            rows, tuple(triads), self.settings, (*Alignment(model).places, *moving_places(model))
-        )
+        rest = REST_PLACES if self.resting else ()
+        others = (*Alignment(model).places, *moving_places(model), *rest)
+        return Supervisor(rows, tuple(triads), self.settings, others)
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
@@ -298,16 +311,15 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
-        return (
-            *self.routines,
-            *self.align,
-            *self.moving,
-            *self.gather,
-            *self.delayed,
-            *self.recentre,
-            self.check,
-            self.supervisor.condition,
-        )
+        return (*self.routines, *self._beside)
+
+    @property
+    def _beside(self) -> tuple[Routine, ...]:
+        """What stands beside prediction and updates; one that calls another follows it."""
+        from kfgen.emit.watch.rest_routine import detect_rest
+
+        start = (*self.align, *self.moving, *self.gather, *detect_rest(self))
+        return (*start, *self.delayed, *self.recentre, self.check, self.supervisor.condition)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -330,17 +342,7 @@ class Program:
         """What the routines call, and what looks at the whole filter."""
         from kfgen.emit.check import widen
 
-        watching = (self.check, self.supervisor.condition)
-        return (
-            *self.covariance.internals,
-            widen(self),
-            *self.align,
-            *self.moving,
-            *self.gather,
-            *self.delayed,
-            *self.recentre,
-            *watching,
-        )
+        return (*self.covariance.internals, widen(self), *self._beside)
 
     @cached_property
     def align(self) -> tuple[Routine, ...]:

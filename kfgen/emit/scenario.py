@@ -15,6 +15,7 @@ from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
+from kfgen.emit.watch.rest import ROUTINE as DETECT_REST
 from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.simulate.rates import at_every_sample
@@ -87,6 +88,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
     given += in_motion(program)
     for routine in (*program.align, *program.gather):
         given += [(routine, row) for row in (at_rest if routine.name == "align" else fast)(program, routine)]
+    given += resting(program)
     for routine, inputs in given:
         machine.call(routine.name, split(routine, inputs))
         calls.append(RecordedCall(routine.name, inputs, machine.words()))
@@ -115,6 +117,7 @@ def calm(program: Program, steps: int) -> Iterator[tuple[Routine, tuple[float, .
     for routine in program.gather:
         yield from ((routine, row) for row in fast(program, routine))
     yield from in_motion(program)
+    yield from resting(program)
 
 
 LOOKED_AT = 50
@@ -145,6 +148,25 @@ def at_rest(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
         field = [21e-6, 36e-6 + 1e-7 * (k % 5), -11e-6]
         given = [rest.get(a.name, force if n == 0 else field) for n, a in enumerate(routine.arguments)]
         yield tuple(float(np.float32(v)) for values in given for v in values)
+
+
+def resting(program: Program) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the detector of rest, of a filter that has it: moving at first, shaken in between, at rest, pushed."""
+    routines = {r.name: r for r in program.entries}
+    if not program.resting:
+        return
+    update, found = routines[f"update_{program.resting.name}"], routines[DETECT_REST]
+    rows = list(at_rest(program, found))
+    for k, row in enumerate([*rows, *rows[SHAKEN + 1 :], *rows]):
+        if k == SHAKEN:
+            yield from ((update, (0.0, 0.0, 0.0)) for _ in range(UNTIL_FOLLOWED))
+        yield found, row
+    yield update, (30.0, 0.0, 0.0)
+    yield found, (BEYOND, *row[1:])
+
+
+UNTIL_FOLLOWED = 30
+"""Samples after which a sensor that was rejected has been followed."""
 
 
 def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tuple[float, ...]:

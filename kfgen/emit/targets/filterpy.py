@@ -6,7 +6,6 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.emit.align import REASONS
 from kfgen.emit.align_routine import AlignRoutine
 from kfgen.emit.check import MAX_NORM_ERROR, widest
 from kfgen.emit.covariance.forms import Packed
@@ -23,6 +22,8 @@ from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
 from kfgen.emit.update import LEAST_SEEN, widened_share
+from kfgen.emit.watch.quiet import REASONS
+from kfgen.emit.watch.rest_routine import detect_rest
 from kfgen.model.parts.sensors import Sensor
 
 TARGET = "filterpy"
@@ -95,7 +96,10 @@ def _methods(program: Program) -> list[dict[str, str]]:
     made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
     return [
         *(_method(program, *m) for m in made),
-        *(_plain(program, r) for r in (*program.delayed, *program.recentre, *_moving(program))),
+        *(
+            _plain(program, r)
+            for r in (*detect_rest(program), *program.delayed, *program.recentre, *_moving(program))
+        ),
     ]
 
 

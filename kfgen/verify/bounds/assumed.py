@@ -44,7 +44,8 @@ LEAST_SQUARE = 0.25
 """Least squared length of a quaternion before it is scaled to one."""
 MAX_TIME_S = 1e7
 """A filter is started again within so long [s]: 115 days."""
-OF_ALIGNMENT = ("ALIGN_COUNT", "ALIGN_GATHERED")
+NOT_NEGATIVE = ("ALIGN_COUNT", "ALIGN_GATHERED", "REST_COUNT", "REST_GATHERED", "REST_WAITED", "AT_REST")
+"""Times and counts among the numbers of alignment and rest."""
 LEAST_TRACE = 0.5
 """The largest of four that add up to four, reached where no other is one."""
 MAX_BANKED = 0.7
@@ -203,7 +204,7 @@ class FilterRanges:
             last = limits.get(name.rsplit("_", 1)[0])
             if last is not None:
                 found.append(value(-last, last))
-            elif name.startswith(("AGE", "SINCE", "MISSED", "STUCK", "REJECTED", "RESET", *OF_ALIGNMENT)):
+            elif name.startswith(("AGE", "SINCE", "MISSED", "STUCK", "REJECTED", "RESET", *NOT_NEGATIVE)):
                 found.append(value(0.0, MAX_TIME_S))
             else:
                 found.append(value(-MAX_MEMORY, MAX_MEMORY))
