@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from kfgen.core.errors import InputError
 from kfgen.emit.align import Alignment
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
@@ -40,21 +39,20 @@ from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.moving.places import moving_places
 from kfgen.emit.settings import MAX_OTHER, gates, settings
 from kfgen.emit.state import init
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
-from kfgen.emit.supervisor import Supervisor
-from kfgen.emit.targets.names import argument, check_names, identifier
+from kfgen.emit.targets.names import argument, identifier
 from kfgen.emit.targets.words import driver_text
-from kfgen.emit.watch.parts import REST, checked
+from kfgen.emit.watch import biases
+from kfgen.emit.watch.parts import BIASES, REST
 from kfgen.emit.watch.rest import PLACES as REST_PLACES
 from kfgen.emit.watch.rest import SETTINGS as REST_SETTINGS
 from kfgen.emit.watch.rest import resting
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
+from kfgen.emit.watch.supervisor import Supervisor
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT
 
-MAX_WAITING_PREDICTIONS = 2000
-"""Predictions for which noise may wait: the proof runs twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
@@ -92,41 +90,9 @@ class Program:
     without: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        d = self.discrete
-        checked(self.without)
-        for option, value, known in (("--form", self.form, FORMS), ("--real", self.real, REALS)):
-            if value not in known:
-                raise InputError(
-                    f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
-                )
-        if not 0.0 <= self.q_interval < float("inf") or (
-            self.q_interval and not FORMS[self.form].HAS_Q_INTERVAL
-        ):
-            raise InputError(
-                f"noise cannot wait for {self.q_interval:g} s with --form {self.form}",
-                where="--q-interval",
-                remedy="Give zero or more seconds, with --form ud",
-            )
-        if self.q_interval * d.rate > MAX_WAITING_PREDICTIONS:
-            raise InputError(
-                f"noise that waits for {self.q_interval:g} s misses {self.q_interval * d.rate:.6g} predictions",
-                where="--q-interval",
-                remedy=f"Give {MAX_WAITING_PREDICTIONS / d.rate:g} s or less, {MAX_WAITING_PREDICTIONS} predictions",
-            )
-        if d.rate * d.max_step < 1.0:
-            raise InputError(
-                f"the period of {d.rate:g} Hz is longer than the longest step of {d.max_step:g} s",
-                remedy="Give a longer --max-step, or a higher --rate",
-            )
-        check_names(d)
-        if not 0.0 <= self.horizon < float("inf"):
-            raise InputError(f"a horizon of {self.horizon:g} s is none", where="--horizon")
-        if self.horizon and not self.delayed_memory.moving:
-            raise InputError(
-                f"nothing of {d.model.name} moves, so that its measurements have no times to be fused at",
-                where="--horizon",
-                remedy="Leave it out",
-            )
+        from kfgen.emit.choices import check_choices
+
+        check_choices(self, FORMS, REALS)
 
     @cached_property
     def covariance(self) -> CovarianceForm:
@@ -253,7 +219,13 @@ class Program:
     def settings(self) -> dict[str, Constant]:
         """What firmware may set before it compiles, by name."""
         own = (*(HORIZON_SETTINGS if self.horizon else ()), *(REST_SETTINGS if self.resting else ()))
-        return settings(self.discrete) | {c.name: c for c in own}
+        bounds = biases.constants(self.discrete.model) if self.bounds_biases else ()
+        return settings(self.discrete) | {c.name: c for c in (*own, *bounds)}
+
+    @property
+    def bounds_biases(self) -> bool:
+        """Whether biases are held at bounds."""
+        return BIASES not in self.without
 
     @cached_property
     def resting(self) -> Sensor | None:
@@ -282,7 +254,8 @@ class Program:
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
         rows = {s.name: len(s.channels) for s in model.sensors}
         rest = REST_PLACES if self.resting else ()
-        others = (*Alignment(model).places, *moving_places(model), *rest)
+        held = biases.places(model) if self.bounds_biases else ()
+        others = (*Alignment(model).places, *moving_places(model), *rest, *held)
         return Supervisor(rows, tuple(triads), self.settings, others)
 
     def update(self, sensor: Sensor) -> Routine:

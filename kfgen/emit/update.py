@@ -37,8 +37,9 @@ from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.settings import sample_variance, squared_gate
 from kfgen.emit.state import inject
-from kfgen.emit.supervisor import DUE, widened
 from kfgen.emit.targets.names import identifier
+from kfgen.emit.watch.biases import bounded
+from kfgen.emit.watch.supervisor import DUE, widened
 from kfgen.model.parts.sensors import Sensor
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def update(program: Program, sensor: Sensor) -> Routine:
     given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(R.size)], strict=True))
     after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
     rejected = _rejected(program, sensor, rows, y, [r for *_, r in given])
-    corrected = inject(program, guarded=True)
+    corrected = inject(program, guarded=True, then=bounded(program))
     if program.covariance.gates_first:
         body += _joint(program, given, gate, corrected, after, rejected)
     else:

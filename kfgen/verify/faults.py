@@ -62,6 +62,15 @@ def _set(name: str, value: float) -> Callable[[TrialFlight, Mask, Mask], None]:
     return spoil
 
 
+def _off(name: str, by: float) -> Callable[[TrialFlight, Mask, Mask], None]:
+    """The first axis of a triad is off by as much during the fault."""
+
+    def spoil(flight: TrialFlight, steps: Mask, fixes: Mask) -> None:
+        getattr(flight, name)[steps, 0] += by
+
+    return spoil
+
+
 def _kept(*names: str) -> Callable[[TrialFlight, Mask, Mask], None]:
     """Arrays keep their last value before it."""
 
@@ -136,6 +145,7 @@ FAULTS: tuple[FlightFault, ...] = (
     FlightFault("20 s of GNSS that is 1 s late", 20.0, _late),
     FlightFault("10 s of fixes in the wrong order", 10.0, _swapped),
     FlightFault("a restart from what was stored 2 s before", ONCE, event="restored"),
+    FlightFault("20 s of an accelerometer that is 4 m/s^2 off", 20.0, _off("accel", 4.0)),
     FlightFault(
         "30 s without GNSS, parked", 30.0, _set("absent", True), NEVER, motion=parked, needs=DETECT_REST
     ),

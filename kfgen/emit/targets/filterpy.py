@@ -15,15 +15,16 @@ from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
 from kfgen.emit.moving.moving import MovingAlign
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import gates, sample_variance, squared_gate
-from kfgen.emit.supervisor import ARRAY
 from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
 from kfgen.emit.update import LEAST_SEEN, widened_share
+from kfgen.emit.watch.biases import bounded
 from kfgen.emit.watch.quiet import REASONS
 from kfgen.emit.watch.rest_routine import detect_rest
+from kfgen.emit.watch.supervisor import ARRAY
 from kfgen.model.parts.sensors import Sensor
 
 TARGET = "filterpy"
@@ -89,6 +90,8 @@ def _methods(program: Program) -> list[dict[str, str]]:
             (f"_reset_{s}", "", "What comes before its states are widened.", watch.reset(s), ""),
             (f"_accepted_{s}", ", status: Status", "A sample was fused.", watch.accepted(s, gate), "guard"),
         ]
+    limits = "Biases beyond their bounds are held there."
+    made.append(("_bounded", ", status: Status", limits, bounded(program), "bounded"))
     made += [
         ("align", _typed(r.arguments), r.text, list(AlignRoutine(program).body(())), "aligned")
         for r in program.align
@@ -137,6 +140,7 @@ BEFORE = {
     "aligned": "        status, x, k = Status.OK, self.nominal, [*self.constants, *self.gates.values()]\n"
     "        gain, ahead, spread, tilted, why = [0.0] * len(STATES), [0.0] * 3, [0.0], [0.0], [0.0]\n",
     "status": "        status = Status.OK\n",
+    "bounded": "        x = self.nominal\n",
     "due": "        due = [0.0]\n",
     "guard": "        nis, k = [self.nis], [*self.constants, *self.gates.values()]\n",
 }
@@ -147,10 +151,18 @@ AFTER = {
     "            self._known(np.array(gain), spread[0], tilted[0])\n"
     "        return status",
     "status": "\n        return status",
+    "bounded": "\n        return status",
     "due": "\n        return due[0] > 0.0",
     "guard": "\n        return max(status, self._guarded())",
 }
-RESULT = {"gathered": "Status", "aligned": "Status", "status": "Status", "due": "bool", "guard": "Status"}
+RESULT = {
+    "gathered": "Status",
+    "aligned": "Status",
+    "status": "Status",
+    "bounded": "Status",
+    "due": "bool",
+    "guard": "Status",
+}
 
 
 def _method(

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 from kfgen.core.errors import InputError
 
-REST = "rest"
+REST, BIASES = "rest", "biases"
 PARTS = {
-    REST: "finds out that the body rests, and fuses v = 0 then; of a filter with the sensor zero_velocity"
+    REST: "finds out that the body rests, and fuses v = 0 then; of a filter with the sensor zero_velocity",
+    BIASES: "holds biases at the bound of their sensor, and says so",
 }
 """What each of them does."""
 

@@ -18,7 +18,7 @@ from kfgen.emit.covariance.state_range import StateRange
 from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Routine, Store, Una
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import MAX_BY_UNIT
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
 from kfgen.verify.bounds.interval import RAW, Arithmetic, KnownNumber, value
 from kfgen.verify.bounds.walk import Array, Assumed, Scope, Walk
 

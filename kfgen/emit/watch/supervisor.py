@@ -211,6 +211,8 @@ class Supervisor:
             body.append(When(Compare(">=", self.at("REJECTED", s), count), degraded))
         for t in self.triads:
             body.append(When(Compare(">=", self.at("STUCK", t), self._setting("STUCK_TIME")), degraded))
+        if "SINCE_LIMITED" in self._numbers:
+            body.append(When(Compare("<", self.number("SINCE_LIMITED"), settle), degraded))
         if "ALIGNING" in self._numbers:
             body.append(When(Compare(">", self.number("ALIGNING"), Num(0.0)), (StatusFlag("ALIGNING"),)))
         lost: tuple[Stmt, ...] = (StatusFlag("LOST"),)
