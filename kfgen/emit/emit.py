@@ -38,6 +38,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     q_interval: float = 0.0,
     horizon: float | None = None,
     without: Sequence[str] = (),
+    lanes: bool = False,
     costs: CostCounter | None = None,
     force: bool = False,
 ) -> EmittedFilter:
@@ -71,6 +72,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
         Age to which stamped measurements are fused [s], 0: none; a fifth more than the longest delay where left out.
     without : sequence of str
         Parts of the supervisor to leave out, of `kfgen.emit.watch.parts.PARTS`.
+    lanes : bool
+        With hooks for firmware that has several filters.
     costs : callable, optional
         Counts what the routines cost, for the header: `kfgen.verify.compare.costs` with its cores chosen.
     force : bool
@@ -91,7 +94,9 @@ def emit(  # noqa: PLR0913 - the choices of one command
     form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
     behind = MARGIN * longest_delay(built) if horizon is None else horizon
     discrete = DiscreteModel.at_rate(built, rate, order, max_step)
-    program = Program(discrete, form, real, loops, q_interval, horizon=behind, without=checked(without))
+    program = Program(
+        discrete, form, real, loops, q_interval, horizon=behind, without=checked(without), lanes=lanes
+    )
     if costs is not None:
         program = replace(program, costs=costs(program))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None

@@ -41,7 +41,7 @@ from kfgen.emit.settings import MAX_OTHER, gates, settings
 from kfgen.emit.state import init
 from kfgen.emit.targets.names import argument, identifier
 from kfgen.emit.targets.words import driver_text
-from kfgen.emit.watch import biases
+from kfgen.emit.watch import biases, lanes
 from kfgen.emit.watch.parts import BIASES, REST
 from kfgen.emit.watch.rest import PLACES as REST_PLACES
 from kfgen.emit.watch.rest import SETTINGS as REST_SETTINGS
@@ -78,6 +78,8 @@ class Program:
         Age up to which measurements are fused at their own times [s]; zero: there is no delayed horizon.
     without : tuple of str
         Parts of the supervisor that are left out, of `kfgen.emit.watch.parts.PARTS`.
+    lanes : bool
+        With hooks for firmware that has several filters.
     """
 
     discrete: DiscreteModel
@@ -88,6 +90,7 @@ class Program:
     costs: tuple[str, ...] = ()
     horizon: float = 0.0
     without: tuple[str, ...] = ()
+    lanes: bool = False
 
     def __post_init__(self) -> None:
         from kfgen.emit.choices import check_choices
@@ -255,7 +258,8 @@ class Program:
         rows = {s.name: len(s.channels) for s in model.sensors}
         rest = REST_PLACES if self.resting else ()
         held = biases.places(model) if self.bounds_biases else ()
-        others = (*Alignment(model).places, *moving_places(model), *rest, *held)
+        told = lanes.places(model) if self.lanes else ()
+        others = (*Alignment(model).places, *moving_places(model), *rest, *held, *told)
         return Supervisor(rows, tuple(triads), self.settings, others)
 
     def update(self, sensor: Sensor) -> Routine:
@@ -292,7 +296,14 @@ class Program:
         from kfgen.emit.watch.rest_routine import detect_rest
 
         start = (*self.align, *self.moving, *self.gather, *detect_rest(self))
-        return (*start, *self.delayed, *self.recentre, self.check, self.supervisor.condition)
+        return (
+            *start,
+            *self.delayed,
+            *self.recentre,
+            self.check,
+            self.supervisor.condition,
+            *lanes.routines(self),
+        )
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -315,7 +326,7 @@ class Program:
         """What the routines call, and what looks at the whole filter."""
         from kfgen.emit.check import widen
 
-        return (*self.covariance.internals, widen(self), *self._beside)
+        return (*self.covariance.internals, widen(self), *lanes.internals(self), *self._beside)
 
     @cached_property
     def align(self) -> tuple[Routine, ...]:

@@ -39,6 +39,8 @@ DUE = Ref("due", 0)
 """Scratch of an update: 1 where a rejected sample widens P."""
 LONG_AGO = 1e6
 """Since the last reset, before the first one [s]."""
+UNTURNED = "JUMP_Q_W"
+"""Of a quaternion that has not turned: one, its other components zero."""
 OF_SENSOR = {
     "AGE": "since its last accepted sample [s]",
     "REJECTED": "samples rejected in a row",
@@ -100,7 +102,8 @@ class Supervisor:
     @property
     def start(self) -> tuple[float, ...]:
         """Its numbers before the first call."""
-        return tuple(LONG_AGO if name.startswith("SINCE") else 0.0 for name, _ in self.places)
+        others = {UNTURNED: 1.0}
+        return tuple(LONG_AGO if n.startswith("SINCE") else others.get(n, 0.0) for n, _ in self.places)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
