@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kfgen.emit.align import REASONS
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import filterpy, plain
 from kfgen.emit.targets.loaded import loaded
+from kfgen.emit.watch.quiet import REASONS
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
 

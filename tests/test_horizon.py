@@ -28,7 +28,7 @@ from kfgen.model.discretise import DiscreteModel
 from kfgen.model.known_delays import longest_delay
 from kfgen.model.library import build
 from kfgen.verify.compare import verify
-from kfgen.verify.flight import _motion, flight
+from kfgen.verify.flight import flight, turning
 from kfgen.verify.host import Host
 
 RATE, HORIZON = 100.0, 0.25
@@ -65,7 +65,7 @@ def fixes(seconds: float, rng: np.random.Generator, latest: float = 0.24) -> lis
     """Of the flight at ten times a second, taken at any time, after the filter's beginning; arriving out of order."""
     t = np.arange(0.3, seconds, 0.1) + rng.uniform(-0.04, 0.04, round((seconds - 0.3) / 0.1 + 0.499))
     fine = np.arange(0.0, seconds + 0.1, 1e-3)
-    v = _motion(fine)[1]
+    v = turning(fine)[1]
     p = np.vstack([np.zeros(3), np.cumsum((v[1:] + v[:-1]) / 2.0 * 1e-3, axis=0)])
     at = [np.array([np.interp(t, fine, c[:, k]) for k in range(3)]).T for c in (p, v)]
     noise = rng.normal(size=(2, t.size, 3))
@@ -180,7 +180,7 @@ EACH = 20
 
 def truth(t: Any) -> Any:
     fine = np.arange(0.0, t[-1] + 0.1, 1e-3)
-    v = _motion(fine)[1]
+    v = turning(fine)[1]
     p = np.vstack([np.zeros(3), np.cumsum((v[1:] + v[:-1]) / 2.0 * 1e-3, axis=0)])
     return np.array([np.interp(t, fine, c) for c in np.hstack([p, v]).T]).T
 

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kfgen.emit.align import REASONS
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import filterpy, plain
 from kfgen.emit.targets.loaded import loaded
+from kfgen.emit.watch.quiet import REASONS
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import build
-from kfgen.verify.flight import _motion, flight
+from kfgen.verify.flight import flight, turning
 
 RATE, DT = 100.0, 0.01
 FIELD = np.array([20e-6, 0.0, 44e-6])
@@ -49,7 +49,7 @@ class Way:
         first = round(begins * RATE)
         self.accel, self.gyro = trial.accel[first:], trial.gyro[first:]
         at = begins + np.arange(len(self.accel) + 1) * DT
-        self.R, v = _motion(at)
+        self.R, v = turning(at)
         self.v = v + 0.1 * self.rng.normal(size=v.shape)
         self.field = self.R.inv().apply(FIELD) + 2e-7 * self.rng.normal(size=v.shape)
         ahead = self.R.apply([1.0, 0.0, 0.0])

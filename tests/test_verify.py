@@ -34,10 +34,10 @@ NAMES = ["gyro-static", "ahrs6", "ins15"]
 # Measured with ziglang 0.17 (clang 22), unicorn 2.1.4 on the Cortex-M4F; the budgets are 2 % above. For each
 # model and form: instructions of each routine, deepest stack of the prediction and of all [B], code [B].
 BUDGETS: dict[tuple[str, str], dict[str, int]] = {
-    ("gyro-static", "p"): {"predict": 75, "update_rest": 102, "predict stack": 8, "stack": 8, "text": 1662},
+    ("gyro-static", "p"): {"predict": 78, "update_rest": 104, "predict stack": 8, "stack": 8, "text": 1777},
     ("ahrs6", "p"): {
         "predict": 375, "update_accel": 737, "update_mag": 852, "predict stack": 90,
-        "stack": 298, "text": 14820,
+        "stack": 298, "text": 15310,
     },
     ("ahrs6", "ud"): {
         "predict": 310, "update_accel": 987, "update_mag": 1063, "predict stack": 41,
@@ -45,21 +45,21 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
     },
     ("ins15", "p"): {
         "predict": 1712, "update_gnss_position": 2013, "update_gnss_velocity": 1993,
-        "predict stack": 534, "stack": 534, "text": 33550,
+        "predict stack": 534, "stack": 534, "text": 34300,
     },
     ("ins15", "ud"): {
         "predict": 1636, "update_gnss_position": 3414, "update_gnss_velocity": 3046,
-        "predict stack": 432, "stack": 636, "text": 43300,
+        "predict stack": 432, "stack": 636, "text": 44200,
     },
     ("ins23", "p"): {
         "predict": 2595, "update_gnss_position": 4342, "update_gnss_velocity": 4394,
         "update_mag": 6640, "update_airspeed": 2091, "predict stack": 640, "stack": 824,
-        "text": 93500,
+        "text": 97100,
     },
     ("ins23", "ud"): {
         "predict": 2270, "update_gnss_position": 7316, "update_gnss_velocity": 6936,
         "update_mag": 8007, "update_airspeed": 2624, "predict stack": 599, "stack": 971,
-        "text": 121500,
+        "text": 125100,
     },
 }  # fmt: skip
 

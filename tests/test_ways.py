@@ -16,10 +16,11 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
+from kfgen.emit.choices import MAX_WAITING_PREDICTIONS
 from kfgen.emit.folder import EmittedFilter, read_folder, write_folder
 from kfgen.emit.geodetic.calls import border_calls
 from kfgen.emit.reference import Machine
-from kfgen.emit.routines import MAX_WAITING_PREDICTIONS, Program
+from kfgen.emit.routines import Program
 from kfgen.emit.scenario import scenario, split
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel

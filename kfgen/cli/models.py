@@ -26,6 +26,8 @@ LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.
 FORCE = typer.Option("--force", help="Replace also files of the folder that you changed.")
 Q_INTERVAL = typer.Option(help="Add process noise of bias states every SECONDS (UD form only).")
 HORIZON = typer.Option(help="Fuse stamped measurements up to this age [s]; by default of the longest delay.")
+WITHOUT = typer.Option(metavar="PART", help="Leave out a part of the supervisor (docs/emit.md); repeatable.")
+LANES = typer.Option("--lanes", help="With hooks for firmware that has several filters (docs/emit.md).")
 COUNTED = typer.Option(help="Count instructions, stack and code on this core (m4f); repeatable.")
 CORE = typer.Option(help="Run on this core (host, m4f, ...), see 'kfgen list'; repeatable.")
 CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within 1e-3 standard deviations.")
@@ -109,6 +111,8 @@ def emit(
     loops: Annotated[bool, LOOPS] = False,
     q_interval: Annotated[float, Q_INTERVAL] = 0.0,
     horizon: Annotated[float | None, HORIZON] = None,
+    without: Annotated[list[str] | None, WITHOUT] = None,
+    lanes: Annotated[bool, LANES] = False,
     core: Annotated[list[str] | None, COUNTED] = None,
     force: Annotated[bool, FORCE] = False,
     set_: opt.Set = None,
@@ -126,7 +130,8 @@ def emit(
 
     how: Any = {"rate": rate, "order": order, "max_step": max_step, "loops": loops, "q_interval": q_interval}
     built = model_of(model, noise, set_, sensor)
-    how |= {"horizon": horizon, "force": force, "costs": partial(costs, names=core) if core else None}
+    how |= {"horizon": horizon, "without": without or (), "lanes": lanes, "force": force}
+    how |= {"costs": partial(costs, names=core) if core else None}
     deliver(emit_answer(emit(built, output, target, form, real, **how)), json, report)
 
 

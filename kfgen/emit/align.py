@@ -30,9 +30,6 @@ from kfgen.model.parts.motion import ACCEL, GYRO, Input
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.symbols.expanded import part_without
 
-ARRAY = "supervisor"
-REASONS = ("NONE", "TURNING", "SHAKEN", "NOT_GRAVITY", "NO_HORIZONTAL_FIELD", "TOO_SLOW")
-"""Why alignment began again, in order of number."""
 PLACES = {
     "ALIGNING": "1 from the first call of align until the attitude is known",
     "ALIGN_REASON": "why what was gathered was thrown away last, a kf_reason_t",
@@ -51,8 +48,8 @@ ALIGN_TEXT = (
 )
 HEADING = "heading"
 """The argument of a filter that nothing shows north."""
-SPREAD, TILTED, WHY, AHEAD = "spread", "tilted", "why", "ahead"
-"""Scratch: variances of the heading beyond the tilt's, and of the tilt; the reason; the horizontal body direction."""
+SPREAD, TILTED, AHEAD = "spread", "tilted", "ahead"
+"""Scratch: variances of the heading beyond the tilt's, and of the tilt; the horizontal body direction."""
 
 
 @dataclass(frozen=True)

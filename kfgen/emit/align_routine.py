@@ -7,18 +7,14 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.emit.align import (
     AHEAD,
     ALIGN_TEXT,
-    ARRAY,
     HEADING,
     LEAST_HORIZONTAL,
     MAX_NOSE,
-    REASONS,
     SPREAD,
     TILTED,
-    WHY,
     Alignment,
 )
 from kfgen.emit.covariance.correction import GAIN
@@ -49,7 +45,8 @@ from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.settings import MAX_BY_UNIT
 from kfgen.emit.targets.names import argument, identifier
-from kfgen.model.parts.motion import GRAVITY, GYRO, Input
+from kfgen.emit.watch.quiet import WHY, Quiet, because, squared
+from kfgen.model.parts.motion import GYRO, Input
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
@@ -70,15 +67,12 @@ class AlignRoutine:
         self.program = program
         self.alignment = Alignment(program.discrete.model)
         self.lower: Lowering = program.lowering("a")
-        self.names = [name for name, _ in program.supervisor.places]
-
-    def at(self, name: str) -> Ref:
-        """A number of the alignment."""
-        return Ref(ARRAY, self.names.index(name))
-
-    def sums(self, vector: str) -> list[Ref]:
-        """Those of a vector that is gathered."""
-        return [self.at(f"ALIGN_{vector}_{a}") for a in "XYZ"]
+        self.at = program.supervisor.number
+        north = self.alignment.north
+        names = {"FORCE": self._up_name, "RATE": GYRO.name, "FIELD": north.name if north else ""}
+        samples = {s: names[s] for s in self.alignment.sums}
+        self.quiet = Quiet(program, "ALIGN", samples, self._up_name, GYRO.name)
+        self.sums = self.quiet.sums
 
     @property
     def arguments(self) -> tuple[Argument, ...]:
@@ -142,10 +136,9 @@ class AlignRoutine:
         start = Store(self.at("ALIGNING"), Num(1.0))
         disturbed = Compare(">", Ref(WHY, 0), Num(0.0))
         waiting = StatusFlag("ALIGNING")
-        enough = Compare(">=", self.at("ALIGN_GATHERED"), self.program.setting("ALIGN_TIME"))
-        done = When(enough, tuple(self._attitude(known)), (waiting,))
-        quiet = When(disturbed, (*self._thrown_away(), waiting), (*self._gathered(), done))
-        inner = (start, *self._disturbed(), quiet)
+        done = When(self.quiet.enough, tuple(self._attitude(known)), (waiting,))
+        quiet = When(disturbed, (*self._thrown_away(), waiting), (*self.quiet.gathered(), done))
+        inner = (start, *self.quiet.disturbed(), quiet)
         allowed = When(every(self._looked()), inner, (StatusFlag("BAD_INPUT"),))
         longest = Num(self.program.discrete.max_step)
         step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), longest)))
@@ -158,7 +151,7 @@ class AlignRoutine:
         north = self.alignment.north
         if north is not None and north.min_length:
             least = self.program.setting(f"MIN_{identifier(north.name).upper()}")
-            looked.append(Compare(">=", sum_of_squares(self._sample(north.name)), mul(least, least)))
+            looked.append(Compare(">=", sum_of_squares(self.quiet.sample(north.name)), mul(least, least)))
         return looked
 
     def _limit(self, a: Argument) -> Num:
@@ -171,53 +164,8 @@ class AlignRoutine:
             return self.program.input_limit(a.name)
         return self.program.setting(f"MAX_{identifier(part.name).upper()}_SAMPLE")
 
-    def _sample(self, name: str) -> Triad:
-        return [Ref(argument(name), i) for i in range(3)]
-
-    def _gravity(self) -> Expr:
-        return self.lower.places.get(GRAVITY.name, Num(STANDARD_GRAVITY))
-
-    def _disturbed(self) -> list[Stmt]:
-        """The reason why a sample is not one at rest; 0 where it is."""
-        setting = self.program.setting
-        f, w = self._sample(self._up_name), self._sample(GYRO.name)
-        count = self.at("ALIGN_COUNT")
-        off = [Bin("-", mul(a, count), s) for a, s in zip(f, self.sums("FORCE"))]
-        shaken = Compare(">", sum_of_squares(off), self._squared(mul(setting("ALIGN_MAX_SHAKE"), count)))
-        rate = Compare(">", sum_of_squares(w), self._squared(setting("ALIGN_MAX_RATE")))
-        low, high = (op(self._gravity(), setting("ALIGN_MAX_FORCE")) for op in (sub, add))
-        size = sum_of_squares(f)
-        right = All((Compare(">=", size, self._squared(low)), Compare("<=", size, self._squared(high))))
-        return [
-            When(rate, (self._because("TURNING"),)),
-            When(shaken, (self._because("SHAKEN"),)),
-            When(right, (), (self._because("NOT_GRAVITY"),)),
-        ]
-
-    @staticmethod
-    def _squared(e: Expr) -> Expr:
-        return mul(e, e)
-
-    @staticmethod
-    def _because(reason: str) -> Stmt:
-        return Store(Ref(WHY, 0), Num(float(REASONS.index(reason))))
-
-    def _emptied(self) -> list[Stmt]:
-        numbers = [r for s in self.alignment.sums for r in self.sums(s)]
-        return [Store(r, Num(0.0)) for r in (self.at("ALIGN_GATHERED"), self.at("ALIGN_COUNT"), *numbers)]
-
     def _thrown_away(self) -> list[Stmt]:
-        return [Store(self.at("ALIGN_REASON"), Ref(WHY, 0)), *self._emptied()]
-
-    def _gathered(self) -> list[Stmt]:
-        north = self.alignment.north
-        names = {"FORCE": self._up_name, "RATE": GYRO.name, "FIELD": north.name if north else ""}
-        body: list[Stmt] = []
-        for vector in self.alignment.sums:
-            body += [Store(s, add(s, v)) for s, v in zip(self.sums(vector), self._sample(names[vector]))]
-        for name, value in (("ALIGN_COUNT", Num(1.0)), ("ALIGN_GATHERED", Ref("dt"))):
-            body.append(Store(self.at(name), add(self.at(name), value)))
-        return body
+        return [Store(self.at("ALIGN_REASON"), Ref(WHY, 0)), *self.quiet.emptied()]
 
     def _let(self, body: list[Stmt], value: Expr, stem: str) -> Expr:
         atom, made = self.lower.let(value, stem)
@@ -251,9 +199,9 @@ class AlignRoutine:
         R, vertical = self._rotation(inner, down, across, ahead)
         inner += self._quaternion(R)
         inner += self._deviations(over, down, vertical)
-        inner += [*known, *self._emptied()]
+        inner += [*known, *self.quiet.emptied()]
         inner += [Store(self.at(n), Num(0.0)) for n in ("ALIGNING", "ALIGN_REASON")]
-        refused = (self._because("NO_HORIZONTAL_FIELD"), *self._thrown_away(), StatusFlag("ALIGNING"))
+        refused = (because("NO_HORIZONTAL_FIELD"), *self._thrown_away(), StatusFlag("ALIGNING"))
         return [*body, When(Compare(">=", horizontal, least), tuple(inner), refused)]
 
     def _ahead(self, down: Triad, over: Expr) -> list[Stmt]:
@@ -360,7 +308,7 @@ class AlignRoutine:
         rates = [self._let(body, mul(s, over), "rate") for s in self.sums("RATE")]
         half = mul(mul(self.at("ALIGN_GATHERED"), Num(0.5)), self.at("ALIGN_GATHERED"))
         turned = self._let(body, mul(sum_of_squares(rates), mul(half, Num(0.5))), "turned")
-        tilt, heading = (self._squared(setting(n)) for n in ("ALIGN_TILT", "ALIGN_HEADING"))
+        tilt, heading = (squared(setting(n)) for n in ("ALIGN_TILT", "ALIGN_HEADING"))
         body.append(Store(Ref(TILTED, 0), add(tilt, turned)))
         body.append(Store(Ref(SPREAD, 0), sub(heading, tilt)))
         attitude = self.program.discrete.model.attitude

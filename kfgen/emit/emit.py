@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from kfgen.emit.folder import EmittedFilter, write_folder
 from kfgen.emit.horizon.memory import MARGIN
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import filterpy
+from kfgen.emit.watch.parts import checked
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.known_delays import longest_delay
@@ -36,6 +37,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
     loops: bool = False,
     q_interval: float = 0.0,
     horizon: float | None = None,
+    without: Sequence[str] = (),
+    lanes: bool = False,
     costs: CostCounter | None = None,
     force: bool = False,
 ) -> EmittedFilter:
@@ -67,6 +70,10 @@ def emit(  # noqa: PLR0913 - the choices of one command
         Seconds between two additions of process noise to states that keep their value (``ud`` only); 0: every step.
     horizon : float, optional
         Age to which stamped measurements are fused [s], 0: none; a fifth more than the longest delay where left out.
+    without : sequence of str
+        Parts of the supervisor to leave out, of `kfgen.emit.watch.parts.PARTS`.
+    lanes : bool
+        With hooks for firmware that has several filters.
     costs : callable, optional
         Counts what the routines cost, for the header: `kfgen.verify.compare.costs` with its cores chosen.
     force : bool
@@ -79,7 +86,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     Raises
     ------
     InputError
-        As in `kfgen.build`, an unknown target, form or type, or a folder that holds files of other origin.
+        As in `kfgen.build`, an unknown target, form, type or part, or a folder that holds files of other origin.
     """
     if costs is not None and target != "c":
         raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
@@ -87,7 +94,9 @@ def emit(  # noqa: PLR0913 - the choices of one command
     form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
     behind = MARGIN * longest_delay(built) if horizon is None else horizon
     discrete = DiscreteModel.at_rate(built, rate, order, max_step)
-    program = Program(discrete, form, real, loops, q_interval, horizon=behind)
+    program = Program(
+        discrete, form, real, loops, q_interval, horizon=behind, without=checked(without), lanes=lanes
+    )
     if costs is not None:
         program = replace(program, costs=costs(program))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None

@@ -15,6 +15,7 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
 from kfgen.emit.routines import Program
+from kfgen.emit.watch.parts import checked
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter_file import FilterFile, filter_text
 from kfgen.model.library import build
@@ -141,6 +142,8 @@ def write_folder(
         "loops": program.loops,
         "q_interval": program.q_interval,
         "horizon": program.horizon,
+        "without": list(program.without),
+        "lanes": program.lanes,
         "options": dict(discrete.model.options),
         "noise": noise is not None,
         "files": sorted(files),
@@ -267,11 +270,25 @@ def read_folder(folder: str | Path) -> EmittedFilter:
             where=str(folder / MANIFEST),
             remedy="Emit it again",
         )
+    without = manifest.get("without", [])
+    if not isinstance(without, list) or not all(isinstance(name, str) for name in without):
+        raise InputError(
+            "what it is without is no list of texts", where=str(folder / MANIFEST), remedy="Emit it again"
+        )
     q_interval = _number(folder, manifest, "q_interval", 0.0)
     horizon = _number(folder, manifest, "horizon", 0.0)
     options = manifest.get("form", "p"), manifest.get("real", "float"), manifest.get("loops", False) is True
     return EmittedFilter(
-        Program(discrete, str(options[0]), str(options[1]), options[2], q_interval, horizon=horizon),
+        Program(
+            discrete,
+            str(options[0]),
+            str(options[1]),
+            options[2],
+            q_interval,
+            horizon=horizon,
+            without=checked(without),
+            lanes=manifest.get("lanes") is True,
+        ),
         str(manifest.get("target")),
         folder,
         tuple(manifest["files"]),

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from kfgen.core.errors import InputError
 from kfgen.emit.align import Alignment
 from kfgen.emit.covariance.factored import Factored
 from kfgen.emit.covariance.forms import ANY_HELD, HEALTH, HELD, CovarianceForm, Packed
@@ -40,17 +39,20 @@ from kfgen.emit.ir.symbols import Atoms, Rows, lowering, transition
 from kfgen.emit.moving.places import moving_places
 from kfgen.emit.settings import MAX_OTHER, gates, settings
 from kfgen.emit.state import init
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
-from kfgen.emit.supervisor import Supervisor
-from kfgen.emit.targets.names import argument, check_names, identifier
+from kfgen.emit.targets.names import argument, identifier
 from kfgen.emit.targets.words import driver_text
+from kfgen.emit.watch import biases, lanes
+from kfgen.emit.watch.parts import BIASES, REST
+from kfgen.emit.watch.rest import PLACES as REST_PLACES
+from kfgen.emit.watch.rest import SETTINGS as REST_SETTINGS
+from kfgen.emit.watch.rest import resting
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
+from kfgen.emit.watch.supervisor import Supervisor
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT
 
-MAX_WAITING_PREDICTIONS = 2000
-"""Predictions for which noise may wait: the proof runs twice as many."""
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
@@ -74,6 +76,10 @@ class Program:
         What its calls cost on cores, in words for the reader of the code.
     horizon : float
         Age up to which measurements are fused at their own times [s]; zero: there is no delayed horizon.
+    without : tuple of str
+        Parts of the supervisor that are left out, of `kfgen.emit.watch.parts.PARTS`.
+    lanes : bool
+        With hooks for firmware that has several filters.
     """
 
     discrete: DiscreteModel
@@ -83,42 +89,13 @@ class Program:
     q_interval: float = 0.0
     costs: tuple[str, ...] = ()
     horizon: float = 0.0
+    without: tuple[str, ...] = ()
+    lanes: bool = False
 
     def __post_init__(self) -> None:
-        d = self.discrete
-        for option, value, known in (("--form", self.form, FORMS), ("--real", self.real, REALS)):
-            if value not in known:
-                raise InputError(
-                    f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}"
-                )
-        if not 0.0 <= self.q_interval < float("inf") or (
-            self.q_interval and not FORMS[self.form].HAS_Q_INTERVAL
-        ):
-            raise InputError(
-                f"noise cannot wait for {self.q_interval:g} s with --form {self.form}",
-                where="--q-interval",
-                remedy="Give zero or more seconds, with --form ud",
-            )
-        if self.q_interval * d.rate > MAX_WAITING_PREDICTIONS:
-            raise InputError(
-                f"noise that waits for {self.q_interval:g} s misses {self.q_interval * d.rate:.6g} predictions",
-                where="--q-interval",
-                remedy=f"Give {MAX_WAITING_PREDICTIONS / d.rate:g} s or less, {MAX_WAITING_PREDICTIONS} predictions",
-            )
-        if d.rate * d.max_step < 1.0:
-            raise InputError(
-                f"the period of {d.rate:g} Hz is longer than the longest step of {d.max_step:g} s",
-                remedy="Give a longer --max-step, or a higher --rate",
-            )
-        check_names(d)
-        if not 0.0 <= self.horizon < float("inf"):
-            raise InputError(f"a horizon of {self.horizon:g} s is none", where="--horizon")
-        if self.horizon and not self.delayed_memory.moving:
-            raise InputError(
-                f"nothing of {d.model.name} moves, so that its measurements have no times to be fused at",
-                where="--horizon",
-                remedy="Leave it out",
-            )
+        from kfgen.emit.choices import check_choices
+
+        check_choices(self, FORMS, REALS)
 
     @cached_property
     def covariance(self) -> CovarianceForm:
@@ -244,8 +221,19 @@ class Program:
     @cached_property
     def settings(self) -> dict[str, Constant]:
         """What firmware may set before it compiles, by name."""
-        own = HORIZON_SETTINGS if self.horizon else ()
-        return settings(self.discrete) | {c.name: c for c in own}
+        own = (*(HORIZON_SETTINGS if self.horizon else ()), *(REST_SETTINGS if self.resting else ()))
+        bounds = biases.constants(self.discrete.model) if self.bounds_biases else ()
+        return settings(self.discrete) | {c.name: c for c in (*own, *bounds)}
+
+    @property
+    def bounds_biases(self) -> bool:
+        """Whether biases are held at bounds."""
+        return BIASES not in self.without
+
+    @cached_property
+    def resting(self) -> Sensor | None:
+        """What is given v = 0 where the body is found at rest; None where that is left out or cannot be found."""
+        return None if REST in self.without else resting(self.discrete.model)
 
     def setting(self, name: str) -> Num:
         """A setting as a number of the emitted code."""
@@ -268,9 +256,11 @@ class Program:
         model = self.discrete.model
         triads = (argument(i.name) for i in model.motion.inputs if i.N > 0.0 and not (i.scalar or i.quiet))
         rows = {s.name: len(s.channels) for s in model.sensors}
-        return Supervisor(
-            rows, tuple(triads), self.settings, (*Alignment(model).places, *moving_places(model))
-        )
+        rest = REST_PLACES if self.resting else ()
+        held = biases.places(model) if self.bounds_biases else ()
+        told = lanes.places(model) if self.lanes else ()
+        others = (*Alignment(model).places, *moving_places(model), *rest, *held, *told)
+        return Supervisor(rows, tuple(triads), self.settings, others)
 
     def update(self, sensor: Sensor) -> Routine:
         """Fuse one sample of a sensor; raises as `kfgen.emit.update.update`."""
@@ -298,15 +288,21 @@ class Program:
     @property
     def entries(self) -> tuple[Routine, ...]:
         """What a user can call."""
+        return (*self.routines, *self._beside)
+
+    @property
+    def _beside(self) -> tuple[Routine, ...]:
+        """What stands beside prediction and updates; one that calls another follows it."""
+        from kfgen.emit.watch.rest_routine import detect_rest
+
+        start = (*self.align, *self.moving, *self.gather, *detect_rest(self))
         return (
-            *self.routines,
-            *self.align,
-            *self.moving,
-            *self.gather,
+            *start,
             *self.delayed,
             *self.recentre,
             self.check,
             self.supervisor.condition,
+            *lanes.routines(self),
         )
 
     @property
@@ -330,17 +326,7 @@ class Program:
         """What the routines call, and what looks at the whole filter."""
         from kfgen.emit.check import widen
 
-        watching = (self.check, self.supervisor.condition)
-        return (
-            *self.covariance.internals,
-            widen(self),
-            *self.align,
-            *self.moving,
-            *self.gather,
-            *self.delayed,
-            *self.recentre,
-            *watching,
-        )
+        return (*self.covariance.internals, widen(self), *lanes.internals(self), *self._beside)
 
     @cached_property
     def align(self) -> tuple[Routine, ...]:

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.emit.align import HEADING
+from kfgen.emit.covariance.packed import place
 from kfgen.emit.ir.ir import Routine
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.names import argument
+from kfgen.emit.watch import lanes
+from kfgen.emit.watch.rest import ROUTINE as DETECT_REST
 from kfgen.log.log import Channel, Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.simulate.rates import at_every_sample
@@ -87,6 +90,7 @@ def scenario(program: Program, most: int | None = None) -> tuple[RecordedCall, .
     given += in_motion(program)
     for routine in (*program.align, *program.gather):
         given += [(routine, row) for row in (at_rest if routine.name == "align" else fast)(program, routine)]
+    given += [*resting(program), *among_lanes(program)]
     for routine, inputs in given:
         machine.call(routine.name, split(routine, inputs))
         calls.append(RecordedCall(routine.name, inputs, machine.words()))
@@ -115,6 +119,8 @@ def calm(program: Program, steps: int) -> Iterator[tuple[Routine, tuple[float, .
     for routine in program.gather:
         yield from ((routine, row) for row in fast(program, routine))
     yield from in_motion(program)
+    yield from resting(program)
+    yield from among_lanes(program)
 
 
 LOOKED_AT = 50
@@ -145,6 +151,39 @@ def at_rest(program: Program, routine: Routine) -> Iterator[tuple[float, ...]]:
         field = [21e-6, 36e-6 + 1e-7 * (k % 5), -11e-6]
         given = [rest.get(a.name, force if n == 0 else field) for n, a in enumerate(routine.arguments)]
         yield tuple(float(np.float32(v)) for values in given for v in values)
+
+
+def resting(program: Program) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the detector of rest, of a filter that has it: moving at first, shaken in between, at rest, pushed."""
+    routines = {r.name: r for r in program.entries}
+    if not program.resting:
+        return
+    update, found = routines[f"update_{program.resting.name}"], routines[DETECT_REST]
+    rows = list(at_rest(program, found))
+    for k, row in enumerate([*rows, *rows[SHAKEN + 1 :], *rows]):
+        if k == SHAKEN:
+            yield from ((update, (0.0, 0.0, 0.0)) for _ in range(UNTIL_FOLLOWED))
+        yield found, row
+    yield update, (30.0, 0.0, 0.0)
+    yield found, (BEYOND, *row[1:])
+
+
+def among_lanes(program: Program) -> Iterator[tuple[Routine, tuple[float, ...]]]:
+    """Calls of the hooks for lanes, of a filter that has them: a lane at its start is taken over, and one that is broken."""
+    routines = {r.name: r for r in lanes.routines(program)}
+    if not routines:
+        return
+    start = [float(np.float32(v)) for v in program.discrete.start]
+    P = [0.0] * program.covariance.size
+    for i, s in enumerate(program.covariance.order):
+        P[place(program.n, i, i)] = float(np.float32(program.prior(s).value ** 2)) or 1.0
+    for x, stored in ((start, P), ([float("nan"), *start[1:]], P), (start, [-1.0, *P[1:]])):
+        yield routines[lanes.HEALTH], ()
+        yield routines[lanes.TAKE_OVER], (*x, *stored)
+
+
+UNTIL_FOLLOWED = 30
+"""Samples after which a sensor that was rejected has been followed."""
 
 
 def _inputs(discrete: DiscreteModel, routine: Routine, log: Log, k: int) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ import sympy as sp
 from kfgen.emit.guards import finite
 from kfgen.emit.ir.ir import Bin, Expr, Let, Note, Num, Ref, Routine, StatusFlag, Stmt, Store, Una, When, mul
 from kfgen.emit.ir.lower import Lowering
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
@@ -59,13 +59,13 @@ def normalised(
     return [*body, total, When(is_finite, (*stores, *then), (StatusFlag("NOT_FINITE"),))]
 
 
-def inject(program: Program, guarded: bool = False) -> list[Stmt]:
-    """The correction ``dx`` moves into the state; where that is guarded, only if the new one is finite."""
+def inject(program: Program, guarded: bool = False, then: Sequence[Stmt] = ()) -> list[Stmt]:
+    """The correction ``dx`` moves into the state, and what follows; where that is guarded, only if the new one is finite."""
     model = program.discrete.model
     lower = program.lowering("c")
     lower.places |= {s.error.name: Ref("dx", i) for i, s in enumerate(model.states)}
     values, body = lower.many(list(model.corrected))
-    return [Note("correct the state"), *body, *normalised(program, values, lower, guarded)]
+    return [Note("correct the state"), *body, *normalised(program, values, lower, guarded, then)]
 
 
 def init(program: Program) -> Routine:

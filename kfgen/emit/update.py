@@ -37,8 +37,10 @@ from kfgen.emit.ir.lower import Lowering
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.settings import sample_variance, squared_gate
 from kfgen.emit.state import inject
-from kfgen.emit.supervisor import DUE, widened
 from kfgen.emit.targets.names import identifier
+from kfgen.emit.watch import lanes
+from kfgen.emit.watch.biases import bounded
+from kfgen.emit.watch.supervisor import DUE, widened
 from kfgen.model.parts.sensors import Sensor
 
 if TYPE_CHECKING:
@@ -83,9 +85,13 @@ def update(program: Program, sensor: Sensor) -> Routine:
     R = variances(program, sensor)
     gate = squared_gate(lower, sensor)
     given = list(zip(sensor.channels, rows, y, [Ref(R.name, i) for i in range(R.size)], strict=True))
-    after = [*program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
-    rejected = _rejected(program, sensor, rows, y, [r for *_, r in given])
-    corrected = inject(program, guarded=True)
+    tested = lanes.tested(program, sensor, gate)
+    after = [*tested, *program.supervisor.accepted(sensor.name, gate), *program.covariance_guard()]
+    rejected = _rejected(program, sensor, rows, y, [r for *_, r in given], lower)
+    corrected = [
+        *lanes.kept(program),
+        *inject(program, guarded=True, then=(*bounded(program), *lanes.told(program))),
+    ]
     if program.covariance.gates_first:
         body += _joint(program, given, gate, corrected, after, rejected)
     else:
@@ -98,7 +104,7 @@ def update(program: Program, sensor: Sensor) -> Routine:
         f"Fuse one sample: {sensor.title}.",
         (z, *others, R),
         tidy(_plausible(program, sensor, (z, *others, R), lower, tuple(body))),
-        (Scratch("dx", program.n), Scratch(DUE.name, 1), *memory),
+        (Scratch("dx", program.n), Scratch(DUE.name, 1), *memory, *lanes.scratch(program)),
     )
 
 
@@ -156,7 +162,9 @@ def _joint(
     return [*before, *gated(S, y, gate, [*accepted, *corrected, *after], [*kept, *rejected])]
 
 
-def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref]) -> list[Stmt]:
+def _rejected(
+    program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], R: list[Ref], lower: Lowering
+) -> list[Stmt]:
     """It is counted; where that has gone on for too long, P widens along each row that sees something of the priors, as far as states may widen."""
     wide: list[Stmt] = program.supervisor.reset(sensor.name)
     for i, row in enumerate(rows):
@@ -169,7 +177,12 @@ def _rejected(program: Program, sensor: Sensor, rows: list[Row], y: list[Expr], 
         near = Compare("<=", mul(y[i], y[i]), limit)
         wide += [Let(along.name, projection), Let(limit.name, mul(most, along))]
         wide.append(When(All((seen, near)), (*direction, *call)))
-    return [*program.supervisor.rejected(sensor.name), When(Compare(">", DUE, Num(0.0)), tuple(wide))]
+    tested = lanes.tested(program, sensor, squared_gate(lower, sensor))
+    return [
+        *tested,
+        *program.supervisor.rejected(sensor.name),
+        When(Compare(">", DUE, Num(0.0)), tuple(wide)),
+    ]
 
 
 def widened_share(program: Program, states: Iterable[int]) -> float:

@@ -16,6 +16,7 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name, module
 from kfgen.emit.targets.loaded import loaded
+from kfgen.emit.watch.parts import PARTS
 from kfgen.log.log import Log
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
@@ -191,7 +192,8 @@ def program_over(model: ModelSource, log: Log, noise: NoiseSource | None = None)
     longest = max(DiscreteModel.max_step, 1.001 * float(np.diff(log.t).max(initial=log.dt)))
     built = filter_of(model, noise)
     rates = rates_in(log, built)
-    return Program(DiscreteModel.at_rate(built, 1.0 / log.dt, max_step=longest, rates=rates))
+    discrete = DiscreteModel.at_rate(built, 1.0 / log.dt, max_step=longest, rates=rates)
+    return Program(discrete, without=tuple(PARTS))
 
 
 def run(  # noqa: PLR0913 - what a user may choose

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.verify.flight import FIX_RATE, START_S, TrialFlight
+from kfgen.emit.watch.rest import ROUTINE as DETECT_REST
+from kfgen.verify.flight import FIX_RATE, START_S, Motion, TrialFlight, parked, turning
 
 Mask = NDArray[np.bool_]
 NOTHING = ""
@@ -32,6 +33,10 @@ class FlightFault:
         Within which time a status must say it [s]; infinite where it is none until it has lasted.
     event : str
         What happens to the filter itself at its beginning: ``turned``, ``restored``, or nothing.
+    motion : callable
+        The flight that it comes into.
+    needs : str
+        A routine without which a filter is not flown through it, or nothing.
     """
 
     title: str
@@ -39,6 +44,8 @@ class FlightFault:
     spoil: Callable[[TrialFlight, Mask, Mask], None] = lambda flight, steps, fixes: None
     reported_within: float = REPORTED_WITHIN_S
     event: str = NOTHING
+    motion: Motion = turning
+    needs: str = NOTHING
 
 
 ONCE = 0.001
@@ -51,6 +58,15 @@ def _set(name: str, value: float) -> Callable[[TrialFlight, Mask, Mask], None]:
     def spoil(flight: TrialFlight, steps: Mask, fixes: Mask) -> None:
         array = getattr(flight, name)
         array[steps if len(array) == len(steps) else fixes] = value
+
+    return spoil
+
+
+def _off(name: str, by: float) -> Callable[[TrialFlight, Mask, Mask], None]:
+    """The first axis of a triad is off by as much during the fault."""
+
+    def spoil(flight: TrialFlight, steps: Mask, fixes: Mask) -> None:
+        getattr(flight, name)[steps, 0] += by
 
     return spoil
 
@@ -129,6 +145,10 @@ FAULTS: tuple[FlightFault, ...] = (
     FlightFault("20 s of GNSS that is 1 s late", 20.0, _late),
     FlightFault("10 s of fixes in the wrong order", 10.0, _swapped),
     FlightFault("a restart from what was stored 2 s before", ONCE, event="restored"),
+    FlightFault("20 s of an accelerometer that is 4 m/s^2 off", 20.0, _off("accel", 4.0)),
+    FlightFault(
+        "30 s without GNSS, parked", 30.0, _set("absent", True), NEVER, motion=parked, needs=DETECT_REST
+    ),
 )
 """All of them; the flight without one comes with `SOUND`."""
 SOUND = FlightFault("no fault", ONCE, reported_within=NEVER)

@@ -1,11 +1,12 @@
 """A simulated flight for a filter: S-turns at 20 m/s, an IMU with turn-on biases, GNSS at 10 Hz, a magnetometer.
 
-The body banks as a coordinated turn wants it, its forward speed and its climb swing. Inertial samples are exact means
+The body banks as a coordinated turn wants it, its forward speed and its climb swing; or it is parked. Inertial samples are exact means
 of the motion between two samples, plus biases and white noise of a MEMS sensor.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,7 +72,27 @@ class TrialFlight:
         return replace(self, **{k: np.array(v) for k, v in vars(self).items()})
 
 
-def flight(rate: float, seconds: float, field: Array, rng: np.random.Generator) -> TrialFlight:
+def turning(t: Array) -> tuple[Rotation, Array]:
+    """Attitude and velocity over time of S-turns."""
+    heading = 1.5 * np.sin(0.25 * t) + 0.02 * t
+    rate = 0.375 * np.cos(0.25 * t) + 0.02
+    speed = 20.0 + 2.0 * np.sin(0.5 * t)
+    bank = np.arctan(speed * rate / STANDARD_GRAVITY)
+    v = np.column_stack([speed * np.cos(heading), speed * np.sin(heading), np.sin(0.4 * t)])
+    return Rotation.from_euler("ZX", np.column_stack([heading, bank])), v
+
+
+def parked(t: Array) -> tuple[Rotation, Array]:
+    """The same of a body that stands, a little tilted."""
+    return Rotation.from_euler("ZX", np.tile([0.7, 0.05], (t.size, 1))), np.zeros((t.size, 3))
+
+
+Motion = Callable[[Array], tuple[Rotation, Array]]
+
+
+def flight(
+    rate: float, seconds: float, field: Array, rng: np.random.Generator, motion: Motion = turning
+) -> TrialFlight:
     """A flight without a fault.
 
     Parameters
@@ -84,10 +105,12 @@ def flight(rate: float, seconds: float, field: Array, rng: np.random.Generator) 
         Magnetic field, navigation axes [T].
     rng : Generator
         Draws biases and noise.
+    motion : callable
+        Attitude and velocity [m/s] over time [s].
     """
     n, dt = round(seconds * rate), 1.0 / rate
     t: Array = np.arange(n + 1, dtype=np.float64) * dt
-    R, v = _motion(t)
+    R, v = motion(t)
     turn = (R[:-1].inv() * R[1:]).as_rotvec()
     middle = R[:-1] * Rotation.from_rotvec(turn / 2.0)
     force = middle.inv().apply(np.diff(v, axis=0) / dt - [0.0, 0.0, STANDARD_GRAVITY])
@@ -113,13 +136,3 @@ def flight(rate: float, seconds: float, field: Array, rng: np.random.Generator) 
         R[0].as_quat(scalar_first=True),
         v[0],
     )
-
-
-def _motion(t: Array) -> tuple[Rotation, Array]:
-    """Attitude and velocity over time."""
-    heading = 1.5 * np.sin(0.25 * t) + 0.02 * t
-    rate = 0.375 * np.cos(0.25 * t) + 0.02
-    speed = 20.0 + 2.0 * np.sin(0.5 * t)
-    bank = np.arctan(speed * rate / STANDARD_GRAVITY)
-    v = np.column_stack([speed * np.cos(heading), speed * np.sin(heading), np.sin(0.4 * t)])
-    return Rotation.from_euler("ZX", np.column_stack([heading, bank])), v

@@ -18,6 +18,7 @@ from kfgen.core.result import Result, ShortTable
 from kfgen.emit.folder import EmittedFilter
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import c
+from kfgen.emit.watch.rest import ROUTINE as DETECT_REST
 from kfgen.model.parts.motion import NED
 from kfgen.verify.core import Core
 from kfgen.verify.faults import FAULTS, RIGHT_WITHIN_S, WRONG_WITHIN_S, FlightFault, spoiled
@@ -161,7 +162,7 @@ def fly_faults(
     cores : sequence of str
         Names of cores, see `kfgen.list_all`.
     faults : sequence of FlightFault
-        All of them where left out.
+        All of them where left out; those that need a part that the filter has not are not flown.
     seed : int
         Of biases and noise.
 
@@ -182,6 +183,8 @@ def fly_faults(
 
     program = emitted.program
     _check(emitted)
+    known = {r.name for r in program.entries}
+    faults = [f for f in faults if f.needs in known or not f.needs]
     field = np.array([_constant(program, "mag_N", 20e-6), 0.0, _constant(program, "mag_D", 44e-6)])
     verdicts = []
     for name in cores:
@@ -191,7 +194,7 @@ def fly_faults(
             for fault in counted(faults, f"flights on {name}"):
                 rng = np.random.default_rng(seed)
                 seconds = START_S + fault.seconds + AFTER_S
-                calm = flight(program.discrete.rate, seconds, field, rng)
+                calm = flight(program.discrete.rate, seconds, field, rng, fault.motion)
                 flown = _Pilot(program, core, spoiled(calm, fault), fault).fly()
                 verdicts.append(flown.verdict(name))
     return FaultFlights(emitted.model_hash, tuple(verdicts))
@@ -273,6 +276,7 @@ class _Pilot:
         self.nx = len(self.names)
         sensors = {s.name for s in program.discrete.model.sensors}
         self.given = {f"update_{n}": getattr(flight, a) for n, a in ROUTINES.items() if n in sensors}
+        self.rests = program.resting is not None
         self.reported = np.inf
         self.worst = 0
 
@@ -322,6 +326,8 @@ class _Pilot:
             for k in range(begin, last + 1):
                 if f.called[k]:
                     self._call("predict", inputs[k], float(f.t[k]))
+                    if self.rests:
+                        self._call(DETECT_REST, inputs[k], float(f.t[k]))
             begin = last + 1
             if not f.absent[m]:
                 for routine, samples in self.given.items():

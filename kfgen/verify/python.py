@@ -18,10 +18,10 @@ from kfgen.core.errors import CheckFailed, InputError
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import split
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.loaded import imported
 from kfgen.emit.targets.selftest import TOLERANCE_SIGMAS, deviations
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
 from kfgen.verify.core import CoreVerdict, InstructionCount
 from kfgen.verify.replay import Replay
 

@@ -30,7 +30,10 @@ from kfgen.emit.ir.ir import (
     sub,
 )
 from kfgen.emit.ir.tidy import tidy
+from kfgen.emit.targets.names import argument
 from kfgen.emit.update import variances
+from kfgen.emit.watch.rest import ROUTINE as DETECT_REST
+from kfgen.model.parts.motion import ACCEL, GYRO
 from kfgen.model.parts.sensors import Sensor
 
 if TYPE_CHECKING:
@@ -116,6 +119,9 @@ def _behind(memory: HorizonMemory, predictor: Predictor, row: str) -> list[Stmt]
         When(Compare(">", LEFT, Num(0.0)), (_predicted(memory, row, LEFT), Store(clock, add(clock, LEFT))))
     )
     body.append(When(Compare(">=", clock, Num(REBASE_S)), tuple(_rebased(memory))))
+    if memory.program.resting:
+        triads = tuple(Ref(f"step_{argument(i.name)}") for i in (ACCEL, GYRO))
+        body.append(FunctionCall(DETECT_REST, (*triads, memory.given(row, "dt")), True))
     return [*body, *predictor.correct(row, memory.given(row, "dt"))]
 
 

@@ -163,6 +163,7 @@ Stmt = Let | Cursor | Store | When | StatusFlag | Note | For | FunctionCall
 
 STATUS = (
     "OK",
+    "LIMITED",
     "GATED",
     "NOT_POSITIVE",
     "BAD_STEP",

@@ -21,14 +21,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from kfgen.core.units import STANDARD_GRAVITY
-from kfgen.emit.align import (
-    ARRAY,
-    HEADING,
-    MAX_NOSE,
-    REASONS,
-    SPREAD,
-    TILTED,
-)
+from kfgen.emit.align import HEADING, MAX_NOSE, SPREAD, TILTED
 from kfgen.emit.align_routine import AlignRoutine, Triad
 from kfgen.emit.covariance.correction import GAIN
 from kfgen.emit.guards import every, sum_of_squares, within
@@ -56,6 +49,7 @@ from kfgen.emit.ir.ir import (
 )
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.moving.places import FIRST, SUMS, alignable
+from kfgen.emit.watch.quiet import REASONS
 from kfgen.model.parts.motion import ACCEL, GRAVITY, GYRO
 
 if TYPE_CHECKING:
@@ -105,7 +99,7 @@ class MovingAlign(AlignRoutine):
 
     def _gather(self) -> Routine:
         accel, gyro = (self._triad(i.name, f"{i.title} [{i.unit}], body axes") for i in (ACCEL, GYRO))
-        f, w = (self._sample(i.name) for i in (ACCEL, GYRO))
+        f, w = (self.quiet.sample(i.name) for i in (ACCEL, GYRO))
         S = [self.at(n) for n in SUMS]
         body: list[Stmt] = []
         a = self._lets(body, [mul(c, Ref("dt")) for c in w], "a")
@@ -208,7 +202,7 @@ class MovingAlign(AlignRoutine):
             forward, below = ([Store(a, Num(float(i == k))) for i, a in enumerate(target)] for k in (0, 2))
             return [When(Compare("<", mul(s[0], s[0]), Num(MAX_NOSE**2)), tuple(forward), tuple(below))]
         own, body = self.lower.many(self.alignment.offset)
-        fields = [sub(m, o) for m, o in zip(self._sample(north.name), own)]
+        fields = [sub(m, o) for m, o in zip(self.quiet.sample(north.name), own)]
         unit = self._unit(body, fields, "m")
         return [*body, *(Store(a, c) for a, c in zip(target, unit))]
 
@@ -284,9 +278,7 @@ class MovingAlign(AlignRoutine):
     def _done(self) -> list[Stmt]:
         names = self.program.discrete.nominal_names
         fixed = [Store(Ref("x", names.index(f"v_{a}")), Ref("v", i)) for i, a in enumerate("NED")]
-        over = [
-            Store(Ref(ARRAY, self.names.index(n)), Num(0.0)) for n in ("MOVING", "ALIGNING", "ALIGN_REASON")
-        ]
+        over = [Store(self.at(n), Num(0.0)) for n in ("MOVING", "ALIGNING", "ALIGN_REASON")]
         return [*fixed, *over, Store(Ref("known", 0), Num(1.0))]
 
 

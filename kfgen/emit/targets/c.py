@@ -11,7 +11,6 @@ import numpy as np
 import kfgen
 from kfgen.audit.audit import unobservable_directions
 from kfgen.core.errors import InputError
-from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.forms import HELD
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.geodetic.origin import Border
@@ -24,6 +23,7 @@ from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import accuracy, frames, omitted
+from kfgen.emit.watch.quiet import REASONS
 from kfgen.model.filter import FilterModel
 
 TARGET = "c"

@@ -6,7 +6,6 @@ from typing import Any
 
 import kfgen
 from kfgen.core.errors import InputError
-from kfgen.emit.align import REASONS
 from kfgen.emit.align_routine import AlignRoutine
 from kfgen.emit.check import MAX_NORM_ERROR, widest
 from kfgen.emit.covariance.forms import Packed
@@ -16,13 +15,17 @@ from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
 from kfgen.emit.moving.moving import MovingAlign
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import gates, sample_variance, squared_gate
-from kfgen.emit.supervisor import ARRAY
 from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
 from kfgen.emit.update import LEAST_SEEN, widened_share
+from kfgen.emit.watch import lanes
+from kfgen.emit.watch.biases import bounded
+from kfgen.emit.watch.quiet import REASONS
+from kfgen.emit.watch.rest_routine import detect_rest
+from kfgen.emit.watch.supervisor import ARRAY
 from kfgen.model.parts.sensors import Sensor
 
 TARGET = "filterpy"
@@ -82,12 +85,21 @@ def _methods(program: Program) -> list[dict[str, str]]:
                 f"_rejected_{s}",
                 "",
                 "It is counted; whether that has gone on for too long.",
-                watch.rejected(s),
+                [*lanes.tested(program, sensor, gate), *watch.rejected(s)],
                 "due",
             ),
             (f"_reset_{s}", "", "What comes before its states are widened.", watch.reset(s), ""),
-            (f"_accepted_{s}", ", status: Status", "A sample was fused.", watch.accepted(s, gate), "guard"),
+            (
+                f"_accepted_{s}",
+                ", status: Status",
+                "A sample was fused.",
+                [*lanes.tested(program, sensor, gate), *watch.accepted(s, gate)],
+                "guard",
+            ),
         ]
+    made += _of_lanes(program)
+    limits = "Biases beyond their bounds are held there."
+    made.append(("_bounded", ", status: Status", limits, bounded(program), "bounded"))
     made += [
         ("align", _typed(r.arguments), r.text, list(AlignRoutine(program).body(())), "aligned")
         for r in program.align
@@ -95,7 +107,28 @@ def _methods(program: Program) -> list[dict[str, str]]:
     made += [("gather", _typed(r.arguments), r.text, list(r.body), "gathered") for r in program.gather]
     return [
         *(_method(program, *m) for m in made),
-        *(_plain(program, r) for r in (*program.delayed, *program.recentre, *_moving(program))),
+        *(
+            _plain(program, r)
+            for r in (
+                *detect_rest(program),
+                *program.delayed,
+                *program.recentre,
+                *_moving(program),
+            )
+        ),
+    ]
+
+
+def _of_lanes(program: Program) -> list[tuple[str, str, str, list[Stmt], str]]:
+    """What tells a jump, and what follows a hand-over."""
+    if not program.lanes:
+        return []
+    tell, *_ = lanes.internals(program)
+    handed, (health, _) = lanes.handed(program.supervisor), lanes.routines(program)
+    return [
+        (f"_{tell.name}", ", before: list[float]", tell.text, list(tell.body), "told"),
+        ("_handed", "", "A state that is another lane's begins here.", handed, ""),
+        (health.name, "", health.text, list(health.body), "health"),
     ]
 
 
@@ -133,7 +166,11 @@ BEFORE = {
     "aligned": "        status, x, k = Status.OK, self.nominal, [*self.constants, *self.gates.values()]\n"
     "        gain, ahead, spread, tilted, why = [0.0] * len(STATES), [0.0] * 3, [0.0], [0.0], [0.0]\n",
     "status": "        status = Status.OK\n",
-    "due": "        due = [0.0]\n",
+    "bounded": "        x = self.nominal\n",
+    "due": "        due, nis, k = [0.0], [self.nis], [*self.constants, *self.gates.values()]\n",
+    "health": "        status, k = Status.OK, [*self.constants, *self.gates.values()]\n"
+    f"        {lanes.OUT} = [0.0] * len(STATES)\n",
+    "told": "        x = self.nominal\n",
     "guard": "        nis, k = [self.nis], [*self.constants, *self.gates.values()]\n",
 }
 AFTER = {
@@ -143,10 +180,20 @@ AFTER = {
     "            self._known(np.array(gain), spread[0], tilted[0])\n"
     "        return status",
     "status": "\n        return status",
+    "bounded": "\n        return status",
+    "health": "\n        return status",
     "due": "\n        return due[0] > 0.0",
     "guard": "\n        return max(status, self._guarded())",
 }
-RESULT = {"gathered": "Status", "aligned": "Status", "status": "Status", "due": "bool", "guard": "Status"}
+RESULT = {
+    "gathered": "Status",
+    "aligned": "Status",
+    "status": "Status",
+    "bounded": "Status",
+    "health": "Status",
+    "due": "bool",
+    "guard": "Status",
+}
 
 
 def _method(
@@ -262,6 +309,8 @@ def module(program: Program) -> dict[str, str]:
         priors=[program.prior(i).name for i in range(program.n)],
         widest=[sd.name for sd in widest(program)],
         least_seen=LEAST_SEEN,
+        lanes=program.lanes,
+        since_reset=program.supervisor.at("SINCE_RESET").index,
         quaternion=[discrete.nominal_names.index(n) for n in attitude.nominal_names] if attitude else [],
         errors=AlignRoutine(program).errors if program.align else [],
         reasons=REASONS,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import kfgen
-from kfgen.emit.align import REASONS
 from kfgen.emit.covariance.packed import place
 from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.ir.ir import STATUS, Routine, names_of
@@ -15,6 +14,7 @@ from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, exactly, recorded, selftest
 from kfgen.emit.targets.templates import render
 from kfgen.emit.targets.words import frames, omitted
+from kfgen.emit.watch.quiet import REASONS
 
 TARGET = "numpy"
 TITLE = "Python class on numpy alone, equal to the C in every bit"

@@ -11,8 +11,8 @@ import kfgen
 from kfgen.emit.reference import Machine
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import RecordedCall, scenario, split
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.targets.templates import render
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
 
 Array = NDArray[np.float64]
 Expected = Sequence[tuple[float, float]]

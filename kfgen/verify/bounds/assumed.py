@@ -18,7 +18,7 @@ from kfgen.emit.covariance.state_range import StateRange
 from kfgen.emit.ir.ir import Bin, Expr, Let, Num, Ref, Routine, Store, Una
 from kfgen.emit.routines import Program
 from kfgen.emit.settings import MAX_BY_UNIT
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
 from kfgen.verify.bounds.interval import RAW, Arithmetic, KnownNumber, value
 from kfgen.verify.bounds.walk import Array, Assumed, Scope, Walk
 
@@ -44,7 +44,8 @@ LEAST_SQUARE = 0.25
 """Least squared length of a quaternion before it is scaled to one."""
 MAX_TIME_S = 1e7
 """A filter is started again within so long [s]: 115 days."""
-OF_ALIGNMENT = ("ALIGN_COUNT", "ALIGN_GATHERED")
+NOT_NEGATIVE = ("ALIGN_COUNT", "ALIGN_GATHERED", "REST_COUNT", "REST_GATHERED", "REST_WAITED", "AT_REST")
+"""Times and counts among the numbers of alignment and rest."""
 LEAST_TRACE = 0.5
 """The largest of four that add up to four, reached where no other is one."""
 MAX_BANKED = 0.7
@@ -203,7 +204,7 @@ class FilterRanges:
             last = limits.get(name.rsplit("_", 1)[0])
             if last is not None:
                 found.append(value(-last, last))
-            elif name.startswith(("AGE", "SINCE", "MISSED", "STUCK", "REJECTED", "RESET", *OF_ALIGNMENT)):
+            elif name.startswith(("AGE", "SINCE", "MISSED", "STUCK", "REJECTED", "RESET", *NOT_NEGATIVE)):
                 found.append(value(0.0, MAX_TIME_S))
             else:
                 found.append(value(-MAX_MEMORY, MAX_MEMORY))

@@ -18,8 +18,8 @@ from kfgen.emit.covariance.forms import ANY_HELD, HELD
 from kfgen.emit.folder import EmittedFilter
 from kfgen.emit.ir.ir import Routine
 from kfgen.emit.routines import Program
-from kfgen.emit.supervisor import ARRAY as SUPERVISOR
 from kfgen.emit.targets.c import TARGET
+from kfgen.emit.watch.supervisor import ARRAY as SUPERVISOR
 from kfgen.verify.bounds.assumed import ASSUMPTIONS, FilterRanges
 from kfgen.verify.bounds.hostile import SEED, HostileCalls, hostile_calls, hostile_rows
 from kfgen.verify.bounds.walk import Open, Walk

@@ -11,7 +11,7 @@ as it does after predictions were missed for `RESYNC_AFTER`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 
 from kfgen.emit.covariance.joint import NIS
 from kfgen.emit.ir.ir import (
@@ -39,6 +39,8 @@ DUE = Ref("due", 0)
 """Scratch of an update: 1 where a rejected sample widens P."""
 LONG_AGO = 1e6
 """Since the last reset, before the first one [s]."""
+UNTURNED = "JUMP_Q_W"
+"""Of a quaternion that has not turned: one, its other components zero."""
 OF_SENSOR = {
     "AGE": "since its last accepted sample [s]",
     "REJECTED": "samples rejected in a row",
@@ -65,21 +67,21 @@ class Supervisor:
         Inputs of three noisy channels, as arguments: one that does not change is stuck.
     settings : dict of str to Constant
         Of the filter.
-    alignment : tuple of (str, str)
-        Places of the alignment, with their meaning.
+    others : tuple of (str, str)
+        Places of alignment, rest and the like, with their meaning.
     """
 
     rows: dict[str, int]
     triads: tuple[str, ...]
     settings: dict[str, Constant]
-    alignment: tuple[tuple[str, str], ...] = ()
+    others: tuple[tuple[str, str], ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:
         """Their names."""
         return tuple(self.rows)
 
-    @property
+    @cached_property
     def places(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each of its numbers, in order."""
         own = [
@@ -95,18 +97,25 @@ class Supervisor:
                 *(("LAST", f"_{axis}", "last sample") for axis in "XYZ"),
             )
         ]
-        return (*own, *OF_FILTER.items(), *stuck, *self.alignment)
+        return (*own, *OF_FILTER.items(), *stuck, *self.others)
 
     @property
     def start(self) -> tuple[float, ...]:
         """Its numbers before the first call."""
-        return tuple(LONG_AGO if name.startswith("SINCE") else 0.0 for name, _ in self.places)
+        others = {UNTURNED: 1.0}
+        return tuple(LONG_AGO if n.startswith("SINCE") else others.get(n, 0.0) for n, _ in self.places)
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {name: k for k, (name, _) in enumerate(self.places)}
+
+    def number(self, place: str) -> Ref:
+        """A number of it, by the name of its place."""
+        return Ref(ARRAY, self._numbers[place])
 
     def at(self, quantity: str, sensor: str = "") -> Ref:
         """A number of it: of the filter, or of a sensor."""
-        if not sensor:
-            return Ref(ARRAY, len(OF_SENSOR) * len(self.sensors) + list(OF_FILTER).index(quantity))
-        return Ref(ARRAY, len(OF_SENSOR) * self.sensors.index(sensor) + list(OF_SENSOR).index(quantity))
+        return self.number(f"{quantity}_{identifier(sensor).upper()}" if sensor else quantity)
 
     def _setting(self, name: str) -> Num:
         return Num(self.settings[name].value, name)
@@ -119,9 +128,8 @@ class Supervisor:
     def changed(self) -> list[Stmt]:
         """Whether each triad of inputs has changed since the last step."""
         body: list[Stmt] = []
-        for k, triad in enumerate(self.triads):
-            first = len(self.places) - len(self.alignment) - 4 * (len(self.triads) - k)
-            stuck, *last = (Ref(ARRAY, first + i) for i in range(4))
+        for triad in self.triads:
+            stuck, last = self.at("STUCK", triad), [self.at("LAST", f"{triad}_{a}") for a in "XYZ"]
             now = [Ref(triad, i) for i in range(3)]
             same = All(tuple(Compare(op, a, b) for a, b in zip(now, last) for op in ("<=", ">=")))
             kept = tuple(Store(b, a) for a, b in zip(now, last))
@@ -204,12 +212,12 @@ class Supervisor:
         ]
         for s in self.sensors:
             body.append(When(Compare(">=", self.at("REJECTED", s), count), degraded))
-        for k, (name, _) in enumerate(self.places):
-            if name.startswith("STUCK"):
-                body.append(When(Compare(">=", Ref(ARRAY, k), self._setting("STUCK_TIME")), degraded))
-        for k, (name, _) in enumerate(self.places):
-            if name == "ALIGNING":
-                body.append(When(Compare(">", Ref(ARRAY, k), Num(0.0)), (StatusFlag("ALIGNING"),)))
+        for t in self.triads:
+            body.append(When(Compare(">=", self.at("STUCK", t), self._setting("STUCK_TIME")), degraded))
+        if "SINCE_LIMITED" in self._numbers:
+            body.append(When(Compare("<", self.number("SINCE_LIMITED"), settle), degraded))
+        if "ALIGNING" in self._numbers:
+            body.append(When(Compare(">", self.number("ALIGNING"), Num(0.0)), (StatusFlag("ALIGNING"),)))
         lost: tuple[Stmt, ...] = (StatusFlag("LOST"),)
         for s in self.sensors:
             lost = (When(Compare(">", self.at("AGE", s), self._setting("LOST_AFTER")), lost),)
