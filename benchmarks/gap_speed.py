@@ -24,8 +24,8 @@ def static(n: int = 1_000_000) -> tuple[int, list[str], float]:
     """White noise and a Gauss-Markov bias, 100 Hz, a thermometer, a hidden temperature term and a line."""
     from scipy.signal import lfilter
 
-    from kfgen.gap.rest.channel_gap import channel_gap
     from kfgen.gap.core.drivers import drivers_of
+    from kfgen.gap.rest.channel_gap import channel_gap
     from kfgen.gap.rest.even_record import regular
 
     rng = np.random.default_rng(1)

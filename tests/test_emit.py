@@ -38,6 +38,7 @@ from kfgen.emit.scenario import scenario, split
 from kfgen.emit.targets.c import files
 from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.plain import module as numpy_module
+from kfgen.emit.watch.parts import BIASES
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.library import build
@@ -62,8 +63,11 @@ FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
 
 @cache
 def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> Program:
-    """Of one model all forms share what does not depend on the form: the transition in symbols, which is slow."""
-    made = Program(discrete(name, order), form, loops=loops)
+    """Of one model all forms share what does not depend on the form: the transition in symbols, which is slow.
+
+    Without bounds of biases, which random states leave; they have tests of their own.
+    """
+    made = Program(discrete(name, order), form, loops=loops, without=(BIASES,))
     if (form, loops) != FORMS[0]:
         first = program(name, order)
         first.covariance  # noqa: B018  computes it
@@ -720,11 +724,11 @@ def test_c_refuses_bad_steps_and_gated_samples(name: str, tmp_path: Path) -> Non
         assert host.call("predict", *inputs, 0.01) == 0
     before = host.core.words()
     for dt in BAD_STEPS:
-        assert host.call("predict", *inputs, dt) == 3, dt
+        assert host.call("predict", *inputs, dt) == STATUS.index("BAD_STEP"), dt
         assert (host.core.words() == before).all()
     watched = len(host.p.supervisor.places)
-    for z, status in ((90.0, 1), (math.inf, 4), (math.nan, 4)):
-        assert host.call(update, *[z] * rows) == status, z
+    for z, status in ((90.0, "GATED"), (math.inf, "BAD_INPUT"), (math.nan, "BAD_INPUT")):
+        assert host.call(update, *[z] * rows) == STATUS.index(status), z
         assert (host.core.words()[:-watched] == before[:-watched]).all()
     assert host.call("predict", *inputs, 0.1) == 0
     assert (host.core.words()[:-watched] != before[:-watched]).any()
@@ -734,7 +738,8 @@ def test_c_has_the_status_numbers_of_the_reference() -> None:
     text = files(program("ahrs6"))["ahrs6.h"]
     numbers = {k: int(v) for k, v in re.findall(r"KF_(?!REASON)(\w+) = (\d+)", text)}
     assert numbers == {name: k for k, name in enumerate(STATUS)}
-    assert list(numbers)[:5] == ["OK", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT"], "numbers are kept"
+    first = ["OK", "LIMITED", "GATED", "NOT_POSITIVE", "BAD_STEP", "BAD_INPUT"]
+    assert list(numbers)[: len(first)] == first, "numbers are kept"
 
 
 def emitted_c(folder: Path, name: str, form: str = "p") -> Path:
@@ -751,7 +756,9 @@ def test_the_example_program_runs(name: str, form: str, tmp_path: Path) -> None:
     done = subprocess.run([out], capture_output=True, text=True, check=True)
     found = re.search(r"status (\d+), NIS (\S+), health (\S+)", done.stdout)
     assert found
-    assert int(found[1]) <= 1, "the samples of one instant are no motion: a gate may close, no more"
+    assert int(found[1]) <= STATUS.index("GATED"), (
+        "the samples of one instant are no motion: a gate may close, no more"
+    )
     assert 0.0 < float(found[3]) <= 1.0
 
 

@@ -58,22 +58,18 @@ def emit(  # noqa: PLR0913 - the choices of one command
         Type of the numbers: ``float`` or ``double``.
     noise : NoiseModel or path-like, optional
         The effects of the channels; only beside a name or a path.
-    rate : float
-        Sampling rate [Hz].
+    rate, max_step : float
+        Sampling rate [Hz]; longest step [s], by default a tenth of a second, or what the fastest effect allows.
     order : int
         Order in the step of the motion's coupling, 1 to 3.
-    max_step : float, optional
-        Longest step [s]; a tenth of a second, or what the fastest effect allows, where left out.
-    loops : bool
-        Loops in place of repeated columns: less code, more instructions.
+    loops, lanes : bool
+        Loops in place of repeated columns: less code, more instructions. Hooks for firmware with several filters.
     q_interval : float
         Seconds between two additions of process noise to states that keep their value (``ud`` only); 0: every step.
     horizon : float, optional
         Age to which stamped measurements are fused [s], 0: none; a fifth more than the longest delay where left out.
     without : sequence of str
         Parts of the supervisor to leave out, of `kfgen.emit.watch.parts.PARTS`.
-    lanes : bool
-        With hooks for firmware that has several filters.
     costs : callable, optional
         Counts what the routines cost, for the header: `kfgen.verify.compare.costs` with its cores chosen.
     force : bool
@@ -86,10 +82,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
     Raises
     ------
     InputError
-        As in `kfgen.build`, an unknown target, form, type or part, or a folder that holds files of other origin.
+        As in `kfgen.build`, an unknown target, form, type or part, or a folder with files of other origin.
     """
-    if costs is not None and target != "c":
-        raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
     built = filter_of(model, noise)
     form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
     behind = MARGIN * longest_delay(built) if horizon is None else horizon
@@ -98,7 +92,14 @@ def emit(  # noqa: PLR0913 - the choices of one command
         discrete, form, real, loops, q_interval, horizon=behind, without=checked(without), lanes=lanes
     )
     if costs is not None:
-        program = replace(program, costs=costs(program))
+        program = replace(program, costs=_counted(program, target, costs))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None
     names = write_folder(program, target, noise_file, folder, force)
     return EmittedFilter(program, target, Path(folder), tuple(names))
+
+
+def _counted(program: Program, target: str, costs: CostCounter) -> tuple[str, ...]:
+    """What its routines cost; InputError where the target has no instructions of its own."""
+    if target != "c":
+        raise InputError(f"a filter in {target} cannot be counted", where="--core", remedy="Leave it out")
+    return costs(program)

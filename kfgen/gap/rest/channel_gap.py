@@ -116,9 +116,9 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    doubtful = any(t.significant for t in after) or search.comb_hz > 0.0
-    named = beside_misfit(findings) if doubtful else findings
-    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *named]
+    if any(t.significant for t in after) or search.comb_hz > 0.0:
+        findings = beside_misfit(findings)
+    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
     clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),
