@@ -70,13 +70,13 @@ def best_so_far() -> Iterator[None]:
     """Ctrl-C ends the search inside with the best so far, which is delivered; a second one ends the command at once."""
     forget_end()
     try:
-        with first_interrupt(_is_taken):
+        with first_interrupt(_ends_search):
             yield
     finally:
         forget_end()
 
 
-def _is_taken() -> bool:
+def _ends_search() -> bool:
     if not end_search():
         return False
     # Inside the handler of a signal: a buffer may be half written.

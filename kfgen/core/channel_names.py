@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 AXES = "xyz"
+GROUPS = {"imu": ("gyro", "accel")}
+"""Places that hold several sensors: those of one board."""
 
 MAX_NAMES_SAID = 20
 """Names that a message lists."""
@@ -23,7 +25,7 @@ def acts_on(where: str, channel: str) -> bool:
     Parameters
     ----------
     where : str
-        ``mag`` holds ``mag_x``; ``gnss`` holds ``gnss_p_N`` and ``gnss_v_N``.
+        ``mag`` holds ``mag_x``; ``gnss`` holds ``gnss_p_N`` and ``gnss_v_N``; ``imu`` holds gyros and accelerometers.
     channel : str
         Name of a channel.
 
@@ -31,7 +33,7 @@ def acts_on(where: str, channel: str) -> bool:
     -------
     bool
     """
-    return channel == where or channel.startswith(f"{where}_")
+    return any(channel == s or channel.startswith(f"{s}_") for s in (where, *GROUPS.get(where, ())))
 
 
 def sensor_and_axis(channel: str) -> tuple[str, int]:

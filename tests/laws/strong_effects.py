@@ -82,6 +82,7 @@ INERTIAL = (
     strong("nonlinearity", "gyro_x", k2=0.05, k3=0.02),
     strong("nonlinearity", "accel_x", k2=5e-3, k3=2e-4),
     strong("misalignment", "gyro_x", "accel_x", "gyro", "accel", xy=radians(1.0), xz=-radians(0.5)),
+    strong("mounting", "imu", "mag", x=radians(2.0), y=-radians(1.0), z=radians(1.5)),
     strong("g_sensitivity", "gyro_x", "gyro", xx=1e-3, xy=-1e-3),
     strong("g_squared", "gyro_x", xx=1e-3 / G),
     strong("vibration_rectification", *BOTH, coefficient=1e-2),

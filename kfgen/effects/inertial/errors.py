@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 PRODUCTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 """Pairs of axes whose products of the specific force a rate sensor may feel."""
+BEYOND_LINEAR_NATS = 2.0
+"""By which what is not linear is rarer: of sensors made today the linear term is the larger one, one in seven else."""
 MAX_EARTH_RATE_RATIO = 2.0
 """Of a rate that noise may make the Earth's."""
 
@@ -60,6 +62,7 @@ class ScaleDrift(InertialError):
     reference: Any = parameter("K", "setting", 293.15)
 
     name: ClassVar[str] = "scale_temperature"
+    prior_penalty_nats: ClassVar[float] = 1.0  # a bias that follows the temperature is commoner
     title: ClassVar[str] = "scale factor follows the temperature"
     separating_experiment: ClassVar[str] = "the same rates, cold and warm"
     sentence_template: ClassVar[str] = "has a scale that changes by {coefficient} from {reference} on"
@@ -78,6 +81,7 @@ class ScaleAsymmetry(InertialError):
     coefficient: Any = parameter("%", "signed")
 
     name: ClassVar[str] = "scale_asymmetry"
+    prior_penalty_nats: ClassVar[float] = BEYOND_LINEAR_NATS
     typical: ClassVar[Mapping[str, str]] = {"": "1 %"}
     title: ClassVar[str] = "scale factor differs by sign"
     separating_experiment: ClassVar[str] = "two or more rates of each sign"
@@ -98,6 +102,7 @@ class Nonlinearity(InertialError):
     k3: Any = parameter("1/(U)^2", "signed", 0.0)
 
     name: ClassVar[str] = "nonlinearity"
+    prior_penalty_nats: ClassVar[float] = BEYOND_LINEAR_NATS
     title: ClassVar[str] = "nonlinear scale"
     separating_experiment: ClassVar[str] = "the highest rates of both signs"
     sentence_template: ClassVar[str] = "is nonlinear: {entries}"
@@ -127,6 +132,34 @@ class Misalignment(InertialError):
     def error(self, felt: Felt, axis: int) -> Any:
         """``sum_j m_ij u_j``."""
         return row_of(self, felt.u, axis)
+
+
+@dataclass(frozen=True)
+class Mounting(InertialError):
+    """``y = R(delta)' u``: the sensors are turned to the vehicle, by twice the tangent of half the angle about an axis."""
+
+    x: Any = parameter("mrad", "signed", 0.0)
+    y: Any = parameter("mrad", "signed", 0.0)
+    z: Any = parameter("mrad", "signed", 0.0)
+
+    name: ClassVar[str] = "mounting"
+    typical: ClassVar[Mapping[str, str]] = {"": "20 mrad"}
+    title: ClassVar[str] = "mounting angles"
+    separating_experiment: ClassVar[str] = "motion about all three axes"
+    sentence_template: ClassVar[str] = "is turned to the vehicle (about its x, y, z axis): {entries}"
+    sensors: ClassVar[tuple[str, ...]] = ("imu", "gyro", "accel", "mag")
+
+    def error(self, felt: Felt, axis: int) -> Any:
+        """``2 / (1 + g g) (u x g + (u x g) x g)`` with ``g = delta / 2``: the exact turn, without a sine."""
+        g = (self.x / 2, self.y / 2, self.z / 2)
+        c = tuple(_crossed(felt.u, g, i) for i in range(3))
+        return 2 / (1 + g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) * (c[axis] + _crossed(c, g, axis))
+
+
+def _crossed(a: tuple[Any, ...], b: tuple[Any, ...], axis: int) -> Any:
+    """One component of ``a x b``."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    return a[i] * b[j] - a[j] * b[i]
 
 
 @dataclass(frozen=True)
@@ -173,7 +206,7 @@ class GSquared(InertialError):
     sentence_template: ClassVar[str] = "feels products of two axes of the specific force: {entries}"
     sensors: ClassVar[tuple[str, ...]] = ("gyro",)
     needs: ClassVar[tuple[str, ...]] = ("f_b",)
-    prior_penalty_nats: ClassVar[float] = 2.0  # of sensors made today the linear term is the larger one
+    prior_penalty_nats: ClassVar[float] = BEYOND_LINEAR_NATS
 
     def error(self, felt: Felt, axis: int) -> Any:
         """``sum_jk g_jk f_j f_k``."""

@@ -108,7 +108,7 @@ def kept(program: Program) -> list[Stmt]:
     )
 
 
-def told(program: Program) -> list[Stmt]:
+def jumps(program: Program) -> list[Stmt]:
     """What a correction moved, after it."""
     return [When(settling(program), (FunctionCall(TELL, (Ref(BEFORE),)),))] if program.lanes else []
 
@@ -142,11 +142,11 @@ def _tell(program: Program) -> Routine:
         o = [Ref(BEFORE, names.index(n)) for n in attitude]
         back: list[Expr] = [o[0], *(sub(Num(0.0), c) for c in o[1:])]
         body += [Let(f"turn_{k}", e) for k, e in enumerate(product(q, back))]
-        jumps = [at(f"JUMP_{n.upper()}") for n in attitude]
+        stored = [at(f"JUMP_{n.upper()}") for n in attitude]
         body += [
-            Let(f"jump_{k}", e) for k, e in enumerate(product([Ref(f"turn_{k}") for k in range(4)], jumps))
+            Let(f"jump_{k}", e) for k, e in enumerate(product([Ref(f"turn_{k}") for k in range(4)], stored))
         ]
-        body += [Store(j, Ref(f"jump_{k}")) for k, j in enumerate(jumps)]
+        body += [Store(j, Ref(f"jump_{k}")) for k, j in enumerate(stored)]
     given = Argument(BEFORE, len(names), "stored state before it")
     return Routine(TELL, "What moved the estimate at once is told.", (given,), tuple(body), internal=True)
 

@@ -13,7 +13,7 @@ from typing import Generic, Protocol, Self, TypeVar
 import numpy as np
 
 from kfgen.core.time_budget import search_is_over
-from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, SearchLimits
+from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, TIE_NATS, SearchLimits
 
 Label = tuple[str, str]
 """Effect and where it acts ("" where there is one channel)."""
@@ -236,11 +236,18 @@ def grown(explanation: E, limits: SearchLimits) -> E:
     """
     while len(explanation.chosen) < limits.max_effects and not explanation.is_closed and not search_is_over():
         asked = limits.min_evidence_nats if explanation.chosen else limits.min_first_evidence_nats
-        explanation, ranked = proven(explanation, explanation.ranked(), asked)
-        if not ranked or ranked[0].gain < asked:
+        together = limits.first_counts_rivals and not explanation.chosen
+        best = asked - TIE_NATS if together else asked
+        explanation, ranked = proven(explanation, explanation.ranked(), best)
+        if not ranked or ranked[0].gain < best or (together and of_all(ranked) < asked):
             break
         explanation = explanation.merged(ranked[0]) or explanation.plus(ranked[0], ranked)
     return explanation
+
+
+def of_all(ranked: Sequence[Addition]) -> float:
+    """Evidence that one of several additions is there, whichever it is [nats]."""
+    return float(np.logaddexp.reduce([a.gain for a in ranked]))
 
 
 def proven(explanation: E, ranked: Sequence[A], min_evidence_nats: float) -> tuple[E, Sequence[A]]:

@@ -42,6 +42,8 @@ class SearchLimits:
         Evidence by which another name must be better to take a place [nats].
     max_iterations : int
         Times that the whole list is gone through again.
+    first_counts_rivals : bool
+        Whether a first effect is named where all that might be it are likelier together than nothing.
     """
 
     max_effects: int
@@ -49,3 +51,4 @@ class SearchLimits:
     min_evidence_nats: float = MIN_EVIDENCE_NATS
     tie_nats: float = TIE_NATS
     max_iterations: int = MAX_ITERATIONS
+    first_counts_rivals: bool = False

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.channel_names import acts_on
+from kfgen.core.channel_names import AXES, GROUPS, acts_on
 from kfgen.effects import Effect
 from kfgen.effects.inertial.errors import EarthRate, ScaleAsymmetry
 from kfgen.effects.inertial.felt import Signals
@@ -358,7 +358,17 @@ class FlightScene:
         mag, seen = self._mag
         drive = self.path.log.drive
         field = tuple(NED.index(u.name[-1]) for u in self.unknowns if u.name.startswith(FIELD_PREFIX))
-        return MotionCandidates(self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive, field)
+        return MotionCandidates(
+            self.truth, tuple(moved), tuple(still), seen, mag, 0.0, None, drive, field, self._boards
+        )
+
+    @property
+    def _boards(self) -> tuple[str, ...]:
+        """Boards whose mounting angles show: of a magnetometer against the inertial sensors, of these against the vehicle."""
+        aiding = [a.sensor for a in self.path.log.aiding]
+        boards = [s.name for s in aiding if s.name == "mag" and len(s.channels) == len(AXES)]
+        inertial = all(s in self.path.log.triads for s in GROUPS["imu"])
+        return (*boards, *(["imu"] if inertial and any(s.has_vehicle_axes for s in aiding) else []))
 
     @cached_property
     def _mag(self) -> tuple[Array, NDArray[np.bool_]]:

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from kfgen.effects.inertial.errors import Mounting
 from kfgen.effects.inertial.inertial_error import free
 from kfgen.effects.inertial.lag import ClockDrift, Lag, TimeDelay
 from kfgen.gap.scene.scene import Placed
@@ -14,6 +15,8 @@ from kfgen.gap.scene.scene import Placed
 SHORT = {TimeDelay.name: ("delay", 2e-3), ClockDrift.name: ("rate", 2e-5)}
 """Delay [s] and drift by which the readings' rates are had along the path; larger ones are in proportion, until the path
 is theirs."""
+TURN_RAD = 1e-3
+"""Mounting angle by which the readings turn along the path; larger ones are in proportion, until the path is theirs."""
 NODE_LOG_STEP = 0.25
 """Step of the logarithm of a corner or a time constant between which responses are interpolated."""
 REMEMBERED_UNITS = 4096
@@ -46,7 +49,8 @@ def units_of(placed: Placed) -> tuple[tuple[Placed, float], ...]:
         return ((placed, 1.0),)
     sizes = {n: float(getattr(placed.effect, n)) for n in signed}
     bare = Placed(replace(placed.effect, **dict.fromkeys(signed, 0.0)), placed.where)
-    linear = [(replace(bare, effect=replace(bare.effect, **{n: 1.0})), s) for n, s in sizes.items()]
+    one = TURN_RAD if isinstance(placed.effect, Mounting) else 1.0
+    linear = [(replace(bare, effect=replace(bare.effect, **{n: one})), s / one) for n, s in sizes.items()]
     if not positive:
         return tuple(linear)
     nodes = _nodes(float(getattr(placed.effect, positive[0])))

@@ -21,6 +21,7 @@ from kfgen.effects.inertial.errors import (
     GSquared,
     LeverArm,
     Misalignment,
+    Mounting,
     Nonlinearity,
     ScaleAsymmetry,
     ScaleDrift,
@@ -50,6 +51,12 @@ DRIFT_ALONE = 3.0
 """Nats by which a magnetometer that drifts in time but has no offset, which is hard iron, is rarer: one in twenty."""
 DRIVEN_ELSEWHERE = 2.0
 """Nats by which what is known to drive one kind of sensor is rarer on the others: a motor's current on a barometer."""
+SIMULTANEOUS_AXIS = 2.0
+"""Nats by which it is rarer that one axis of a triad is late, or slow, than all: they are read at once."""
+VERTICAL_AXIS = 1.0
+"""Nats of the vertical of a receiver, which many smooth by itself."""
+DRIFTING_RECEIVER = 2.0
+"""Nats by which a receiver's fixes rarely follow time or a driver: its clocks and satellites take part in neither."""
 MAX_EVENTS = 2
 """Effects of a while of one magnetometer: what more of them would describe is a field that changes, and no event."""
 SLOW_DRIFT = 1e-5
@@ -79,6 +86,8 @@ class MotionCandidates:
     drive : mapping of str to ndarray
     unknown_field : tuple of int
         The axes in space along which nobody knows the magnetic field.
+    boards : tuple of str
+        Boards that may be turned to the vehicle where that would show.
     """
 
     truth: Truth
@@ -90,6 +99,7 @@ class MotionCandidates:
     field: Array | None
     drive: Mapping[str, Array]
     unknown_field: tuple[int, ...] = ()
+    boards: tuple[str, ...] = ()
 
     def axes(self, sensor: str) -> list[int]:
         """The axes of a sensor that moved."""
@@ -123,6 +133,7 @@ def offers(bench: MotionCandidates, placed: Sequence[Placed]) -> list[list[Place
         found += _forces(bench)
     if len(bench.axes("gyro")) == 3 and bench.truth.R_bn is not None:
         found.append([Placed(EarthRate(EARTH_RATE, EARTH_RATE, EARTH_RATE), "gyro")])
+    found += [[Placed(Mounting(SMALL, SMALL, SMALL), board)] for board in bench.boards]
     if "mag" in sensors:
         found += list(_magnetic(bench))
     if "baro" in bench.truth.read and bench.truth.speed_squared is not None:
@@ -196,8 +207,15 @@ def _lags(bench: MotionCandidates, sensor: str) -> list[list[Placed]]:
     dt = bench.truth.dt
     # The highest corners do what a delay does, of a hundredth and a tenth of a period.
     corners = [16.0 / dt, 1.6 / dt, 0.2 / dt, 0.05 / dt, 0.01 / dt]
-    found = [[Placed(TimeDelay(0.1 * dt), where)] for where in places]
-    return found + [[Placed(Bandwidth(f), where) for f in corners] for where in places]
+    rarer = {w: 0.0 if w == places[0] else _axis_penalty_nats(bench, sensor, w) for w in places}
+    found = [[Placed(TimeDelay(0.1 * dt), w, r)] for w, r in rarer.items()]
+    return found + [[Placed(Bandwidth(f), w, r) for f in corners] for w, r in rarer.items()]
+
+
+def _axis_penalty_nats(bench: MotionCandidates, sensor: str, channel: str) -> float:
+    """By which it is rarer that one axis of a triad is late or slow by itself."""
+    is_vertical = sensor in bench.truth.antennas and channel.endswith("_D")
+    return VERTICAL_AXIS if is_vertical else SIMULTANEOUS_AXIS
 
 
 def _forces(bench: MotionCandidates) -> list[list[Placed]]:
@@ -279,13 +297,13 @@ def _in_time(bench: MotionCandidates, name: str, sensor: str) -> list[list[Place
     look = Look(empty, empty, bench.truth.dt, float(t[-1] - t[0]), drive)
     driven = [cls for cls in catalogue().values() if issubclass(cls, DriverProportional)]
     driven += [coupled(n) for n in drive if n in DRIVERS and not DRIVERS[n].effect]
-    prior_penalty_nats = (
-        DRIFT_ALONE if sensor == "mag" else 0.0
-    )  # beside any other sensor stands a constant bias
+    receiver = DRIFTING_RECEIVER if sensor in bench.truth.antennas else 0.0
+    # Beside any sensor but a magnetometer stands a constant bias.
+    prior_penalty_nats = DRIFT_ALONE if sensor == "mag" else receiver
     found: list[tuple[Sequence[Effect], float]] = []
     for cls in driven:
         usual = driver_named(cls.driver).drives in ("", sensor)
-        found.append((cls.starts(look), 0.0 if usual else DRIVEN_ELSEWHERE))
+        found.append((cls.starts(look), receiver if usual else DRIVEN_ELSEWHERE))
     found += [(effect_named(n).starts(look), prior_penalty_nats) for n in IN_TIME]
     return [[Placed(e, name, r) for e in starts] for starts, r in found if starts]
 

@@ -9,6 +9,7 @@ its bandwidth, nothing is compared.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,11 +17,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.core.channel_names import acts_on
+from kfgen.core.channel_names import AXES, acts_on
 from kfgen.core.recent_results import RecentResults
 from kfgen.core.units import STANDARD_GRAVITY, parse_unit
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import axis_faults
+from kfgen.effects.inertial.errors import Mounting
 from kfgen.effects.inertial.felt import Signals
 from kfgen.effects.inertial.lag import MAX_NOISE_SIGMAS, Lag, unheard
 from kfgen.gap.core.completion import Completion
@@ -338,7 +340,11 @@ class MotionScene:
         for start, stop in edges_of([p.effect for p in (*self.own, *placed)]):
             good[(self.truth.t >= start) & (self.truth.t < stop)] = False
         unknown = () if "mag" in self.truth.read else (0, 1, 2)
-        return MotionCandidates(self.truth, moved, still, good, y - extra, spread, field, self.drive, unknown)
+        triads = Counter(c.sensor for c in self.compared if c.sensor in Mounting.sensors)
+        boards = tuple(s for s, axes in triads.items() if axes == len(AXES))
+        return MotionCandidates(
+            self.truth, moved, still, good, y - extra, spread, field, self.drive, unknown, boards
+        )
 
     def faults(self) -> tuple[Placed, ...]:
         """What spoils a fit: of the samples, the reference, or channels that read another axis or unit."""

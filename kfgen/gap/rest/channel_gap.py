@@ -116,9 +116,8 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    if any(t.significant for t in after) or search.comb_hz > 0.0:
-        findings = beside_misfit(findings)
-    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
+    named = beside_misfit(findings) if _is_doubtful(after, search) else findings
+    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *named]
     clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),
@@ -140,6 +139,11 @@ def channel_gap(
         checks=checks,
         clean=replace(at.whole, y=at.whole.y - raw.y + clean.y),
     )
+
+
+def _is_doubtful(after: Sequence[Test], search: ChannelExplanation) -> bool:
+    """Whether something is left that the updated model does not explain."""
+    return any(t.significant for t in after) or search.comb_hz > 0.0
 
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:

@@ -35,8 +35,8 @@ MIN_FAR_SHARE = 0.25
 """Of the evidence of the best addition, that others have at least which are weighed so."""
 FAR_ADDITIONS = 5
 """Additions that are weighed so, at most."""
-FAR_ROUNDS = 1
-"""Linearisations by which they are weighed: the path that a first fit makes likeliest is near enough to choose one."""
+FAR_ROUNDS = 2
+"""Linearisations by which they are weighed, at most: a turn by some degrees is a sum of small ones after the second only."""
 FITTED_ADDITIONS = 8
 """Additions that are fitted, the best of the screen."""
 
@@ -194,17 +194,24 @@ def cos2(a: Array, b: Array) -> float:
 
 
 def _cost(placed: Placed, every: Sequence[Placed]) -> float:
-    """Nats that an addition costs: every effect at every place is as likely, and nothing; so are the ways to write one.
+    """Nats that an addition costs: the logarithm of its share of what might be missing, and of the ways to write it.
 
-    Else a matrix would be likelier the more of its entries and rows are tried, and what its classes say is rare.
+    Something is missing as likely as not; of all effects at all places one that is rarer by so many nats has a smaller
+    share, and leaves the others a larger one. Without the ways a matrix would be likelier the more of its entries and
+    rows are tried.
     """
-    labels = [(p.effect.name, p.where) for p in every]
-    ways = labels.count((placed.effect.name, placed.where))
-    return (
-        float(np.log((len(set(labels)) + 1) * max(ways, 1)))
-        + placed.effect.prior_penalty_nats
-        + placed.prior_penalty_nats
-    )
+    penalties: dict[Label, float] = {}
+    for p in every:
+        label = p.effect.name, p.where
+        penalties[label] = min(penalties.get(label, np.inf), _penalty(p))
+    ways = sum((p.effect.name, p.where) == (placed.effect.name, placed.where) for p in every)
+    whole = 1.0 + float(np.exp(-np.array(list(penalties.values()))).sum())
+    return float(np.log(whole * max(ways, 1))) + _penalty(placed)
+
+
+def _penalty(placed: Placed) -> float:
+    """By which an effect at its place is rarer than others [nats]."""
+    return placed.effect.prior_penalty_nats + placed.prior_penalty_nats
 
 
 def _alike(a: Placed, b: Placed) -> bool:

@@ -20,10 +20,12 @@ from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
 from kfgen.gap.scene.scene import Scene, ScenePoint, Trusting, start_of
 from kfgen.gap.scene.tempered_scene import TemperedScene
 
-FIRST_LIMITS = replace(LIMITS, max_effects=4, min_first_evidence_nats=0.0, max_iterations=0)
+FIRST_LIMITS = replace(
+    LIMITS, max_effects=4, min_first_evidence_nats=0.0, max_iterations=0, first_counts_rivals=True
+)
 """Of a world that has random errors: beyond, one of these is likelier than a long list, and all is looked for again. Its
-candidates are many, so that the best of 38 flights without an effect was 1.9 nats below zero: a first name is likelier
-than nothing."""
+candidates are many, so that all together were 2.9 nats below nothing or more in six flights without an effect, and the
+best of 38 others was 1.9 nats below it: where one of them is likelier than nothing, the best is named."""
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ class ZeroVelocity(Sensor):
     title = "zero velocity at rest"
     unit = "m/s"
     channels = triad("zero_v")
+    is_constraint = True
     sd = 0.02
     needs = ("v", "phi")
 
@@ -64,6 +65,7 @@ class ZeroVelocity(Sensor):
 class Wheeled(Sensor):
     """A point of a vehicle whose motion wheels constrain."""
 
+    has_vehicle_axes = True
     options: ClassVar[tuple[Option, ...]] = (
         Option("axle_arm", "from IMU to the rear axle in body axes", Quantity("m", 3), "0 0 0 m"),
     )
@@ -98,6 +100,7 @@ class NonHolonomic(Wheeled):
     title = "no sideways and no vertical speed of the rear axle"
     unit = "m/s"
     channels = triad("nhc", "yz")
+    is_constraint = True
     sd = 0.1
     left_out = 0.05
     options = (*Wheeled.options, LEFT_OUT)

@@ -28,6 +28,7 @@ class Heading(Sensor):
     title = "heading of two antennas"
     unit = "rad"
     channels = ("heading",)
+    has_vehicle_axes = True
     sd = 5e-3
     needs = ("phi", "level")
     period = 2.0 * math.pi
@@ -97,6 +98,7 @@ class LandmarkBearing(Mark):
     title = "azimuth and elevation of a landmark in body axes"
     unit = "rad"
     channels = ("landmark_azimuth", "landmark_elevation")
+    has_vehicle_axes = True
     sd = 5e-3
     needs = ("p", "phi")
     period = 2.0 * math.pi

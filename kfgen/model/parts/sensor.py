@@ -66,6 +66,10 @@ class Sensor(Configured):
         Smallest plausible length of a triad that is never zero [SI]; zero for others.
     arm_order : int
         Which derivative of a place it measures: 0 a position, 1 a velocity; -1 neither.
+    has_vehicle_axes : bool
+        It looks along axes of the vehicle (wheels, a baseline), so that a board that is turned to it shows.
+    is_constraint : bool
+        Its readings are zeros by what is known of the vehicle: they are not measured, and none of them is stuck.
     """
 
     name: ClassVar[str] = ""
@@ -87,6 +91,8 @@ class Sensor(Configured):
     errors: tuple[AttachedError, ...] = ()
     rate_needs: tuple[str, ...] = ()
     arm_order: int = -1
+    has_vehicle_axes: ClassVar[bool] = False
+    is_constraint: ClassVar[bool] = False
     min_length: float = 0.0
     axes: tuple[str, ...] = NED
 

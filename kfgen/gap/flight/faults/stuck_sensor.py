@@ -30,7 +30,7 @@ def stuck_sensors(path: FlownPath) -> tuple[Placed, ...]:
     """
     found: list[Placed] = []
     expected, log = path.expected(), path.log
-    for a in log.aiding:
+    for a in (a for a in log.aiding if not a.sensor.is_constraint):
         rows = [path.rows.of(c) for c in a.sensor.channels]
         sd = np.sqrt([np.median(path.rows.R[r]) for r in rows])
         first, last = _longest_run(a.z, sd)
