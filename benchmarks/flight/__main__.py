@@ -4,8 +4,8 @@ Usage: python benchmarks/flight [--count K] [--nulls N] [--stacks M] [--strength
 
 Flights of four vehicles are simulated by plain numpy (`vehicle.py`, `flight.py`); kfgen gets the log and a filter of 16
 states with GNSS, magnetometer and barometer, without any reference. An effect's size is drawn so that it is worth X nats
-on its own flight: half its squared length in the innovations of that flight without it. Of a random error that is what its
-course would be worth if somebody knew it.
+on its own flight: half its squared length in the innovations of that flight without it. A random error's is the one with
+which the filter that has it, of its true numbers, gains X nats of log-likelihood on that flight over the one without.
 """
 
 from __future__ import annotations
@@ -55,6 +55,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     *(("bias_step", c, ("size",)) for c in ("gyro_y", "accel_x", "baro", "gnss_p_E", "mag_x")),
     ("hard_iron", "mag", ("x", "y", "z")),
     ("declination", "mag", ("angle",)),
+    ("mounting", "mag", ("x", "y", "z")),
     (
         "soft_iron",
         "mag",

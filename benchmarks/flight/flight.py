@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from vehicle import Motion, motion
 
 Array = NDArray[np.float64]
@@ -137,6 +138,8 @@ def _mag(truth: Motion, times: Array, effects: list[Effect]) -> Array:
     east = _sum(effects, "declination", ("mag",), "angle")
     turn = np.array([[np.cos(east), -np.sin(east), 0.0], [np.sin(east), np.cos(east), 0.0], [0.0, 0.0, 1.0]])
     m = truth.R_nb[at].inv().apply(turn @ FIELD_NED_T)
+    board = [_sum(effects, "mounting", ("mag",), a) for a in AXES]
+    m = Rotation.from_rotvec(board).inv().apply(m)
     out = m.copy()
     for e in effects:
         if e.where == "mag" and e.name == "hard_iron":

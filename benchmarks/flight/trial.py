@@ -10,6 +10,10 @@ from typing import Any
 import numpy as np
 from flight import RANDOM, Effect, fly, random_course
 
+SIZE_ROUNDS = 6
+"""Flights by which the size of a random error is found."""
+SIZE_TOLERANCE = 0.1
+"""Relative error of its gain with which that ends."""
 UNITS = {
     "accel": "m/s^2",
     "gyro": "rad/s",
@@ -110,7 +114,7 @@ def _sized(case: Case) -> Effect:
 
 
 def _sized_course(case: Case, scene: Any) -> Effect:
-    """A random error whose own course is worth its strength, had somebody known that course."""
+    """A random error as large as it must be for the filter that has it to gain its strength in log-likelihood."""
     from kfgen.gap.scene.screen import basis, orthogonal_part
 
     unit = Effect(case.effect, case.where, {case.parameters[0]: 1.0, **dict(case.fixed)})
@@ -123,8 +127,39 @@ def _sized_course(case: Case, scene: Any) -> Effect:
         at = path.rows.of(case.where)
         dz[at, 0] = course[path.rows.at[at]]
     V = orthogonal_part(scene.ordinates(path.linear.columns(du, dz)), basis(scene.of_constants))
-    size = float(np.sqrt(2.0 * case.strength) / np.linalg.norm(V))
+    size = float(np.sqrt(2.0 * case.strength) / np.linalg.norm(V))  # a course that somebody knew
+    tried: list[tuple[float, float]] = []
+    for _ in range(SIZE_ROUNDS):
+        gain = max(_gain_of(case, size), 0.1)
+        if abs(np.log(gain / case.strength)) < SIZE_TOLERANCE:
+            break
+        tried = sorted([*tried, (np.log(gain), np.log(size))])[-SIZE_ROUNDS:]
+        size = float(np.exp(_size_at(np.log(case.strength), tried)))
     return Effect(case.effect, case.where, {case.parameters[0]: size, **dict(case.fixed)})
+
+
+def _size_at(gain: float, tried: list[tuple[float, float]]) -> float:
+    """Logarithm of the size for a logarithm of a gain: between what was tried, or by a gain that grows with the square."""
+    gains, sizes = np.array(tried).T
+    if gains[0] < gain < gains[-1]:
+        return float(np.interp(gain, gains, sizes))
+    k = int(np.argmin(np.abs(gains - gain)))
+    return float(sizes[k] + 0.5 * np.clip(gain - gains[k], -2.0, 2.0))
+
+
+def _gain_of(case: Case, size: float) -> float:
+    """What the filter with the random error gains on its flight over the filter without it [nats]."""
+    from kfgen.effects import make
+    from kfgen.gap.flight.flight_scene import flight_scene
+    from kfgen.gap.flight.random.random_error import random_error_of
+    from kfgen.gap.scene.scene import Placed
+
+    values = {case.parameters[0]: size, **dict(case.fixed)}
+    scene = flight_scene(log_of(case, [Effect(case.effect, case.where, values)]), _model())
+    assert scene is not None
+    linear = scene.path.linear
+    error = random_error_of(Placed(make(case.effect, **values), case.where), scene.path.log.dt)
+    return float(linear.with_random_error(error).filtered().log_likelihood - linear.log_likelihood)
 
 
 def run(case: Case) -> Score:
