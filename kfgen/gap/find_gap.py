@@ -231,6 +231,7 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     """Of a filter by its innovations, without a reference; None where the log has no aiding sensor of the filter."""
     from kfgen.gap.flight.excitation import with_excitation
     from kfgen.gap.flight.flight_scene import flight_scene
+    from kfgen.gap.flight.noise.noise_factors import with_noise_factors
 
     found = flight_scene(log, model)
     if found is None:
@@ -241,6 +242,7 @@ def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:
     if found.path.log.dt > 1.5 * log.dt:
         warnings.append(compared_at(1.0 / found.path.log.dt))
     gap = with_excitation(scene_gap(found, units_of(log)), found, model, units_of(log))
+    gap = with_noise_factors(gap, found)
     written = as_given(model, assumed_noise(model, log))
     sized = with_sizes(written, model, gap.noise_scales)
     updated = filter_file(model, with_findings(sized, [gap], model.channel_units))

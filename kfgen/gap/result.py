@@ -198,6 +198,17 @@ class GapResult(Result):
             "noise_times": {
                 s.channel: {"value": s.times, "ci95": list(s.ci95)} for c in every for s in c.noise_scales
             },
+            "noise_factors": [
+                {
+                    "channel": f.channel,
+                    "times": f.times,
+                    "ci95": list(f.ci95),
+                    "parts": [{"cause": p.cause, "channel": p.where, "factor": p.factor} for p in f.parts],
+                    "left": f.left,
+                }
+                for c in every
+                for f in c.noise_factors
+            ],
             "rms_in_deviations": {n: {"before": a, "after": b} for c in every for n, a, b in c.rms},
             "outages": [
                 {

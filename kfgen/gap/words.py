@@ -22,6 +22,7 @@ from kfgen.gap.core.result import (
     Comparison,
     DetectionLimit,
     Finding,
+    NoiseFactor,
     NoiseScale,
     OutageDrift,
 )
@@ -40,6 +41,8 @@ MAX_RECORD_FACTOR = 1000.0
 """Times the length of a record beyond which nobody logs."""
 MIN_SAID_COS2 = 0.5
 """Squared cosine above which a likeness is said with its number."""
+MIN_SAID_FACTOR_LEFT = 1.5
+"""Size of a noise over the assumed one above which it is said to be unexplained."""
 NESTED_TOLERANCE_NATS = 1e-6
 """Change of a log-likelihood that is none."""
 MAX_NEARLY_ALIKE = 3
@@ -81,6 +84,17 @@ def noise_scale_sentence(s: NoiseScale) -> str:
     noise = "white noise" if s.white else "noise"
     return (
         f"The {noise} of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
+    )
+
+
+def noise_factor_sentence(f: NoiseFactor) -> str:
+    """Why a noise looks larger, in words."""
+    lo, hi = f.ci95
+    shares = [f"{p.factor:.3g} {p.cause} of {p.where}" for p in f.parts]
+    left = [f"{f.left:.3g} unexplained"] if f.left >= MIN_SAID_FACTOR_LEFT or not shares else []
+    return (
+        f"With nothing named the noise of {f.channel} would seem {f.times:.3g} times as large as assumed "
+        f"(95 %: {lo:.3g} to {hi:.3g}): {' x '.join([*shares, *left])}"
     )
 
 

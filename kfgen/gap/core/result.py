@@ -173,6 +173,48 @@ class NoiseScale:
 
 
 @dataclass(frozen=True)
+class NoiseFactorPart:
+    """What one cause does to the size that a noise seems to have.
+
+    Parameters
+    ----------
+    cause, where : str
+        A named effect, or ``vibration``, and its place.
+    factor : float
+        Standard deviation with the cause unexplained over that with it explained.
+    """
+
+    cause: str
+    where: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class NoiseFactor:
+    """By how much a noise looks larger than assumed where nothing is named, split by causes.
+
+    Parameters
+    ----------
+    channel : str
+        Input or channels of an aiding sensor that have one size.
+    times : float
+        Standard deviation over the assumed one, with nothing named.
+    ci95 : (float, float)
+        Its interval.
+    parts : tuple of NoiseFactorPart
+        Their product and `left` is `times`.
+    left : float
+        What nothing that was named explains.
+    """
+
+    channel: str
+    times: float
+    ci95: tuple[float, float]
+    parts: tuple[NoiseFactorPart, ...]
+    left: float
+
+
+@dataclass(frozen=True)
 class OutageDrift:
     """How far a filter is from the first fix after outages.
 
@@ -226,6 +268,8 @@ class Comparison:
         How far a filter drifts where its receiver is silent, as assumed and updated; outages in the last part of the log.
     parked : bool
         Whether the vehicle never moves.
+    noise_factors : tuple of NoiseFactor
+        Why noises of a flight look larger than assumed.
     """
 
     is_at_rest: ClassVar[bool] = False
@@ -247,6 +291,7 @@ class Comparison:
     refused: tuple[Refused, ...] = ()
     outages: tuple[tuple[OutageDrift, OutageDrift], ...] = ()
     parked: bool = False
+    noise_factors: tuple[NoiseFactor, ...] = ()
 
     @property
     def is_updated(self) -> bool:
