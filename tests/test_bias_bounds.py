@@ -113,7 +113,7 @@ def test_filterpy_holds_the_same_bias() -> None:
     np.testing.assert_allclose(kf.supervisor, machine.arrays["supervisor"], rtol=1e-6)
 
 
-def test_a_wandering_bias_has_a_day_of_its_walk() -> None:
+def test_a_bias_that_walks_has_a_day_of_it() -> None:
     """Ten times the root of prior^2 + K^2 86400 s."""
     K, model = 1e-3, build("ins15")
     for axis in "xyz":

@@ -46,8 +46,8 @@ def run(machine: Machine, seconds: float, north: float, turning: float = 0.0) ->
 
 
 def jumps(machine: Machine) -> dict[str, float]:
-    told = watched(machine)
-    return {n: told[f"JUMP_{n.upper()}"] for n in jumping(machine.program.discrete.model)}
+    places = watched(machine)
+    return {n: places[f"JUMP_{n.upper()}"] for n in jumping(machine.program.discrete.model)}
 
 
 def turned(values: dict[str, float]) -> Rotation:
@@ -64,12 +64,12 @@ def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) 
     first, before = jumps(machine), state(machine)
     assert abs(first["p_N"]) < 1e-6
     assert machine.call("update_gnss_position", [[1000.0, 0.0, 0.0]]) == "OK"
-    after, told = state(machine), jumps(machine)
-    assert told["p_N"] == pytest.approx(1000.0, abs=0.1)
-    for n in set(told) - set(QUATERNION):
-        assert told[n] - first[n] == pytest.approx(after[n] - before[n], abs=1e-9), n
+    after, moved = state(machine), jumps(machine)
+    assert moved["p_N"] == pytest.approx(1000.0, abs=0.1)
+    for n in set(moved) - set(QUATERNION):
+        assert moved[n] - first[n] == pytest.approx(after[n] - before[n], abs=1e-9), n
     change = turned(after) * turned(before).inv()
-    assert (turned(told) * turned(first).inv() * change.inv()).magnitude() < 1e-9
+    assert (turned(moved) * turned(first).inv() * change.inv()).magnitude() < 1e-9
     run(machine, 8.0, 1000.0)
     settled = jumps(machine)
     run(machine, 3.0, 1000.0)
@@ -77,7 +77,7 @@ def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) 
 
 
 @pytest.mark.parametrize("form", ["ud", "p"])
-def test_a_lane_is_taken_over_whole_and_its_jump_is_told(form: str) -> None:
+def test_a_hand_over_is_whole_and_its_jump_is_said(form: str) -> None:
     mine, other = started(form), started(form)
     run(mine, 3.0, 0.0, 0.1)
     run(other, 3.0, 7.0, -0.2)
@@ -86,18 +86,18 @@ def test_a_lane_is_taken_over_whole_and_its_jump_is_told(form: str) -> None:
     assert mine.call(TAKE_OVER, [other.arrays["x"], other.arrays[array]]) == "OK"
     np.testing.assert_array_equal(mine.arrays["x"], other.arrays["x"])
     np.testing.assert_array_equal(mine.covariance(), other.covariance())
-    told, after = jumps(mine), state(other)
-    for n in set(told) - set(QUATERNION):
-        assert told[n] == pytest.approx(after[n] - before[n], abs=1e-12)
-    assert (turned(told) * turned(before) * turned(after).inv()).magnitude() < 1e-12
-    assert turned(told).magnitude() > 0.1
+    moved, after = jumps(mine), state(other)
+    for n in set(moved) - set(QUATERNION):
+        assert moved[n] == pytest.approx(after[n] - before[n], abs=1e-12)
+    assert (turned(moved) * turned(before) * turned(after).inv()).magnitude() < 1e-12
+    assert turned(moved).magnitude() > 0.1
     assert watched(mine)["RESETS"] == resets + 1.0
     assert watched(mine)["SINCE_RESET"] == 0.0
     assert mine.call("supervise") == "DEGRADED"
 
 
 @pytest.mark.parametrize("bad", ["state", "quaternion", "variance", "covariance"])
-def test_a_broken_lane_is_not_taken(bad: str) -> None:
+def test_a_broken_lane_is_refused(bad: str) -> None:
     mine, other = started("p"), started("p")
     before = mine.words().tobytes()
     if bad == "state":

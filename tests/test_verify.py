@@ -212,9 +212,9 @@ def test_altered_header_is_found(core: str, kfgen: Callable[..., Any], tmp_path:
     altered(folder / "ahrs6.h", "AHRS6_SD_ACCEL_X 0.0199999996f", "AHRS6_SD_ACCEL_X 0.0200010000f")
     done = kfgen("verify", folder, "--core", core, "--json", out)
     assert done.exit_code == 1
-    assert re.search(rf"[1-9]\d* of 44428 values differ on {core}", done.stdout)
+    assert re.search(rf"[1-9]\d* of 47492 values differ on {core}", done.stdout)
     verdict = json.loads(out.read_text())["cores"][core]
-    assert 0 < verdict["differing"] <= verdict["words"] == 44428
+    assert 0 < verdict["differing"] <= verdict["words"] == 47492
     assert verdict["max_ulp"] >= 1
 
 
@@ -376,3 +376,20 @@ int main(void)
         && (ahrs6_get_nis(&kf) > ahrs6_get_innovation(&kf, 0)) && (ahrs6_model_hash() != 0) && (none == KF_REASON_NONE)) ? 0 : 1;
 }
 """
+
+
+def test_the_instructions_of_a_second_are_those_of_its_calls(kfgen: Any, tmp_path: Path) -> None:
+    assert kfgen("emit", "ahrs6", "--target", "c", "-o", str(tmp_path / "f")).exit_code == 0
+    answer = tmp_path / "a.json"
+    words = ("verify", str(tmp_path / "f"), "--core", "m4f", "--json", str(answer))
+    done = kfgen(*words, "--sensor-rate", "mag=50")
+    found = json.loads(answer.read_text(encoding="utf-8"))
+    count = found["cores"]["m4f"]["instructions"]
+    total = 100 * count["predict"] + 100 * count["update_accel"] + 50 * count["update_mag"]
+    assert found["instructions_a_second"] == {"m4f": total}
+    assert (
+        f"100 update_accel, 50 update_mag takes {total} instructions on m4f: {total / 1e6:.3g} MHz"
+        in done.stdout
+    )
+    for wrong in ("baro=5", "mag=0", "mag=fast", "mag"):
+        assert kfgen(*words, "--sensor-rate", wrong).exit_code == 2, wrong

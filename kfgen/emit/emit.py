@@ -87,10 +87,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
     built = filter_of(model, noise)
     form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
     behind = MARGIN * longest_delay(built) if horizon is None else horizon
-    discrete = DiscreteModel.at_rate(built, rate, order, max_step)
-    program = Program(
-        discrete, form, real, loops, q_interval, horizon=behind, without=checked(without), lanes=lanes
-    )
+    discrete, left = DiscreteModel.at_rate(built, rate, order, max_step), checked(without)
+    program = Program(discrete, form, real, loops, q_interval, horizon=behind, without=left, lanes=lanes)
     if costs is not None:
         program = replace(program, costs=_counted(program, target, costs))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None

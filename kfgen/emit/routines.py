@@ -258,8 +258,8 @@ class Program:
         rows = {s.name: len(s.channels) for s in model.sensors}
         rest = REST_PLACES if self.resting else ()
         held = biases.places(model) if self.bounds_biases else ()
-        told = lanes.places(model) if self.lanes else ()
-        others = (*Alignment(model).places, *moving_places(model), *rest, *held, *told)
+        jumps = lanes.places(model) if self.lanes else ()
+        others = (*Alignment(model).places, *moving_places(model), *rest, *held, *jumps)
         return Supervisor(rows, tuple(triads), self.settings, others)
 
     def update(self, sensor: Sensor) -> Routine:
