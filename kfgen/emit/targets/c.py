@@ -363,9 +363,9 @@ def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> li
     ]
 
 
-def call_arguments(routine: Routine) -> str:
-    """The arguments of a call of a routine on ``kf``, taken from an array ``in`` that has them in a row."""
-    texts, at = ["&kf"], 0
+def call_arguments(routine: Routine, of: str = "kf") -> str:
+    """The arguments of a call of a routine on a filter, taken from an array ``in`` that has them in a row."""
+    texts, at = [f"&{of}"], 0
     for a in routine.required:
         texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
         at += a.size or 1
