@@ -257,6 +257,16 @@ def test_hostile_calls_raise_no_flag(name: str, form: str, real: str, count: int
     assert 0.0 < found.used["covariance"] < 1.0
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize("name", ["ahrs25", "ins33"])
+def test_hostile_calls_of_turned_columns_and_mixed_noise_raise_no_flag(name: str, real: str) -> None:
+    """Thousands of steps of 1e-42 s overflowed here."""
+    found = calls(program(name, "ud", real), 1_000_000)
+    assert (found.raised, found.spoiled) == ({}, 0)
+    assert found.beyond <= 1e-3 * found.calls
+
+
 def test_hostile_calls_find_a_removed_limit() -> None:
     """Of the gyro: its square overflows then."""
 
