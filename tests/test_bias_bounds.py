@@ -113,7 +113,7 @@ def test_filterpy_holds_the_same_bias() -> None:
     np.testing.assert_allclose(kf.supervisor, machine.arrays["supervisor"], rtol=1e-6)
 
 
-def test_a_random_walk_bias_may_go_as_far_as_in_a_day() -> None:
+def test_a_bias_that_walks_has_a_day_of_it() -> None:
     """Ten times the root of prior^2 + K^2 86400 s."""
     K, model = 1e-3, build("ins15")
     for axis in "xyz":

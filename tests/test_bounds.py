@@ -257,6 +257,16 @@ def test_hostile_calls_raise_no_flag(name: str, form: str, real: str, count: int
     assert 0.0 < found.used["covariance"] < 1.0
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize("name", ["ahrs25", "ins33"])
+def test_hostile_calls_of_turned_columns_and_mixed_noise_raise_no_flag(name: str, real: str) -> None:
+    """Thousands of steps of 1e-42 s overflowed here."""
+    found = calls(program(name, "ud", real), 1_000_000)
+    assert (found.raised, found.spoiled) == ({}, 0)
+    assert found.beyond <= 1e-3 * found.calls
+
+
 def test_hostile_calls_find_a_removed_limit() -> None:
     """Of the gyro: its square overflows then."""
 
@@ -286,21 +296,21 @@ def test_rejected_samples_widen_no_state_beyond_its_range() -> None:
 def test_the_answer_says_what_is_assumed(tmp_path: Path) -> None:
     need_compiler()
     write_folder(program("ahrs6"), "c", None, tmp_path / "c")
-    answer = folder_answer(tmp_path / "c", ["host"], None, bounded=True)
+    answer = folder_answer(tmp_path / "c", ["host"], bounded=True)
     assert answer.ok
     assert "assumed, covariance: " in answer.text
     assert answer.data["routines"]["predict"]["open"] == []
     assert answer.data["hostile"]["raised"] == {}
     with pytest.raises(InputError, match="ask for one of both"):
-        folder_answer(tmp_path / "c", ["host"], None, faults=True, bounded=True)
+        folder_answer(tmp_path / "c", ["host"], faults=True, bounded=True)
     with pytest.raises(InputError, match="the core 'z80' counts nothing"):
-        folder_answer(tmp_path / "c", ["z80"], None, bounded=True)
+        folder_answer(tmp_path / "c", ["z80"], bounded=True)
 
 
 def test_a_python_module_has_none(tmp_path: Path) -> None:
     write_folder(program("ahrs6"), "numpy", None, tmp_path / "py")
     with pytest.raises(InputError, match="Emit it with --target c"):
-        folder_answer(tmp_path / "py", ["host"], None, bounded=True)
+        folder_answer(tmp_path / "py", ["host"], bounded=True)
 
 
 def test_a_core_counts_the_longest_calls(tmp_path: Path) -> None:

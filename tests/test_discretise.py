@@ -165,6 +165,18 @@ def test_process_noise_is_positive_semidefinite(name: str, order: int, dt: float
     assert np.linalg.eigvalsh(scaled).min() > -1e-12
 
 
+@pytest.mark.parametrize("dt", [1e-6, 1e-3, 0.05])
+def test_noise_of_turned_states_that_noise_drives_is_positive_semidefinite(dt: float) -> None:
+    d, rng = DiscreteModel(build("ahrs25")), np.random.default_rng(3)
+    speed = {s.name: 10.0 * rng.normal() for s in d.model.states if s.name.startswith(("vl_", "al_"))}
+    R = Rotation.random(random_state=rng).as_matrix()
+    values = speed | {f"R_nb_{i}{j}": R[i, j] for i in range(3) for j in range(3)} | {DT.name: dt}
+    Qd = np.array(d.Qd.xreplace({s: sp.Float(values.get(s.name, 0.0)) for s in d.Qd.free_symbols}), float)
+    sd = np.sqrt(np.diag(Qd))
+    scale = np.where(sd > 0.0, sd, 1.0)
+    assert np.linalg.eigvalsh(Qd / np.outer(scale, scale)).min() > -1e-12
+
+
 def stepped(d: DiscreteModel, x: dict[str, float], dt: float) -> np.ndarray:
     q = np.array([x[f"q_{a}"] for a in "wxyz"])
     R = Rotation.from_quat(q, scalar_first=True).as_matrix()

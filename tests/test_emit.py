@@ -396,7 +396,7 @@ def test_a_rate_whose_period_is_longer_than_the_longest_step_is_refused() -> Non
         _ = Program(DiscreteModel(build("ahrs6"), rate=5.0, max_step=0.1)).routines
 
 
-BAD_STEPS = [0.0, -0.0, -0.01, math.nan, math.inf, -math.inf, 0.11]
+BAD_STEPS = [0.0, -0.0, 8e-43, 9e-7, -0.01, math.nan, math.inf, -math.inf, 0.11]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from kfgen.effects.noise_model import parse_noise
+from kfgen.emit.cautions import cautions
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import c, filterpy, plain
 from kfgen.emit.targets.words import LINE_COLUMNS, omitted
@@ -79,3 +80,33 @@ def test_effects_that_are_left_out_are_listed(monkeypatch: pytest.MonkeyPatch) -
 def test_a_filter_that_has_everything_says_nothing() -> None:
     model: Any = SimpleNamespace(omitted=())
     assert omitted(model, 5) == ()
+
+
+def said(options: dict[str, str], form: str = "ud", **choices: Any) -> str:
+    found = Program(DiscreteModel(build("ins15", None, options)), form, **choices)
+    lines = " ".join(" ".join(cautions(found)).split())
+    for text in (c.header(found), next(iter(plain.module(found).values()))):
+        assert lines in " ".join(text.replace("\n *", "\n").split())
+    return lines
+
+
+def test_choices_that_are_less_are_warned_of_with_their_remedy() -> None:
+    assert "--form ud" in said({}, form="p")
+    assert "--form ud" not in said({}) + said({}, form="p", real="double")
+    late = {"delay": "0.1 s"}
+    assert "gnss_position is 0.1 s late" in said(late)
+    assert "--horizon 0.12" in said(late, horizon=0.05)
+    assert "late" not in said(late, horizon=0.12) + said({})
+    assert "--real double" in said({"frame": "ecef"})
+    assert "--real double" not in said({"frame": "ecef"}, real="double") + said({})
+
+
+def test_biases_that_keep_their_value_are_warned_of_and_those_that_walk_are_not() -> None:
+    walk = 'effects = [ { effect = "white_noise", N = 1e-4 }, { effect = "rate_random_walk", K = 1e-5 } ]\n'
+    head = 'format = "kfgen-noise-1"\n'
+    noise = parse_noise(head + "".join(f'[gyro_{a}]\nunit = "rad/s"\n{walk}' for a in "xyz"), "n.toml")
+    walking = Program(DiscreteModel(build("ahrs6", noise)), "ud")
+    assert cautions(walking) == ()
+    (text,) = cautions(Program(DiscreteModel(build("ahrs6")), "ud"))
+    assert text.startswith("bg_x, bg_y, bg_z are constants")
+    assert "--noise" in text

@@ -137,6 +137,20 @@ def test_the_constants_of_a_filter_are_those_of_its_origin() -> None:
     assert origin[6:].tolist() == pytest.approx([wanted["W_N"], wanted["W_D"]], rel=1e-12)
 
 
+@pytest.mark.parametrize("k", range(5))
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1e30])
+def test_an_origin_that_is_none_does_not_move_a_filter(k: int, bad: float) -> None:
+    machine = Machine(Program(DiscreteModel(build("ins15", None, {"earth_rate": "true"})), "ud"))
+    machine.call("init")
+    before = [machine.arrays[name].tolist() for name in ("x", "k")]
+    given = [2000.0, 300.0, 1.0, 1.001, 5e-5, -5e-5]
+    given[k] = bad
+    assert machine.call("recentre", [given[:2], given[2:4], given[4:]]) == "BAD_INPUT"
+    assert [machine.arrays[name].tolist() for name in ("x", "k")] == before
+    assert machine.call("recentre", [[2000.0, 300.0], [1.0, 1.001], [5e-5, -5e-5]]) == "OK"
+    assert machine.arrays["x"][0] == -2000.0
+
+
 @pytest.fixture(scope="module")
 def emitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("geodetic")

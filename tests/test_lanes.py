@@ -46,8 +46,8 @@ def run(machine: Machine, seconds: float, north: float, turning: float = 0.0) ->
 
 
 def jumps(machine: Machine) -> dict[str, float]:
-    counted = watched(machine)
-    return {n: counted[f"JUMP_{n.upper()}"] for n in jumping(machine.program.discrete.model)}
+    places = watched(machine)
+    return {n: places[f"JUMP_{n.upper()}"] for n in jumping(machine.program.discrete.model)}
 
 
 def turned(values: dict[str, float]) -> Rotation:
@@ -64,12 +64,12 @@ def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) 
     first, before = jumps(machine), state(machine)
     assert abs(first["p_N"]) < 1e-6
     assert machine.call("update_gnss_position", [[1000.0, 0.0, 0.0]]) == "OK"
-    after, counted = state(machine), jumps(machine)
-    assert counted["p_N"] == pytest.approx(1000.0, abs=0.1)
-    for n in set(counted) - set(QUATERNION):
-        assert counted[n] - first[n] == pytest.approx(after[n] - before[n], abs=1e-9), n
+    after, moved = state(machine), jumps(machine)
+    assert moved["p_N"] == pytest.approx(1000.0, abs=0.1)
+    for n in set(moved) - set(QUATERNION):
+        assert moved[n] - first[n] == pytest.approx(after[n] - before[n], abs=1e-9), n
     change = turned(after) * turned(before).inv()
-    assert (turned(counted) * turned(first).inv() * change.inv()).magnitude() < 1e-9
+    assert (turned(moved) * turned(first).inv() * change.inv()).magnitude() < 1e-9
     run(machine, 8.0, 1000.0)
     settled = jumps(machine)
     run(machine, 3.0, 1000.0)
@@ -77,7 +77,7 @@ def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) 
 
 
 @pytest.mark.parametrize("form", ["ud", "p"])
-def test_a_hand_over_copies_a_whole_lane_and_counts_the_jump(form: str) -> None:
+def test_a_hand_over_is_whole_and_its_jump_is_said(form: str) -> None:
     mine, other = started(form), started(form)
     run(mine, 3.0, 0.0, 0.1)
     run(other, 3.0, 7.0, -0.2)
@@ -86,11 +86,11 @@ def test_a_hand_over_copies_a_whole_lane_and_counts_the_jump(form: str) -> None:
     assert mine.call(TAKE_OVER, [other.arrays["x"], other.arrays[array]]) == "OK"
     np.testing.assert_array_equal(mine.arrays["x"], other.arrays["x"])
     np.testing.assert_array_equal(mine.covariance(), other.covariance())
-    counted, after = jumps(mine), state(other)
-    for n in set(counted) - set(QUATERNION):
-        assert counted[n] == pytest.approx(after[n] - before[n], abs=1e-12)
-    assert (turned(counted) * turned(before) * turned(after).inv()).magnitude() < 1e-12
-    assert turned(counted).magnitude() > 0.1
+    moved, after = jumps(mine), state(other)
+    for n in set(moved) - set(QUATERNION):
+        assert moved[n] == pytest.approx(after[n] - before[n], abs=1e-12)
+    assert (turned(moved) * turned(before) * turned(after).inv()).magnitude() < 1e-12
+    assert turned(moved).magnitude() > 0.1
     assert watched(mine)["RESETS"] == resets + 1.0
     assert watched(mine)["SINCE_RESET"] == 0.0
     assert mine.call("supervise") == "DEGRADED"

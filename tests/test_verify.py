@@ -376,3 +376,20 @@ int main(void)
         && (ahrs6_get_nis(&kf) > ahrs6_get_innovation(&kf, 0)) && (ahrs6_model_hash() != 0) && (none == KF_REASON_NONE)) ? 0 : 1;
 }
 """
+
+
+def test_the_instructions_of_a_second_are_those_of_its_calls(kfgen: Any, tmp_path: Path) -> None:
+    assert kfgen("emit", "ahrs6", "--target", "c", "-o", str(tmp_path / "f")).exit_code == 0
+    answer = tmp_path / "a.json"
+    words = ("verify", str(tmp_path / "f"), "--core", "m4f", "--json", str(answer))
+    done = kfgen(*words, "--sensor-rate", "mag=50")
+    found = json.loads(answer.read_text(encoding="utf-8"))
+    count = found["cores"]["m4f"]["instructions"]
+    total = 100 * count["predict"] + 100 * count["update_accel"] + 50 * count["update_mag"]
+    assert found["instructions_a_second"] == {"m4f": total}
+    assert (
+        f"100 update_accel, 50 update_mag takes {total} instructions on m4f: {total / 1e6:.3g} MHz"
+        in done.stdout
+    )
+    for wrong in ("baro=5", "mag=0", "mag=fast", "mag"):
+        assert kfgen(*words, "--sensor-rate", wrong).exit_code == 2, wrong

@@ -34,6 +34,9 @@ CONTRACT = typer.Option("--contract", help="Fuse products and sums: equal within
 LISTED = typer.Argument(metavar="[LOG]", help="A log: say what is inside, with rates, gaps and clocks.")
 FAULTS = typer.Option("--faults", help="Fly simulated faults: what is reported, when it is right again.")
 BOUNDS = typer.Option("--bounds", help="Bound every operation whatever the input, and make hostile calls.")
+SENSOR_RATE = typer.Option(
+    metavar="NAME=HZ", help="How often a sensor has a sample, for a second's instructions; repeatable."
+)
 REPLAYED = typer.Option(metavar="LOG", help="Make the calls of this log, not simulated ones.")
 
 
@@ -143,6 +146,7 @@ def verify(
     log: Annotated[Path | None, REPLAYED] = None,
     faults: Annotated[bool, FAULTS] = False,
     bounds: Annotated[bool, BOUNDS] = False,
+    sensor_rate: Annotated[list[str] | None, SENSOR_RATE] = None,
     columns: opt.Columns = None,
     json: opt.Json = None,
     report: opt.Report = None,
@@ -151,4 +155,6 @@ def verify(
     from kfgen.report.proof import folder_answer
 
     data = None if log is None else read(log, None, columns)
-    deliver(folder_answer(folder, core or ["host"], data, contract, faults, bounds), json, report)
+    compared = {"log": data, "contract": contract, "sensor_rates": opt.sensor_rates(sensor_rate)}
+    answer = folder_answer(folder, core or ["host"], faults=faults, bounded=bounds, **compared)
+    deliver(answer, json, report)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kfgen.core.elapsed import end_elapsed_time, warn
+from kfgen.core.errors import InputError
 from kfgen.core.terminal import INTERRUPTED, first_interrupt
 from kfgen.core.time_budget import end_search, forget_end, is_ended_by_user
 
@@ -65,18 +66,33 @@ def model_of(model: str, noise: Path | None, set_: list[str] | None, sensor: lis
     return built
 
 
+def sensor_rates(pairs: list[str] | None) -> dict[str, float]:
+    """Rates of sensors [Hz] by name, as they are typed."""
+    from kfgen.model.option import read_pairs
+
+    found: dict[str, float] = {}
+    for name, text in read_pairs(pairs or (), "--sensor-rate").items():
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise InputError(
+                f"'{text}' is no rate", where="--sensor-rate", remedy=f"Write it like --sensor-rate {name}=10"
+            ) from None
+    return found
+
+
 @contextmanager
 def best_so_far() -> Iterator[None]:
     """Ctrl-C ends the search inside with the best so far, which is delivered; a second one ends the command at once."""
     forget_end()
     try:
-        with first_interrupt(_ends_search):
+        with first_interrupt(_search_ends):
             yield
     finally:
         forget_end()
 
 
-def _ends_search() -> bool:
+def _search_ends() -> bool:
     if not end_search():
         return False
     # Inside the handler of a signal: a buffer may be half written.

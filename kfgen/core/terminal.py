@@ -89,17 +89,17 @@ def catch_signals() -> None:
 
 
 @contextmanager
-def first_interrupt(is_handled: Callable[[], bool]) -> Iterator[None]:
+def first_interrupt(search_ends: Callable[[], bool]) -> Iterator[None]:
     """Ask what is called whether it takes a Ctrl-C; the command ends at once where it does not.
 
     Parameters
     ----------
-    is_handled : callable
+    search_ends : callable
         Called in the signal's handler, in the main thread.
     """
 
     def handle(number: int, frame: FrameType | None) -> None:
-        if not is_handled():
+        if not search_ends():
             raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():  # only the main one is told of signals

@@ -18,9 +18,8 @@ from kfgen.emit.align import (
     Alignment,
 )
 from kfgen.emit.covariance.correction import GAIN
-from kfgen.emit.guards import every, sum_of_squares, within
+from kfgen.emit.guards import every, possible_step, sum_of_squares, within
 from kfgen.emit.ir.ir import (
-    All,
     Argument,
     Bin,
     Compare,
@@ -140,8 +139,7 @@ class AlignRoutine:
         quiet = When(disturbed, (*self._thrown_away(), waiting), (*self.quiet.gathered(), done))
         inner = (start, *self.quiet.disturbed(), quiet)
         allowed = When(every(self._looked()), inner, (StatusFlag("BAD_INPUT"),))
-        longest = Num(self.program.discrete.max_step)
-        step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), longest)))
+        step = possible_step(self.program.discrete.max_step)
         return (When(step, (allowed,), (StatusFlag("BAD_STEP"),)),)
 
     def _looked(self) -> list[Compare]:

@@ -86,9 +86,9 @@ def emit(  # noqa: PLR0913 - the choices of one command
     """
     built = filter_of(model, noise)
     form = form or (Packed.NAME if target == filterpy.TARGET else Factored.NAME)
-    horizon = MARGIN * longest_delay(built) if horizon is None else horizon
-    discrete = DiscreteModel.at_rate(built, rate, order, max_step)
-    program = Program(discrete, form, real, loops, q_interval, (), horizon, checked(without), lanes)
+    behind = MARGIN * longest_delay(built) if horizon is None else horizon
+    discrete, left = DiscreteModel.at_rate(built, rate, order, max_step), checked(without)
+    program = Program(discrete, form, real, loops, q_interval, horizon=behind, without=left, lanes=lanes)
     if costs is not None:
         program = replace(program, costs=_counted(program, target, costs))
     noise_file = built.given if isinstance(built.given, NoiseModel) else None

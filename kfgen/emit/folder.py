@@ -14,6 +14,7 @@ from kfgen.core.files.whole_file import sha256_of, write_whole_folder
 from kfgen.core.result import Result, ShortTable
 from kfgen.effects.noise_model import NoiseModel, noise_text, read_noise
 from kfgen.emit import targets
+from kfgen.emit.cautions import cautions
 from kfgen.emit.routines import Program
 from kfgen.emit.watch.parts import checked
 from kfgen.model.discretise import DiscreteModel
@@ -86,6 +87,7 @@ class EmittedFilter(Result):
             "real": program.real,
             "loops": program.loops,
             "files": list(self.files),
+            "warnings": list(cautions(program)),
             "operations": {r.name: r.operations for r in program.routines},
         }
 

@@ -20,9 +20,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from kfgen.emit.guards import every, within
+from kfgen.emit.guards import every, possible_step, within
 from kfgen.emit.ir.ir import (
-    All,
     Argument,
     Bin,
     Compare,
@@ -90,8 +89,7 @@ def gather(program: Program) -> Routine:
     watch = program.supervisor
     refused = (StatusFlag("BAD_INPUT"), *watch.elapsed(), *watch.missed())
     allowed = When(every(looked), tuple(_gathered(inputs)), refused)
-    step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), Num(program.discrete.max_step))))
-    body = (When(step, (allowed,), (StatusFlag("BAD_STEP"),)),)
+    body = (When(possible_step(program.discrete.max_step), (allowed,), (StatusFlag("BAD_STEP"),)),)
     return Routine("gather", TEXT, (*given, Argument("dt", 0, "step [s]")), tidy(body))
 
 

@@ -9,11 +9,25 @@ from kfgen.emit.ir.ir import All, Argument, Bin, Compare, Condition, Expr, Let, 
 
 MAX_SUM = 1e30
 """Finite numbers of a filter add up to less, in single precision as well."""
+SHORTEST_STEP_S = 1e-6
+"""Of a call: a noise density times less is no number that one may divide by in single precision."""
 
 
 def within(given: Argument, limit: Expr) -> list[Compare]:
     """Each number of an argument is one, and no larger than its limit; by squares, which no sign escapes."""
     return [Compare("<=", mul(v, v), mul(limit, limit)) for v in numbers(given)]
+
+
+def possible_step(longest_s: float) -> Condition:
+    """Whether the argument ``dt`` is a step that a filter can take.
+
+    Parameters
+    ----------
+    longest_s : float
+        The longest [s].
+    """
+    step = Ref("dt")
+    return All((Compare(">=", step, Num(SHORTEST_STEP_S)), Compare("<=", step, Num(longest_s))))
 
 
 def numbers(given: Argument) -> list[Expr]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kfgen.emit.covariance.packed import Row
-from kfgen.emit.guards import every, within
-from kfgen.emit.ir.ir import All, Compare, Expr, Note, Num, Ref, Routine, StatusFlag, Stmt, When
+from kfgen.emit.guards import every, possible_step, within
+from kfgen.emit.ir.ir import Expr, Note, Routine, StatusFlag, Stmt, When
 from kfgen.emit.ir.tidy import tidy
 from kfgen.emit.state import normalised
 
@@ -51,8 +51,8 @@ def predict(program: Program) -> Routine:
     looked = [c for a in arguments[:-1] for c in within(a, program.input_limit(a.name))]
     refused = (StatusFlag("BAD_INPUT"), *program.supervisor.missed())
     known = (When(every(looked), tuple(body), refused),) if looked else tuple(body)
-    step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), Num(program.discrete.max_step))))
-    outer = When(step, (*program.supervisor.elapsed(), *known), (StatusFlag("BAD_STEP"),))
+    possible = possible_step(program.discrete.max_step)
+    outer = When(possible, (*program.supervisor.elapsed(), *known), (StatusFlag("BAD_STEP"),))
     return Routine(
         "predict",
         "State and covariance over one step.",

@@ -90,7 +90,7 @@ def update(program: Program, sensor: Sensor) -> Routine:
     rejected = _rejected(program, sensor, rows, y, [r for *_, r in given], lower)
     corrected = [
         *lanes.kept(program),
-        *inject(program, guarded=True, then=(*bounded(program), *lanes.jumps(program))),
+        *inject(program, guarded=True, then=(*bounded(program), *lanes.jumped(program))),
     ]
     if program.covariance.gates_first:
         body += _joint(program, given, gate, corrected, after, rejected)

@@ -158,13 +158,8 @@ class DiscreteModel:
     def _discretised(self, W: sp.Matrix) -> tuple[sp.Matrix, sp.Matrix]:
         """Transition and process noise of a step, for densities W of the model's noises."""
         model = self.model
-        density = model.G * W * model.G.T
-        Phi, Qd = series(model.F, density, self.order)
-        if self.order == 2:
-            # The series cut at dt^2 is not positive: the trapezoid of the integral is, to the same order.
-            E = sp.eye(model.F.rows) + model.F * DT
-            Qd = (density + E * density * E.T) * DT / 2
-        self._put_noise_driven(Phi, Qd)
+        Phi, Qd = self._of_motion(W)
+        self._put_noise_driven(Phi, Qd, W)
         if self.order == 1:
             Phi = Phi.applyfunc(lambda e: self._forces_halfway.get(e, e))
         if self._acting:
@@ -183,6 +178,17 @@ class DiscreteModel:
             Qd[first:, first:] = Qd_e.applyfunc(self._series)
         return Phi, Qd if not Qd.is_zero_matrix or model.F.is_zero_matrix else self._rounding()
 
+    def _of_motion(self, W: sp.Matrix) -> tuple[sp.Matrix, sp.Matrix]:
+        """The same of the motion, to the order in `DT` that was asked for."""
+        F, G = self.model.F, self.model.G
+        density = G * W * G.T
+        Phi, Qd = series(F, density, self.order)
+        if self.order == 2:
+            # The series cut at dt^2 is not positive: the trapezoid of the integral is, to the same order.
+            E = sp.eye(F.rows) + F * DT
+            Qd = (density + E * density * E.T) * DT / 2
+        return Phi, Qd
+
     def _rounding(self) -> sp.Matrix:
         """Process noise of a motion that has none: a stored state is rounded, and P must not fade to nothing."""
         return sp.diag(*(sp.Float((ROUNDED * s.prior) ** 2) for s in self.model.states))
@@ -199,12 +205,17 @@ class DiscreteModel:
         places = tuple(names.index(n) for b in blocks for n in b.error_names)
         return places, Phi.applyfunc(self._series), Qd.applyfunc(self._series)
 
-    def _put_noise_driven(self, Phi: sp.Matrix, Qd: sp.Matrix) -> None:
-        """Put that into the matrices of the whole."""
+    def _put_noise_driven(self, Phi: sp.Matrix, Qd: sp.Matrix, W: sp.Matrix) -> None:
+        """Put that into the matrices of the whole, beside the noise that turns the error of such states."""
         places, Phi_w, Qd_w = self._noise_driven
+        if not places:
+            return
+        names = {f"w_{self.model.states[k].name}" for k in places}
+        others = sp.diag(*(0 if str(s) in names else 1 for s in self.model.noise_symbols))
+        turned = self._of_motion(others * W * others)[1]
         for i, k in enumerate(places):
             for j, l in enumerate(places):
-                Phi[k, l], Qd[k, l] = Phi_w[i, j], Qd_w[i, j]
+                Phi[k, l], Qd[k, l] = Phi_w[i, j], Qd_w[i, j] + turned[k, l]
 
     def _series(self, expression: sp.Expr) -> sp.Expr:
         """A series in the step without the terms that a slow effect has exhausted, as nested products."""

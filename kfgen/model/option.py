@@ -171,16 +171,18 @@ class Configured:
         self.chosen = MappingProxyType(own)
 
 
-def read_pairs(pairs: Iterable[str]) -> dict[str, str]:
+def read_pairs(pairs: Iterable[str], where: str = "--set") -> dict[str, str]:
     """``name=value`` texts of the command line as a mapping; raises `InputError`."""
     found: dict[str, str] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")
         name = name.strip()
         if not equals or not re.fullmatch(r"\w+", name):
-            raise InputError(f"'{pair}' is no option", where="--set", remedy="Write it like --set name=value")
+            raise InputError(
+                f"'{pair}' is no option", where=where, remedy=f"Write it like {where} name=value"
+            )
         if name in found:
-            raise InputError(f"{name} is given twice", where="--set")
+            raise InputError(f"{name} is given twice", where=where)
         found[name] = value.strip()
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import kfgen
+from kfgen.emit.cautions import cautions
 from kfgen.emit.folder import EmittedFilter
 from kfgen.log.log import Log
 from kfgen.report.figures.run_figures import run_parts
@@ -40,14 +41,18 @@ def emit_answer(emitted: EmittedFilter) -> Answer:
         ("hash", emitted.model_hash[:16]),
         ("form", program.form),
     )
+    said = cautions(program)
     parts = [
+        *([heading("Warnings"), *map(sentence, said)] if said else []),
         heading("Operations"),
         table(head, rows, "Additions, products and other operations of a call."),
         *([code("\n".join(program.costs), "Counted on processors")] if program.costs else []),
         heading("Files"),
         table(("file",), [[name] for name in emitted.files]),
     ]
-    return Answer("\n".join(lines), emitted.to_dict(), Page(name, tuple(parts), verdict, None, facts))
+    return Answer(
+        "\n".join(lines), emitted.to_dict(), Page(name, tuple(parts), verdict, None, facts), warnings=said
+    )
 
 
 def run_answer(result: FilterRun) -> Answer:

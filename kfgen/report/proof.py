@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from kfgen.core.errors import InputError
 from kfgen.emit.folder import read_folder
-from kfgen.log.log import Log
 from kfgen.report.page import Answer, Page, columns, sentence, table
 from kfgen.verify.bounds.assumed import ASSUMPTIONS
 from kfgen.verify.bounds.bounds import BoundsProof, bounds
@@ -62,12 +62,7 @@ def bounds_answer(found: BoundsProof) -> Answer:
 
 
 def folder_answer(
-    folder: Path,
-    cores: Sequence[str],
-    log: Log | None,
-    contract: bool = False,
-    faults: bool = False,
-    bounded: bool = False,
+    folder: Path, cores: Sequence[str], *, faults: bool = False, bounded: bool = False, **compared: Any
 ) -> Answer:
     """What ``verify`` says of an emitted filter: the comparison, its flights with faults, or its bounds.
 
@@ -77,14 +72,12 @@ def folder_answer(
         As `kfgen.emit` wrote it.
     cores : sequence of str
         Their names.
-    log : Log, optional
-        Make the calls of it.
-    contract : bool
-        Compile with fused products and sums.
     faults : bool
         Fly the faults.
     bounded : bool
         Bound its operations.
+    **compared
+        Else, as `kfgen.verify.compare.verify` has them: log, contract, sensor_rates.
 
     Raises
     ------
@@ -93,12 +86,12 @@ def folder_answer(
         faults or bounds beside one another, a log or fused products.
     """
     if not (faults or bounded):
-        return verify_answer(verify(read_folder(folder), cores, log, contract))
-    if log is not None or contract or (faults and bounded):
+        return verify_answer(verify(read_folder(folder), cores, **compared))
+    if any(compared.values()) or (faults and bounded):
         raise InputError(
             "faults and bounds have inputs of their own, each alone and without fused products",
             where="--faults" if faults else "--bounds",
-            remedy="Leave --log and --contract out, and ask for one of both",
+            remedy="Leave --log, --contract and --sensor-rate out, and ask for one of both",
         )
     if bounded:
         return bounds_answer(bounds(read_folder(folder), cores))

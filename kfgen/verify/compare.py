@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,12 @@ from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED, at_rest, scenario
 from kfgen.emit.targets.c import TARGET, header, horizon_bytes, memory_bytes
 from kfgen.log.readers import LogOrPath, log_of
+from kfgen.model.option import NOTHING
 from kfgen.verify.border import border_module, border_replay, together
 from kfgen.verify.core import Core, CoreVerdict, Words
 from kfgen.verify.emulated import CHIPS, Emulated
 from kfgen.verify.host import LANGUAGES, Host
+from kfgen.verify.load import calls_a_second, instructions_a_second, load_sentence
 from kfgen.verify.python import MODULES, deviations_off
 from kfgen.verify.replay import Replay, simulated
 from kfgen.verify.rounding import OnLog, over_log
@@ -74,6 +76,8 @@ class Verification(Result):
         What a log adds, where the calls are those of a log.
     ram_bytes, horizon_bytes : int
         What a filter in C takes, and what of it the delayed horizon takes.
+    calls : dict of str to float
+        How often each routine is called in a second of the whole filter.
     """
 
     model_hash: str
@@ -81,6 +85,7 @@ class Verification(Result):
     on_log: OnLog | None = None
     ram_bytes: int = 0
     horizon_bytes: int = 0
+    calls: dict[str, float] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[CoreVerdict]:
         return iter(self.verdicts)
@@ -112,6 +117,7 @@ class Verification(Result):
             where, words = " and ".join(v.core for v in exact), sum(v.words for v in exact)
             said.insert(0, f"Bit-exact on {where}: all {words} values equal the reference")
         own = f", {self.horizon_bytes} of them for the delayed horizon" if self.horizon_bytes else ""
+        said += [s for v in self.verdicts if (s := load_sentence(v, self.calls))]
         return [*said, *([f"a filter takes {self.ram_bytes} bytes of RAM{own}"] if self.ram_bytes else [])]
 
     def short_table(self) -> ShortTable:
@@ -128,6 +134,9 @@ class Verification(Result):
         }
         if self.ram_bytes:
             data |= {"ram_bytes": self.ram_bytes, "horizon_ram_bytes": self.horizon_bytes}
+        loads = {v.core: instructions_a_second(v, self.calls) for v in self.verdicts}
+        if counted := {core: load for core, load in loads.items() if load is not None}:
+            data |= {"calls_a_second": self.calls, "instructions_a_second": counted}
         return data if self.on_log is None else data | {"log": self.on_log.to_dict()}
 
 
@@ -141,6 +150,7 @@ def verify(
     contract: bool = False,
     *,
     played: Replay | None = None,
+    sensor_rates: Mapping[str, float] = NOTHING,
 ) -> Verification:
     """Make the same calls on each core with the emitted files, and compare with the reference.
 
@@ -156,6 +166,8 @@ def verify(
         Compile with fused products and sums; then values may differ by `CONTRACTED` standard deviations.
     played : Replay, optional
         The calls themselves, as `kfgen.verify.replay.replay` has them.
+    sensor_rates : mapping of str to float
+        Of sensors by name [Hz], for the instructions of a second; where one is left out, the usual one of such sensors.
 
     Returns
     -------
@@ -171,13 +183,13 @@ def verify(
         The emulator is not installed.
     """
     emitted = folder if isinstance(folder, EmittedFilter) else read_folder(folder)
-    on_log = None
+    calls, on_log = calls_a_second(emitted.program, sensor_rates), None
     if log is not None:
         played, on_log = over_log(emitted.program, log_of(log))
     verdicts = tuple(_verdicts(emitted, cores, contract, played))
     program = emitted.program
     sizes = (memory_bytes(program), horizon_bytes(program)) if emitted.target == TARGET else (0, 0)
-    return Verification(emitted.model_hash, verdicts, on_log, *sizes)
+    return Verification(emitted.model_hash, verdicts, on_log, *sizes, calls)
 
 
 def _verdicts(

@@ -15,6 +15,8 @@ from kfgen.emit.routines import Program
 from kfgen.emit.targets.c import call_arguments
 from kfgen.emit.targets.templates import render
 
+DRIVEN = "driven_filter"
+"""The filter in the driver: no argument of the header has this name (MISRA C:2012, rule 5.8)."""
 Words = NDArray[np.unsignedinteger[Any]]
 
 
@@ -152,7 +154,7 @@ def write_harness(program: Program | Border, folder: Path, *, bare: bool) -> Pat
             name=program.name,
             real=program.real,
             width=width(program),
-            calls=[(r.name, call_arguments(r)) for r in program.entries],
+            calls=[(r.name, call_arguments(r, DRIVEN)) for r in program.entries],
             bare=bare,
         ),
         encoding="utf-8",

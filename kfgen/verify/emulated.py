@@ -21,7 +21,7 @@ from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
 from kfgen.emit.scenario import REFUSED
 from kfgen.emit.targets.templates import template_folder
-from kfgen.verify.core import InstructionCount, Words, place_of, write_harness
+from kfgen.verify.core import DRIVEN, InstructionCount, Words, place_of, write_harness
 from kfgen.verify.host import contraction, missing
 from kfgen.verify.zig import command, environment
 
@@ -268,7 +268,7 @@ class Emulated:
 
     def put(self, array: str, values: Sequence[float]) -> None:
         """Write the first numbers of one of the filter's arrays."""
-        self._board.write("kf", np.asarray(values, self._type), place_of(self._program, array))
+        self._board.write(DRIVEN, np.asarray(values, self._type), place_of(self._program, array))
 
     def status(self) -> int:
         """Number of the status that the last call returned."""
@@ -277,7 +277,7 @@ class Emulated:
 
     def words(self) -> Words:
         """State and covariance as bit patterns."""
-        return np.frombuffer(self._board.read("kf", self._bytes), f"u{self._type.itemsize}")
+        return np.frombuffer(self._board.read(DRIVEN, self._bytes), f"u{self._type.itemsize}")
 
     def cost(self) -> InstructionCount:
         """Of each routine, and of all."""

@@ -16,7 +16,7 @@ import numpy as np
 from kfgen.core.errors import CheckFailed, MissingExtra
 from kfgen.emit.geodetic.origin import Border
 from kfgen.emit.routines import Program
-from kfgen.verify.core import InstructionCount, Words, place_of, width, write_harness
+from kfgen.verify.core import DRIVEN, InstructionCount, Words, place_of, width, write_harness
 
 WARNINGS = (
     "-pedantic",
@@ -118,9 +118,9 @@ class Host:
         self._library = ctypes.CDLL(str(library))
         number, word = TYPES[program.real]
         self._inputs = (number * width(program)).in_dll(self._library, "in")
-        self._words = (word * program.word_count).in_dll(self._library, "kf")
+        self._words = (word * program.word_count).in_dll(self._library, DRIVEN)
         memory = sum(size for size, _ in program.arrays.values())
-        self._memory = (number * memory).in_dll(self._library, "kf")
+        self._memory = (number * memory).in_dll(self._library, DRIVEN)
         self._status = ctypes.c_int.in_dll(self._library, "last_status")
         self._program, self._type = program, np.dtype(word)
 

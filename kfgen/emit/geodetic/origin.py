@@ -57,6 +57,8 @@ KNOWN = ("latitude", "height", "r_N", "r_E", "W_N", "W_D")
 """Constants of a filter that say where its origin is."""
 MAX_LATITUDE = math.radians(89.0)
 MAX_HEIGHT_M = 1e5
+EARTH_ROUND_M, MAX_SCALE, MAX_OF_PLACE = 4e7, 1e2, 1e7
+"""By which an origin moves at most, what a scale of it is at most, and a constant of a place [SI]."""
 SETTINGS = (
     Constant("MAX_DISTANCE", "m", 1e4, "a filter that is farther from the origin moves it to itself"),
     Constant("MAX_FIX_DISTANCE", "m", 1e6, "a fix that is farther from the origin is not taken"),
@@ -304,9 +306,14 @@ def recentre(program: Program) -> Routine:
         body += [Store(r, mul(r, by)) for r in scaled[axis]]
     body += [Store(Ref("k", k), Ref("at", i)) for i, (k, _) in enumerate(known)]
     arguments = (offset, scale, *((at,) if names else ()))
+    looked = [
+        c
+        for a, most in zip(arguments, (EARTH_ROUND_M, MAX_SCALE, MAX_OF_PLACE))
+        for c in within(a, Num(most))
+    ]
     return Routine(
         "recentre",
         "The filter after its origin has moved, as `moved` of the border says.",
         arguments,
-        tuple(body),
+        (When(every(looked), tuple(body), (StatusFlag("BAD_INPUT"),)),),
     )

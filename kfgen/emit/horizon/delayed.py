@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from kfgen.emit.guards import every, within
+from kfgen.emit.guards import SHORTEST_STEP_S, every, possible_step, within
 from kfgen.emit.horizon.memory import FAR, HorizonMemory
 from kfgen.emit.horizon.predictor import Predictor
 from kfgen.emit.ir.ir import (
@@ -98,8 +98,8 @@ def _step(memory: HorizonMemory) -> Routine:
     body.append(Store(number("AT"), add(number("AT"), Num(1.0))))
     again = (Store(number("AT"), Num(0.0)), *predictor.turn())
     body.append(When(Compare(">=", number("AT"), Num(float(memory.rows))), again))
-    step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), Num(program.discrete.max_step))))
-    guarded = When(step, tuple(body), (StatusFlag("BAD_STEP"),))
+    possible = possible_step(program.discrete.max_step)
+    guarded = When(possible, tuple(body), (StatusFlag("BAD_STEP"),))
     return Routine("delayed_predict", STEP_TEXT, memory.inputs, tidy((guarded,)), memory.scratch)
 
 
@@ -116,7 +116,10 @@ def _behind(memory: HorizonMemory, predictor: Predictor, row: str) -> list[Stmt]
     turns = min(memory.entries, FUSIONS_PER_SENSOR * len(memory.sensors))
     body.append(When(due, (For("turn", 0, turns, (When(due, tuple(_due(memory, row))),)),)))
     body.append(
-        When(Compare(">", LEFT, Num(0.0)), (_predicted(memory, row, LEFT), Store(clock, add(clock, LEFT))))
+        When(
+            Compare(">=", LEFT, Num(SHORTEST_STEP_S)),
+            (_predicted(memory, row, LEFT), Store(clock, add(clock, LEFT))),
+        )
     )
     body.append(When(Compare(">=", clock, Num(REBASE_S)), tuple(_rebased(memory))))
     if memory.program.resting:

@@ -24,7 +24,7 @@ from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.emit.align import HEADING, MAX_NOSE, SPREAD, TILTED
 from kfgen.emit.align_routine import AlignRoutine, Triad
 from kfgen.emit.covariance.correction import GAIN
-from kfgen.emit.guards import every, sum_of_squares, within
+from kfgen.emit.guards import every, possible_step, sum_of_squares, within
 from kfgen.emit.ir.ir import (
     All,
     Argument,
@@ -115,8 +115,7 @@ class MovingAlign(AlignRoutine):
         looked = [c for g in (accel, gyro) for c in within(g, self.program.input_limit(g.name))]
         lost = (StatusFlag("BAD_INPUT"), Store(self.at("MOVING"), Num(0.0)))
         good = (When(every(looked), (*body, StatusFlag("ALIGNING")), lost),)
-        longest = Num(self.program.discrete.max_step)
-        step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), longest)))
+        step = possible_step(self.program.discrete.max_step)
         whole = (When(step, good, (StatusFlag("BAD_STEP"),)),)
         return Routine("align_gather", GATHER_TEXT, (accel, gyro, Argument("dt", 0, "step [s]")), tidy(whole))
 

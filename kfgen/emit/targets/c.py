@@ -22,7 +22,7 @@ from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import Printer
 from kfgen.emit.targets.selftest import recorded
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import accuracy, frames, omitted
+from kfgen.emit.targets.words import accuracy, beware, frames, omitted
 from kfgen.emit.watch.quiet import REASONS
 from kfgen.model.filter import FilterModel
 
@@ -225,6 +225,7 @@ def header(program: Program, unobservable: Sequence[str] = ()) -> str:
         unobservable=unobservable,
         accuracy=accuracy(program.discrete, len(" * ")),
         omitted=omitted(program.discrete.model, len(" *   ")),
+        beware=beware(program, len(" *   ")),
         status=STATUS,
         reasons=REASONS,
         field_name=field_name,
@@ -362,9 +363,9 @@ def _literals(program: Program, routine: Routine, inputs: Sequence[float]) -> li
     ]
 
 
-def call_arguments(routine: Routine) -> str:
-    """The arguments of a call of a routine on ``kf``, taken from an array ``in`` that has them in a row."""
-    texts, at = ["&kf"], 0
+def call_arguments(routine: Routine, of: str = "kf") -> str:
+    """The arguments of a call of a routine on a filter, taken from an array ``in`` that has them in a row."""
+    texts, at = [f"&{of}"], 0
     for a in routine.required:
         texts.append(f"&in[{at}]" if a.size else f"in[{at}]")
         at += a.size or 1

@@ -10,7 +10,7 @@ from kfgen.emit.align_routine import AlignRoutine
 from kfgen.emit.check import MAX_NORM_ERROR, widest
 from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.gather import memory as gathering
-from kfgen.emit.guards import MAX_SUM
+from kfgen.emit.guards import MAX_SUM, SHORTEST_STEP_S
 from kfgen.emit.ir.ir import STATUS, Argument, Routine, Stmt
 from kfgen.emit.moving.moving import MovingAlign
 from kfgen.emit.routines import Program
@@ -19,7 +19,7 @@ from kfgen.emit.targets.names import identifier
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, nearly, recorded, selftest
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames, omitted
+from kfgen.emit.targets.words import beware, frames, omitted
 from kfgen.emit.update import LEAST_SEEN, widened_share
 from kfgen.emit.watch import lanes
 from kfgen.emit.watch.biases import bounded
@@ -295,6 +295,7 @@ def module(program: Program) -> dict[str, str]:
         version=kfgen.__version__,
         frames=frames(discrete.model),
         omitted=omitted(discrete.model, len("    ")),
+        beware=beware(program, len("    ")),
         hash=discrete.hash[:16],
         n=program.n,
         klass=class_name(program),
@@ -320,6 +321,7 @@ def module(program: Program) -> dict[str, str]:
         gates={s.name: g.value for s, g in zip(discrete.model.sensors, gates(discrete.model))},
         huge=MAX_SUM,
         status=STATUS,
+        shortest=SHORTEST_STEP_S,
         longest=discrete.max_step,
         rows=program.rows,
         triads=program.supervisor.triads,

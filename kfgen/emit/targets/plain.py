@@ -13,7 +13,7 @@ from kfgen.emit.targets.filterpy import class_name
 from kfgen.emit.targets.printer import PythonPrinter
 from kfgen.emit.targets.selftest import FILE, exactly, recorded, selftest
 from kfgen.emit.targets.templates import render
-from kfgen.emit.targets.words import frames, omitted
+from kfgen.emit.targets.words import beware, frames, omitted
 from kfgen.emit.watch.quiet import REASONS
 
 TARGET = "numpy"
@@ -96,6 +96,7 @@ def module(program: Program) -> dict[str, str]:
         version=kfgen.__version__,
         frames=frames(discrete.model),
         omitted=omitted(discrete.model, len("    ")),
+        beware=beware(program, len("    ")),
         hash=discrete.hash[:16],
         program=program,
         form=form,

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import textwrap
+from typing import TYPE_CHECKING
 
 from kfgen.effects.driven.proportional import DRIVERS
 from kfgen.emit.accuracy import step_accuracy
+from kfgen.emit.cautions import cautions
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS
+
+if TYPE_CHECKING:
+    from kfgen.emit.routines import Program
 
 AXES = {"N": "north", "E": "east", "S": "south", "W": "west", "U": "up", "D": "down"}
 
@@ -62,6 +67,21 @@ def accuracy(discrete: DiscreteModel, indent: int) -> tuple[str, ...]:
     lines: list[str] = []
     for sentence in step_accuracy(discrete):
         lines += textwrap.wrap(sentence, LINE_COLUMNS + 20 - indent)
+    return tuple(lines)
+
+
+def beware(program: Program, indent: int) -> tuple[str, ...]:
+    """Lines of `cautions`: one begins at the left, what continues it does not.
+
+    Parameters
+    ----------
+    program : Program
+    indent : int
+        Columns that the caller puts before each line.
+    """
+    lines: list[str] = []
+    for sentence in cautions(program):
+        lines += textwrap.wrap(sentence, LINE_COLUMNS - indent, subsequent_indent="  ")
     return tuple(lines)
 
 

@@ -108,7 +108,7 @@ def kept(program: Program) -> list[Stmt]:
     )
 
 
-def jumps(program: Program) -> list[Stmt]:
+def jumped(program: Program) -> list[Stmt]:
     """What a correction moved, after it."""
     return [When(settling(program), (FunctionCall(TELL, (Ref(BEFORE),)),))] if program.lanes else []
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kfgen.emit.guards import every, sum_of_squares, within
+from kfgen.emit.guards import every, possible_step, sum_of_squares, within
 from kfgen.emit.ir.ir import (
-    All,
     Argument,
     Compare,
     FunctionCall,
@@ -45,8 +44,7 @@ def _routine(program: Program, sensor: Sensor) -> Routine:
     triads = [Argument(argument(i.name), 3, f"{i.title} [{i.unit}], body axes") for i in (ACCEL, GYRO)]
     looked = [c for a in triads for c in within(a, program.input_limit(a.name))]
     allowed = When(every(looked), tuple(_looked_at(program, sensor)), (StatusFlag("BAD_INPUT"),))
-    longest = Num(program.discrete.max_step)
-    step = All((Compare(">", Ref("dt"), Num(0.0)), Compare("<=", Ref("dt"), longest)))
+    step = possible_step(program.discrete.max_step)
     size = len(sensor.channels)
     return Routine(
         ROUTINE,

@@ -102,22 +102,22 @@ def channel_gap(
     """
     check(channel, record, noise)
     noise = noise.extended_band(record.dt, record.duration)
-    assumed = {e.name for e in noise.effects}
-    recorded_faults = [f for f in record.faults if f.spoils or f.effect.name not in assumed]
-    faults = [*recorded_faults, *spotted_in(record, noise, stamps, stated)]
+    known = [e.name for e in noise.effects]
+    own = (f for f in record.faults if f.spoils or f.effect.name not in known)
+    faults = [*own, *spotted_in(record, noise, stamps, stated)]
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)
-    raw, random = at.raw, at.random
+    raw, random, search = at.raw, at.random, searched(at.search, search_limits(channels))
     before = tests_of(channel, as_written(raw, random.effects))
-    search = searched(at.search, search_limits(channels))
     base = search.base
     after = tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    named = beside_misfit(findings) if _is_doubtful(after, search) else findings
-    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *named]
+    if any(t.significant for t in after) or search.comb_hz > 0.0:
+        findings = list(beside_misfit(findings))
+    findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
     clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),
@@ -139,11 +139,6 @@ def channel_gap(
         checks=checks,
         clean=replace(at.whole, y=at.whole.y - raw.y + clean.y),
     )
-
-
-def _is_doubtful(after: Sequence[Test], search: ChannelExplanation) -> bool:
-    """Whether something is left that the updated model does not explain."""
-    return any(t.significant for t in after) or search.comb_hz > 0.0
 
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:

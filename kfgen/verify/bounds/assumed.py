@@ -105,9 +105,8 @@ ASSUMPTIONS = (
         f"vectors that give a direction are longer than {LEAST_DIRECTION**0.5:g}, sums below {MAX_MEMORY:g}",
         "samples that are shaken, or without gravity, or with a field along it, are thrown away",
     ),
-    Assumption("time", f"steps of 1e-6 s at least, started again within {MAX_TIME_S:g} s", "the firmware"),
+    Assumption("time", f"started again within {MAX_TIME_S:g} s", "the firmware"),
 )
-MIN_STEP_S = 1e-6
 
 
 class FilterRanges:
@@ -156,13 +155,11 @@ class FilterRanges:
         return {a: known.get(a, lambda n=size: [rest] * n)() for a, (size, _) in program.arrays.items()}
 
     def arguments(self, routine: Routine) -> dict[str, KnownNumber | Array]:
-        """Any bit pattern, but for variances and the least step."""
+        """Any bit pattern, but for variances."""
         out: dict[str, KnownNumber | Array] = {}
         for a in routine.arguments:
             if a.default:
                 out[a.name] = [self._variance(e) for e in a.default]
-            elif a.name == "dt":
-                out[a.name] = KnownNumber(MIN_STEP_S, math.inf, raw=True)
             else:
                 out[a.name] = [RAW] * a.size if a.size else RAW
         return out

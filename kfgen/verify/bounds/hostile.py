@@ -25,7 +25,7 @@ from kfgen.emit.targets.c import CPrinter, call_arguments
 from kfgen.emit.targets.templates import render
 from kfgen.verify.bounds.assumed import FilterRanges
 from kfgen.verify.bounds.interval import KnownNumber
-from kfgen.verify.core import width, write_harness
+from kfgen.verify.core import DRIVEN, width, write_harness
 from kfgen.verify.host import FLAGS, LANGUAGES, compiler, contraction, run
 
 REFUSED = ("BAD_STEP", "BAD_INPUT")
@@ -90,7 +90,7 @@ def write_hostile(program: Program, folder: Path) -> Path:
         real=program.real,
         width=width(program),
         words=_words(program),
-        calls=[(r.name, call_arguments(r)) for r in program.entries],
+        calls=[(r.name, call_arguments(r, DRIVEN)) for r in program.entries],
         zero=printer.number(0.0),
         fine=printer.number(FINE),
     )
