@@ -84,7 +84,7 @@ def by_differences(path: Any) -> dict[str, float]:
 
 @dataclass
 class Window:
-    """Readings of some steps over their deviations, and what states and noises do to them.
+    """Readings of some steps over their standard deviations, and what states and noises do to them.
 
     Parameters
     ----------

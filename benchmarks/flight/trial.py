@@ -152,12 +152,14 @@ def _gain_of(case: Case, size: float) -> float:
     from kfgen.effects import make
     from kfgen.gap.flight.flight_scene import flight_scene
     from kfgen.gap.flight.random.random_error import random_error_of
-    from kfgen.gap.scene.scene import Placed
+    from kfgen.gap.scene.newton import fitted
+    from kfgen.gap.scene.scene import Placed, start_of
 
     values = {case.parameters[0]: size, **dict(case.fixed)}
     scene = flight_scene(log_of(case, [Effect(case.effect, case.where, values)]), _model())
     assert scene is not None
-    linear = scene.path.linear
+    # About the field that the flight shows: else a random error takes up the error of the one that was aligned.
+    linear = scene.about(fitted(scene, start_of(scene)).point).path.linear
     error = random_error_of(Placed(make(case.effect, **values), case.where), scene.path.log.dt)
     return float(linear.with_random_error(error).filtered().log_likelihood - linear.log_likelihood)
 
