@@ -24,6 +24,7 @@ from kfgen.identify.fit.fit import Fit, Key
 from kfgen.identify.fit.goodness import widening
 from kfgen.identify.fit.interval import stretched
 from kfgen.identify.fit.limits import Limit
+from kfgen.identify.fit import lines as periodic
 from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
 from kfgen.identify.methods.likelihood import METHODS
 from kfgen.identify.screening.cleaning import cleaned, outliers_said
@@ -296,15 +297,19 @@ def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
     return record
 
 
-@without_lines.register(Record)
-@without_lines.register(Long)
-def _(record: Record | Long, lines: Sequence[PeriodicLine]) -> Evidence:
+@without_lines.register
+def _(record: Record, lines: Sequence[PeriodicLine]) -> Evidence:
+    return periodic.without_lines(record, lines)
+
+
+@without_lines.register
+def _(record: Long, lines: Sequence[PeriodicLine]) -> Evidence:
     return record.leaving_out(*(line.band for line in lines))
 
 
 @without_lines.register
 def _(record: JointRecord, lines: Sequence[PeriodicLine]) -> Evidence:
-    return JointRecord(tuple(r.leaving_out(*(line.band for line in lines)) for r in record.records))
+    return JointRecord(tuple(periodic.without_lines(r, lines) for r in record.records))
 
 
 @without_lines.register

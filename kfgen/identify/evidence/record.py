@@ -360,10 +360,10 @@ class Record(Evidence):
         t, drive = self.elapsed, self.drive
         return list(shapes(t, drive)) if self.averaged == 1 else in_means(shapes, t, drive, self.dt)
 
-    def leaving_out(self, *bands: tuple[float, float]) -> Record:
-        """The same with more bands [Hz] left out of the likelihood."""
-        other = replace(self, skip=self.skip + bands)
-        for name in ("sines", "curve", "octaves", "scale"):
+    def leaving_out(self, *bands: tuple[float, float], y: Array | None = None) -> Record:
+        """The same with more bands [Hz] left out of the likelihood, or with other samples in it; Allan curves stay."""
+        other = replace(self, skip=self.skip + bands, y=self.y if y is None else y)
+        for name in ("curve", "octaves") if y is not None else ("sines", "curve", "octaves", "scale"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other
