@@ -110,6 +110,8 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
     words = (
         f"{_what(f)}{_in_unknown_field(c, f)}. It is {percent(f.probability)} probable among all candidates"
     )
+    if f.objection:
+        words += f"; it stands in for something else, for the course that it took is none of its kind: {f.objection}"
     if f.nothing_probability > CONFUSION_SET_MIN_PROBABILITY:
         words += f", that nothing is missing {percent(f.nothing_probability)}"
     if f.test is not None:

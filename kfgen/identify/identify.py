@@ -19,12 +19,12 @@ from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.sampling import drawn
+from kfgen.identify.fit import lines as periodic
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.fit.fit import Fit, Key
 from kfgen.identify.fit.goodness import widening
 from kfgen.identify.fit.interval import stretched
 from kfgen.identify.fit.limits import Limit
-from kfgen.identify.fit import lines as periodic
 from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
 from kfgen.identify.methods.likelihood import METHODS
 from kfgen.identify.screening.cleaning import cleaned, outliers_said

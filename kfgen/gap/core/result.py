@@ -49,6 +49,8 @@ class Finding:
         What is assumed about the number of which it is the error [SI].
     once : bool
         Whether it belongs to this recording alone: a step, single samples, a line with its phase, where a state starts.
+    objection : str
+        In what the course that it took is none of its kind, so that it stands in for something else; empty where in nothing.
     """
 
     effect: Effect
@@ -62,6 +64,7 @@ class Finding:
     test: Test | None = None
     assumed_value: float | None = None
     once: bool = False
+    objection: str = ""
 
     @property
     def name(self) -> str:

@@ -27,6 +27,7 @@ from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.rest.checks import checks_of
 from kfgen.gap.rest.comparison import ChannelGap, span_of
+from kfgen.gap.rest.course import has_course, none_of_their_kind
 from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
 from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
@@ -116,8 +117,8 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    if any(t.significant for t in after) or search.comb_hz > 0.0:
-        findings = beside_misfit(findings)
+    if verdict_of(findings, retuned, after, search.comb_hz) == UNKNOWN_EFFECT:
+        findings = list(beside_misfit(findings))
     findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
     clean = cast(Record, base.problem.record)
     return ChannelGap(
@@ -251,9 +252,30 @@ def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]
     comb_hz : float
         Fundamental of a comb of lines; zero where there is none.
     """
-    if any(t.significant for t in tests) or comb_hz > 0.0:
+    if any(t.significant for t in tests) or comb_hz > 0.0 or any(f.objection for f in findings):
         return UNKNOWN_EFFECT
     return EFFECTS_FOUND if findings or retuned else NO_GAP
+
+
+def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, those that are noise of a kind with what speaks against the courses that they took together.
+
+    Parameters
+    ----------
+    search : ChannelExplanation
+        Finished.
+    findings : sequence of Finding
+        Of it.
+    """
+    base, assumed = search.base, len(search.effects)
+    (record, *more) = records_of(base.problem.record)
+    known, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
+    if more:
+        return list(findings)
+    if len(search.altering) == 1 and has_course(search.altering[0]):
+        record, added = records_of(search.record)[0], (*added, *search.altering)
+    objection = none_of_their_kind(record, known, added)
+    return [replace(f, objection=objection) if has_course(f.effect) else f for f in findings]
 
 
 def terms_of(
@@ -298,7 +320,7 @@ def terms_of(
         findings.append(_finding(channel, noise.unit, chosen, term, worst))
     if not retuned:
         terms[:kept] = noise.terms
-    return findings, tuple(terms)
+    return with_objections(search, findings), tuple(terms)
 
 
 def _finding(channel: str, unit: str, chosen: Chosen[Candidate], term: Term, worst: Test) -> Finding:
