@@ -104,8 +104,8 @@ def channel_gap(
     check(channel, record, noise)
     noise = noise.extended_band(record.dt, record.duration)
     assumed = {e.name for e in noise.effects}
-    recorded_faults = [f for f in record.faults if f.spoils or f.effect.name not in assumed]
-    faults = [*recorded_faults, *spotted_in(record, noise, stamps, stated)]
+    faults = [f for f in record.faults if f.spoils or f.effect.name not in assumed]
+    faults += spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)
@@ -113,14 +113,13 @@ def channel_gap(
     before = tests_of(channel, as_written(raw, random.effects))
     search = searched(at.search, search_limits(channels))
     base = search.base
-    after = tests_of(channel, base)
+    clean, after = cast(Record, base.problem.record), tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
     if verdict_of(findings, retuned, after, search.comb_hz) == UNKNOWN_EFFECT:
         findings = list(beside_misfit(findings))
     findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
-    clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),
         unit=noise.unit,
