@@ -31,12 +31,12 @@ from kfgen.gap.rest.course import has_course, none_of_their_kind
 from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
 from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
+from kfgen.gap.rest.intervals import closed_intervals
 from kfgen.gap.rest.second_recording import lasts
 from kfgen.gap.rest.trust import check, merged, moved, priors_of, without_assumed_terms
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Problem, maximise
-from kfgen.identify.fit.interval import intervals95
 from kfgen.identify.identify import MAX_SAMPLES_IN_FULL
 
 Array = NDArray[np.float64]
@@ -295,8 +295,7 @@ def terms_of(
         Under the assumed model.
     """
     base = search.base
-    problem = replace(base.problem, effects=base.fit.effects)
-    closed = {k: ci for k, ci in intervals95(problem, base.fit).items() if np.isfinite(ci).all()}
+    closed = closed_intervals(replace(base.problem, effects=base.fit.effects), base.fit)
     kept = len(noise.terms)
     terms = [
         Term(effect, {name: ci for (k, name), ci in closed.items() if k == i})
