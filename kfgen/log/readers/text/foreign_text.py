@@ -61,8 +61,8 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     columns = {k: c for k, c in table.columns.items() if k not in words}
     if all(name.startswith("#") for name in columns):
         return _unnamed(table, columns)
-    if (apart := _with_units_apart(table, columns)) is not None:
-        return apart
+    if (behind := _with_units_behind_names(table, columns)) is not None:
+        return behind
     if any(c.unit is not None and not array_names.is_time(k) for k, c in columns.items()):
         return replace(table, columns=_timed(columns), others={**table.others, **words})
     if all(c.values.size < 2 for c in columns.values()):
@@ -85,7 +85,7 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     )
 
 
-def _with_units_apart(table: LogTable, columns: Mapping[str, TableColumn]) -> LogTable | None:
+def _with_units_behind_names(table: LogTable, columns: Mapping[str, TableColumn]) -> LogTable | None:
     """The table with the units that other programs write behind names, ``Gyroscope X (deg/s)``; None without one."""
     if any(c.unit is not None for c in columns.values()):
         return None
