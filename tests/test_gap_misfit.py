@@ -178,3 +178,17 @@ def test_effects_that_resemble_each_other_are_ranked_by_what_they_explain() -> N
     assert [t.placed.where for t in trials] == ["x", "y"]
     assert own[0] < 0.5 * own[1]
     assert {t.even_share for t in trials} == {max(own)}
+
+
+@pytest.mark.parametrize(("share", "names"), [(0.03, []), (0.3, ["scale_factor"])])
+def test_what_takes_away_a_trifle_of_the_misfit_is_not_named(share: float, names: list[str]) -> None:
+    """Half of the band 20 times too loud, an effect there of 15 and of 180 nats: the first share moves by 1 % (one sd)."""
+    rng = np.random.default_rng(171_125)
+    loud, own = (np.concatenate([rng.standard_normal(N // 2), np.zeros(N // 2)]) for _ in range(2))
+    course = np.asarray(idct(own, type=2, norm="ortho"))
+    size = 20.0 * np.sqrt(share / (1.0 - share))
+    y = rng.standard_normal(N) + 20.0 * idct(loud, type=2, norm="ortho") + size * course
+    found = scene_gap(OneChannel(np.asarray(y), course))
+    assert [f.name for f in found.findings] == names
+    assert found.verdict == "unknown_effect"
+    assert ("takes away less than a tenth" in " ".join(r.why for r in found.refused)) == (not names)

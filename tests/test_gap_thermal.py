@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, make
 from kfgen.effects.driven.history import hysteresis, rate_of
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.core.drivers import drivers_of, smoothed
+from kfgen.gap.core.drivers import drivers_of
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.even_record import regular
 from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.smoothed import smoothed
 from kfgen.log.log import Channel, Log
 
 Array = NDArray[np.float64]

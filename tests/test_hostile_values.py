@@ -353,7 +353,7 @@ def test_a_bound_beyond_the_number_itself_is_none() -> None:
 @pytest.mark.parametrize("exponent", [-600, 0, 600])
 def test_a_driver_of_any_size_is_smoothed_alike(exponent: int) -> None:
     """A power of two changes no digit, though the squares of such numbers are none."""
-    from kfgen.gap.core.drivers import smoothed
+    from kfgen.identify.evidence.smoothed import smoothed
 
     y = np.cumsum(np.random.default_rng(2).standard_normal(300))
     assert (smoothed(np.ldexp(y, exponent)) == np.ldexp(smoothed(y), exponent)).all()

@@ -97,3 +97,23 @@ def test_a_driver_that_drives_nothing_is_not_named() -> None:
     for seed in range(10):
         got = names(found(noise(10 + seed, K=3e-4), temperature=warm, current=current))
         assert not {"temperature", "temperature_squared", "temperature_rate", "supply_current"} & set(got)
+
+
+def test_a_thermometer_that_is_noisy_still_wins_over_a_warm_up_curve() -> None:
+    """Both fit as well, and the curve has one number more; with the thermometer's noise in it the temperature lost."""
+    warm = 293.15 + 15.0 * (1.0 - np.exp(-T / 600.0))
+    thermometer = warm + 0.5 * np.random.default_rng(12).standard_normal(T.size)
+    assert names(found(1e-3 * (warm - warm[0]) + noise(13, K=1e-9), temperature=thermometer)) == [
+        "white_noise",
+        "temperature",
+    ]
+
+
+def test_a_small_bend_is_looked_for_beside_the_slope() -> None:
+    """Beside nothing a walk takes the whole sweep, and hides the bend; its interval is held to twice its width (9e-5)."""
+    away = 20.0 * np.sin(2 * np.pi * T / 3600.0 - 1.5)
+    answer = found(2e-2 * away + 2e-4 * away**2 + noise(14, K=1e-9), temperature=293.15 + away)
+    bent = [e for e in answer.channels["gyro_x"].effects if e.name == "temperature_squared"]
+    assert "rate_random_walk" not in names(answer)
+    (lo, hi) = bent[0].ci95["coefficient"]
+    assert abs(bent[0].values["coefficient"] - 2e-4) < hi - lo

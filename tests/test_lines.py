@@ -108,3 +108,14 @@ def test_the_line_of_a_gyro_that_warms_up(recording: Find) -> None:
     y = data["gyr_counts"] * float(data["gyr_lsb"])
     lines = find_lines(Record(np.arange(y.size, dtype=float), y))
     assert any(x.frequency == pytest.approx(0.050, abs=0.0005) for x in lines)
+
+
+@pytest.mark.parametrize("amplitude", [4e-3, 2e-2])
+def test_the_skirts_of_a_strong_line_are_no_slow_term(amplitude: float) -> None:
+    """A sinusoid of thousands of times the floor reaches beyond any band; N is held to 3.3 standard deviations (1e-3)."""
+    t = np.arange(int(3 * 3600 * RATE)) / RATE
+    white = 1e-3 * np.sqrt(RATE) * np.random.default_rng(11).standard_normal(t.size)
+    found = identify(Record(t, white + amplitude * np.sin(2 * np.pi * 0.5637 * t + 1.0)))
+    assert [e.name for e in found.fit.effects] == ["white_noise"]
+    assert pytest.approx(1e-3, rel=3.3 / np.sqrt(2.0 * t.size)) == found.fit.effects[0].N  # type: ignore[attr-defined]
+    assert found.warnings == ()

@@ -299,3 +299,40 @@ def test_quotation_marks_about_cells_that_blanks_separate(tmp_path: Path) -> Non
     log = read_log(tmp_path / "log.csv")
     np.testing.assert_array_equal(log.t, [0.01, 0.02, 0.03])
     np.testing.assert_array_equal(log.values("gyro_x"), [1.0, 2.0, 3.0])
+
+
+def test_a_rate_in_a_comment_and_rows_that_end_in_a_separator(tmp_path: Path) -> None:
+    """As the software of Xsens exports: four lines of comment, no time, a tab after every row but none after the header."""
+    names = "Counter\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
+    rows = ["\t".join(f"{v:.6f}" for v in (k, *ACC[k], *GYR[k])) + "\t" for k in range(50)]
+    head = ["// Start Time: 0", "// Sample rate: 50.0Hz", "// Scenario: 4.9", "// Firmware Version: 2.5.1"]
+    path = text(tmp_path, "\n".join([*head, names, *rows]) + "\n", "xsens.txt")
+    log = read_log(path, columns="accel_x=Acc_X [m/s^2], gyro_z=Gyr_Z [rad/s]")
+    assert log.dt == pytest.approx(0.02)
+    assert log.channel("gyro_z").values == pytest.approx(GYR[:, 2], abs=1e-6)
+
+
+@pytest.mark.parametrize(("line", "hertz"), [("# Sampling frequency = 2 kHz", 2000.0), ("Fs,100", 100.0)])
+def test_rates_of_headers(tmp_path: Path, line: str, hertz: float) -> None:
+    rows = [f"{x:.6f},{y:.6f}" for x, y in ACC[:, :2]]
+    path = text(tmp_path, "\n".join([line, "accel_x [m/s^2],accel_y [m/s^2]", *rows]) + "\n")
+    assert read_log(path).dt == pytest.approx(1.0 / hertz)
+
+
+def test_units_in_parentheses_behind_names(tmp_path: Path) -> None:
+    """As the software of x-io exports: packet numbers and no time, so that the rate is asked for, and nothing else."""
+    rows = [f"{3 * k},{g:.6f},{a:.6f},{0.3:.6f}" for k, g, a in zip(range(50), GYR[:, 0], ACC[:, 0])]
+    head = "Packet number,Gyroscope X (deg/s),Accelerometer X (g),Magnetometer X (G)"
+    path = text(tmp_path, "\n".join([head, *rows]) + "\n")
+    with pytest.raises(InputError, match="--rate"):
+        read_log(path)
+    log = read_log(path, rate=256.0)
+    assert list(log.channels) == ["gyro_x", "accel_x", "mag_x"]
+    assert log.channel("gyro_x").values == pytest.approx(np.deg2rad(GYR[:, 0]), abs=1e-6)
+    assert log.channel("mag_x").values == pytest.approx(np.full(50, 0.3e-4))
+    timed = text(
+        tmp_path, "\n".join([f"Time (s),{head}", *(f"{0.01 * k:.2f},{r}" for k, r in enumerate(rows))]) + "\n"
+    )
+    log = read_log(timed)
+    assert log.dt == pytest.approx(0.01)
+    assert any("'Packet number'" in w for w in log.warnings)

@@ -31,6 +31,7 @@ from recorded_table import recorded_table
 from score import Score
 from tables import report
 from trial import run, world
+from worlds_table import worlds_table
 
 WORLDS = ("static", "real", "motion", "plant", "recorded")
 SEED = 20260101
@@ -69,7 +70,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--keep", type=Path, help="folder of logs, truths and answers")
     parser.add_argument("--json", type=Path, help="every score")
     parser.add_argument(
-        "--docs", action="store_true", help="write the table of recordings into the documentation"
+        "--docs", action="store_true", help="write the tables of these worlds into the documentation"
     )
     return parser.parse_args()
 
@@ -105,6 +106,9 @@ def main() -> None:
         everything += scores
         if wanted.docs and name == "recorded":
             write_table("benchmarks.md", "recorded", recorded_table(scores, seed, load))
+        elif wanted.docs:
+            drawn_by = f"--count {wanted.count} --strength {wanted.strength} --nulls {nulls} --seed {seed}"
+            write_table("benchmarks.md", f"gap {name}", worlds_table(name, scores, drawn_by, load))
     if wanted.json:
         record = {"seed": seed, "count": wanted.count, "scores": [s.plain for s in everything]}
         wanted.json.write_text(json.dumps(record, indent=1), encoding="utf-8")

@@ -317,6 +317,7 @@ def _step(c: Comparison, f: Finding) -> dict[str, Any]:
         "cos2": {f"{o.effect} ({o.where})": o.cos2 for o in f.others if o.cos2 > MIN_LISTED_COS2},
         "parameters": parameters_of(c, f),
         "where": {"from_s": first, "to_s": last},
+        "stands_in_because": f.objection,
         "sentence": finding_sentence(c, f),
     }
 

@@ -22,8 +22,8 @@ from kfgen.gap.core.result import (
     Comparison,
     DetectionLimit,
     Finding,
-    NoiseFactor,
     NoiseScale,
+    NoiseSplit,
     OutageDrift,
 )
 from kfgen.gap.core.search import Refused
@@ -87,7 +87,7 @@ def noise_scale_sentence(s: NoiseScale) -> str:
     )
 
 
-def noise_factor_sentence(f: NoiseFactor) -> str:
+def noise_factor_sentence(f: NoiseSplit) -> str:
     """Why a noise looks larger, in words."""
     lo, hi = f.ci95
     shares = [f"{p.factor:.3g} {p.cause} of {p.where}" for p in f.parts]
@@ -124,6 +124,8 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
     words = (
         f"{_what(f)}{_in_unknown_field(c, f)}. It is {percent(f.probability)} probable among all candidates"
     )
+    if f.objection:
+        words += f"; it stands in for something else, for the course that it took is none of its kind: {f.objection}"
     if f.nothing_probability > CONFUSION_SET_MIN_PROBABILITY:
         words += f", that nothing is missing {percent(f.nothing_probability)}"
     if f.test is not None:

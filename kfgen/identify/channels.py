@@ -16,6 +16,7 @@ from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.effects.driven.proportional import DRIVERS
+from kfgen.identify.evidence.smoothed import course_without_noise
 from kfgen.log.log import Log, StoredLog
 
 Array = NDArray[np.float64]
@@ -103,7 +104,7 @@ def _is_counter(values: Array) -> bool:
 
 
 def recorded_drivers(log: Log, but: str = "") -> Mapping[str, Array]:
-    """The drivers that a log has.
+    """The courses of the drivers that a log has, without their own noise: a noisy regressor explains less than what drives.
 
     Parameters
     ----------
@@ -117,11 +118,13 @@ def recorded_drivers(log: Log, but: str = "") -> Mapping[str, Array]:
         Values [SI] by the names of `kfgen.effects.driven.proportional.DRIVERS`.
     """
     skipped = (but, COMPUTED_FROM.get(but))
-    found = {n: log.channels[n].values for n in DRIVERS if n in log.channels and n not in skipped}
+    found = [n for n in DRIVERS if n in log.channels and n not in skipped]
+    names = dict(zip(found, found))
     warm = [n for n in log.channels if n != but and not n.startswith("ref_") and _is_temperature(log, n)]
     if "temperature" not in log.channels and warm:  # under another name: temp, imu_temp
-        found["temperature"] = log.channels[warm[0]].values
-    return found
+        names["temperature"] = warm[0]
+    there = {k: n for k, n in names.items() if np.isfinite(log.channels[n].values).any()}
+    return {k: course_without_noise(log, n) for k, n in there.items()}
 
 
 def _is_temperature(log: Log, name: str) -> bool:

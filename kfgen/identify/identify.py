@@ -19,6 +19,7 @@ from kfgen.identify.evidence.peaks import oscillations
 from kfgen.identify.evidence.published import Published
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.evidence.sampling import drawn
+from kfgen.identify.fit import lines as periodic
 from kfgen.identify.fit.bounds import relative_bound
 from kfgen.identify.fit.fit import Fit, Key
 from kfgen.identify.fit.goodness import widening
@@ -296,15 +297,19 @@ def without_lines(record: Evidence, lines: Sequence[PeriodicLine]) -> Evidence:
     return record
 
 
-@without_lines.register(Record)
-@without_lines.register(Long)
-def _(record: Record | Long, lines: Sequence[PeriodicLine]) -> Evidence:
+@without_lines.register
+def _(record: Record, lines: Sequence[PeriodicLine]) -> Evidence:
+    return periodic.without_lines(record, lines)
+
+
+@without_lines.register
+def _(record: Long, lines: Sequence[PeriodicLine]) -> Evidence:
     return record.leaving_out(*(line.band for line in lines))
 
 
 @without_lines.register
 def _(record: JointRecord, lines: Sequence[PeriodicLine]) -> Evidence:
-    return JointRecord(tuple(r.leaving_out(*(line.band for line in lines)) for r in record.records))
+    return JointRecord(tuple(periodic.without_lines(r, lines) for r in record.records))
 
 
 @without_lines.register

@@ -29,6 +29,9 @@ from kfgen.effects.series import OnGrid
 
 Array = NDArray[np.float64]
 
+GRID_RELATIVE_TOLERANCE = 1e-6
+"""Relative error with which the digits of a log give the step of an ADC grid times the period."""
+
 FLICKER_FLOOR_OVER_B = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker of density ``B^2 / (2 pi f)``, in units of B, at every time [1]_."""
 
@@ -119,7 +122,8 @@ class Quantisation(LinearProcess):
     @classmethod
     def ceiling(cls, name: str, grid: OnGrid) -> float:
         """``step dt / sqrt(12)``: the integral of samples on an ADC grid is rounded to its step times the period."""
-        return grid.adc_step * grid.dt / math.sqrt(12.0) if grid.adc_step > 0.0 else math.inf
+        bound = grid.adc_step * grid.dt / math.sqrt(12.0) * (1.0 + GRID_RELATIVE_TOLERANCE)
+        return bound if grid.adc_step > 0.0 else math.inf
 
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """A white sequence of variance ``Q^2`` on the integral."""

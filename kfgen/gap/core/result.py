@@ -49,6 +49,8 @@ class Finding:
         What is assumed about the number of which it is the error [SI].
     once : bool
         Whether it belongs to this recording alone: a step, single samples, a line with its phase, where a state starts.
+    objection : str
+        In what the course that it took is none of its kind, so that it stands in for something else; empty where in nothing.
     """
 
     effect: Effect
@@ -62,6 +64,7 @@ class Finding:
     test: Test | None = None
     assumed_value: float | None = None
     once: bool = False
+    objection: str = ""
 
     @property
     def name(self) -> str:
@@ -173,7 +176,7 @@ class NoiseScale:
 
 
 @dataclass(frozen=True)
-class NoiseFactorPart:
+class NoiseCause:
     """What one cause does to the size that a noise seems to have.
 
     Parameters
@@ -190,7 +193,7 @@ class NoiseFactorPart:
 
 
 @dataclass(frozen=True)
-class NoiseFactor:
+class NoiseSplit:
     """By how much a noise looks larger than assumed where nothing is named, split by causes.
 
     Parameters
@@ -201,7 +204,7 @@ class NoiseFactor:
         Standard deviation over the assumed one, with nothing named.
     ci95 : (float, float)
         Its interval.
-    parts : tuple of NoiseFactorPart
+    parts : tuple of NoiseCause
         Their product and `left` is `times`.
     left : float
         What nothing that was named explains.
@@ -210,7 +213,7 @@ class NoiseFactor:
     channel: str
     times: float
     ci95: tuple[float, float]
-    parts: tuple[NoiseFactorPart, ...]
+    parts: tuple[NoiseCause, ...]
     left: float
 
 
@@ -268,7 +271,7 @@ class Comparison:
         How far a filter drifts where its receiver is silent, as assumed and updated; outages in the last part of the log.
     parked : bool
         Whether the vehicle never moves.
-    noise_factors : tuple of NoiseFactor
+    noise_factors : tuple of NoiseSplit
         Why noises of a flight look larger than assumed.
     """
 
@@ -291,7 +294,7 @@ class Comparison:
     refused: tuple[Refused, ...] = ()
     outages: tuple[tuple[OutageDrift, OutageDrift], ...] = ()
     parked: bool = False
-    noise_factors: tuple[NoiseFactor, ...] = ()
+    noise_factors: tuple[NoiseSplit, ...] = ()
 
     @property
     def is_updated(self) -> bool:

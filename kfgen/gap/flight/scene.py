@@ -26,7 +26,7 @@ from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.likely_random_errors import likely_random_errors
-from kfgen.gap.flight.random.random_course import not_random
+from kfgen.gap.flight.random.random_course import none_of_a_random_error
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
 from kfgen.gap.flight.sums import units_of
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
@@ -283,7 +283,7 @@ class FlightScene:
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
         there = self.about(point)
-        return not_random(there.path, there.truth, placed)
+        return none_of_a_random_error(there.path, there.truth, placed)
 
     def candidates(self, placed: Sequence[Placed]) -> list[list[Placed]]:
         """Every addition that the log allows beside these, with typical sizes to start from."""

@@ -27,15 +27,16 @@ from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.rest.checks import checks_of
 from kfgen.gap.rest.comparison import ChannelGap, span_of
+from kfgen.gap.rest.course import has_course, none_of_their_kind
 from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
 from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
+from kfgen.gap.rest.intervals import closed_intervals
 from kfgen.gap.rest.second_recording import lasts
 from kfgen.gap.rest.trust import check, merged, moved, priors_of, without_assumed_terms
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Problem, maximise
-from kfgen.identify.fit.interval import intervals95
 from kfgen.identify.identify import MAX_SAMPLES_IN_FULL
 
 Array = NDArray[np.float64]
@@ -102,23 +103,22 @@ def channel_gap(
     """
     check(channel, record, noise)
     noise = noise.extended_band(record.dt, record.duration)
-    known = [e.name for e in noise.effects]
-    own = (f for f in record.faults if f.spoils or f.effect.name not in known)
-    faults = [*own, *spotted_in(record, noise, stamps, stated)]
+    assumed = {e.name for e in noise.effects}
+    faults = [f for f in record.faults if f.spoils or f.effect.name not in assumed]
+    faults += spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)
     raw, random, search = at.raw, at.random, searched(at.search, search_limits(channels))
     before = tests_of(channel, as_written(raw, random.effects))
     base = search.base
-    after = tests_of(channel, base)
+    clean, after = cast(Record, base.problem.record), tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    if any(t.significant for t in after) or search.comb_hz > 0.0:
+    if verdict_of(findings, retuned, after, search.comb_hz) == UNKNOWN_EFFECT:
         findings = list(beside_misfit(findings))
     findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
-    clean = cast(Record, base.problem.record)
     return ChannelGap(
         channels=(channel,),
         unit=noise.unit,
@@ -250,9 +250,30 @@ def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]
     comb_hz : float
         Fundamental of a comb of lines; zero where there is none.
     """
-    if any(t.significant for t in tests) or comb_hz > 0.0:
+    if any(t.significant for t in tests) or comb_hz > 0.0 or any(f.objection for f in findings):
         return UNKNOWN_EFFECT
     return EFFECTS_FOUND if findings or retuned else NO_GAP
+
+
+def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, those that are noise of a kind with what speaks against the courses that they took together.
+
+    Parameters
+    ----------
+    search : ChannelExplanation
+        Finished.
+    findings : sequence of Finding
+        Of it.
+    """
+    base, assumed = search.base, len(search.effects)
+    (record, *more) = records_of(base.problem.record)
+    known, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
+    if more:
+        return list(findings)
+    if len(search.altering) == 1 and has_course(search.altering[0]):
+        record, added = records_of(search.record)[0], (*added, *search.altering)
+    objection = none_of_their_kind(record, known, added)
+    return [replace(f, objection=objection) if has_course(f.effect) else f for f in findings]
 
 
 def terms_of(
@@ -273,8 +294,7 @@ def terms_of(
         Under the assumed model.
     """
     base = search.base
-    problem = replace(base.problem, effects=base.fit.effects)
-    closed = {k: ci for k, ci in intervals95(problem, base.fit).items() if np.isfinite(ci).all()}
+    closed = closed_intervals(replace(base.problem, effects=base.fit.effects), base.fit)
     kept = len(noise.terms)
     terms = [
         Term(effect, {name: ci for (k, name), ci in closed.items() if k == i})
@@ -297,7 +317,7 @@ def terms_of(
         findings.append(_finding(channel, noise.unit, chosen, term, worst))
     if not retuned:
         terms[:kept] = noise.terms
-    return findings, tuple(terms)
+    return with_objections(search, findings), tuple(terms)
 
 
 def _finding(channel: str, unit: str, chosen: Chosen[Candidate], term: Term, worst: Test) -> Finding:

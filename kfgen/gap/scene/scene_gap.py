@@ -49,7 +49,13 @@ from kfgen.gap.scene.scene import (
     start_of,
 )
 from kfgen.gap.scene.screen import basis
-from kfgen.gap.scene.under_misfit import AMONG_OTHER_EVENTS, under_misfit, without_events, without_weakest
+from kfgen.gap.scene.under_misfit import (
+    AMONG_OTHER_EVENTS,
+    under_misfit,
+    without_events,
+    without_trifles,
+    without_weakest,
+)
 from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
@@ -107,7 +113,7 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
             with time_budget(parts=2 if is_unfinished else 1):
                 answer = with_random_errors(answer, is_unfinished=is_unfinished)
         if doubtful := _doubtful_channels(answer):
-            answer = without_events(under_misfit(answer), doubtful)
+            answer = without_trifles(without_events(under_misfit(answer), doubtful))
         found = _gap_of(answer, unit_of)
         while answer.found.added and found.gap.ci95[1] < 0.0:
             answer = without_weakest(answer)

@@ -53,6 +53,12 @@ MAX_INTERVAL_RATIO = 1000.0
 """Upper over lower end of a 95 % interval, from which on it says nothing of a time or a frequency."""
 GROWS_UNSEEN = "the mismatch on held-out data grows with it"
 """Why an effect is not kept that had evidence."""
+MIN_SHARE_BESIDE_MISFIT = 0.1
+"""Of the mismatch of a channel, that an effect takes away there which is named beside what is not explained."""
+TAKES_AWAY_LITTLE = (
+    "it takes away less than a tenth of the mismatch of its channel, and more is left unexplained"
+)
+"""Why an effect is not added beside a misfit that is far larger than it."""
 AMONG_OTHER_EVENTS = "it happens once, on a channel on which more happens that is not explained"
 """Why an event is not added beside a misfit."""
 
@@ -132,6 +138,33 @@ def without_events(answer: Answered, doubtful: Collection[str]) -> Answered:
     return _explained_by(answer, left)
 
 
+def without_trifles(answer: Answered) -> Answered:
+    """The answer without effects that take away hardly any of what their channels show beyond noise, the least one first.
+
+    Where the residuals are many times the noise nearly every effect gains nats by chance. Of seven effects planted in
+    recordings each took away 17 % or more of the mean square of its channel, of 16 names in the same recordings as they
+    are none more than 7 %; the threshold was chosen on these.
+
+    Parameters
+    ----------
+    answer : Answered
+        Whose updated model fails its tests.
+    """
+    if isinstance(answer.scene, ReadingByReading | Linearised):
+        return answer
+    left = _explanation(answer)
+    while left.chosen:
+        before = [_mismatches(left.scene, left.without(i).fit) for i in range(len(left.chosen))]
+        after = _mismatches(left.scene, left.fit)
+        shares = [float(np.max((b - after) / np.maximum(b, MIN_EVIDENCE_NATS))) for b in before]
+        least = int(np.argmin(shares))
+        if shares[least] >= MIN_SHARE_BESIDE_MISFIT:
+            break
+        one = left.chosen[least]
+        left = left.without(least).refusing([Refused(*one.label, one.gain, TAKES_AWAY_LITTLE)])
+    return _explained_by(answer, left)
+
+
 def _explains_most(scene: Scene, fit: SceneFit, without: SceneFit) -> bool:
     """Whether an effect takes away far more of the mismatch than all that is left with it."""
     return _gained_to_left(scene, fit, without) > MIN_GAINED_TO_LEFT_RATIO
@@ -144,11 +177,20 @@ def _gained_to_left(scene: Scene, fit: SceneFit, without: SceneFit) -> float:
 
 
 def _mismatch(scene: Scene, fit: SceneFit) -> float:
-    """What a fit loses against one that knows the spectrum of what it leaves, by the noise that is assumed [nats]."""
+    """Of all channels together [nats]."""
+    return float(_mismatches(scene, fit).sum())
+
+
+def _mismatches(scene: Scene, fit: SceneFit) -> Array:
+    """What a fit loses against one that knows the spectrum of what it leaves, by the noise that is assumed.
+
+    Of each channel [nats], shape (channels,).
+    """
     if isinstance(scene, TemperedScene):
         fit, scene = scene.untempered(fit), scene.scene
     louder = tempered(scene, fit).misfit
-    return float(np.sum(0.5 * (louder**2 - 1.0) - np.log(louder)))
+    lost = 0.5 * (louder**2 - 1.0) - np.log(louder)
+    return np.array([part.sum() for part in np.split(lost, np.cumsum(scene.lengths)[:-1])])
 
 
 def without_weakest(answer: Answered) -> Answered:

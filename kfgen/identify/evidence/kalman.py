@@ -306,6 +306,11 @@ class Exact(Evidence):
         """A period, or what a low-pass leaves [s]."""
         return max(self.period, self.shortest)
 
+    @cached_property
+    def adc_step(self) -> float:
+        """Step of the ADC grid on which its samples were logged [SI], zero where they lie on none."""
+        return self.view.adc_step
+
     @property
     def scale(self) -> float:
         """Standard deviation of its samples [SI]."""

@@ -267,6 +267,8 @@ class Record(Evidence):
         Shocks and outliers that it had.
     averaged : int
         Samples of the sensor in each of `y`, which is their mean; `t` is then their middle.
+    logged_step : float, optional
+        Step of the ADC grid [SI] of the samples that were logged, where `y` is computed from them.
     """
 
     t: Array
@@ -279,6 +281,7 @@ class Record(Evidence):
     faults: tuple[DetectedFault, ...] = ()
     left_out: LeftOut = field(default_factory=LeftOut)
     averaged: int = 1
+    logged_step: float | None = None
 
     @property
     def since(self) -> float:
@@ -300,6 +303,11 @@ class Record(Evidence):
         """
         drive = {k: v[start:stop] for k, v in self.drive.items()}
         return replace(self, t=self.t[start:stop], y=self.y[start:stop], drive=drive, origin=self.since)
+
+    @cached_property
+    def adc_step(self) -> float:
+        """Step of the ADC grid on which its samples were logged [SI], zero where they lie on none."""
+        return super().adc_step if self.logged_step is None else self.logged_step
 
     @cached_property
     def dt(self) -> float:
@@ -360,10 +368,11 @@ class Record(Evidence):
         t, drive = self.elapsed, self.drive
         return list(shapes(t, drive)) if self.averaged == 1 else in_means(shapes, t, drive, self.dt)
 
-    def leaving_out(self, *bands: tuple[float, float]) -> Record:
-        """The same with more bands [Hz] left out of the likelihood."""
-        other = replace(self, skip=self.skip + bands)
-        for name in ("sines", "curve", "octaves", "scale"):
+    def leaving_out(self, *bands: tuple[float, float], y: Array | None = None) -> Record:
+        """The same with more bands [Hz] left out of the likelihood, or with other samples in it; Allan curves stay."""
+        step = self.logged_step if y is None else self.adc_step
+        other = replace(self, skip=self.skip + bands, y=self.y if y is None else y, logged_step=step)
+        for name in ("curve", "octaves") if y is not None else ("sines", "curve", "octaves", "scale"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import how_many, moment
 from kfgen.core.sampling_period import GAP_IN_PERIODS, MIN_SHARE_OF_NEIGHBOURS, STRETCHES, single_period
+from kfgen.effects.series import adc_step
 from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
@@ -222,4 +223,5 @@ def drawn(t: Array, y: Array, drive: Mapping[str, Array], dt: float) -> Record:
         Step of the grid [s].
     """
     grid = t[0] + dt * np.arange(max(int((t[-1] - t[0]) / dt) + 1, 3))
-    return Record(grid, np.interp(grid, t, y), {k: np.interp(grid, t, v) for k, v in drive.items()})
+    drawn_drive = {k: np.interp(grid, t, v) for k, v in drive.items()}
+    return Record(grid, np.interp(grid, t, y), drawn_drive, logged_step=adc_step(y))

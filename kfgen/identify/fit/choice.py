@@ -140,11 +140,10 @@ def _beside(record: Evidence, fast: tuple[str, ...], shapes: Group) -> list[list
 def _with_drivers(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[str, ...]) -> EffectSet:
     """The best set with what the drivers of the log explain, each group of them beside every slow term."""
     while True:
-        there = {e.driver for e in best.fit.effects if e.coefficients()}
         found = best
-        for group in _promising(record, best, there):
-            kept = tuple(e for e in best.fit.effects if e.coefficients() and e.driver)
-            trials = (fit(record, choices) for choices in _beside(record, fast, (*kept, *group)))
+        for group in _promising(record, best):
+            others = tuple(e for e in _driven(best) if e.driver != group[0].driver)
+            trials = (fit(record, choices) for choices in _beside(record, fast, (*others, *group)))
             found = max(
                 [found, *(t for t in in_time(trials) if follow_their_drivers(record, t.fit))],
                 key=lambda t: t.score,
@@ -154,13 +153,27 @@ def _with_drivers(record: Evidence, fit: Fitter, best: EffectSet, fast: tuple[st
         best = found
 
 
-def _promising(record: Evidence, best: EffectSet, there: set[str]) -> list[Group]:
-    """Of each driver that is not in the set, the group that promises most above its thresholds."""
-    most: dict[str, tuple[float, Group]] = {}
+def _driven(chosen: EffectSet) -> Group:
+    return tuple(e for e in chosen.fit.effects if e.coefficients() and e.driver)
+
+
+def _promising(record: Evidence, best: EffectSet) -> list[Group]:
+    """Of each driver the group that promises most above its thresholds: more shapes than it has, which are none at first.
+
+    Noise that was fitted without a driver hides its smaller shapes: they are looked for again beside the larger ones.
+    """
+    there, most = _driven(best), dict[str, tuple[float, Group]]()
+    known = promise(record, best.fit.effects, there)
     for group in driver_groups(record):
-        driver = group[0].driver
-        worth = promise(record, best.fit.effects, group) - sum(threshold(e) for e in group[1:])
-        if driver not in there and worth > max(GAIN_OF_A_DRIFT_WORTH_FITTING, most.get(driver, (0.0,))[0]):
+        driver, names = group[0].driver, {e.name for e in group}
+        present = {e.name for e in there if e.driver == driver}
+        if not present < names:
+            continue
+        others = tuple(e for e in there if e.driver != driver)
+        new = [e for e in group if e.name not in present]
+        worth = promise(record, best.fit.effects, (*others, *group)) - known
+        worth -= sum(threshold(e) for e in new[1:])
+        if worth > max(GAIN_OF_A_DRIFT_WORTH_FITTING, most.get(driver, (0.0,))[0]):
             most[driver] = worth, group
     return [group for _, group in most.values()]
 

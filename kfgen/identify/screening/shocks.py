@@ -18,8 +18,10 @@ Span = tuple[int, int]
 
 WINDOW_SAMPLES = 32
 MIN_WINDOWS = 20
-LARGE_DEVIATIONS = 6.0
-"""Robust standard deviations beyond which a sample is large."""
+LARGE_DEVIATIONS = 4.5
+"""Robust standard deviations beyond which a sample is large; of normal noise six in a window never are."""
+FAR_DEVIATIONS = 6.0
+"""Robust standard deviations beyond which the mean of a window is far from the usual one."""
 MIN_LARGE_IN_WINDOW = 6
 LARGE_OF_ONE_OUTLIER = 3
 """Samples that one outlier makes large: itself and its neighbours."""
@@ -108,7 +110,7 @@ def _away_from_level(y: Array, count: int) -> NDArray[np.bool_]:
     """Windows whose mean is far from the usual one: a sensor that is put down turns slowly at the end."""
     means = y[: count * WINDOW_SAMPLES].reshape(count, WINDOW_SAMPLES).mean(axis=1)
     away = np.abs(means - np.median(means))
-    return np.asarray(away > LARGE_DEVIATIONS * 1.4826 * np.median(away))
+    return np.asarray(away > FAR_DEVIATIONS * 1.4826 * np.median(away))
 
 
 def _usual(windows: Array) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.channel_names import acts_on
-from kfgen.gap.core.result import BAD_DATA, NO_GAP, NoiseFactor, NoiseFactorPart
+from kfgen.gap.core.result import BAD_DATA, NO_GAP, NoiseCause, NoiseSplit
 from kfgen.gap.flight.noise.tuned import TunedFlight, TunedSize, tuned
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.scene.scene import Placed, ScenePoint
@@ -52,7 +52,7 @@ def with_noise_factors(gap: SceneGap, scene: FlightScene) -> SceneGap:
     return replace(gap, noise_factors=noise_factors(scene, gap.assumed.point, gap.fit.point))
 
 
-def noise_factors(scene: FlightScene, assumed: ScenePoint, updated: ScenePoint) -> tuple[NoiseFactor, ...]:
+def noise_factors(scene: FlightScene, assumed: ScenePoint, updated: ScenePoint) -> tuple[NoiseSplit, ...]:
     """Noises that look larger than assumed where nothing is named, and which named effect makes them so.
 
     Parameters
@@ -75,16 +75,16 @@ def noise_factors(scene: FlightScene, assumed: ScenePoint, updated: ScenePoint) 
 
 def _factor(
     scene: FlightScene, placed: Sequence[Placed], steps: Sequence[TunedFlight], at: int
-) -> NoiseFactor:
+) -> NoiseSplit:
     """Of one noise, its parts as ratios of one size to the next."""
     sizes: list[TunedSize] = [s.sizes[at] for s in steps]
     ratios = [a.times / b.times for a, b in pairwise(sizes)]
-    parts = [NoiseFactorPart(p.effect.name, p.where, r) for p, r in zip(placed, ratios) if r >= MIN_PART]
+    parts = [NoiseCause(p.effect.name, p.where, r) for p, r in zip(placed, ratios) if r >= MIN_PART]
     left = sizes[0].times / float(np.prod([p.factor for p in parts]))
     if (shaken := min(_above_motion(scene, sizes[0]), left)) >= MIN_PART:
-        parts.append(NoiseFactorPart(VIBRATION, sizes[0].group.where, shaken))
+        parts.append(NoiseCause(VIBRATION, sizes[0].group.where, shaken))
         left /= shaken
-    return NoiseFactor(sizes[0].group.where, sizes[0].times, sizes[0].ci95, tuple(parts), left)
+    return NoiseSplit(sizes[0].group.where, sizes[0].times, sizes[0].ci95, tuple(parts), left)
 
 
 def _above_motion(scene: FlightScene, size: TunedSize) -> float:

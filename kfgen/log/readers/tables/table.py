@@ -20,7 +20,10 @@ from kfgen.log.readers.tables.clock import Clock
 
 CHUNK_SAMPLES = 1 << 20
 """Samples in a slice of a mapped file."""
-_SETTING = re.compile(r"\s*#?\s*(Fs|Logging time)\s*[,;=:]\s*([0-9.]+)", re.I)
+_SETTING = re.compile(
+    r"\s*(?:#|//)?\s*(Fs|Sampl(?:e|ing) (?:rate|frequency)|Logging time)\s*[,;=:]\s*([0-9.]+)\s*(kHz|Hz|s)?\s*",
+    re.I,
+)
 _SAMPLES = re.compile(r"\s*#\s*samples\s*[,;=:]\s*(after|before|at)\s*$", re.I)
 _ENTRY = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*([^\[\]=]+?)\s*(?:\[([^\]]*)\])?\s*$")
 
@@ -117,7 +120,7 @@ class ColumnMap:
 
 
 def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, float, tuple[str, ...]]:
-    """The rate [Hz] of header lines like ``Fs,50``, the ``Logging time,3600`` [s], a warning where they contradict.
+    """The rate [Hz] of header lines like ``Fs,50`` or ``// Sample rate: 50.0Hz``, the ``Logging time,3600`` [s], a warning where they contradict.
 
     Parameters
     ----------
@@ -134,8 +137,12 @@ def stated_rate(lines: Sequence[str], n: int) -> tuple[float | None, float, tupl
         Stated duration [s]; zero where none is stated.
     warnings : tuple of str
     """
-    found = {m.group(1).lower(): float(m.group(2)) for line in lines if (m := _SETTING.match(line))}
-    rate, duration = found.get("fs"), found.get("logging time", 0.0)
+    found: dict[str, float] = {}
+    for match in filter(None, map(_SETTING.fullmatch, lines)):
+        name = "duration" if match.group(1).lower() == "logging time" else "rate"
+        thousands = str(match.group(3)).lower() == "khz"
+        found.setdefault(name, float(match.group(2)) * (1000.0 if thousands else 1.0))
+    rate, duration = found.get("rate"), found.get("duration", 0.0)
     if rate is None or not 0.0 < rate < float("inf"):
         return None, 0.0, ()
     if duration > 0.0 and abs(n / rate / duration - 1.0) > RATE_RELATIVE_TOLERANCE:

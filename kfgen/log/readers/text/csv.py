@@ -63,6 +63,7 @@ def _raw(path: Path, text: str, lines: list[str]) -> tuple[LogTable, dict[str, T
     left: dict[str, TableColumn] = {}
     try:
         separator, first = _first_row(path, lines)
+        lines = _unended(lines, first, separator)
         names, units = _header(path, lines, first, separator)
         values = _numbers(path, lines, first, separator, names)
     except InputError:
@@ -159,6 +160,17 @@ def _no_row(path: Path, lines: list[str]) -> None:
         where=str(path),
         remedy="A CSV log has a header 'name [unit],...' and rows of numbers",
     )
+
+
+def _unended(lines: list[str], first: int, separator: str) -> list[str]:
+    """Lines without the separator that ends every row of numbers, where none ends the header."""
+    rows = [r.rstrip(" ") for r in lines[first:] if r.strip()]
+    header = next((r for r in reversed(lines[:first]) if r.strip()), "")
+    width = len(_cells(header, separator))
+    ended = bool(separator) and all(
+        r.endswith(separator) and len(_cells(r, separator)) == width + 1 for r in rows
+    )
+    return [*lines[:first], *(r.rstrip(" ")[:-1] for r in lines[first:] if r.strip())] if ended else lines
 
 
 def _header(path: Path, lines: list[str], first: int, separator: str) -> tuple[list[str], list[str | None]]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import some_of
+from kfgen.core.errors import InputError
+from kfgen.core.units import parse_unit
 from kfgen.log.readers.arrays import array_names
 from kfgen.log.readers.arrays.named_arrays import Named, table_of
 from kfgen.log.readers.arrays.turning_gravity import gyro_unit
@@ -24,6 +28,16 @@ FULL_SCALES = {
     2048: ("g/2048", "deg/s/16.4"),
 }
 """Counts of one g, and the units of accelerometer and gyro of the ranges of the MPU-6050 (data sheet, 2013)."""
+_IN_PARENTHESES = re.compile(r"(.*\S)\s*\(([^()]+)\)")
+OTHER_SPELLINGS = {
+    "G": "gauss",
+    "°/s": "deg/s",
+    "degrees/s": "deg/s",
+    "m/s²": "m/s^2",
+    "m/s/s": "m/s^2",
+    "µT": "uT",
+}
+"""Of units, in the names of columns of other programs."""
 SCALE_TOLERANCE = 0.15
 """Relative difference from the counts of one g within which a range is suggested."""
 
@@ -47,6 +61,8 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     columns = {k: c for k, c in table.columns.items() if k not in words}
     if all(name.startswith("#") for name in columns):
         return _unnamed(table, columns)
+    if (behind := _with_units_behind_names(table, columns)) is not None:
+        return behind
     if any(c.unit is not None and not array_names.is_time(k) for k, c in columns.items()):
         return replace(table, columns=_timed(columns), others={**table.others, **words})
     if all(c.values.size < 2 for c in columns.values()):
@@ -67,6 +83,37 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     return replace(
         table, columns=found.columns, rate=found.rate, warnings=said, others=others, hint=_of_names(columns)
     )
+
+
+def _with_units_behind_names(table: LogTable, columns: Mapping[str, TableColumn]) -> LogTable | None:
+    """The table with the units that other programs write behind names, ``Gyroscope X (deg/s)``; None without one."""
+    if any(c.unit is not None for c in columns.values()):
+        return None
+    out: dict[str, TableColumn] = {}
+    left: list[str] = []
+    for name, column in columns.items():
+        match = _IN_PARENTHESES.fullmatch(name)
+        unit = OTHER_SPELLINGS.get(match.group(2), match.group(2)) if match else ""
+        if match and _is_unit(unit):
+            axis = array_names.axis_of(match.group(1))
+            out[f"{axis[0]}_{axis[1]}" if axis else match.group(1)] = TableColumn(column.values, unit)
+        elif array_names.is_time(name):
+            out[name] = column
+        else:
+            left.append(f"'{name}'")
+    if not any(c.unit is not None and not array_names.is_time(k) for k, c in out.items()):
+        return None
+    said = [f"columns without a unit were left out: {some_of(left)}"] if left else []
+    warnings = (*table.warnings, *said)
+    return replace(table, columns=_timed(out), others={**table.others, **columns}, warnings=warnings)
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        parse_unit(text)
+    except InputError:
+        return False
+    return True
 
 
 def _timed(columns: Mapping[str, TableColumn]) -> dict[str, TableColumn]:

@@ -1,0 +1,92 @@
+"""Whether the random effects that were added to a channel at rest took courses as their names say.
+
+Slow noise leaves white residuals whatever made it: a resonance of that spectrum stands for a chaotic supply, a
+Gauss-Markov bias for a door that opens and shuts. The course that an effect took is the mean that Wiener's filter gives,
+ordinate by ordinate of the cosine transform; it is compared with courses of records that the updated model gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects import Effect, sampled_spectrum
+from kfgen.effects.effect import LinearProcess
+from kfgen.gap.core.random_course import COURSE_POINTS, not_random
+from kfgen.identify.evidence.record import Record
+
+Array = NDArray[np.float64]
+
+CHANCE_COURSES = 499
+"""Records of the updated model."""
+MAX_COURSE_POINTS = 2048
+"""Of a course that is fast."""
+SHOWN_SHARE = 0.99
+"""Of the power of a course."""
+POINTS_OVER_SHOWN = 4
+"""Ordinates over those that have this share: what is fast says most of a law."""
+STEPS_OF_A_POINT = 8
+"""Of what is simulated in time."""
+
+
+def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[Effect]) -> str:
+    """In what the course of random effects is none of their kind; empty where in nothing, or where none has a course.
+
+    Parameters
+    ----------
+    record : Record
+        Without what changes samples, but for the added effects.
+    known, added : sequence of Effect
+        The updated model, those together whose courses are looked at last.
+    """
+    from scipy.fft import dct, idct
+
+    effects = [*known, *added]
+    slow = [e for e in added if has_course(e)]
+    if not slow:
+        return ""
+    n, dt = record.n, record.dt / record.averaged
+    omega: Array = np.asarray(np.arange(1, n) * (np.pi / n), dtype=np.float64)
+    filters = [e for e in effects if e.is_filter]
+
+    def density(some: Sequence[Effect]) -> Array:
+        return np.maximum(
+            sampled_spectrum([*some, *filters], omega, dt, record.averaged, n), np.finfo(float).tiny
+        )
+
+    own, whole = density(slow), density([e for e in effects if not e.is_filter])
+    shown = np.cumsum(own**2 / whole)
+    points = POINTS_OVER_SHOWN * (int(np.searchsorted(shown, SHOWN_SHARE * shown[-1])) + 2)
+    points = min(max(points, COURSE_POINTS), MAX_COURSE_POINTS, n)
+    gain = (own / whole)[: points - 1, None]
+
+    def course(ordinates: Array) -> Array:
+        return np.asarray(
+            idct(np.vstack([np.zeros(ordinates.shape[1]), gain * ordinates]), axis=0, norm="ortho")
+        )
+
+    rng, shape = np.random.default_rng(0), (points - 1, CHANCE_COURSES)
+    switching = [e for e in slow if not _is_normal(e)]
+    normal = whole - density(switching) if switching else whole
+    X = np.sqrt(np.maximum(normal[: points - 1, None], 0.0)) * rng.standard_normal(shape)
+    at = np.linspace(0.0, record.duration, min(STEPS_OF_A_POINT * points, n))
+    for e in switching:
+        each = [dct(e.simulate(at, rng), norm="ortho")[1:points] for _ in range(CHANCE_COURSES)]
+        X += np.sqrt(n / at.size) * np.column_stack(each)
+    y = dct(record.y - record.drift(effects), norm="ortho")[1:points, None]
+    t = record.elapsed[0] + (np.arange(points) + 0.5) * record.duration / points
+    companions = {k: np.interp(t, record.elapsed, v) for k, v in record.drive.items() if np.ptp(v) > 0.0}
+    return not_random(t, course(y)[:, 0], course(X), companions | {"time": t}, law=True)
+
+
+def has_course(effect: Effect) -> bool:
+    """Whether an effect is noise that is correlated in time."""
+    random = not effect.coefficients() and not effect.is_filter
+    return random and isinstance(effect, LinearProcess) and effect.form().order > 0
+
+
+def _is_normal(effect: Effect) -> bool:
+    """Whether its law is normal: it is simulated as its linear system is."""
+    return type(effect).simulate is LinearProcess.simulate
