@@ -138,7 +138,7 @@ def test_the_thresholds_of_the_worlds() -> None:
     assert SearchLimits(8, 1.0, 3.0, 1.0, 3) == LIMITS
     assert explanation.search_limits(6).min_first_evidence_nats == pytest.approx(2.7918, abs=1e-4)
     assert SearchLimits(10, 1.0, 3.0, 1.0, 3) == scene_explanation.LIMITS
-    assert SearchLimits(4, 0.0, 3.0, 1.0, 0) == FIRST_LIMITS
+    assert SearchLimits(4, 0.0, 3.0, 1.0, 0, first_counts_rivals=True) == FIRST_LIMITS
 
 
 @pytest.mark.parametrize(("evidence", "found"), [(0.99, []), (1.01, ["a"]), (5.0, ["a"])])

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect
-from kfgen.identify.evidence.record import Likelihood
+from kfgen.identify.evidence.likelihood import Likelihood
 from kfgen.identify.evidence.shapes import Key, Shapes
 from kfgen.identify.evidence.whittle import SpectralFit
 
@@ -93,3 +93,32 @@ class IndependentLikelihoods:
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """The sum of information. See `kfgen.identify.evidence.record.Likelihood`."""
         return np.asarray(np.sum([p.information(effects, keys) for p in self.terms], axis=0))
+
+
+def differences_inside(
+    y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float
+) -> BlockDifferences:
+    """The differences inside full blocks.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples.
+    full : ndarray of int
+        First samples of the blocks.
+    levels : int
+        A block has two to its power samples.
+    blind : int
+        Levels whose differences, the shortest, are left out.
+    dt : float
+        Sampling period [s].
+    """
+    means = y[full[:, None] + np.arange(2**levels)]
+    count, variance = np.zeros(levels), np.ones(levels)
+    for i in range(levels if full.size else 0):
+        halves = means.reshape(full.size, -1, 2)
+        d = halves[:, :, 1] - halves[:, :, 0]
+        if i >= blind and d.size:
+            count[i], variance[i] = d.size, 0.5 * float(np.mean(d**2))
+        means = halves.mean(axis=2)
+    return BlockDifferences(np.asarray(dt * 2.0 ** np.arange(levels), dtype=np.float64), count, variance)

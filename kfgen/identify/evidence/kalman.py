@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from kfgen.core import linear
 from kfgen.effects import Effect, LinearSystem
 from kfgen.identify.evidence.allan import AllanCurve
-from kfgen.identify.evidence.block_differences import BlockDifferences
-from kfgen.identify.evidence.record import Evidence, Likelihood, Peaks, means_of
+from kfgen.identify.evidence.block_differences import BlockDifferences, differences_inside
+from kfgen.identify.evidence.likelihood import Likelihood
+from kfgen.identify.evidence.record import Evidence, Peaks, means_of
 from kfgen.identify.evidence.shapes import Key
 from kfgen.identify.evidence.whittle import Ordinates, SpectralFit, least_squares
 from kfgen.identify.fit.bounds import fisher
@@ -377,7 +378,7 @@ def chain(
     step = np.round(np.append(np.diff(t[edges[:-1]]), dt) / dt * TIME_STEPS_PER_PERIOD)
     step = np.maximum(step, 1.0) / TIME_STEPS_PER_PERIOD * dt
     full = edges[:-1][count == 2**levels]
-    return Chain(means, count, step, dt, y.size, _inside(y, full, levels, blind, dt))
+    return Chain(means, count, step, dt, y.size, differences_inside(y, full, levels, blind, dt))
 
 
 def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
@@ -385,18 +386,5 @@ def _edges(missing: Array, n: int, block: int, dt: float) -> NDArray[np.int64]:
     if block == 1:
         return np.arange(n + 1)
     pieces = np.concatenate([[0], np.flatnonzero(missing > 0.5 * dt) + 1, [n]])
-    starts = [np.arange(a, b, block) for a, b in pairwise(pieces.tolist())]
-    return np.append(np.concatenate(starts), n).astype(np.int64)
-
-
-def _inside(y: Array, full: NDArray[np.int64], levels: int, blind: int, dt: float) -> BlockDifferences:
-    """The differences inside full blocks; the shortest ones are left out."""
-    means = y[full[:, None] + np.arange(2**levels)]
-    count, variance = np.zeros(levels), np.ones(levels)
-    for i in range(levels if full.size else 0):
-        halves = means.reshape(full.size, -1, 2)
-        d = halves[:, :, 1] - halves[:, :, 0]
-        if i >= blind and d.size:
-            count[i], variance[i] = d.size, 0.5 * float(np.mean(d**2))
-        means = halves.mean(axis=2)
-    return BlockDifferences(np.asarray(dt * 2.0 ** np.arange(levels), dtype=np.float64), count, variance)
+    starts = np.concatenate([np.arange(a, b, block) for a, b in pairwise(pieces.tolist())])
+    return np.append(starts, n).astype(np.int64)

@@ -18,8 +18,9 @@ from kfgen.core.time_budget import not_counted
 from kfgen.effects import Effect
 from kfgen.identify.evidence.allan import AllanCurve, curve_from_variance, log_factors, octave_factors
 from kfgen.identify.evidence.block_differences import BlockDifferences, IndependentLikelihoods
+from kfgen.identify.evidence.likelihood import Likelihood
 from kfgen.identify.evidence.peaks import spectral_peaks
-from kfgen.identify.evidence.record import MAX_REGRESSOR_CELLS, Evidence, Likelihood, Peaks, Record, means_of
+from kfgen.identify.evidence.record import MAX_REGRESSOR_CELLS, Evidence, Peaks, Record, means_of
 from kfgen.identify.evidence.running_allan import Phase
 from kfgen.identify.evidence.whittle import Ordinates, coarse_transform, ordinates, transform
 from kfgen.identify.screening.record_faults import Spread, interpolated

@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,11 @@ from kfgen.effects import Effect, Look
 from kfgen.effects.series import DetectedFault, adc_step
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
 from kfgen.identify.evidence.in_means import Shapes, in_means
+from kfgen.identify.evidence.likelihood import Likelihood
 from kfgen.identify.evidence.peaks import SpectralPeak, spectral_peaks
-from kfgen.identify.evidence.shapes import Key
 from kfgen.identify.evidence.whittle import (
     BINS_PER_DECADE,
     Ordinates,
-    SpectralFit,
     block_means,
     coarse_transform,
     ordinates,
@@ -43,51 +41,6 @@ MIN_CORNER_OVER_RATE = 0.005
 """Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
 MAX_KEPT_LIKELIHOODS = 8
 """Likelihoods that are kept, one for each set of regressors and bins."""
-
-
-class Likelihood(Protocol):
-    """A likelihood of effects, whose regressors stand."""
-
-    def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
-        """``ln L``, and the coefficients of the regressors.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-            With their values [SI].
-        coefficients : ndarray, shape (r,), optional
-            Of the regressors; solved for when left out.
-        """
-
-    def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Its derivative in the logarithms of parameters.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-            With their values [SI].
-        keys : sequence of Key
-            Parameters: index of the effect, name.
-
-        Returns
-        -------
-        ndarray, shape (k,)
-        """
-
-    def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
-        """Fisher information of these logarithms.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-            With their values [SI].
-        keys : sequence of Key
-            Parameters: index of the effect, name.
-
-        Returns
-        -------
-        ndarray, shape (k, k)
-        """
 
 
 class Evidence(ABC):

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect
-from kfgen.identify.evidence.record import MIN_TIME_IN_STEPS, Evidence, Likelihood
+from kfgen.identify.evidence.likelihood import Likelihood
+from kfgen.identify.evidence.record import MIN_TIME_IN_STEPS, Evidence
 from kfgen.identify.evidence.shapes import Key
 from kfgen.identify.evidence.whittle import SpectralFit
 
