@@ -26,7 +26,8 @@ from kfgen.identify.evidence.allan import (
     octave_factors,
     pooled,
 )
-from kfgen.identify.evidence.kalman import Chain, Exact, _edges, _inside, chain
+from kfgen.identify.evidence.block_differences import differences_inside
+from kfgen.identify.evidence.kalman import Chain, Exact, _edges, chain
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.evidence.whittle import (
@@ -379,11 +380,11 @@ def test_blocks_never_reach_over_a_gap() -> None:
 def test_differences_inside_blocks() -> None:
     """Of 1, 3, 2, 6: (2, 4) within pairs, of mean half square 5; 2 between their means, of half square 2."""
     y = np.array([1.0, 3.0, 2.0, 6.0])
-    found = _inside(y, np.array([0]), 2, 0, 0.25)
+    found = differences_inside(y, np.array([0]), 2, 0, 0.25)
     assert found.count.tolist() == [2.0, 1.0]
     assert found.variance.tolist() == [5.0, 2.0]
-    assert _inside(y, np.array([0]), 2, 1, 0.25).count.tolist() == [0.0, 1.0]
-    assert _inside(y, np.zeros(0, int), 2, 0, 0.25).count.tolist() == [0.0, 0.0]
+    assert differences_inside(y, np.array([0]), 2, 1, 0.25).count.tolist() == [0.0, 1.0]
+    assert differences_inside(y, np.zeros(0, int), 2, 0, 0.25).count.tolist() == [0.0, 0.0]
 
 
 def test_a_chain_of_blocks() -> None:
