@@ -95,6 +95,17 @@ def test_a_filter_over_a_moving_log_without_an_aiding_sensor_is_refused() -> Non
     with pytest.raises(InputError, match="the sensors moved") as refused:
         kf.find_gap(log_of(20.0, 10.0), kf.build("ins15"))
     assert "no sensor that aids" in str(refused.value)
+    assert "use what the log has" not in str(refused.value)
+
+
+def test_the_refusal_names_the_sensors_that_the_filter_could_use() -> None:
+    log = log_of(20.0, 10.0)
+    height, field = (Channel.of(np.zeros(log.n), unit) for unit in ("m", "uT"))
+    magnets = {f"mag_{a}": field for a in "xyz"}
+    log = replace(log, channels={**log.channels, "baro_height": height, "fan": height, **magnets})
+    for model, named in (("ins15", "have barometer, mag too"), ("ins23", "have barometer too")):
+        with pytest.raises(InputError, match=named):
+            kf.find_gap(log, kf.build(model))
 
 
 def test_identify_says_that_the_sensors_moved() -> None:

@@ -46,7 +46,7 @@ from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import is_filter_file
 from kfgen.model.plant.user import FORMAT, UserModel, read_model
-from kfgen.run.filter_log import as_named_by
+from kfgen.run.filter_log import as_named_by, unused_sensors
 
 Model = NoiseModel | UserModel | FilterModel
 AnyLog = Log | StoredLog
@@ -125,16 +125,25 @@ def _found(
         return replace(moving, warnings=(*warnings, *moving.warnings))
     if how := motion_in(data[0], names):
         if isinstance(assumed, FilterModel):
-            raise InputError(
-                f"the sensors moved ({how}), and the log has no reference and no sensor that aids {name} in motion",
-                where=data[0].source,
-                remedy="Log GNSS, a barometer of the filter or a reference beside them, or log them at rest",
-            )
+            raise _unaided(assumed, data[0], f"the sensors moved ({how}), and the log has no reference")
         warnings.append(COUNTS_AS_NOISE.format(how=how))
     if data[0].n > MAX_SAMPLES_AT_FULL_RATE:
         long = LongLog.of_log(data[0], {n: noise.channel(n) for n in names})
         return long_at_rest(noise, long, names, others, warnings)
     return at_rest(noise, data[0], names, others, warnings)
+
+
+def _unaided(model: FilterModel, log: Log, said: str) -> InputError:
+    """That nothing in a log of a moving filter shows where it is wrong."""
+    there = unused_sensors(model, log)
+    take = (
+        f"use what the log has (a filter file whose sensors have {', '.join(there)} too), " if there else ""
+    )
+    return InputError(
+        f"{said} and no sensor that aids {model.name} in motion",
+        where=log.source,
+        remedy=f"Log GNSS, a barometer of the filter or a reference beside them, {take}or log them at rest",
+    )
 
 
 def _of_stored(
