@@ -36,6 +36,8 @@ CASES: tuple[tuple[str, str, str, str], ...] = (
     ("flight", "flight", "a fixed wing's GPS against its inertial sensor (P. Riseborough)", "0.25 to 0.3 s late by cross-correlation"),
     ("fixed_wing_flight", "fixed-wing", "the same without a reference, `ins15`", "its author flies with 0.21 and 0.23 s"),
     ("walk", "walk", "a walk with a receiver in the hand (T. Everett), `ins15`", "the antenna is 5 cm beside"),
+    ("px4_flights", "jammed", "PX4, GNSS jammed, `ins23` with barometer and magnetometer", "no fix, no reference"),
+    ("px4_flights", "brown-out", "PX4, ends by a brown-out, the same filter", "no receiver, no reference"),
     ("climb", "climb", "PX4-ECL's replay of a simulated quadrotor, `ins15`", "not stated; an independent fit: 0.200 +- 0.016 s late, or a drift"),
 )  # fmt: skip
 """Script, case, recording, and what its author or an independent measurement says."""

@@ -16,7 +16,9 @@ import pytest
 from numpy.typing import NDArray
 
 import kfgen as kf
+from kfgen.effects import make
 from kfgen.gap.flight.flight_scene import flight_scene
+from kfgen.gap.scene.scene import Placed
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
 
@@ -159,3 +161,18 @@ def test_nothing_is_fitted_to_a_wrong_log() -> None:
     stuck = next(f.effect for f in found.findings if f.where == "gnss_p")
     assert stuck.row("")["time"][0] == pytest.approx(30.0, abs=0.3)  # a fix is every 0.2 s
     assert stuck.row("")["lasting"][0] == pytest.approx(10.0, abs=0.5)
+
+
+def test_no_error_in_proportion_to_a_reading_exceeds_it() -> None:
+    """A wrong sign is minus twice a reading, a wrong unit many times it: both are asked for by themselves."""
+    scene = flight_scene(as_it_was(), model())
+    assert scene is not None
+
+    def said(place: str, name: str, **values: float) -> bool:
+        return bool(scene.unreached(Placed(make(name, **values), place)))
+
+    assert said("gyro_z", "scale_factor", coefficient=-1.01)
+    assert not said("gyro_z", "scale_factor", coefficient=0.99)
+    assert said("mag", "soft_iron", yz=1.2)
+    assert not said("mag", "soft_iron", xx=-0.9, zz=0.3)
+    assert not said("accel_x", "bias_step", size=20.0, time=30.0)

@@ -45,6 +45,8 @@ MIN_SIGN_SHARE = 0.05
 """Share of the readings that either sign has at least, for an asymmetry of the two to be seen."""
 CONSTANT_STEP_SHARE = 1e-4
 """Change of a constant, as a share of it, by which readings are differentiated."""
+EXCEEDS_SIGNAL = "it adds more to the reading than there is to read: no sensor errs so far"
+"""Why an error in proportion to a reading is no finding beyond 100 %: units, signs and axes are asked for by themselves."""
 READS_AHEAD = "an inertial sensor does not read what comes later"
 """Why a negative delay of one is no finding: that the other sensors are late is one."""
 KNOWS_AHEAD = "a receiver does not know what comes later"
@@ -334,6 +336,8 @@ class FlightScene:
 
     def unreached(self, placed: Placed) -> str:
         """See `kfgen.gap.scene.scene.Reaching`."""
+        if _largest_share(placed.effect) > 1.0:
+            return EXCEEDS_SIGNAL
         if _is_early(placed) and any(acts_on(placed.where, c) for c in self.path.equations.channels):
             return READS_AHEAD
         late = [
@@ -385,3 +389,9 @@ class FlightScene:
 def _is_early(placed: Placed, allowed_s: float = 0.0) -> bool:
     """Whether an effect makes a sensor read what comes later, by more than is allowed."""
     return isinstance(placed.effect, TimeDelay) and float(placed.effect.delay) < -allowed_s
+
+
+def _largest_share(effect: Effect) -> float:
+    """The largest share of what its sensor feels that an effect adds to a reading; zero of one that adds none."""
+    shares = [p.name for p in effect.parameters() if p.unit == "%" and p.kind == "signed"]
+    return max((abs(float(getattr(effect, n))) for n in shares), default=0.0)
