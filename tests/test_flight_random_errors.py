@@ -151,7 +151,7 @@ def test_a_random_walk_is_named() -> None:
 @pytest.mark.parametrize(
     ("name", "where", "values"),
     [
-        ("rate_random_walk", "gyro_z", {"K": 6e-4}),
+        ("rate_random_walk", "gyro_z", {"K": 1.2e-3}),
         ("gauss_markov", "gnss_v_E", {"sigma": 0.1, "tau": 5.0}),
     ],
 )

@@ -195,8 +195,14 @@ def _rows(bench: MotionCandidates, name: str, sensor: str, axis: int) -> list[li
         found += [Placed(GSensitivity(**{e: g}), name) for e in entries]
         if len(entries) > 1:
             found.append(Placed(GSensitivity(**dict.fromkeys(entries, g)), name))
-        squares = {k: np.ptp(v[bench.good]) for k, v in products(bench.truth.f_b).items()}
-        found += [Placed(GSquared(**{k: g / STANDARD_GRAVITY}), name) for k, v in squares.items() if v > 0.0]
+        squares = {k: float(np.ptp(v[bench.good])) for k, v in products(bench.truth.f_b).items()}
+        most = max(squares.values())
+        # Of coefficients of one size a product that hardly changes shows the least: seen in it, its own must be larger.
+        found += [
+            Placed(GSquared(**{k: g / STANDARD_GRAVITY}), name, prior_penalty_nats=float(np.log(most / v)))
+            for k, v in squares.items()
+            if v > 0.0
+        ]
     return [[p] for p in found]
 
 
