@@ -15,8 +15,12 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from kfgen.effects.process.stochastic import GRID_RELATIVE_TOLERANCE
+from kfgen.effects.series import adc_step
+from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.identify import Identified, identify
+from kfgen.identify.evidence.sampling import evidence
+from kfgen.identify.fit.lines import find_lines
+from kfgen.identify.identify import Identified, identify, without_lines
 from kfgen.identify.screening.record_faults import is_outlier, noise_change, roll_off
 
 RATE, SECONDS = 100.0, 300.0
@@ -141,7 +145,7 @@ def test_quantisation_cannot_exceed_what_the_grid_allows(step: float, line: floa
     A spectral line that is subtracted does not take the samples off their grid.
     """
     blue = lfilter([1.0, -0.15], [1.0], white(12))
-    blue = blue + line * np.sin(2.0 * np.pi * 0.123 * RATE * np.arange(blue.size) / RATE)
+    blue = blue + line * np.sin(2.0 * np.pi * 12.3 * T)
     most = step / RATE / np.sqrt(12.0)
     result = found(np.round(blue / step) * step)
     sizes = [float(e.Q) for e in result.fit.effects if e.name == "quantisation"]  # type: ignore[attr-defined]
@@ -150,3 +154,19 @@ def test_quantisation_cannot_exceed_what_the_grid_allows(step: float, line: floa
     free = found(blue)
     (Q,) = [float(e.Q) for e in free.fit.effects if e.name == "quantisation"]  # type: ignore[attr-defined]
     assert 2.0 * most < Q  # what it would be said to be without the grid
+
+
+def test_samples_that_are_computed_keep_the_grid_on_which_they_were_logged() -> None:
+    """Less a spectral line, or drawn onto an even grid by straight lines: what was rounded is what the ADC gave."""
+    step, rng = 0.5, np.random.default_rng(14)
+    y = np.round((white(14) + 0.4 * np.sin(2.0 * np.pi * 12.3 * T)) / step) * step
+    even = Record(T, y)
+    (line,) = find_lines(even)
+    times = T[:3000] + rng.uniform(0.0, 0.9, 3000) / RATE
+    uneven, _ = evidence(times, y[:3000])
+    assert isinstance(uneven, Exact)
+    for record in (even, uneven):
+        assert record.adc_step == pytest.approx(step)
+        cleaned = without_lines(record, [line])
+        assert adc_step(cleaned.y) == 0.0  # type: ignore[attr-defined]
+        assert cleaned.adc_step == pytest.approx(step)

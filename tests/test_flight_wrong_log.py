@@ -176,3 +176,26 @@ def test_no_error_in_proportion_to_a_reading_exceeds_it() -> None:
     assert said("mag", "soft_iron", yz=1.2)
     assert not said("mag", "soft_iron", xx=-0.9, zz=0.3)
     assert not said("accel_x", "bias_step", size=20.0, time=30.0)
+
+
+def test_a_product_of_forces_costs_what_its_coefficient_must_be_larger() -> None:
+    """The one that swings most costs nothing, one that swings e times less a nat, by the forces of the log itself."""
+    scene = flight_scene(as_it_was(), model())
+    assert scene is not None
+    asked = [
+        p for ps in scene.candidates(()) for p in ps if (p.effect.name, p.where) == ("g_squared", "gyro_x")
+    ]
+    costs = {
+        n: p.prior_penalty_nats
+        for p in asked
+        for n in ("xx", "yy", "zz", "xy", "yz", "zx")
+        if getattr(p.effect, n)
+    }
+    f = dict(zip("xyz", np.column_stack([as_it_was().channels[f"accel_{a}"].values for a in "xyz"]).T))
+    swing = {n: float(np.ptp(f[n[0]] * f[n[1]])) for n in costs}
+    most = max(swing, key=lambda n: swing[n])
+    assert len(costs) == 6
+    assert costs[most] == 0.0
+    # The path's forces have less noise than the samples: what is small is smaller there.
+    assert all(costs[n] >= np.log(swing[most] / swing[n]) - 0.7 for n in costs)
+    assert max(costs.values()) > 1.0

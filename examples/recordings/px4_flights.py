@@ -1,7 +1,7 @@
 """Two PX4 logs without a GNSS fix: what the innovations of a filter with barometer and magnetometer say of these two.
 
 Recordings: PX4 flight-review-rs (MIT). One has a GNSS receiver that is jammed and has no fix, one has no receiver and ends
-as its battery does; neither has a reference. Both barometers and magnetometers are where propellers blow and currents flow.
+as its battery does; neither has a reference. What is missing from this filter nobody knows: no name may be certain.
 """
 
 from pathlib import Path

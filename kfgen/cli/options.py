@@ -76,7 +76,9 @@ def sensor_rates(pairs: list[str] | None) -> dict[str, float]:
             found[name] = float(text)
         except ValueError:
             raise InputError(
-                f"'{text}' is no rate", where="--sensor-rate", remedy=f"Write it like --sensor-rate {name}=10"
+                f"the rate of {name} must be a number of hertz, not '{text}'",
+                where="--sensor-rate",
+                remedy=f"Write it like --sensor-rate {name}=10",
             ) from None
     return found
 

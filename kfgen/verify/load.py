@@ -36,9 +36,9 @@ def calls_a_second(program: Program, rates: Mapping[str, float]) -> dict[str, fl
             )
         if not 0.0 < rate < math.inf:
             raise InputError(
-                f"a rate of {rate:g} Hz is none",
+                f"the rate of {name} must be positive, not {rate:g} Hz",
                 where="--sensor-rate",
-                remedy="Give a positive number of hertz",
+                remedy=f"Write it like --sensor-rate {name}=10",
             )
     usual = {
         s.name: discrete.rates.get(s.name, s.usual_rate or discrete.rate) for s in discrete.model.sensors

@@ -25,7 +25,7 @@ from kfgen.gap.scene.scene_gap import SceneGap
 Array = NDArray[np.float64]
 
 MIN_FACTOR = 1.2
-"""Size from which on apart into its causes."""
+"""Size over the assumed one, above which a noise is split by its causes."""
 MIN_PART = 1.05
 """Factor below which the part of a cause is not listed."""
 MOTION_HZ = 10.0
