@@ -67,7 +67,7 @@ def program(name: str, order: int = 1, form: str = "p", loops: bool = False) -> 
 
     Without bounds of biases, which random states leave; they have tests of their own.
     """
-    made = Program(discrete(name, order), form, loops=loops, without=(BIASES,))
+    made = Program(discrete(name, order), form, loops=loops, q_interval=0.0, without=(BIASES,))
     if (form, loops) != FORMS[0]:
         first = program(name, order)
         first.covariance  # noqa: B018  computes it
@@ -926,29 +926,42 @@ def test_noise_of_less_rank_than_states_leaves_the_factors_whole() -> None:
 
 
 def test_noise_of_constant_states_may_wait() -> None:
-    """Biases that walk: nothing of their noise for two steps of 0.04 s, then that of three at once."""
-    model = build("ins15")
+    """Biases that walk: nothing of their noise for four steps of 0.04 s, then that of one of them at each step."""
+    constant = build("ins15", None, {"biases": "constant"})
+    model = constant
     for axis in "xyz":
         model = model.augment(f"gyro_{axis}", make("rate_random_walk", K=1e-3))
     f = Filter("ins15", 1, 7, form="ud")
     d = DiscreteModel(model)
     deferred = Machine(Program(d, "ud", q_interval=0.1), np.float64)
     prompt = Machine(Program(d, "p"), np.float64)
-    still = Machine(Program(DiscreteModel(build("ins15")), "p"), np.float64)
+    still = Machine(Program(DiscreteModel(constant), "p"), np.float64)
     for machine in (deferred, prompt, still):
         machine.call("init")
         machine.arrays["x"][:] = f.x
     deferred.arrays["UD"][:] = f.machine.arrays["UD"]
     for machine in (prompt, still):
         machine.arrays["P"][:] = f.P[np.triu_indices(15)]
-    walk = np.diag([0.0] * 12 + [1e-6] * 3)  # K^2 by the second, of the gyros' biases
-    for step in range(1, 4):
+    come: set[int] = set()
+    for step in range(1, 8):
         arguments = f.arguments("predict")
         assert {m.call("predict", arguments) for m in (deferred, prompt, still)} == {"OK"}
-        assert_near(deferred.covariance(), still.covariance() + (walk * 0.12 if step == 3 else 0.0))
-    assert deferred.arrays["waiting"][0] == 0.0
+        if step <= 4:
+            assert_near(deferred.covariance(), still.covariance())
+            continue
+        # Biases keep their covariance; K^2 by the second of the gyros' comes in for the four steps before.
+        grown = (deferred.covariance() - still.covariance())[12:, 12:]
+        walked = {k for k in range(3) if grown[k, k] > 0.5e-6 * 0.16}
+        assert len(walked) == step - 4 > len(come)
+        assert walked > come
+        np.testing.assert_allclose(
+            grown, np.diag([1e-6 * 0.16 * (k in walked) for k in range(3)]), atol=1e-13
+        )
+        come = walked
+    assert deferred.arrays["waiting"].tolist() == pytest.approx([0.12, 0.16, 3.0])
+    still_to_come = np.diag([0.0] * 12 + [1e-6 * 0.12] * 3)
     sd = np.sqrt(np.diag(prompt.covariance()))
-    assert np.abs(np.sqrt(np.diag(deferred.covariance())) / sd - 1.0).max() < 1e-2
+    assert np.abs(np.sqrt(np.diag(deferred.covariance() + still_to_come)) / sd - 1.0).max() < 1e-2
     few, many = (Program(d, "ud", q_interval=s).predict.operations for s in (0.1, 0.0))
     assert few < 0.6 * many
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from kfgen.effects.noise_model import parse_noise
+from kfgen.effects.noise_model import NoiseModel, parse_noise
 from kfgen.emit.cautions import cautions
 from kfgen.emit.routines import Program
 from kfgen.emit.targets import c, filterpy, plain
@@ -102,11 +102,19 @@ def test_choices_that_are_less_are_warned_of_with_their_remedy() -> None:
 
 
 def test_biases_that_keep_their_value_are_warned_of_and_those_that_walk_are_not() -> None:
-    walk = 'effects = [ { effect = "white_noise", N = 1e-4 }, { effect = "rate_random_walk", K = 1e-5 } ]\n'
-    head = 'format = "kfgen-noise-1"\n'
-    noise = parse_noise(head + "".join(f'[gyro_{a}]\nunit = "rad/s"\n{walk}' for a in "xyz"), "n.toml")
-    walking = Program(DiscreteModel(build("ahrs6", noise)), "ud")
-    assert cautions(walking) == ()
-    (text,) = cautions(Program(DiscreteModel(build("ahrs6")), "ud"))
-    assert text.startswith("bg_x, bg_y, bg_z are constants")
-    assert "--noise" in text
+    white = '{ effect = "white_noise", N = 1e-4 }'
+    walk = f'{white}, {{ effect = "rate_random_walk", K = 1e-5 }}'
+
+    def of(effects: str) -> NoiseModel:
+        text = "".join(f'[gyro_{a}]\nunit = "rad/s"\neffects = [ {effects} ]\n' for a in "xyz")
+        return parse_noise(f'format = "kfgen-noise-1"\n{text}', "n.toml")
+
+    for noise in (None, of(walk)):
+        assert cautions(Program(DiscreteModel(build("ahrs6", noise)), "ud")) == ()
+    for model, remedy in (
+        (build("ahrs6", of(white)), "emit with --noise"),
+        (build("ahrs6", None, {"biases": "constant"}), "emit without --set biases=constant"),
+    ):
+        (text,) = cautions(Program(DiscreteModel(model), "ud"))
+        assert text.startswith("bg_x, bg_y, bg_z are constants")
+        assert remedy in text

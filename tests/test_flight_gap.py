@@ -45,7 +45,7 @@ pytest.importorskip("numba")
 @lru_cache
 def model() -> FilterModel:
     sensors = ["gnss_position", "gnss_velocity", "mag", "barometer"]
-    return kf.build("ins15", options={"left_out": "false"}, sensors=sensors)
+    return kf.build("ins15", options={"left_out": "false", "biases": "constant"}, sensors=sensors)
 
 
 @lru_cache
@@ -103,7 +103,7 @@ def test_a_column_is_the_filter_with_a_state_for_it() -> None:
     d, J = V.T @ found[:, 0], V.T @ V
     gain = 0.5 * d @ np.linalg.solve(J + np.eye(3) / sd**2, d)
     gain -= 0.5 * np.linalg.slogdet(np.eye(3) + sd**2 * J)[1]
-    options = {"left_out": "false", "hard_iron": "true", "hard_iron_sd": f"{sd} T"}
+    options = {"left_out": "false", "biases": "constant", "hard_iron": "true", "hard_iron_sd": f"{sd} T"}
     sensors = ["gnss_position", "gnss_velocity", "mag", "barometer"]
     states = kf.build("ins15", options=options, sensors=sensors)
     log = flight_log(log_of("quadrotor", 1), program_over(states, log_of("quadrotor", 1)))

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from kfgen.core.errors import InputError
-from kfgen.effects.noise_model import parse_noise
+from kfgen.effects.noise_model import NoiseModel, parse_noise
 from kfgen.emit.folder import read_folder
 from kfgen.model.library import LIBRARY, build
 from kfgen.model.option import read_pairs
@@ -78,6 +78,40 @@ def test_an_emitted_filter_keeps_its_options(kfgen: Kfgen, tmp_path: Path) -> No
     assert {c.name for c in model.constants} >= {"W_N", "W_D"}
     assert "td" in {s.name for s in model.states}
     assert kfgen("verify", tmp_path / "f").exit_code == 0
+
+
+def walks(noise: NoiseModel | None = None, **options: str) -> dict[str, float]:
+    """K of each channel [SI/sqrt(s)]; zero for a bias that is constant."""
+    model = build("ins15", noise, {"sensors": "gnss_position,barometer", **options})
+    return {
+        c: sum(float(getattr(e, "K", 0.0)) for e in es)
+        for c, es in model.noise.items()
+        if any(e.name == "bias" for e in es)
+    }
+
+
+def test_biases_wander_unless_a_noise_file_or_an_option_says_otherwise() -> None:
+    inertial = {f"accel_{a}": 3e-4 for a in "xyz"} | {f"gyro_{a}": 2e-5 for a in "xyz"}
+    assert walks() == {**inertial, "baro": 0.02}
+    assert walks(biases="constant") == dict.fromkeys([*inertial, "baro"], 0.0)
+    assert walks(biases="none") == {"baro": 0.02}
+    assert (walks(biases="true"), walks(biases="false")) == (walks(biases="constant"), walks(biases="none"))
+    text = """format = "kfgen-noise-1"
+    [gyro_x]
+    unit = "rad/s"
+    effects = [ { effect = "white_noise", N = 1e-4 } ]
+    [gyro_y]
+    unit = "rad/s"
+    effects = [ { effect = "gauss_markov", sigma = 1e-4, tau = 100.0 } ]
+    [gyro_z]
+    unit = "rad/s"
+    effects = [ { effect = "bias", sd = 1e-3 } ]
+    [accel]
+    unit = "m/s^2"
+    effects = [ { effect = "white_noise", N = 1e-3 }, { effect = "rate_random_walk", K = 1e-4 } ]
+    """
+    measured = {"gyro_x": 0.0, "gyro_y": 0.0, "gyro_z": 2e-5} | {f"accel_{a}": 0.0 for a in "xyz"}
+    assert walks(parse_noise(text, "n.toml")) == {**measured, "baro": 0.02}
 
 
 def test_simulate_and_run_take_the_same_options(kfgen: Kfgen, tmp_path: Path) -> None:

@@ -36,20 +36,20 @@ NAMES = ["gyro-static", "ahrs6", "ins15"]
 BUDGETS: dict[tuple[str, str], dict[str, int]] = {
     ("gyro-static", "p"): {"predict": 78, "update_rest": 104, "predict stack": 8, "stack": 8, "text": 1777},
     ("ahrs6", "p"): {
-        "predict": 375, "update_accel": 737, "update_mag": 852, "predict stack": 90,
+        "predict": 384, "update_accel": 737, "update_mag": 852, "predict stack": 90,
         "stack": 298, "text": 15310,
     },
     ("ahrs6", "ud"): {
-        "predict": 310, "update_accel": 987, "update_mag": 1063, "predict stack": 41,
-        "stack": 352, "text": 16600,
+        "predict": 470, "update_accel": 987, "update_mag": 1063, "predict stack": 49,
+        "stack": 352, "text": 17800,
     },
     ("ins15", "p"): {
-        "predict": 1712, "update_gnss_position": 2013, "update_gnss_velocity": 1993,
+        "predict": 1730, "update_gnss_position": 2013, "update_gnss_velocity": 1993,
         "predict stack": 534, "stack": 534, "text": 34300,
     },
     ("ins15", "ud"): {
-        "predict": 1636, "update_gnss_position": 3414, "update_gnss_velocity": 3046,
-        "predict stack": 432, "stack": 636, "text": 44200,
+        "predict": 3370, "update_gnss_position": 3414, "update_gnss_velocity": 3046,
+        "predict stack": 444, "stack": 636, "text": 46700,
     },
     ("ins23", "p"): {
         "predict": 2595, "update_gnss_position": 4342, "update_gnss_velocity": 4394,
@@ -57,17 +57,17 @@ BUDGETS: dict[tuple[str, str], dict[str, int]] = {
         "text": 97100,
     },
     ("ins23", "ud"): {
-        "predict": 2270, "update_gnss_position": 7316, "update_gnss_velocity": 6936,
-        "update_mag": 8007, "update_airspeed": 2624, "predict stack": 599, "stack": 971,
-        "text": 125100,
+        "predict": 5980, "update_gnss_position": 7316, "update_gnss_velocity": 6936,
+        "update_mag": 8007, "update_airspeed": 2624, "predict stack": 602, "stack": 971,
+        "text": 128000,
     },
 }  # fmt: skip
 
 # Instructions of all routines but `init` of the same filters, same compiler and core, without limits of inputs, gate,
-# supervisor and settings.
+# supervisor and settings; then what predicting walks of biases takes, of `ud` the step in which one of them comes in.
 BARE = {
-    ("ahrs6", "p"): 1678, ("ahrs6", "ud"): 2071, ("ins15", "p"): 5330, ("ins15", "ud"): 7138,
-    ("ins23", "p"): 18917, ("ins23", "ud"): 23813,
+    ("ahrs6", "p"): 1678 + 8, ("ahrs6", "ud"): 2071 + 159, ("ins15", "p"): 5330 + 34, ("ins15", "ud"): 7138 + 1729,
+    ("ins23", "p"): 18917 + 12, ("ins23", "ud"): 23813 + 3689,
 }  # fmt: skip
 MOST_FOR_SUPERVISION = 0.15
 MOST_TO_GATHER = 250

@@ -16,11 +16,10 @@ import pytest
 
 from kfgen.core.errors import InputError
 from kfgen.effects import make
-from kfgen.emit.choices import MAX_WAITING_PREDICTIONS
 from kfgen.emit.folder import EmittedFilter, read_folder, write_folder
 from kfgen.emit.geodetic.calls import border_calls
 from kfgen.emit.reference import Machine
-from kfgen.emit.routines import Program
+from kfgen.emit.routines import MAX_WAITING_PREDICTIONS, Program
 from kfgen.emit.scenario import scenario, split
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.filter import FilterModel
@@ -100,9 +99,9 @@ def waits(q_interval: float) -> Program:
 
 @pytest.mark.long
 def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
-    """The call in which it comes in is run and counted: it is the dearest, and of few."""
+    """The calls in which it comes in are run and counted: they are the dearest, and few."""
     program = waits(0.2)
-    assert program.settling == 20
+    assert program.settling == 20 + len(program.slow)
     machine = Machine(program)
     machine.call("init")
     waited = []
@@ -110,17 +109,17 @@ def test_the_proof_meets_noise_that_waits(tmp_path: Path) -> None:
         machine.call(call.routine, split(machine.routines[call.routine], call.inputs))
         if call.routine == "predict":
             waited.append(float(machine.arrays["waiting"][0]))
-    came_in = [k for k in range(1, len(waited)) if waited[k] < waited[k - 1]]
-    assert came_in in ([19], [20])
+    began = [k for k in range(1, len(waited)) if waited[k] < waited[k - 1]]
+    assert began in ([19], [20])
     if "m4f" not in cores():
         pytest.skip("the emulator is not installed (pip install 'kfgen[pil]')")
     write_folder(program, "c", None, tmp_path / "c")
     (verdict,) = verify(EmittedFilter(program, "c", tmp_path / "c"), ["m4f"])
     assert (verdict.differing, verdict.max_ulp) == (0, 0)
-    plain = Program(DiscreteModel(build("ins15")), "ud")
+    plain = Program(DiscreteModel(build("ins15", None, {"biases": "constant"})), "ud")
     write_folder(plain, "c", None, tmp_path / "e")
     cheap = verify(EmittedFilter(plain, "c", tmp_path / "e"), ["m4f"])[0].cost.instructions["predict"]
-    assert verdict.cost.instructions["predict"] > 2 * cheap
+    assert 1.5 * cheap < verdict.cost.instructions["predict"] < 2.5 * cheap
 
 
 @pytest.mark.long

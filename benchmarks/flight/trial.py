@@ -83,7 +83,7 @@ def _model() -> Any:
     from kfgen.model.build import build
 
     sensors = ["gnss_position", "gnss_velocity", "mag", "barometer"]
-    return build("ins15", options={"left_out": "false"}, sensors=sensors)
+    return build("ins15", options={"left_out": "false", "biases": "constant"}, sensors=sensors)
 
 
 def _sized(case: Case) -> Effect:

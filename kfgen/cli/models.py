@@ -24,7 +24,9 @@ FORM = typer.Option(help="Store UD factors, never indefinite (ud; not of filterp
 REAL = typer.Option(help="The type of the numbers: float or double.")
 LOOPS = typer.Option("--loops", help="Write loops: less code, more instructions.")
 FORCE = typer.Option("--force", help="Replace also files of the folder that you changed.")
-Q_INTERVAL = typer.Option(help="Add process noise of bias states every SECONDS (UD form only).")
+Q_INTERVAL = typer.Option(
+    help="Add noise of biases every SECONDS (UD form only); 1 by default, 0: each step."
+)
 HORIZON = typer.Option(help="Fuse stamped measurements up to this age [s]; by default of the longest delay.")
 WITHOUT = typer.Option(metavar="PART", help="Leave out a part of the supervisor (docs/emit.md); repeatable.")
 LANES = typer.Option("--lanes", help="With hooks for firmware that has several filters (docs/emit.md).")
@@ -112,7 +114,7 @@ def emit(
     form: Annotated[str | None, FORM] = None,
     real: Annotated[str, REAL] = "float",
     loops: Annotated[bool, LOOPS] = False,
-    q_interval: Annotated[float, Q_INTERVAL] = 0.0,
+    q_interval: Annotated[float | None, Q_INTERVAL] = None,
     horizon: Annotated[float | None, HORIZON] = None,
     without: Annotated[list[str] | None, WITHOUT] = None,
     lanes: Annotated[bool, LANES] = False,

@@ -10,6 +10,7 @@ from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.horizon.memory import MARGIN
 from kfgen.model.known_delays import known_delays
 from kfgen.model.parts.earth_fixed import EarthFixed
+from kfgen.model.usual_noise import BIASES
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
@@ -67,7 +68,13 @@ def _constants(program: Program) -> list[str]:
     still = [s.name for k, s in enumerate(states) if W[k, k] == 0 and not any(A[k])]
     if not still:
         return []
+    asked = program.discrete.model.options.get(BIASES.name)
+    remedy = (
+        f"without --set {BIASES.name}={asked}"
+        if asked
+        else "with --noise, of a file with a random walk (K) or a Gauss-Markov process for them"
+    )
     return [
         f"{', '.join(still)} are constants without process noise: after hours the filter no longer follows a bias that "
-        "wanders: emit with --noise, of a file with a random walk (K) or a Gauss-Markov process for them."
+        f"wanders: emit {remedy}."
     ]

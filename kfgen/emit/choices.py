@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from kfgen.emit.covariance.forms import CovarianceForm
     from kfgen.emit.routines import Program
 
-MAX_WAITING_PREDICTIONS = 2000
-"""Predictions for which noise may wait: the proof runs twice as many."""
-
 
 def check_choices(
     program: Program, forms: Mapping[str, type[CovarianceForm]], reals: Mapping[str, type[Any]]
@@ -33,22 +30,22 @@ def check_choices(
     InputError
         One that there is not, or that does not go with the others.
     """
-    d = program.discrete
+    from kfgen.emit.routines import MAX_WAITING_PREDICTIONS
+
+    d, waits = program.discrete, program.q_interval or 0.0
     checked(program.without)
     for option, value, known in (("--form", program.form, forms), ("--real", program.real, reals)):
         if value not in known:
             raise InputError(f"there is no '{value}'", where=option, remedy=f"Known are {', '.join(known)}")
-    if not 0.0 <= program.q_interval < float("inf") or (
-        program.q_interval and not forms[program.form].HAS_Q_INTERVAL
-    ):
+    if not 0.0 <= waits < float("inf") or (waits and not forms[program.form].HAS_Q_INTERVAL):
         raise InputError(
-            f"noise cannot wait for {program.q_interval:g} s with --form {program.form}",
+            f"noise cannot wait for {waits:g} s with --form {program.form}",
             where="--q-interval",
             remedy="Give zero or more seconds, with --form ud",
         )
-    if program.q_interval * d.rate > MAX_WAITING_PREDICTIONS:
+    if waits * d.rate > MAX_WAITING_PREDICTIONS:
         raise InputError(
-            f"noise that waits for {program.q_interval:g} s misses {program.q_interval * d.rate:.6g} predictions",
+            f"noise that waits for {waits:g} s misses {waits * d.rate:.6g} predictions",
             where="--q-interval",
             remedy=f"Give {MAX_WAITING_PREDICTIONS / d.rate:g} s or less, {MAX_WAITING_PREDICTIONS} predictions",
         )

@@ -35,7 +35,7 @@ def emit(  # noqa: PLR0913 - the choices of one command
     order: int = 1,
     max_step: float | None = None,
     loops: bool = False,
-    q_interval: float = 0.0,
+    q_interval: float | None = None,
     horizon: float | None = None,
     without: Sequence[str] = (),
     lanes: bool = False,
@@ -64,8 +64,8 @@ def emit(  # noqa: PLR0913 - the choices of one command
         Order in the step of the motion's coupling, 1 to 3.
     loops, lanes : bool
         Loops in place of repeated columns: less code, more instructions. Hooks for firmware with several filters.
-    q_interval : float
-        Seconds between two additions of process noise to states that keep their value (``ud`` only); 0: every step.
+    q_interval : float, optional
+        Seconds between two additions of noise to biases that walk (``ud`` only), 0: every step; 1 s where left out.
     horizon : float, optional
         Age to which stamped measurements are fused [s], 0: none; a fifth more than the longest delay where left out.
     without : sequence of str

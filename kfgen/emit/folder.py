@@ -142,7 +142,7 @@ def write_folder(
         "form": program.form,
         "real": program.real,
         "loops": program.loops,
-        "q_interval": program.q_interval,
+        "q_interval": program.noise_waits,
         "horizon": program.horizon,
         "without": list(program.without),
         "lanes": program.lanes,

@@ -24,7 +24,6 @@ def propagated(program: Program, guarded: bool = True) -> list[Stmt]:
         Only where the new state is finite, and with a look at the new covariance.
     """
     rows, noise = program.transition
-    noise = {key: q for key, q in noise.items() if key[0] not in program.slow}
     lower = program.lowering()
     flat = [e for row in rows.values() for e in row.values()] + list(noise.values())
     used = [*flat, *(program.atoms.of_corrected_inputs(e) for e in program.discrete.step)]

@@ -28,6 +28,7 @@ from kfgen.emit.horizon.memory import SETTINGS as HORIZON_SETTINGS
 from kfgen.emit.horizon.memory import HorizonMemory
 from kfgen.emit.ir.ir import (
     Argument,
+    Expr,
     Num,
     Routine,
     StatusFlag,
@@ -56,6 +57,11 @@ from kfgen.model.register import DT
 FORMS: dict[str, type[CovarianceForm]] = {f.NAME: f for f in (Packed, Factored)}
 REALS: dict[str, type[np.floating[Any]]] = {"float": np.float32, "double": np.float64}
 
+MAX_WAITING_PREDICTIONS = 2000
+"""Predictions for which noise may wait: the proof runs twice as many."""
+USUAL_Q_INTERVAL = 1.0
+"""For how long the noise of biases waits [s]: in a second a usual walk is a thousandth of a turn-on bias."""
+
 
 @dataclass(frozen=True)
 class Program:
@@ -70,8 +76,9 @@ class Program:
         Of every number: a key of `REALS`.
     loops : bool
         Loops in place of repeated columns: less code, more instructions.
-    q_interval : float
-        Noise of states that keep their value waits and comes in after so long [s]; zero: at every step.
+    q_interval : float, optional
+        Noise of states that keep their value waits and comes in after so long [s]; zero: at every step. By default
+        `USUAL_Q_INTERVAL` where the form lets it wait.
     costs : tuple of str
         What its calls cost on cores, in words for the reader of the code.
     horizon : float
@@ -86,7 +93,7 @@ class Program:
     form: str = Packed.NAME
     real: str = "float"
     loops: bool = False
-    q_interval: float = 0.0
+    q_interval: float | None = None
     costs: tuple[str, ...] = ()
     horizon: float = 0.0
     without: tuple[str, ...] = ()
@@ -103,24 +110,35 @@ class Program:
         rows, noise = self.transition
         names = tuple(s.name for s in self.discrete.model.states)
         Phi = {i: tuple(row) for i, row in rows.items()}
-        driven = tuple(i for i, j in noise if i == j and i not in self.slow)
+        driven = tuple(i for i, j in noise if i == j)
         form = FORMS[self.form]
-        return form(self.n, Phi, names, self.loops, self.slow, self.q_interval, driven)
+        return form(self.n, Phi, names, self.loops, self.slow, self.noise_waits, driven)
+
+    @property
+    def noise_waits(self) -> float:
+        """For how long noise of states that keep their value waits [s]; zero: it does not."""
+        if self.q_interval is not None:
+            return self.q_interval
+        usual = min(USUAL_Q_INTERVAL, MAX_WAITING_PREDICTIONS / self.discrete.rate)
+        return usual if FORMS[self.form].HAS_Q_INTERVAL else 0.0
 
     @cached_property
-    def slow(self) -> dict[int, float]:
-        """States that keep their value under white noise alone, with its density, where it may wait."""
-        rows, noise = self.transition
-        mixed = {i for i, j in noise if i != j} | {j for i, j in noise if i != j}
-        still = {i: q / DT for (i, j), q in noise.items() if i == j and i not in rows and i not in mixed}
-        values = dict(self.discrete.named_noise[1].values())
-        plain = {i: q.xreplace(values) for i, q in still.items()}
-        return {i: float(q) for i, q in plain.items() if self.q_interval > 0.0 and q.is_number}
+    def slow(self) -> dict[int, Expr]:
+        """Biases that walk, with the density of their noise, where it waits; what comes in at once moves nothing else."""
+        Qd = self.discrete.named_noise[0]
+        waits = {i: Qd[i, i] / DT for i in range(self.n) if Qd[i, i] / DT in self._waiting}
+        return dict(zip(waits, self.lowering().many(list(waits.values()))[0]))
+
+    @cached_property
+    def _waiting(self) -> frozenset[sp.Symbol]:
+        """Densities of the noise that waits."""
+        walks = self.discrete.named_walks.values() if self.noise_waits > 0.0 else ()
+        return frozenset(symbol for symbol, _ in walks)
 
     @property
     def settling(self) -> int:
         """Predictions until noise that waits has come in; zero where none waits."""
-        return ceil(self.q_interval * self.discrete.rate) if self.slow else 0
+        return ceil(self.noise_waits * self.discrete.rate) + len(self.slow) if self.slow else 0
 
     @property
     def type(self) -> type[np.floating[Any]]:
@@ -208,8 +226,8 @@ class Program:
 
     @cached_property
     def transition(self) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
-        """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd."""
-        return transition(self.discrete, self.atoms)
+        """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd but for what waits."""
+        return transition(self.discrete, self.atoms, self._waiting)
 
     @cached_property
     def predict(self) -> Routine:

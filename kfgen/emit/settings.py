@@ -63,6 +63,11 @@ def settings(discrete: DiscreteModel) -> dict[str, Constant]:
         unit, word = f"{units[name]}/sqrt(Hz)", identifier(name).upper()
         found.append(Constant(f"N_{word}", unit, N, f"white noise of {name}"))
         found.append(Constant(f"LEFT_OUT_{word}", unit, left_out, f"what the model leaves out of {name}"))
+    units |= {n: s.unit for s in model.sensors for n in (s.name, *s.channels)}
+    for name, (_, density) in discrete.named_walks.items():
+        text = f"random walk of the bias of {name}"
+        K = float(density) ** 0.5
+        found.append(Constant(f"K_{identifier(name).upper()}", f"{units[name]}/sqrt(s)", K, text))
     for s in model.sensors:
         found.append(_limit(f"{s.name}_sample", s.unit, s.title, model.limits.get(s.name)))
         if s.min_length:
@@ -101,6 +106,20 @@ def input_density(discrete: DiscreteModel, name: str) -> Expr:
     known, word = settings(discrete), identifier(name).upper()
     N, left_out = (Num(known[n].value, n) for n in (f"N_{word}", f"LEFT_OUT_{word}"))
     return add(mul(N, N), mul(left_out, left_out))
+
+
+def walk_density(discrete: DiscreteModel, name: str) -> Expr:
+    """Density of the random walk of a bias, ``K^2``, by the name of its setting.
+
+    Parameters
+    ----------
+    discrete : DiscreteModel
+    name : str
+        Of an input or sensor, or of one channel of it.
+    """
+    word = f"K_{identifier(name).upper()}"
+    K = Num(settings(discrete)[word].value, word)
+    return mul(K, K)
 
 
 def sample_variance(discrete: DiscreteModel, sensor: Sensor, channel: str) -> Expr:

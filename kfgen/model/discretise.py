@@ -25,7 +25,9 @@ import sympy as sp
 from kfgen.core.errors import InputError
 from kfgen.core.linear import taylor
 from kfgen.core.numbers import is_sampling_rate
+from kfgen.model.biases import name_walks
 from kfgen.model.filter import FilterModel
+from kfgen.model.noise_driven import Named, name_inputs
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.register import DT, Register
 from kfgen.model.symbols.blocks import Attitude
@@ -129,31 +131,22 @@ class DiscreteModel:
         return DiscreteModel(model, order, max_step, rate, rates or {})
 
     @property
-    def named_noise(self) -> tuple[sp.Matrix, dict[str, tuple[sp.Symbol, sp.Expr]]]:
-        """Process noise of a step with a symbol for the density of each input; symbol and density [SI^2/Hz] by input.
-
-        An input whose channels have one density has one symbol, else each channel its own; a density that depends on a
-        driver or the step, or whose noise is shared with another channel, stays as it is.
-        """
-        _, Qd, named = self._matrices
+    def named_noise(self) -> tuple[sp.Matrix, Named]:
+        """Process noise of a step with a symbol for the density of each input [SI^2/Hz], as `name_inputs` says."""
+        _, Qd, named, _ = self._matrices
         return Qd, named
 
+    @property
+    def named_walks(self) -> Named:
+        """Symbols in `named_noise` for the densities of the biases' random walks [SI^2/s], as `name_walks` says."""
+        return self._matrices[3]
+
     @cached_property
-    def _matrices(self) -> tuple[sp.Matrix, sp.Matrix, dict[str, tuple[sp.Symbol, sp.Expr]]]:
-        """Transition, `named_noise` and its symbols: what emission needs, and the dearest of it only once."""
-        W, first = self.model.W.copy(), 0
-        named: dict[str, tuple[sp.Symbol, sp.Expr]] = {}
-        for i in self.model.motion.inputs:
-            places = range(first, first + len(i.channels))
-            first += len(i.channels)
-            same = len({W[k, k] for k in places}) == 1
-            for k, channel in zip(places, i.channels):
-                alone = not any(W[k, j] for j in range(W.cols) if j != k)
-                if alone and W[k, k].is_number and W[k, k] != 0:
-                    name = i.name if same else channel
-                    symbol, _ = named.setdefault(name, (sp.Symbol(f"Q__{name}", positive=True), W[k, k]))
-                    W[k, k] = symbol
-        return *self._discretised(W), named
+    def _matrices(self) -> tuple[sp.Matrix, sp.Matrix, Named, Named]:
+        """Transition, `named_noise` and the symbols in it: what emission needs, and the dearest of it only once."""
+        W = self.model.W.copy()
+        inputs, walks = name_inputs(self.model, W), name_walks(self.model, W)
+        return *self._discretised(W), inputs, walks
 
     def _discretised(self, W: sp.Matrix) -> tuple[sp.Matrix, sp.Matrix]:
         """Transition and process noise of a step, for densities W of the model's noises."""
@@ -164,8 +157,9 @@ class DiscreteModel:
             Phi = Phi.applyfunc(lambda e: self._forces_halfway.get(e, e))
         if self._acting:
             Phi, Qd = Phi.xreplace(self._acting), Qd.xreplace(self._acting)
-        A, driving = model.effect_dynamics
+        A, _ = model.effect_dynamics
         if A.rows:
+            driving = W[W.rows - A.rows :, W.cols - A.rows :]
             fastest = float(np.abs(np.linalg.eigvals(np.array(A, dtype=np.float64))).max())
             if self.order > 1 and fastest * self.max_step > 0.5:
                 raise InputError(
@@ -267,8 +261,8 @@ class DiscreteModel:
     @cached_property
     def Qd(self) -> sp.Matrix:
         """Process noise covariance of a step, shape (n, n)."""
-        _, Qd, named = self._matrices
-        return self._discretised(self.model.W)[1] if named else Qd
+        _, Qd, named, walks = self._matrices
+        return self._discretised(self.model.W)[1] if named or walks else Qd
 
     @cached_property
     def hash(self) -> str:

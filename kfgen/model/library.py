@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from kfgen.core.channel_names import acts_on, some_of
+from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_quantity, parse_unit
 from kfgen.effects import Effect, make
@@ -16,18 +16,17 @@ from kfgen.effects.noise_model import NoiseModel, Term, canonical
 from kfgen.model.attach import Omission
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import HEADING, FilterFile, is_filter_file, read_filter
-from kfgen.model.option import NOTHING, Choice, Names, Option, YesNo, read_options
+from kfgen.model.option import NOTHING, Choice, Names, Option, read_options
 from kfgen.model.parts.earth_fixed import FRAMES
 from kfgen.model.parts.hemerly import hemerly
 from kfgen.model.parts.motion import GYRO, AtRestMotion, MotionModel, Rotating
 from kfgen.model.parts.sensors import AtRest, Sensor, sensors
+from kfgen.model.usual_noise import BIASES, NONE, with_usual_noise
 
 TURN_ON = {"rad/s": 0.2, "m/s^2": 20.0, "T": 1e-4}
 """How far off a channel at rest may be [SI], by its unit: a gyro's turn-on bias, gravity, the field."""
 BEYOND = 1e3
 """The same for other units, in sizes of the channel's noise."""
-
-BIASES = Option("biases", "constant biases of the inputs as states", YesNo(), "true")
 
 
 class Entry:
@@ -103,7 +102,7 @@ class Moving(Entry):
         motion_type, aiding = self._parts(texts)
         motion = motion_type(chosen)
         used = tuple(s(chosen, motion.axes) for s in aiding)
-        terms = _terms(motion, used, noise, chosen[BIASES.name])
+        terms = with_usual_noise(motion, used, noise, chosen[BIASES.name])
         model = FilterModel(
             name,
             self.title,
@@ -116,32 +115,6 @@ class Moving(Entry):
         _check_units(model, noise)
         _check_start(model)
         return model
-
-
-def _terms(
-    motion: MotionModel, aiding: tuple[Sensor, ...], noise: NoiseModel | None, biases: bool
-) -> dict[str, tuple[Term, ...]]:
-    """The file's terms, white noise on inputs of which it knows none, and a constant bias where it has none."""
-    known = {place: n.terms for place, n in (noise.channels if noise else {}).items()}
-    parts: list[tuple[tuple[str, ...], bool, float, float]] = [
-        (i.channels, biases, i.bias_prior, i.N) for i in motion.inputs
-    ]
-    parts += [(s.channels, s.biases, s.bias_prior, 0.0) for s in aiding]
-    out: dict[str, tuple[Term, ...]] = {}
-    for channels, biased, prior, N in parts:
-        for channel in channels:
-            own = list(known.get(channel, ()))
-            shared = [
-                t for place, ts in known.items() if place != channel and acts_on(place, channel) for t in ts
-            ]
-            if N and not any(t.effect.form().V for t in (*own, *shared)):
-                own.insert(0, Term(make("white_noise", N=N)))
-            if biased and not any(t.effect.name == "bias" for t in (*own, *shared)):
-                own.append(Term(make("bias", sd=prior)))
-            out[channel] = tuple(own)
-    every = [c for channels, *_ in parts for c in channels]
-    wide = {p: ts for p, ts in known.items() if p not in out and any(acts_on(p, c) for c in every)}
-    return {c: ts for c, ts in (out | wide).items() if ts}
 
 
 def _check_start(model: FilterModel) -> None:
@@ -278,7 +251,7 @@ LIBRARY: dict[str, Entry] = {
         MOVED,
     ),
     "ins9": Moving(
-        "position, velocity and attitude, sensors without bias, with GNSS", FRAMES, GNSS, {"biases": "false"}
+        "position, velocity and attitude, sensors without bias, with GNSS", FRAMES, GNSS, {"biases": NONE}
     ),
     "ins15": Moving("position, velocity, attitude, accelerometer and gyro bias, with GNSS", FRAMES, GNSS),
     "ins21": Moving(

@@ -14,6 +14,9 @@ from kfgen.model.symbols.blocks import Block, Vector
 if TYPE_CHECKING:
     from kfgen.model.filter import FilterModel
 
+Named = dict[str, tuple[sp.Symbol, sp.Expr]]
+"""Symbol and density of a noise, by the name of an input or sensor, or of one channel of it."""
+
 
 def closed_under_noise(
     blocks: Sequence[Block], driven: Sequence[Vector], rates: Mapping[str, sp.Matrix]
@@ -69,3 +72,47 @@ def densities(model: FilterModel, shared: Mapping[str, sp.Expr]) -> sp.Matrix:
         if a in shared and shared.get(b) == shared[a]:
             W[k, l] = W[l, k] = shared[a] * sp.sqrt(model.white(a)[0] * model.white(b)[0])
     return W
+
+
+def alone(W: sp.Matrix, k: int) -> bool:
+    """Whether a noise has a number for its density, and is shared with no other.
+
+    Parameters
+    ----------
+    W : Matrix, shape (q, q)
+        Densities.
+    k : int
+        Its place.
+    """
+    return bool(W[k, k].is_number and W[k, k] != 0) and not any(W[k, j] for j in range(W.cols) if j != k)
+
+
+def name_inputs(model: FilterModel, W: sp.Matrix) -> Named:
+    """Put symbols for the densities of the inputs into the densities of a filter's noises.
+
+    An input whose channels have one density has one symbol, else each channel its own; a density that depends on a
+    driver or the step, or whose noise is shared with another channel, stays as it is.
+
+    Parameters
+    ----------
+    model : FilterModel
+    W : Matrix, shape (q, q)
+        Of `FilterModel.noise_symbols`, the inputs first; changed in place.
+
+    Returns
+    -------
+    dict of str to (Symbol, Expr)
+        Symbol and density [SI^2/Hz].
+    """
+    named: Named = {}
+    first = 0
+    for i in model.motion.inputs:
+        places = range(first, first + len(i.channels))
+        first += len(i.channels)
+        same = len({W[k, k] for k in places}) == 1
+        for k, channel in zip(places, i.channels):
+            if alone(W, k):
+                name = i.name if same else channel
+                symbol, _ = named.setdefault(name, (sp.Symbol(f"Q__{name}", positive=True), W[k, k]))
+                W[k, k] = symbol
+    return named

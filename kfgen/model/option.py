@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -52,9 +52,10 @@ class YesNo(Kind):
 
 @dataclass(frozen=True)
 class Choice(Kind):
-    """One of some names."""
+    """One of some names; files of earlier versions may have other words for them."""
 
     names: tuple[str, ...]
+    earlier: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def words(self) -> str:
@@ -63,6 +64,7 @@ class Choice(Kind):
 
     def read(self, text: str, where: str) -> str:
         """The name."""
+        text = self.earlier.get(text, text)
         if text not in self.names:
             raise InputError(f"there is no '{text}'", where=where, remedy=f"Known are {self.words}")
         return text

@@ -290,15 +290,15 @@ class Emulated:
 
 
 def _counted(program: Program | Border) -> Callable[[str, int], bool]:
-    """The first calls, those about which noise that waits comes in (some steps are refused before), and behind the horizon."""
+    """The first calls, predictions in which noise that waits comes in (some are refused before), and behind the horizon."""
     if isinstance(program, Border):
         return lambda function, number: True
     due, delayed = program.settling, {f"call_{r.name}" for r in program.delayed}
-    first = {
-        *range(COUNTED_CALLS_PER_ROUTINE),
-        *(range(due - 2, due + len(REFUSED) + 2) if due else ()),
-    }
-    return lambda function, number: number in first or function in delayed
+    first = range(COUNTED_CALLS_PER_ROUTINE)
+    noisy = range(due - len(program.slow) - 2, due + len(REFUSED) + 2) if due else ()
+    return lambda function, number: (
+        number in first or function in delayed or (function == "call_predict" and number in noisy)
+    )
 
 
 def _build(chip: Chip, source: Path, folder: Path, elf: Path, contract: bool) -> Path:

@@ -47,7 +47,7 @@ from kfgen.emit.ir.ir import (
 
 INVERSE_VARIANCE = Ref("o_", 0)
 """Scratch scalar 1/q of a noise variance q; exactly 0 where q is 0."""
-WAITING_TIME = Ref("waiting", 0)
+WAITED, DUE, NEXT = (Ref("waiting", k) for k in range(3))
 """Time since the noise of slow states last came in [s]."""
 MIN_D_ENTRY = 1e-24
 """Floor of an entry of D [SI^2]: where one is zero, the Agee-Turner update adds no noise to the states above it."""
@@ -96,37 +96,41 @@ class Factored(Bierman):
         return body + factors(noise, self.n, self._rank_one) + self._waiting()
 
     def _waiting(self) -> list[Stmt]:
-        """Slow noise waits, and comes in when it has waited long enough."""
+        """Slow noise waits; when it has waited long enough that of one state comes in at each step, until all have theirs."""
         if not self.slow:
             return []
-        due = When(Compare(">=", WAITING_TIME, Num(self.q_interval)), (FunctionCall("settle", ()),))
-        return [Store(WAITING_TIME, add(WAITING_TIME, Ref("dt"))), due]
+        begin = (Store(DUE, WAITED), Store(WAITED, Num(0.0)), Store(NEXT, Num(0.0)))
+        due = When(Compare(">=", WAITED, Num(self.q_interval)), begin)
+        come = When(Compare("<", NEXT, Num(float(len(self.slow)))), (FunctionCall("settle", ()),), (due,))
+        return [Store(WAITED, add(WAITED, Ref("dt"))), come]
 
     @property
     def memory(self) -> dict[str, tuple[int, str]]:
         """How long slow noise has waited."""
-        return {WAITING_TIME.name: (1, "time whose slow noise is still to come in [s]")} if self.slow else {}
+        text = "slow noise: how long it has waited, for what time it comes in now [s], how many states have theirs"
+        return {WAITED.name: (3, text)} if self.slow else {}
 
     @property
     def internals(self) -> tuple[Routine, ...]:
         """What held states need, and slow noise."""
         if not self.slow:
             return super().internals
-        body: list[Stmt] = []
-        for state, density in sorted(self.slow.items(), key=lambda item: -self.at[item[0]]):
+        body: tuple[Stmt, ...] = ()
+        ordered = sorted(self.slow.items(), key=lambda item: -self.at[item[0]])
+        for k, (state, density) in reversed(list(enumerate(ordered))):
             top = self.at[state]
-            body += [
+            own = (
                 For("i", 0, top, (Store(Ref("a_", "i"), Num(0.0)),)),
                 Store(Ref("a_", top), Num(1.0)),
-                Store(Ref("c_", 0), mul(Num(density), WAITING_TIME)),
+                Store(Ref("c_", 0), mul(density, DUE)),
                 *agee_turner(top + 1),
-            ]
-        body.append(Store(WAITING_TIME, Num(0.0)))
+            )
+            body = (When(Compare("<", NEXT, Num(k + 0.5)), own, body),) if body else own
         settle = Routine(
             "settle",
-            "The noise of slow states that has waited comes in.",
+            "The noise of one slow state that has waited comes in.",
             (),
-            tuple(body),
+            (*body, Store(NEXT, add(NEXT, Num(1.0)))),
             (Scratch("a_", self.n), Scratch("c_", 1)),
             internal=True,
         )

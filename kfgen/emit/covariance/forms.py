@@ -75,8 +75,8 @@ class CovarianceForm:
         Of the states, for comments.
     loops : bool
         Loops in place of repeated columns.
-    slow : dict of int to float
-        States that keep their value under white noise of so much density [SI^2 s], whose noise waits.
+    slow : dict of int to Expr
+        States that keep their value under white noise of so much density [SI^2/s], whose noise waits.
     q_interval : float
         Until it has waited so long [s]; it then comes in at once.
     driven : tuple of int
@@ -87,7 +87,7 @@ class CovarianceForm:
     Phi: Mapping[int, Sequence[int]]
     names: tuple[str, ...]
     loops: bool = False
-    slow: Mapping[int, float] = field(default_factory=dict)
+    slow: Mapping[int, Expr] = field(default_factory=dict)
     q_interval: float = 0.0
     driven: tuple[int, ...] = ()
 

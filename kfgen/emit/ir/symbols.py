@@ -6,13 +6,13 @@ out once, and no expression that goes into the covariance is written out beyond 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import sympy as sp
 
 from kfgen.emit.ir.ir import Expr, Let, Ref, Stmt
 from kfgen.emit.ir.lower import Lowering
-from kfgen.emit.settings import input_density
+from kfgen.emit.settings import input_density, walk_density
 from kfgen.emit.targets.names import argument
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.constant import Constant
@@ -45,6 +45,7 @@ def lowering(discrete: DiscreteModel, constants: Sequence[Constant], prefix: str
     }
     places |= {d: Ref(argument(d)) for d in discrete.model.drivers}
     places |= {s.name: input_density(discrete, name) for name, (s, _) in discrete.named_noise[1].items()}
+    places |= {s.name: walk_density(discrete, name) for name, (s, _) in discrete.named_walks.items()}
     return Lowering(places | {str(DT): Ref("dt")}, prefix)
 
 
@@ -142,18 +143,24 @@ class Atoms:
         return body
 
 
-def transition(discrete: DiscreteModel, atoms: Atoms) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
+def transition(
+    discrete: DiscreteModel, atoms: Atoms, waiting: Collection[sp.Symbol] = ()
+) -> tuple[Rows, dict[tuple[int, int], sp.Expr]]:
     """Rows of Phi that differ from the identity's, and the upper non-zeros of Qd.
 
     Parameters
     ----------
     discrete : DiscreteModel
     atoms : Atoms
+    waiting : collection of Symbol
+        Densities of noise that comes in later, all of it at once: it is left out.
     """
+    none = dict.fromkeys(waiting, sp.Integer(0))
     Phi, Qd, n = discrete.Phi, discrete.named_noise[0], discrete.Phi.rows
     rows = {i: {j: Phi[i, j] for j in range(n) if Phi[i, j] != 0} for i in range(n)}
     moving = {i: row for i, row in rows.items() if row != {i: 1}}
-    noise = {(i, j): Qd[i, j] for i in range(n) for j in range(i, n) if Qd[i, j] != 0}
+    upper = {(i, j): Qd[i, j].xreplace(none) for i in range(n) for j in range(i, n)}
+    noise = {key: q for key, q in upper.items() if q != 0}
     short = {key: atoms.orthonormal(atoms.entry(q)) for key, q in noise.items()}
     return (
         {i: {j: atoms.entry(e) for j, e in row.items()} for i, row in moving.items()},

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING
 from kfgen.emit.guards import sum_of_squares
 from kfgen.emit.ir.ir import Compare, Num, Ref, StatusFlag, Stmt, Store, When, add, mul, neg
 from kfgen.emit.targets.names import identifier
+from kfgen.model.biases import biases, parts
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.constant import Constant
-from kfgen.model.parts.motion import Input
-from kfgen.model.parts.sensors import Sensor
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program
@@ -29,22 +28,6 @@ WANDER_S = 86400.0
 SINCE = "SINCE_LIMITED"
 
 
-def biases(model: FilterModel) -> dict[str, tuple[int, ...]]:
-    """Bias states by input or sensor: constants and what wanders from them; not what decays by itself."""
-    owners = {c: name for name, part in _parts(model).items() for c in part.channels}
-    found: dict[str, set[int]] = {}
-    for effect in model.attached:
-        for place, state in zip(effect.states, effect.form.states):
-            if state.shared and effect.channel in owners:
-                found.setdefault(owners[effect.channel], set()).add(place)
-    return {name: tuple(sorted(states)) for name, states in found.items()}
-
-
-def _parts(model: FilterModel) -> dict[str, Input | Sensor]:
-    found: list[Input | Sensor] = [*model.motion.inputs, *model.sensors]
-    return {p.name: p for p in found}
-
-
 def places(model: FilterModel) -> tuple[tuple[str, str], ...]:
     """Numbers of the supervisor that this takes; none where there are no biases."""
     names = [model.states[k].name for states in biases(model).values() for k in states]
@@ -54,7 +37,7 @@ def places(model: FilterModel) -> tuple[tuple[str, str], ...]:
 
 def constants(model: FilterModel) -> tuple[Constant, ...]:
     """The bound of each sensor's biases [SI]: from priors, starts, what drives them over `WANDER_S`, and the sensor's range."""
-    parts = _parts(model)
+    owners = parts(model)
     A, W = model.effect_dynamics
     first = len(model.states) - A.rows
 
@@ -62,16 +45,16 @@ def constants(model: FilterModel) -> tuple[Constant, ...]:
         state, k = model.states[place], place - first
         free = W[k, k].is_number and not any(A[k, :])
         wander = float(W[k, k]) * WANDER_S if free else 0.0
-        usual = float(getattr(type(parts[name]), "bias_prior", 0.0))
-        prior = max(state.prior, parts[name].bias_prior, usual)
+        usual = float(getattr(type(owners[name]), "bias_prior", 0.0))
+        prior = max(state.prior, owners[name].bias_prior, usual)
         return abs(state.start) + BOUND_SIGMAS * float((prior**2 + wander) ** 0.5)
 
     return tuple(
         Constant(
             _setting(name),
-            parts[name].unit,
+            owners[name].unit,
             min(max(most(k, name) for k in states), model.limits.get(name, float("inf"))),
-            f"largest plausible bias: {parts[name].title}",
+            f"largest plausible bias: {owners[name].title}",
         )
         for name, states in biases(model).items()
     )

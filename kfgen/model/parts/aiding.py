@@ -34,6 +34,7 @@ class Barometer(Sensor):
     needs = ("height",)
     biases = True
     bias_prior = 10.0
+    K = 0.02  # the pressure at a place changes by a metre in an hour
 
     rate_needs = ("v", "level")
 

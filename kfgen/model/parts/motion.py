@@ -54,6 +54,8 @@ class Input:
         Standard deviation of the turn-on bias [SI].
     N : float
         White noise density where no noise file says otherwise [SI].
+    K : float
+        Random walk of the bias where no noise file says otherwise [SI/sqrt(s)].
     left_out : float
         What the model leaves out, as a density [SI/sqrt(Hz)]: the filter adds it to the noise of the
         input, the simulation does not.
@@ -71,6 +73,7 @@ class Input:
     bias: str
     bias_prior: float
     N: float
+    K: float = 0.0
     left_out: float = 0.0
     scalar: bool = False
     quiet: bool = False
@@ -82,8 +85,10 @@ class Input:
         return (self.name,) if self.scalar else tuple(f"{self.name}_{axis}" for axis in "xyz")
 
 
-GYRO = Input("gyro", "rad/s", "angular rate", "bg", 0.02, 1.5e-4)
-ACCEL = Input("accel", "m/s^2", "specific force", "ba", 0.2, 2e-3, at_rest="up")
+# As noise files of MEMS have them: N and the gyro's K of EuRoC's ADIS16448, the accelerometer's K of PX4's EKF2
+# (EKF2_ACC_B_NOISE 0.003 m/s^3 in steps of 8 ms); in an hour such biases go 0.07 deg/s and 0.02 m/s^2.
+GYRO = Input("gyro", "rad/s", "angular rate", "bg", 0.02, 1.5e-4, 2e-5)
+ACCEL = Input("accel", "m/s^2", "specific force", "ba", 0.2, 2e-3, 3e-4, at_rest="up")
 GRAVITY = Constant("g", "m/s^2", STANDARD_GRAVITY, "gravity, positive")
 
 ATTITUDE_ERROR = Option(

@@ -49,7 +49,9 @@ class Sensor(Configured):
     blocks : tuple of Vector
         Constants that it does not know: states of the filter.
     biases : bool
-        Each channel has a constant bias, a state, of standard deviation `bias_prior` [SI].
+        Each channel has a bias, a state, of standard deviation `bias_prior` [SI].
+    K : float
+        Random walk of that bias where no noise file says otherwise [SI/sqrt(s)].
     period : float
         Of a residual that is an angle [rad]; zero for none.
     shows : str
@@ -84,6 +86,7 @@ class Sensor(Configured):
     blocks: tuple[Vector, ...] = ()
     biases: bool = False
     bias_prior: float = 0.0
+    K: float = 0.0
     period: float = 0.0
     shows: str = ""
     at_rest: str = ""

@@ -104,6 +104,7 @@ class MagneticField(Sensor):
     sd = 2e-7
     usual_rate = 50.0
     bias_prior = 2e-5
+    K = 1e-9  # magnetisation ages, and currents change: PX4's EKF2_MAG_B_NOISE, 1e-4 G/s in steps of 8 ms
     min_length = 5e-6
     needs: tuple[str, ...] = ("phi", "level")
     at_rest = "north"

@@ -142,6 +142,8 @@ class FilterRanges:
     def memory(self) -> Scope:
         """What a call finds."""
         program = self.program
+        states = float(len(program.slow))
+        waited = value(0.0, program.noise_waits + (states + 1.0) * program.discrete.max_step)
         known: dict[str, Callable[[], Array]] = {
             "x": self._state,
             program.covariance.ARRAY: self._covariance,
@@ -149,7 +151,7 @@ class FilterRanges:
             "k": self._constants,
             "held": lambda: [value(0.0, 1.0)] * program.n,
             "any_held": lambda: [value(0.0, float(program.n))],
-            "waiting": lambda: [value(0.0, program.q_interval + program.discrete.max_step)],
+            "waiting": lambda: [waited, waited, value(0.0, states)],
         }
         rest = value(-MAX_MEMORY, MAX_MEMORY)
         return {a: known.get(a, lambda n=size: [rest] * n)() for a, (size, _) in program.arrays.items()}
