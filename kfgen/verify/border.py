@@ -38,6 +38,7 @@ def together(filter_: CoreVerdict, border: CoreVerdict) -> CoreVerdict:
             (cost.instructions, own.instructions),
             (cost.stacks, own.stacks),
             (cost.texts, own.texts),
+            (cost.least, own.least),
         )
     ]
     return replace(
@@ -46,7 +47,7 @@ def together(filter_: CoreVerdict, border: CoreVerdict) -> CoreVerdict:
         differing=filter_.differing + border.differing,
         max_ulp=max(filter_.max_ulp, border.max_ulp),
         calls=filter_.calls + border.calls,
-        cost=InstructionCount(parts[0], cost.stack_bytes, cost.text_bytes, parts[1], parts[2]),
+        cost=InstructionCount(parts[0], cost.stack_bytes, cost.text_bytes, *parts[1:]),
     )
 
 

@@ -32,6 +32,8 @@ class InstructionCount:
         Deepest stack of any call; size of the code.
     stacks, texts : dict of str to int
         The same by routine [B].
+    least : dict of str to int
+        Executed by a call of each routine, the least of those counted.
     """
 
     instructions: dict[str, int] = field(default_factory=dict)
@@ -39,6 +41,7 @@ class InstructionCount:
     text_bytes: int | None = None
     stacks: dict[str, int] = field(default_factory=dict)
     texts: dict[str, int] = field(default_factory=dict)
+    least: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

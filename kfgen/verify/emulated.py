@@ -241,6 +241,7 @@ class Board:
             self.sizes[".text"],
             dict(self._stacks),
             {f: self.sizes[f] for f in self._counts},
+            {f: min(c) for f, c in self._counts.items()},
         )
 
 
@@ -284,9 +285,9 @@ class Emulated:
         cost = self._board.cost()
         named = [
             {f.removeprefix("call_"): v for f, v in of.items()}
-            for of in (cost.instructions, cost.stacks, cost.texts)
+            for of in (cost.instructions, cost.stacks, cost.texts, cost.least)
         ]
-        return InstructionCount(named[0], cost.stack_bytes, cost.text_bytes, named[1], named[2])
+        return InstructionCount(named[0], cost.stack_bytes, cost.text_bytes, *named[1:])
 
 
 def _counted(program: Program | Border) -> Callable[[str, int], bool]:

@@ -9,6 +9,9 @@ from kfgen.core.errors import InputError
 from kfgen.emit.routines import Program
 from kfgen.verify.core import CoreVerdict
 
+NOISY = "predict with the noise of a bias"
+"""Predictions in which noise comes in that has waited: the dearest ones."""
+
 
 def calls_a_second(program: Program, rates: Mapping[str, float]) -> dict[str, float]:
     """How often each routine of a filter is called, by name.
@@ -43,7 +46,9 @@ def calls_a_second(program: Program, rates: Mapping[str, float]) -> dict[str, fl
     usual = {
         s.name: discrete.rates.get(s.name, s.usual_rate or discrete.rate) for s in discrete.model.sensors
     }
-    return {"predict": discrete.rate} | {f"update_{n}": r for n, r in (usual | dict(rates)).items()}
+    noisy = min(len(program.slow) / program.noise_waits, discrete.rate) if program.slow else 0.0
+    predictions = {"predict": discrete.rate - noisy} | ({NOISY: noisy} if noisy else {})
+    return predictions | {f"update_{n}": r for n, r in (usual | dict(rates)).items()}
 
 
 def load_sentence(verdict: CoreVerdict, calls: Mapping[str, float]) -> str:
@@ -68,13 +73,17 @@ def load_sentence(verdict: CoreVerdict, calls: Mapping[str, float]) -> str:
 def instructions_a_second(verdict: CoreVerdict, calls: Mapping[str, float]) -> float | None:
     """The most that a second takes, by the most that each routine took; None of a core that does not count.
 
+    Where noise of biases waits, a prediction in which none comes in takes the least of those counted.
+
     Parameters
     ----------
     verdict : CoreVerdict
     calls : mapping of str to float
         As `calls_a_second` has them.
     """
-    counted = verdict.cost.instructions
+    counted = dict(verdict.cost.instructions)
+    if NOISY in calls and "predict" in counted:
+        counted |= {NOISY: counted["predict"], "predict": verdict.cost.least["predict"]}
     if not calls or not set(calls) <= set(counted):
         return None
     return sum(rate * counted[name] for name, rate in calls.items())

@@ -146,9 +146,13 @@ def test_the_second_order_is_the_trapezoid() -> None:
 def test_densities_of_inputs_have_symbols() -> None:
     """One where the three axes are alike, one each where they are not; put back they are the process noise."""
     Qd, named = DiscreteModel(MOVING).named_noise
+    walks = DiscreteModel(MOVING).named_walks
+    assert {k: (str(s), float(q)) for k, (s, q) in walks.items()} == {
+        "gyro": ("K2__gyro", pytest.approx(4e-10))
+    }
     assert {k: str(s) for k, (s, _) in named.items()} == {k: f"Q__{k}" for k in named}
     assert set(named) == {i.name for i in MOVING.motion.inputs}
-    back = Qd.subs(dict(named.values()))
+    back = Qd.subs(dict([*named.values(), *walks.values()]))
     values = dict.fromkeys(back.free_symbols, 0.3)
     assert np.array(back.subs(values), float) == pytest.approx(
         np.array(DiscreteModel(MOVING).Qd.subs(values), float), rel=1e-12
