@@ -95,6 +95,29 @@ def test_a_curve_of_theory_is_recovered(case: str, chosen: bool) -> None:
     assert not any("do not explain" in w for w in found.warnings)
 
 
+def curve_of(y: Array) -> Published:
+    """The overlapping Allan deviation of a record at 10 Hz."""
+    m = np.unique(np.round(np.geomspace(1, y.size // 2, 60)).astype(int))
+    return Published.of(0.1 * m, np.sqrt([overlapping(y, k) for k in m.tolist()]))
+
+
+def end_of(slow: str, seed: int) -> bool:
+    """Whether the random walk at the end of a curve is fitted without doubt."""
+    rng, n = np.random.default_rng([171_135, seed]), 2**16
+    drift = 4e-4 * 0.1 * np.arange(n) if slow == "ramp" else np.cumsum(rng.standard_normal(n)) * 2e-3
+    found = identify(curve_of(rng.standard_normal(n) + drift), None, "allan")
+    doubt = any("ramp" in w for w in found.warnings)
+    walks = [i for i, e in enumerate(found.fit.effects) if e.name == "rate_random_walk"]
+    assert doubt == any(i in found.unresolved for i in walks if slow == "ramp")
+    return not doubt
+
+
+def test_the_end_of_a_curve_may_be_a_ramp() -> None:
+    """A ramp rises by tau and a random walk by its root (IEEE Std 952): the curves of 6 records of each."""
+    assert not any(end_of("ramp", seed) for seed in range(6))
+    assert all(end_of("walk", seed) for seed in range(8, 14))
+
+
 def test_a_flicker_of_theory_is_recovered() -> None:
     """White noise on the floor 0.664 B: B within 5 %, for the band of the bank ends at the curve's ends."""
     found = identify(
@@ -181,6 +204,18 @@ def test_the_command_line_reads_a_band(kfgen: Callable[..., Any], tmp_path: Path
         assert list(channels) == ["gyro_x"]
         found.append(channels["gyro_x"]["effects"][0]["parameters"]["N"]["ci95"])
     assert np.log(found[1][1] / found[1][0]) == pytest.approx(4 * np.log(found[0][1] / found[0][0]), rel=0.02)
+
+
+def test_the_values_of_a_curve_are_no_motion(kfgen: Callable[..., Any], tmp_path: Path) -> None:
+    """Allan deviations of three accelerometers fall along the curve, each in its own way: gravity does not turn."""
+    d = np.sqrt(white(TAU, 0.02) + walk(TAU, 1e-3))
+    axes = ",".join(f"accel_{a} [m/s^2]" for a in "xyz")
+    path = curve_file(
+        tmp_path / "c.csv", "tau [s]," + axes, TAU, d, 2 * np.sqrt(white(TAU, 0.02)), 3 * d**0.9
+    )
+    result = kfgen("identify", path)
+    assert result.exit_code == 0, result.output
+    assert "moved" not in result.output
 
 
 @pytest.fixture

@@ -88,3 +88,22 @@ def test_its_harmonics_are_those_of_its_samples() -> None:
     c = 2.0 * np.fft.rfft(wave.mean(t)).real / t.size
     np.testing.assert_allclose(c[1:9], amplitudes(np.arange(1.0, 9.0), 0.3, 0.1), atol=1e-5)
     assert c[0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_a_weak_switch_is_not_a_line_for_certain(seed: int) -> None:
+    """Its line is worth 37 nats and its harmonics 7, about what their numbers cost: the wave stays in the printed set.
+
+    Before: a sinusoid, alone, at more than 97 %.
+    """
+    gap = gap_of(noise(seed) + 0.075 * square(2 * np.pi * T / PERIOD_S + 1.0))
+    (found,) = gap.findings
+    shares = {name: p for name, _, p in found.alternatives} | {found.effect.name: found.probability}
+    assert shares.get("periodic_wave", 0.0) > 0.05
+
+
+def test_a_line_stays_a_line() -> None:
+    gap = gap_of(noise(14) + 0.12 * np.sin(2 * np.pi * T / PERIOD_S + 1.0))
+    (found,) = gap.findings
+    assert found.effect.name == "sinusoid"
+    assert found.probability > 0.9

@@ -2,8 +2,9 @@
 
 What is assumed is what ``kfgen identify`` and then ``kfgen gap`` make of a piece of a recording before anything is
 hidden in it: without the hidden effect both agree. What is assumed about a piece already is not hidden in it. The size
-that is worth a number of nats is reckoned over the piece's own periodogram. Samples are rounded to the recording's own
-ADC grid again; thermometer and decoys are drawn as for records of sensors that never were.
+that is worth a number of nats is reckoned over the piece's own periodogram. Before anything is hidden, samples are spread
+evenly within a step of the recording's ADC grid, and afterwards rounded to it again: without a hidden effect they are
+those that were stored. Thermometer and decoys are drawn as for records of sensors that never were.
 
 The recordings are those of ``../shared/data`` (or of KFGEN_DATA); the world is empty where they are absent.
 """
@@ -188,10 +189,12 @@ def make(request: Request) -> Case:
     n = base.n
     temperature = climate(rng, n, base.dt)
     warmth = temperature + THERMOMETER_NOISE * rng.standard_normal(n)
-    r = Recording(base, rng, n, base.samples.copy(), np.zeros(n), temperature, warmth)
+    again = not set(request.effects) & set(BEFORE_THE_ADC)
+    within = base.step * (np.random.default_rng([request.seed, 1]).random(n) - 0.5) if again else np.zeros(n)
+    r = Recording(base, rng, n, base.samples + within, np.zeros(n), temperature, warmth)
     hidden = tuple(EFFECTS[name](r, request.strength) for name in request.effects)
     channels = r.channels()
-    if not set(request.effects) & set(BEFORE_THE_ADC):
+    if again:
         steps = np.round((channels[base.channel][0] - base.offset) / base.step)
         channels[base.channel] = (base.offset + steps * base.step, base.unit)
     t = np.arange(n) * base.dt

@@ -90,7 +90,7 @@ def identify(
     if not found:
         raise left_out[0]
     said += [f"not identified: {error}" for error in left_out]
-    moved = [how for d in data if isinstance(d, Log) and (how := motion_in(d, names))]
+    moved = [how for d in data if isinstance(d, Log) and d is not curve and (how := motion_in(d, names))]
     moving = [COUNTS_AS_NOISE.format(how=how) for how in moved]
     warnings = (
         *(w for d in data for w in d.warnings),

@@ -133,7 +133,7 @@ class ThermalHysteresis(Effect):
         """Of the recorded temperature, shape (n,)."""
         if not drive:
             return np.zeros(np.size(t))
-        at, T = thinned(t, drive["temperature"])
+        at, T = course_of(t, drive["temperature"])
         return float(self.coefficient) * np.interp(t, at, hysteresis(T, float(self.width)))
 
 
@@ -234,20 +234,30 @@ def thinned(t: Array, T: Array) -> tuple[Array, Array]:
 
 def rate_of(t: Array, T: Array) -> Array:
     """``dT/dt`` [K/s], shape (n,): parabolas over windows just long enough for the thermometer's noise."""
+    at, means = thinned(np.asarray(t), T)
+    return np.asarray(np.interp(t, at, _smoothed(means, float(at[1] - at[0]))[0]))
+
+
+def course_of(t: Array, T: Array) -> tuple[Array, Array]:
+    """Times [s] and temperatures [K] without the thermometer's noise, which a hysteresis would follow to its peaks."""
+    at, means = thinned(np.asarray(t), T)
+    return at, _smoothed(means, float(at[1] - at[0]))[1]
+
+
+def _smoothed(means: Array, step: float) -> tuple[Array, Array]:
+    """Rate and course by parabolas over windows just long enough for the noise, shapes (m,)."""
     from scipy.signal import savgol_filter
 
-    at, means = thinned(np.asarray(t), T)
-    step, windows = float(at[1] - at[0]), [5]
+    windows = [5]
     while 8 * windows[-1] < means.size:
         windows.append(2 * windows[-1] + 1)
-    rates = [
-        savgol_filter(means, w, 2, deriv=1, delta=step, mode="interp") for w in windows if w < means.size
-    ]
+    windows = [w for w in windows if w < means.size]
+    rates = [savgol_filter(means, w, 2, deriv=1, delta=step, mode="interp") for w in windows]
     # Too short a window leaves noise, too long a one leaves the course: between both a rate does not change.
     differences = [float(np.std(a - b)) for a, b in pairwise(rates)]
     calm = next((k for k, d in enumerate(differences) if d < CLEAR * float(np.std(rates[k + 1]))), None)
-    best = rates[calm if calm is not None else int(np.argmin(differences))] if differences else rates[0]
-    return np.asarray(np.interp(t, at, best))
+    best = calm if calm is not None else int(np.argmin(differences)) if differences else 0
+    return rates[best], savgol_filter(means, windows[best], 2, mode="interp")
 
 
 def hysteresis(T: Array, width: float) -> Array:

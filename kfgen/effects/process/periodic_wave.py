@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from kfgen.effects.effect import LinearProcess, parameter
 from kfgen.effects.linear_system import LinearSystem, State
 from kfgen.effects.process.periodic import MIN_LINE_PERIODS, Sinusoid
-from kfgen.effects.series import Detection, WhiteSeries, coefficient_worth
+from kfgen.effects.series import Detection, WhiteSeries, coefficient_worth, log_mean
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -34,8 +35,8 @@ MAX_HARMONIC = 40
 """Harmonic that is looked at."""
 MIN_GAIN_NATS = 12.0
 """Of the strongest line, below which no wave is looked for."""
-MIN_GAIN_OVER_A_SINE_NATS = 6.0
-"""Of the harmonics: without them it is a line, which has fewer numbers."""
+MIN_GAIN_OVER_A_SINE_NATS = -2.0
+"""Below which a wave does not compete with its line: one that is nearly a sine still may be a wave."""
 MAX_ORDER_OF_STRONGEST = 24
 """Of the harmonic that the strongest line may be: all have one size where a wave is up for a single sample."""
 MIN_POWER_BESIDE = 4.0
@@ -153,7 +154,7 @@ class PeriodicWave(LinearProcess):
         best = max(tried, key=lambda t: t[0], default=None)
         if best is None or 0.5 * best[0] ** 2 < gain + MIN_GAIN_OVER_A_SINE_NATS:
             return []
-        return [_refined(series, best[1])]
+        return [_refined(series, best[1], best[2])]
 
 
 def amplitudes(k: Array, duty: float, flank: float) -> Array:
@@ -173,8 +174,12 @@ def amplitudes(k: Array, duty: float, flank: float) -> Array:
     return np.asarray(2.0 * duty * np.sinc(k * duty) * np.sinc(k * flank))
 
 
-def _about(series: WhiteSeries, f: float, order: int) -> tuple[float, PeriodicWave] | None:
-    """The best wave of about `f` [Hz], its harmonic `order` a known line, by its harmonics; its size in standard deviations."""
+def _about(series: WhiteSeries, f: float, order: int) -> tuple[float, PeriodicWave, float] | None:
+    """The best wave of about `f` [Hz], its harmonic `order` a known line, by its harmonics.
+
+    With it come its size in standard deviations, and what a wave of its period is worth on average over all shapes and
+    starts [nats].
+    """
     length = series.n * series.dt
     count = min(int(0.49 / (f * series.dt)), MAX_HARMONIC)
     if count < max(order, 2) or f * length < MIN_LINE_PERIODS:
@@ -188,12 +193,12 @@ def _about(series: WhiteSeries, f: float, order: int) -> tuple[float, PeriodicWa
     nearby = np.linspace(-0.5, 0.5, 21) / (order * length)
     power = np.array([np.abs(transform(df)) ** 2 for df in nearby.tolist()]) / series.n
     power[:, order - 1] = 0.0
-    if (np.cumsum(power, axis=1) - k).max() < MIN_POWER_BESIDE:
+    if order > 1 and (np.cumsum(power, axis=1) - k).max() < MIN_POWER_BESIDE:
         return None
     weight = np.interp(2.0 * np.pi * f * k * series.dt, series.omega, series.weight)
-    shapes = [(d, w) for d in TRIAL_DUTIES.tolist() for w in TRIAL_FLANKS if w <= d]
+    shapes, share = _shapes()
     template = np.array([amplitudes(k, d, w) for d, w in shapes]) * weight
-    best, at = (-np.inf, 0, 0), 0.0
+    best, at, average = (-np.inf, 0, 0), 0.0, -np.inf
     for span, steps, upto in ((0.5, 21, min(max(3, order), count)), (0.06, 13, count)):
         around = at
         for df in around + np.linspace(-span, span, steps) / (order * length):
@@ -201,11 +206,22 @@ def _about(series: WhiteSeries, f: float, order: int) -> tuple[float, PeriodicWa
             score = _scores(template[:, :upto], D[:upto], series.n)
             top = int(np.argmax(np.abs(score)))
             if abs(score.flat[top]) > best[0] or (df == around and upto == count):
+                average = log_mean(coefficient_worth(score) + np.log(share * share.size)[:, None])
                 best, at = (abs(float(score.flat[top])), *divmod(top, TRIAL_CENTRES)), float(df)
     duty, flank = shapes[best[1]]
     period = 1.0 / (f + at)
     start = series.t[0] + (best[2] / TRIAL_CENTRES - 0.5 * duty) * period
-    return best[0], PeriodicWave(1.0, period, duty, flank, float(start))
+    return best[0], PeriodicWave(1.0, period, duty, flank, float(start)), average
+
+
+@cache
+def _shapes() -> tuple[list[tuple[float, float]], Array]:
+    """Duties and flanks that are tried, and the share of all shapes for which each stands, shape (m,)."""
+    duties, flanks = TRIAL_DUTIES, np.array(TRIAL_FLANKS)
+    shapes = [(d, w) for d in duties.tolist() for w in flanks.tolist() if w <= d]
+    of_duty, of_flank = (dict(zip(x.tolist(), np.gradient(x))) for x in (duties, flanks))
+    share = np.array([of_duty[d] * of_flank[w] for d, w in shapes])
+    return shapes, share / share.sum()
 
 
 def _harmonic_sums(series: WhiteSeries, f: float, count: int) -> tuple[Complex, Array]:
@@ -229,8 +245,12 @@ def _scores(template: Array, D: Complex, n: int) -> Array:
     return np.asarray((template @ turned).real / np.maximum(norm, 1e-300)[:, None])
 
 
-def _refined(series: WhiteSeries, wave: PeriodicWave) -> Detection:
-    """The wave that fits the samples best near another one, with what its place costs and its intervals."""
+def _refined(series: WhiteSeries, wave: PeriodicWave, average: float) -> Detection:
+    """The wave that fits the samples best near another one, with what its place costs and its intervals.
+
+    Near one with sharp edges the likelihood has as many tops as there are samples beside an edge: of its own width, which
+    is that of one top, and of the average over shapes and starts, the larger is nearer to the integral.
+    """
     from scipy.optimize import minimize
 
     length, period = series.n * series.dt, float(wave.period)
@@ -257,7 +277,9 @@ def _refined(series: WhiteSeries, wave: PeriodicWave) -> Detection:
     lowest = MIN_LINE_PERIODS / length
     of_frequency = widths[0] / length * (0.5 / (top - lowest) + 0.5 / (f * np.log(top / lowest)))
     of_others = np.minimum(widths[1:] * np.array([1.0, 2.0, 2.0]), 1.0)
-    located = float(np.log(min(of_frequency, 1.0)) + np.log(of_others).sum())
+    located = float(np.log(min(of_frequency, 1.0))) + max(
+        float(np.log(of_others).sum()), average - worth(best)
+    )
     u = series.regression(found.mean(series.t))
     size = u[0] / max(float(np.linalg.norm(u[1])), 1e-300)
     half = 1.96 / np.sqrt(2.0 * np.pi) * widths * np.array([found.period**2 / length, found.period, 1.0, 1.0])

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect
+from kfgen.effects import Effect, make
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.evidence.shapes import Shapes
 from kfgen.identify.fit.fit import Problem
@@ -35,6 +35,9 @@ POINTS = 128
 """Frequencies an octave at which a covariance is integrated."""
 GOLDEN = 0.6180339887498949
 """Spreads them evenly whatever the period of a transfer function."""
+
+WALK, RAMP = "rate_random_walk", "rate_ramp"
+"""What the end of a curve rises by: AVAR grows as the averaging time, or as its square."""
 
 Weighting = Callable[[Evidence, Sequence[Effect]], Array]
 """Evidence and the effects fitted first, as a matrix that whitens the logarithms of the variances."""
@@ -111,6 +114,43 @@ def fit_curve(problem: Problem, weighting: Weighting = by_degrees_of_freedom) ->
     if weighting is by_degrees_of_freedom:
         return first
     return _weighted(problem.starting(first.effects), weighting(problem.record, first.effects))
+
+
+def misfit_of_ramp(problem: Problem, effects: Sequence[Effect], weighting: Weighting) -> float:
+    """The misfit of the same terms with a ramp in place of the random walk; of its sign a curve says nothing.
+
+    Parameters
+    ----------
+    problem : Problem
+        That was fitted.
+    effects : sequence of Effect
+        Its fit, a random walk among them.
+    weighting : callable
+        Weights of the points of the curve under effects.
+
+    Returns
+    -------
+    float
+        Sum of squares of the whitened residuals.
+    """
+    from scipy.optimize import least_squares
+
+    curve = problem.record.octaves
+    rest = tuple(e for e in effects if e.name != WALK)
+    left = Problem(problem.record, rest)
+    whiten, seen = weighting(problem.record, effects), 2.0 * np.log(curve.deviation)
+    shapes = Shapes(lambda effect: effect.allan_variance(curve.tau))
+    of_ramp = make(RAMP, R=1.0).allan_variance(curve.tau)
+
+    def residual(point: Array) -> Array:
+        total = shapes.total(left.at(point[:-1])) + np.exp(2.0 * point[-1]) * of_ramp
+        return np.asarray(whiten @ (np.log(total) - seen))
+
+    largest = float(np.log(curve.deviation[-1]) - 0.5 * np.log(of_ramp[-1]))
+    lo, hi = np.array([*left.bounds, (largest - 10.0, largest + 3.0)]).T
+    start = np.clip(np.append(left.start(), largest), lo + 1e-6, hi - 1e-6)
+    found = least_squares(residual, start, bounds=(lo, hi), x_scale=1.0, diff_step=1e-4)
+    return float(2.0 * found.cost)
 
 
 def _weighted(problem: Problem, whiten: Array) -> CurveFit:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
+from kfgen.identify import words
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.peaks import spectral_peaks
 from kfgen.identify.evidence.record import Evidence
@@ -23,6 +24,7 @@ from kfgen.identify.evidence.whittle import SpectralFit
 from kfgen.identify.fit.bounds import nominal
 from kfgen.identify.fit.choice import (
     GAIN_OF_A_SEARCHED_TIME,
+    GAIN_OF_A_SIZE,
     EffectSet,
     choose,
     combined,
@@ -35,10 +37,12 @@ from kfgen.identify.fit.fit import Fit, Key, Problem, inverse, maximise
 from kfgen.identify.fit.interval import NORMAL_975, interval95, intervals95, linear_intervals
 from kfgen.identify.fit.limits import limit
 from kfgen.identify.methods.allan_curve import (
+    WALK,
     Weighting,
     by_degrees_of_freedom,
     by_wavelet_covariance,
     fit_curve,
+    misfit_of_ramp,
 )
 from kfgen.identify.methods.arma import by_arma
 from kfgen.identify.methods.asymptotes import by_asymptotes
@@ -124,8 +128,20 @@ def by_curve(
     ends = zip(np.exp(fit.point - spread).tolist(), np.exp(np.minimum(fit.point + spread, 700.0)).tolist())
     intervals = dict(zip(fit.free, ends))
     warnings = _misfit(worst[fit.effects])
-    unresolved = frozenset[int]() if wanted else _unresolved(record, fit)
-    return Estimate(fit, unresolved, intervals, (), C, warnings)
+    if wanted:
+        return Estimate(fit, frozenset(), intervals, (), C, warnings)
+    ramps = _may_be_ramps(found, weighting)
+    said = (words.MAY_BE_A_RAMP,) if ramps else ()
+    return Estimate(fit, _unresolved(record, fit) | ramps, intervals, (), C, (*said, *warnings))
+
+
+def _may_be_ramps(found: EffectSet, weighting: Weighting) -> frozenset[int]:
+    """A random walk that gains less over a ramp in its place than one more size must."""
+    effects = found.fit.effects
+    walks = frozenset(i for i, e in enumerate(effects) if e.name == WALK)
+    if not walks or misfit_of_ramp(found.problem, effects, weighting) > GAIN_OF_A_SIZE - found.gain:
+        return frozenset()
+    return walks
 
 
 def by_wavelets(record: Evidence, wanted: Sequence[str] | None) -> Estimate:
