@@ -227,10 +227,14 @@ def test_budget(options: dict[str, str], most: int) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(("options", "most"), [(TURNING, 2100), (LEVEL, 3830), (EARTH_FIXED, 2930)])
 def test_words_on_a_core_are_those_of_the_host(options: dict[str, str], most: int, tmp_path: Path) -> None:
-    """And the instructions of a prediction on a Cortex-M4F stay within 3 % of what they are (1604 without Earth rate)."""
+    """And the instructions of a prediction on a Cortex-M4F stay within 3 % of what they are (1604 without Earth rate).
+
+    One in which the noise of a bias comes in takes 1730 more, as it does without Earth rate.
+    """
     p = Program(DiscreteModel(build("ins15", None, options)), "ud")
     write_folder(p, "c", None, tmp_path / "f")
     found = verify(tmp_path / "f", ["host", "m4f", "rv32imfc"]).verdicts
     assert [v.differing for v in found] == [0, 0, 0]
     assert all(v.words > 1000 for v in found)
-    assert found[1].cost.instructions["predict"] <= most
+    assert found[1].cost.least["predict"] <= most
+    assert found[1].cost.instructions["predict"] <= most + 1800
