@@ -19,12 +19,14 @@ import kfgen as kf
 from kfgen.core.units import parse_unit
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.core.search import Chosen
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.linear.linear_flight import BYTES_AT_ONCE, COLUMNS_AT_ONCE
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.scene import FlightScene
+from kfgen.gap.scene.explanation import SceneExplanation, evidence_of_all
 from kfgen.gap.scene.newton import fitted
-from kfgen.gap.scene.scene import Placed, ScenePoint
+from kfgen.gap.scene.scene import Placed, ScenePoint, start_of
 from kfgen.log.log import Log
 from kfgen.model.filter import FilterModel
 from kfgen.model.filter_file import FilterFile
@@ -36,6 +38,7 @@ trial = pytest.importorskip("trial")
 pytest.importorskip("numba")
 
 SENSORS = ["gnss_position", "gnss_velocity", "mag", "barometer"]
+STEP = ("bias_step", "gyro_y", {"size": 4.5e-4, "time": 25.0})
 DRIFT = make("gauss_markov", sigma=1.0, tau=6.0)
 
 
@@ -136,6 +139,23 @@ def test_nothing_random_is_found_in_a_clean_flight() -> None:
     scene = clean()
     fit = fitted(scene, ScenePoint((), np.array([u.value for u in scene.unknowns])))
     assert all(f.evidence < 5.0 for f in scene.likely_random_errors(fit.point))
+
+
+def test_a_list_of_one_effect_is_worth_what_it_gained() -> None:
+    """A step costs its time too, where a random error competes with it: the two are held against each other by this sum."""
+    there = SceneExplanation(stepped := scene_of(log_of(STEP)), fitted(stepped, start_of(stepped)))
+    step = next(a for a in there.ranked() if a.label == ("bias_step", "gyro_y"))
+    whole = evidence_of_all(stepped, step.fit, [Chosen(step, {})])
+    assert step.cost > np.log(10.0)
+    assert whole - evidence_of_all(stepped, there.fit) == pytest.approx(step.gain, abs=1e-9)
+
+
+@pytest.mark.long
+def test_a_walk_that_looks_like_a_ramp_is_one_walk() -> None:
+    """In this minute it went 9 mrad/s one way; a ramp and a smaller random error beside it describe that as well."""
+    found = kf.find_gap(log_of(("rate_random_walk", "gyro_z", {"K": 6e-4}), seed=1), model())
+    assert [(f.name, f.where) for f in found.findings] == [("rate_random_walk", "gyro_z")]
+    assert found.findings[0].ci95["K"][0] < 6e-4 < found.findings[0].ci95["K"][1]
 
 
 @pytest.mark.long

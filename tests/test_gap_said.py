@@ -9,8 +9,8 @@ from kfgen.effects import make
 from kfgen.effects.faults.samples import UnitError
 from kfgen.effects.inertial.magnetic import SoftIron
 from kfgen.gap.core.holdout import Gap
-from kfgen.gap.core.result import Comparison, Finding
-from kfgen.gap.words import finding_sentence
+from kfgen.gap.core.result import Comparison, Finding, NoiseScale
+from kfgen.gap.words import finding_sentence, noise_scale_sentences
 
 FIELD = ("field along 1_n", "field along 2_n", "field along 3_n")
 
@@ -74,3 +74,12 @@ def test_an_effect_of_a_dimensionless_input_is_said_in_plain_numbers() -> None:
     effect = make("input_nonlinearity", k2=0.01, k3=0.0)
     words = said_of(Finding(effect, "u", "", {"k2": (0.009, 0.011)}, 0.99, 30.0))
     assert "k2 = 0.01 (95 %: 0.009 to 0.011)" in words
+
+
+def test_channels_of_one_noise_are_said_together() -> None:
+    mag = [NoiseScale(f"mag_{a}", 2.24, (1.87, 2.69), True) for a in "xyz"]
+    other = NoiseScale("gyro_x", 2.24, (1.87, 2.69))
+    assert noise_scale_sentences([*mag, other]) == [
+        "The white noise of mag_x, mag_y, mag_z is 2.24 times as large as assumed (95 %: 1.87 to 2.69)",
+        "The noise of gyro_x is 2.24 times as large as assumed (95 %: 1.87 to 2.69)",
+    ]

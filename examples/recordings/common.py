@@ -17,7 +17,7 @@ from kfgen.gap.find_gap import find_gap, units_of
 from kfgen.gap.result import GapResult, LogSource
 from kfgen.gap.scene.scene import Scene
 from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
-from kfgen.gap.words import finding_sentence, noise_scale_sentence, outage_sentence
+from kfgen.gap.words import finding_sentence, noise_scale_sentences, outage_sentence
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.identify import identify
 from kfgen.log.log import Log
@@ -71,7 +71,7 @@ def of_flight(log: Log, model: FilterModel) -> Case:
     found = find_gap(log, model)
     (gap,) = found.comparisons
     said = [f"{_said(gap, f)} ({100 * f.probability:.0f} %)" for f in gap.findings]
-    said += [noise_scale_sentence(s) for s in gap.noise_scales]
+    said += noise_scale_sentences(gap.noise_scales)
     said += [outage_sentence(*pair) for pair in gap.outages]
     closed = f"{100 * gap.gap.closed:.0f} % of the gap closed"
     return [f"verdict {gap.verdict}", *said, closed], gap_answer(found)

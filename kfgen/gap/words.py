@@ -78,13 +78,16 @@ def verdict_sentence(c: Comparison) -> str:
     return f"{of}: {VERDICTS[c.verdict]}"
 
 
-def noise_scale_sentence(s: NoiseScale) -> str:
-    """Noise of another size in words."""
-    lo, hi = s.ci95
-    noise = "white noise" if s.white else "noise"
-    return (
-        f"The {noise} of {s.channel} is {s.times:.3g} times as large as assumed (95 %: {lo:.3g} to {hi:.3g})"
-    )
+def noise_scale_sentences(scales: Sequence[NoiseScale]) -> list[str]:
+    """Noises of another size in words, each size once: channels of one sensor share theirs."""
+    alike: dict[tuple[float, tuple[float, float], bool], list[str]] = {}
+    for s in scales:
+        alike.setdefault((s.times, s.ci95, s.white), []).append(s.channel)
+    return [
+        f"The {'white noise' if white else 'noise'} of {', '.join(channels)} is {times:.3g} times as large as assumed "
+        f"(95 %: {lo:.3g} to {hi:.3g})"
+        for (times, (lo, hi), white), channels in alike.items()
+    ]
 
 
 def noise_factor_sentence(f: NoiseSplit) -> str:

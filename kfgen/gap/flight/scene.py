@@ -27,6 +27,7 @@ from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.likely_random_errors import likely_random_errors
 from kfgen.gap.flight.random.random_course import none_of_a_random_error
+from kfgen.gap.flight.reach import unreached
 from kfgen.gap.flight.steps import StepEnergies, likely_steps, step_energies
 from kfgen.gap.flight.sums import units_of
 from kfgen.gap.motion.candidates import FIELD_PREFIX, MotionCandidates, offers
@@ -45,14 +46,6 @@ MIN_SIGN_SHARE = 0.05
 """Share of the readings that either sign has at least, for an asymmetry of the two to be seen."""
 CONSTANT_STEP_SHARE = 1e-4
 """Change of a constant, as a share of it, by which readings are differentiated."""
-EXCEEDS_SIGNAL = "it adds more to the reading than there is to read: no sensor errs so far"
-"""Why an error in proportion to a reading is no finding beyond 100 %: units, signs and axes are asked for by themselves."""
-READS_AHEAD = "an inertial sensor does not read what comes later"
-"""Why a negative delay of one is no finding: that the other sensors are late is one."""
-KNOWS_AHEAD = "a receiver does not know what comes later"
-"""Why a fix of a later time than its stamp says is doubted: clocks that were never set do that."""
-MAX_AHEAD_S = 0.05
-"""By which a fix may be ahead [s]: inertial sensors are late themselves, by their low-passes."""
 MOVED_SHARE = 1e-9
 """Relative variation of what a channel should have read from which on it moves."""
 
@@ -282,6 +275,11 @@ class FlightScene:
         """The flight about no effect, with one random error more as a state of its filter."""
         return self._about_none(replace(self.path, random_errors=(*self.path.random_errors, placed)))
 
+    def without_random_errors(self, where: str) -> FlightScene:
+        """The flight about no effect, without the random errors of a channel as states of its filter."""
+        left = tuple(w for w in self.path.random_errors if w.where != where)
+        return self._about_none(replace(self.path, random_errors=left))
+
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
         there = self.about(point)
@@ -336,18 +334,7 @@ class FlightScene:
 
     def unreached(self, placed: Placed) -> str:
         """See `kfgen.gap.scene.scene.Reaching`."""
-        if _largest_share(placed.effect) > 1.0:
-            return EXCEEDS_SIGNAL
-        if _is_early(placed) and any(acts_on(placed.where, c) for c in self.path.equations.channels):
-            return READS_AHEAD
-        late = [
-            a.delay
-            for a in self.path.log.aiding
-            for c in a.sensor.channels
-            if acts_on(placed.where, c) and self.truth.place(c)[0] in self.truth.antennas
-        ]
-        early = late and _is_early(placed, min(late) + MAX_AHEAD_S)
-        return KNOWS_AHEAD if self.cautious and early else ""
+        return unreached(placed, self.path, self.truth, cautious=self.cautious)
 
     @cached_property
     def bench(self) -> MotionCandidates:
@@ -384,14 +371,3 @@ class FlightScene:
             away[rows.at[at], self.truth.place(c)[1]] = self.path.linear.y[at]
             seen[rows.at[at]] = True
         return away, seen if seen.any() else ~seen
-
-
-def _is_early(placed: Placed, allowed_s: float = 0.0) -> bool:
-    """Whether an effect makes a sensor read what comes later, by more than is allowed."""
-    return isinstance(placed.effect, TimeDelay) and float(placed.effect.delay) < -allowed_s
-
-
-def _largest_share(effect: Effect) -> float:
-    """The largest share of what its sensor feels that an effect adds to a reading; zero of one that adds none."""
-    shares = [p.name for p in effect.parameters() if p.unit == "%" and p.kind == "signed"]
-    return max((abs(float(getattr(effect, n))) for n in shares), default=0.0)

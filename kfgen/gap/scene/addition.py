@@ -67,6 +67,8 @@ class FittedAddition:
         Of the scene with it, the last.
     gain : float
         Less the cost of choosing it.
+    cost : float
+        Of choosing it, its place and its time [nats].
     direction : ndarray, shape (N,)
         In which it moves the residuals most, as of `Screened`.
     even_share : float
@@ -78,6 +80,7 @@ class FittedAddition:
     placed: Placed
     fit: SceneFit
     gain: float
+    cost: float
     direction: Array
     even_share: float = 1.0
     about: tuple[Scene, SceneFit] | None = None
@@ -143,12 +146,13 @@ def ranked(
             break
         fit = _itself(scene, fitted(scene, ScenePoint((*base.point.placed, o.start), base.point.unknowns)))
         if not _blind(base, fit) and not unreached(scene, fit):
-            trials.append(FittedAddition(fit.point.placed[-1], fit, 0.0, o.direction))
+            trials.append(FittedAddition(fit.point.placed[-1], fit, 0.0, 0.0, o.direction))
     reference, found = evidence(scene, base), []
     for t, share in zip(trials, _even_shares(scene, base, trials)):
-        gain = evidence(scene, t.fit) - reference - _cost(t.placed, every)
+        cost = _cost(t.placed, every)
+        gain = evidence(scene, t.fit) - reference - cost
         gain -= (1.0 - share) * max(t.fit.value - base.value, 0.0)
-        found.append(replace(t, gain=gain, even_share=share))
+        found.append(replace(t, gain=gain, cost=cost, even_share=share))
     return _weighed_about_themselves(scene, sorted(found, key=lambda t: -t.gain), known)
 
 

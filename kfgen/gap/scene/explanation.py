@@ -193,10 +193,9 @@ def evidence_of_all(scene: Scene, fit: SceneFit, named: Sequence[Chosen[FittedAd
     fit : SceneFit
         Of that scene.
     named : sequence of Chosen
-        Its effects.
+        Its effects, each of which costs what choosing it did.
     """
-    choice = sum(float(np.log(max(len(a.probabilities), 2))) for a in named)
-    return evidence_over_widths(scene, fit) - choice
+    return evidence_over_widths(scene, fit) - sum(a.addition.cost for a in named)
 
 
 def with_values(added: Sequence[Chosen[FittedAddition]], fit: SceneFit) -> tuple[Chosen[FittedAddition], ...]:

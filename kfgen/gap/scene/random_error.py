@@ -70,5 +70,8 @@ class HasRandomErrors(Scene, HasNoiseSizes, Protocol):
     def with_random_error(self, placed: Placed) -> Self:
         """The same world, about no effect, with one random error more in its noise."""
 
+    def without_random_errors(self, where: str) -> Self:
+        """The same world, about no effect, without the random errors of a channel in its noise."""
+
     def not_random(self, placed: Placed, point: ScenePoint) -> str:
         """In what the course of a random error in the noise, beside a point, is none of one; empty where in nothing."""

@@ -57,13 +57,14 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
         answer = beside
         if len(answer.random_errors) == count:
             break
-    for where in dict.fromkeys(a.label[1] for a in answer.found.added if a.name in DRIFTS):
-        answer = _instead_of_drifts(answer, where)
     answer = _pruned(answer)
     if not answer.random_errors:
         is_long = len(answer.found.added) >= FIRST_LIMITS.max_effects
         found = completed(answer.found, grow=is_long)
         answer = replace(answer, scene=found.scene, found=found)
+    # Last, for what judges effects anew knows nothing of the share of a random error in their place.
+    for where in dict.fromkeys(a.label[1] for a in answer.found.added if a.name in DRIFTS):
+        answer = _instead_of_drifts(answer, where)
     scene = answer.scene
     if not isinstance(scene, HasRandomErrors):
         return answer
@@ -131,18 +132,24 @@ def _instead(answer: Answered) -> Answered:
 
 
 def _instead_of_drifts(answer: Answered, where: str) -> Answered:
-    """With a random error in place of what drifts or steps on a channel, where that is likelier; else it has its share."""
+    """With one random error in place of all that is slow on a channel, where that is likelier; else it has its share.
+
+    What a walk did is a ramp and a smaller random error beside it as well: the two stand against the one.
+    """
     scene, there = answer.scene, answer.found.fit.point
     drifts = [a.name in DRIFTS and a.label[1] == where for a in answer.found.added]
-    if search_is_over() or not isinstance(scene, HasRandomErrors):
+    if search_is_over() or not any(drifts) or not isinstance(scene, HasRandomErrors):
         return answer
+    others = tuple(w for w in answer.random_errors if w.fitted.placed.where != where)
+    if len(others) < len(answer.random_errors):
+        scene = scene.without_random_errors(where)
     kept = tuple(p for p, is_drift in zip(there.placed, drifts) if not is_drift)
     fit = fitted(scene, ScenePoint(kept, there.unknowns))
     likely = [f for f in scene.likely_random_errors(fit.point) if f.placed.where == where]
     gained = sum(a.gain for a, is_drift in zip(answer.found.added, drifts) if is_drift)
     if not likely or likely[0].evidence < MIN_WORTH_SHARE * gained:
         return answer
-    return _better(answer, [likely], scene)
+    return _better(answer, [likely], scene, beside=others)
 
 
 def _gathered(scene: HasRandomErrors, point: ScenePoint) -> list[list[FittedRandomError]]:
@@ -165,11 +172,14 @@ def _better(
     scene: HasRandomErrors,
     *,
     is_another: bool = False,
+    beside: Sequence[NamedRandomError] | None = None,
 ) -> Answered:
     """The answer with the first of each list of random errors in the noise of a scene, if the whole is likelier.
 
-    Without any the answer stays, unless the scene is another one by itself.
+    Without any the answer stays, unless the scene is another one by itself. They stand beside those that the scene has:
+    all of the answer, unless others are given.
     """
+    there = tuple(answer.random_errors if beside is None else beside)
     if not every and not is_another:
         return answer
     for found in every:
@@ -177,7 +187,7 @@ def _better(
     again = explained(scene)
     named = tuple(NamedRandomError(found[0], 0.0) for found in every)
     anew = replace(again, assumed=answer.found.assumed)
-    more = replace(answer, scene=again.scene, found=anew, random_errors=(*answer.random_errors, *named))
+    more = replace(answer, scene=again.scene, found=anew, random_errors=(*there, *named))
     gain = total(more) - total(answer)
     lost = [a for a in answer.found.added if a.label not in {b.label for b in again.added}]
     if gain < (TIE_NATS if lost else MIN_RANDOM_ERROR_NATS):
@@ -187,7 +197,7 @@ def _better(
     for of_one, w in zip(every, named):
         worth = {f.label: gain + f.evidence - of_one[0].evidence for f in of_one} | {rival: 0.0}
         judged.append(replace(w, gain=gain, probabilities=_shares(worth)))
-    return replace(more, random_errors=(*answer.random_errors, *judged))
+    return replace(more, random_errors=(*there, *judged))
 
 
 def _shared(answer: Answered, lost: Sequence[Chosen[FittedAddition]], label: Label, gain: float) -> Answered:

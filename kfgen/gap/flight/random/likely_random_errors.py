@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
+from kfgen.effects.series import OF_A_COEFFICIENT
 from kfgen.gap.flight.linear.linear_flight import LinearFlight
 from kfgen.gap.flight.path import FlownPath
 from kfgen.gap.flight.random.random_error import random_error_of
@@ -40,6 +41,8 @@ FIT_STEPS = 24
 """Evaluations of the likelihood of one fit."""
 CURVATURE_STEP = 0.2
 """Of a logarithm, by which the likelihood is differentiated twice."""
+SIZE_WIDTH = 0.5 * OF_A_COEFFICIENT
+"""Width of the prior of the logarithm of a size: that of a coefficient of one sign, for a walk competes with a ramp."""
 MAX_SD_OF_LOG = 2.0
 """Of a parameter of which the flight says little."""
 
@@ -139,7 +142,8 @@ def _fitted(linear: LinearFlight, dt: float, scene: Scene, start: Placed) -> Fit
     limits = {"maxfev": FIT_STEPS, "initial_simplex": simplex, "xatol": 0.03, "fatol": 0.03}
     x = np.asarray(minimize(lambda x: -gain(x), x0, method="Nelder-Mead", options=limits).x)
     value, sd, volume = _curvature(gain, x)
-    widths = [parameter_width(scene, start.effect, n) for n in names]
+    sizes = start.effect.sizes()
+    widths = [SIZE_WIDTH if n in sizes else parameter_width(scene, start.effect, n) for n in names]
     evidence = value + volume - float(np.sum(np.log(widths)))
     ci95 = {n: (float(np.exp(v - 1.96 * s)), float(np.exp(v + 1.96 * s))) for n, v, s in zip(names, x, sd)}
     return FittedRandomError(there(x), ci95, evidence, evidence - value)
