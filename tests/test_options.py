@@ -10,8 +10,11 @@ from typing import Any
 import pytest
 
 from kfgen.core.errors import InputError
+from kfgen.effects import make
 from kfgen.effects.noise_model import NoiseModel, parse_noise
 from kfgen.emit.folder import read_folder
+from kfgen.emit.routines import Program
+from kfgen.model.discretise import DiscreteModel
 from kfgen.model.library import LIBRARY, build
 from kfgen.model.option import read_pairs
 from kfgen.model.parts.motion import LEFT_OUT
@@ -112,6 +115,28 @@ def test_biases_wander_unless_a_noise_file_or_an_option_says_otherwise() -> None
     """
     measured = {"gyro_x": 0.0, "gyro_y": 0.0, "gyro_z": 2e-5} | {f"accel_{a}": 0.0 for a in "xyz"}
     assert walks(parse_noise(text, "n.toml")) == {**measured, "baro": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("name", "walking"),
+    [
+        ("ahrs6", ["bg_x", "bg_y", "bg_z"]),
+        ("ins15", [f"b{s}_{a}" for s in "ag" for a in "xyz"]),
+        ("ins9", []),
+    ],
+)
+def test_the_noise_of_every_bias_that_wanders_waits(name: str, walking: list[str]) -> None:
+    program = Program(DiscreteModel(build(name)), "ud")
+    states = [s.name for s in program.discrete.model.states]
+    assert sorted(states[k] for k in program.slow) == walking
+
+
+def test_a_walk_of_one_axis_is_the_setting_of_that_axis() -> None:
+    model = build("ahrs6", None, {"biases": "constant"})
+    model = model.augment("gyro_x", make("rate_random_walk", K=1e-4))
+    settings = Program(DiscreteModel(model), "ud").settings
+    assert [n for n in settings if n.startswith("K_")] == ["K_GYRO_X"]
+    assert settings["K_GYRO_X"].value == pytest.approx(1e-4)
 
 
 def test_simulate_and_run_take_the_same_options(kfgen: Kfgen, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from kfgen.emit.covariance.forms import Packed
 from kfgen.emit.horizon.memory import MARGIN
 from kfgen.model.known_delays import known_delays
 from kfgen.model.parts.earth_fixed import EarthFixed
-from kfgen.model.usual_noise import BIASES
+from kfgen.model.parts.usual_noise import BIASES
 
 if TYPE_CHECKING:
     from kfgen.emit.routines import Program

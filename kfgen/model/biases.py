@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from kfgen.model.noise_driven import Named, alone
+from kfgen.model.noise_driven import Named, alone, name_alike
 from kfgen.model.parts.motion import Input
 from kfgen.model.parts.sensor import Sensor
 
@@ -46,8 +46,8 @@ def biases(model: FilterModel) -> dict[str, tuple[int, ...]]:
 def name_walks(model: FilterModel, W: sp.Matrix) -> Named:
     """Put symbols for the densities of the biases' random walks into the densities of a filter's noises.
 
-    A sensor whose biases walk alike has one symbol, else each of its channels its own; a density that depends on a driver
-    or is shared with another noise, or of a bias that other dynamics move, stays as it is.
+    A density that depends on a driver or is shared with another noise, or of a bias that other dynamics move, stays as it
+    is; the others are named as `name_alike` says.
 
     Parameters
     ----------
@@ -70,9 +70,5 @@ def name_walks(model: FilterModel, W: sp.Matrix) -> Named:
                 k = state + to_noise
                 if alone(W, k) and not any(A[state + to_effect, :]):
                     walks[channel] = k
-        same = len({W[k, k] for k in walks.values()}) == 1
-        for channel, k in walks.items():
-            name = owner if same else channel
-            symbol, _ = named.setdefault(name, (sp.Symbol(f"K2__{name}", positive=True), W[k, k]))
-            W[k, k] = symbol
+        named |= name_alike(W, walks, owner, parts(model)[owner].channels, "K2")
     return named

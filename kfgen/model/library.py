@@ -21,7 +21,7 @@ from kfgen.model.parts.earth_fixed import FRAMES
 from kfgen.model.parts.hemerly import hemerly
 from kfgen.model.parts.motion import GYRO, AtRestMotion, MotionModel, Rotating
 from kfgen.model.parts.sensors import AtRest, Sensor, sensors
-from kfgen.model.usual_noise import BIASES, NONE, with_usual_noise
+from kfgen.model.parts.usual_noise import BIASES, NONE, with_usual_noise
 
 TURN_ON = {"rad/s": 0.2, "m/s^2": 20.0, "T": 1e-4}
 """How far off a channel at rest may be [SI], by its unit: a gyro's turn-on bias, gravity, the field."""

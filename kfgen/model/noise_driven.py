@@ -90,8 +90,8 @@ def alone(W: sp.Matrix, k: int) -> bool:
 def name_inputs(model: FilterModel, W: sp.Matrix) -> Named:
     """Put symbols for the densities of the inputs into the densities of a filter's noises.
 
-    An input whose channels have one density has one symbol, else each channel its own; a density that depends on a
-    driver or the step, or whose noise is shared with another channel, stays as it is.
+    A density that depends on a driver or the step, or whose noise is shared with another channel, stays as it is; the
+    others are named as `name_alike` says.
 
     Parameters
     ----------
@@ -107,12 +107,38 @@ def name_inputs(model: FilterModel, W: sp.Matrix) -> Named:
     named: Named = {}
     first = 0
     for i in model.motion.inputs:
-        places = range(first, first + len(i.channels))
+        places = {c: k for k, c in enumerate(i.channels, start=first) if alone(W, k)}
         first += len(i.channels)
-        same = len({W[k, k] for k in places}) == 1
-        for k, channel in zip(places, i.channels):
-            if alone(W, k):
-                name = i.name if same else channel
-                symbol, _ = named.setdefault(name, (sp.Symbol(f"Q__{name}", positive=True), W[k, k]))
-                W[k, k] = symbol
+        named |= name_alike(W, places, i.name, i.channels, "Q")
+    return named
+
+
+def name_alike(
+    W: sp.Matrix, places: Mapping[str, int], owner: str, channels: Sequence[str], letter: str
+) -> Named:
+    """Put symbols for some densities of one sensor: one where all of its channels have one density, else each its own.
+
+    Parameters
+    ----------
+    W : Matrix, shape (q, q)
+        Densities, changed in place.
+    places : mapping of str to int
+        Of the noise of each channel that is to be named.
+    owner : str
+        Name of the input or sensor.
+    channels : sequence of str
+        All that it has.
+    letter : str
+        Begins the symbols.
+
+    Returns
+    -------
+    dict of str to (Symbol, Expr)
+    """
+    same = len({W[k, k] for k in places.values()}) == 1 and set(places) == set(channels)
+    named: Named = {}
+    for channel, k in places.items():
+        name = owner if same else channel
+        symbol, _ = named.setdefault(name, (sp.Symbol(f"{letter}__{name}", positive=True), W[k, k]))
+        W[k, k] = symbol
     return named
