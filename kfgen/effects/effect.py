@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any, ClassVar, Self
 
@@ -20,36 +20,14 @@ from kfgen.core.units import derived_unit, from_si, parse_quantity
 from kfgen.effects import linear_system as law
 from kfgen.effects.filter_role import FilterPlace, FilterRole, LinearStates
 from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.parameter import Parameter as Parameter  # noqa: PLC0414 - declarations import both from here
+from kfgen.effects.parameter import parameter as parameter  # noqa: PLC0414
 from kfgen.effects.series import OF_A_COEFFICIENT, DetectedFault, Detection, OnGrid, RawSamples, WhiteSeries
 
 Array = NDArray[np.float64]
 
 POSITIVE = ("size", "time", "frequency", "corner", "ratio", "width")
 """Kinds of parameters that are not below zero."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of an effect.
-
-    Parameters
-    ----------
-    name : str
-        Its letter in the literature.
-    unit : str
-        Unit template, ``U`` being the unit of the channel.
-    kind : str
-        ``size`` scales the output (zero: no effect), ``time`` is a time constant, ``frequency`` and
-        ``ratio`` say so, ``corner`` is a frequency that may lie above half the sampling rate: these are
-        positive and fitted in their logarithm. ``width`` is searched on a grid,
-        ``signed`` is a coefficient that may be negative, ``solved`` follows from coefficients (an
-        amplitude), ``place`` is where in time or frequency it is: looked for, then held. ``setting`` is
-        chosen and never estimated.
-    """
-
-    name: str
-    unit: str
-    kind: str
 
 
 @dataclass(frozen=True)
@@ -100,12 +78,6 @@ class Look:
     dt: float
     duration: float
     drive: Mapping[str, float]
-
-
-def parameter(unit: str, kind: str = "size", default: Any = ...) -> Any:
-    """Declare a parameter of an effect (a dataclass field with its unit and kind)."""
-    metadata = {"unit": unit, "kind": kind}
-    return field(metadata=metadata) if default is ... else field(default=default, metadata=metadata)
 
 
 OBLIGATIONS = {"form": "what it adds to a channel at rest", "in_filter": "what it is in a filter"}

@@ -138,11 +138,15 @@ class Alignment:
             if e in (s, -s)
         }
 
+    @property
+    def tilt(self) -> float:
+        """Standard deviation of the tilt after alignment [rad]: an accelerometer's bias is not distinguished from it."""
+        return hypot(ACCEL.bias_prior, getattr(self.up, "left_out", 0.0)) / STANDARD_GRAVITY
+
     def constants(self) -> list[Constant]:
         """Its settings."""
         if not self.possible:
             return []
-        tilt = hypot(ACCEL.bias_prior, getattr(self.up, "left_out", 0.0)) / STANDARD_GRAVITY
         return [
             Constant("ALIGN_TIME", "s", ALIGN_TIME_S, "time at rest from which the first attitude is taken"),
             Constant("ALIGN_MAX_RATE", "rad/s", 0.1, "an angular rate beyond it is no rest"),
@@ -150,9 +154,9 @@ class Alignment:
             Constant(
                 "ALIGN_MAX_FORCE", "m/s^2", 1.0, "a specific force so much off gravity's length is no rest"
             ),
-            Constant("ALIGN_TILT", "rad", tilt, "standard deviation of the tilt after alignment"),
+            Constant("ALIGN_TILT", "rad", self.tilt, "standard deviation of the tilt after alignment"),
             Constant(
-                "ALIGN_HEADING", "rad", self._heading(tilt), "standard deviation of the heading after it"
+                "ALIGN_HEADING", "rad", self._heading(self.tilt), "standard deviation of the heading after it"
             ),
         ]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kfgen.core.units import derived_unit
-from kfgen.effects import catalogue
+from kfgen.effects import Parameter, catalogue
 from kfgen.effects.effect import POSITIVE
 from kfgen.identify.identification import Identification
 
@@ -39,12 +39,15 @@ class SensorNumber:
     @property
     def positive(self) -> bool:
         """Whether it is compared by ratios: the catalogue says it cannot be negative."""
-        return _kinds(self.effect).get(self.parameter, "") in POSITIVE
+        parameters = _parameters(self.effect)
+        return self.parameter in parameters and parameters[self.parameter].kind in POSITIVE
 
     @property
     def lasting(self) -> bool:
         """Whether it belongs to the sensor: a phase, and all of what happened at a time, belong to the record."""
-        return self.parameter != "phase" and "time" not in _kinds(self.effect)
+        parameters = _parameters(self.effect)
+        is_phase = self.parameter in parameters and parameters[self.parameter].is_phase
+        return not is_phase and "time" not in parameters
 
 
 @dataclass(frozen=True)
@@ -68,10 +71,10 @@ class FoundEffect:
     @property
     def time_constant(self) -> float:
         """The time [s] by which effects of one name are put in order; zero where there is none."""
-        for name, kind in _kinds(self.effect).items():
-            if name in self.parameters and kind in ("time", "frequency"):
+        for name, parameter in _parameters(self.effect).items():
+            if name in self.parameters and parameter.kind in ("time", "frequency"):
                 value = self.parameters[name].value
-                return value if kind == "time" else 1.0 / max(value, 1e-300)
+                return value if parameter.kind == "time" else 1.0 / max(value, 1e-300)
         return 0.0
 
 
@@ -175,7 +178,7 @@ def _estimated(value: float, lo: float, hi: float, unit: str) -> Estimated:
     return Estimated(value, lo, hi, unit)
 
 
-def _kinds(effect: str) -> dict[str, str]:
-    """Kind of each parameter of an effect of the catalogue."""
+def _parameters(effect: str) -> dict[str, Parameter]:
+    """Each parameter of an effect of the catalogue by its name."""
     known = catalogue().get(effect)
-    return {p.name: p.kind for p in known.parameters()} if known else {}
+    return {p.name: p for p in known.parameters()} if known else {}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 import kfgen
@@ -43,7 +45,7 @@ def emit_answer(emitted: EmittedFilter) -> Answer:
     )
     said = cautions(program)
     parts = [
-        *([heading("Warnings"), *map(sentence, said)] if said else []),
+        *_warnings(said),
         heading("Operations"),
         table(head, rows, "Additions, products and other operations of a call."),
         *([code("\n".join(program.costs), "Counted on processors")] if program.costs else []),
@@ -53,6 +55,11 @@ def emit_answer(emitted: EmittedFilter) -> Answer:
     return Answer(
         "\n".join(lines), emitted.to_dict(), Page(name, tuple(parts), verdict, None, facts), warnings=said
     )
+
+
+def _warnings(said: Sequence[str]) -> list[PagePart]:
+    """The part of a page that warns, where there is something to warn of."""
+    return [heading("Warnings"), *map(sentence, said)] if said else []
 
 
 def run_answer(result: FilterRun) -> Answer:
@@ -75,6 +82,7 @@ def run_answer(result: FilterRun) -> Answer:
     lines += [f"  {words}" for name, words in zip(result.updated, said) if result.updated[name].beyond_gate]
     lines += ["  at the end:", columns(final, "    ")]
     parts += [
+        *_warnings(result.cautions),
         *run_parts(result),
         table(head, rows, "Samples beyond the gate are fused here; the emitted filter would reject them."),
         table(("state at the end [SI]", "value"), final, "The state at the end", folded=True),
@@ -82,7 +90,7 @@ def run_answer(result: FilterRun) -> Answer:
     verdict = tuple(f"{words}." for words in said)
     facts = (("log", source_words(result.source, result.sha256)), ("length", f"{result.duration:.6g} s"))
     page = Page(f"{result.model} over {result.source.rsplit('/', 1)[-1]}", tuple(parts), verdict, None, facts)
-    return Answer("\n".join(lines), result.to_dict(), page)
+    return Answer("\n".join(lines), result.to_dict(), page, warnings=result.cautions)
 
 
 def simulate_answer(log: Log, path: str) -> Answer:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,23 @@ def align_attitude(program: Program, log: Log, x: dict[str, float], k: dict[str,
     )
     q = Rotation.from_matrix(level_at(model, values).T @ R_lb).as_quat(scalar_first=True)
     x |= {f"q_{a}": float(v) for a, v in zip("wxyz", q)}
+
+
+def constants_at_rest(sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """The constants that an alignment takes from the first samples of these sensors: the log knows them no better.
+
+    Parameters
+    ----------
+    sensors : sequence of Sensor
+
+    Returns
+    -------
+    tuple of str
+    """
+    # Any readings do: which constants they tell does not depend on them.
+    upright = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    shown = {n for s in sensors if s.at_rest == "north" for n in s.calibrated(*upright)}
+    return tuple(c.name for s in sensors for c in s.constants if c.name in shown)
 
 
 def _first_mean(log: Log, part: Input | Sensor, program: Program) -> Array:

@@ -25,7 +25,7 @@ from kfgen.model.known_delays import shifts, without_shifts
 from kfgen.model.parts.motion import AFTER, AT, BEFORE, INCREMENTS, SAMPLES, Input
 from kfgen.model.parts.sensors import Sensor
 from kfgen.model.plant.equations import Equations, Shown
-from kfgen.run.alignment import align_attitude
+from kfgen.run.alignment import align_attitude, constants_at_rest
 from kfgen.run.driver_course import driver_course
 from kfgen.run.own_times import OwnTimes
 
@@ -201,6 +201,14 @@ class FilterCalls:
     def constants(self) -> list[float]:
         """The model's constants [SI], some of them as the sensors show them at rest; a delay is over at a sample's own time."""
         return list((self._aligned[1] | without_shifts(self.program.discrete.model)).values())
+
+    @property
+    def assumed_exact(self) -> dict[str, float]:
+        """The constants that the alignment takes from the log [SI], where no noise stands for their errors."""
+        sensors = [
+            s for s in self.program.discrete.model.sensors if s.name in self._samples and not s.left_out
+        ]
+        return {n: self._aligned[1][n] for n in constants_at_rest(sensors)}
 
     @cached_property
     def delays(self) -> dict[str, float]:

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kfgen
+from kfgen.core.numbers import quantity
 from kfgen.core.result import Result, ShortTable
+from kfgen.emit.align import Alignment
 from kfgen.emit.routines import Program
 from kfgen.emit.targets.filterpy import class_name, module
 from kfgen.emit.targets.loaded import loaded
@@ -28,7 +30,7 @@ from kfgen.run.filter_calls import FilterCall, FilterCalls, rates_in
 from kfgen.run.filter_log import as_named_by
 from kfgen.run.sensor_run import SensorRun
 from kfgen.run.track import LevelAxes, Track, logged_tracks, track
-from kfgen.run.words import beyond_gate, consistency
+from kfgen.run.words import assumes_exact_field, beyond_gate, consistency
 
 Array = NDArray[np.float64]
 
@@ -119,6 +121,17 @@ class FilterRun(Result):
         s = self.updated[sensor]
         said = consistency(sensor, float(s.nis.mean()), s.t.size, s.expected_nis95)
         return f"{said}; {beyond_gate(s.beyond_gate, s.t.size, s.gate)}" if s.beyond_gate else said
+
+    @cached_property
+    def cautions(self) -> tuple[str, ...]:
+        """What of the filter may be why its innovations are too large, a sentence each."""
+        too_large = any(float(s.nis.mean()) > s.expected_nis95[1] for s in self.updated.values())
+        if self.calls is None or not too_large or not (measured := self.calls.assumed_exact):
+            return ()
+        tilt = Alignment(self.calls.program.discrete.model).tilt
+        error = quantity(tilt * float(np.linalg.norm([*measured.values()])), "uT", 2)
+        components = ", ".join(f"{n} {quantity(v, 'uT')}" for n, v in measured.items())
+        return (assumes_exact_field(components, tilt, error),)
 
     @property
     def title(self) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 STRAIGHT_LINE_REMOVED = (
     "the channel is not stationary (its power has a trend or comes and goes): a straight line is removed before the "
     "ARMA process is estimated; give a log at rest with --at-rest if it moves"
@@ -47,6 +49,26 @@ def beyond_gate(count: int, updates: int, gate: float) -> str:
     return (
         f"{count} of {updates} samples {'is' if count == 1 else 'are'} beyond the gate of {gate:g} standard deviations: "
         "the emitted filter would reject what this run fuses"
+    )
+
+
+def assumes_exact_field(components: str, tilt_rad: float, error: str) -> str:
+    """Of a magnetic field that the filter takes as exact although the log's first second says it, where a NIS is too large.
+
+    Parameters
+    ----------
+    components : str
+        Their names and values.
+    tilt_rad : float
+        Standard deviation of the tilt then.
+    error : str
+        What it makes of them.
+    """
+    return (
+        f"The filter takes the magnetic field ({components}) as exact, but it is that of the log's first second, with "
+        f"the tilt that the accelerometer's bias leaves then (1 sd: {np.degrees(tilt_rad):.2g} deg, {error} of the "
+        "field): an error of it turns the filter away from what positions and velocities say. Let the field be states "
+        "(--set field=state)."
     )
 
 

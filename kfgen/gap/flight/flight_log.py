@@ -15,6 +15,7 @@ from kfgen.gap.core.drivers import recorded
 from kfgen.log.log import Log
 from kfgen.model.discretise import DiscreteModel
 from kfgen.model.parts.sensors import Sensor
+from kfgen.run.alignment import constants_at_rest
 from kfgen.run.filter_calls import FilterCalls, over_steps, rates_in
 
 Array = NDArray[np.float64]
@@ -95,10 +96,7 @@ class FlightLog:
     @cached_property
     def measured(self) -> tuple[str, ...]:
         """The constants of the model that an alignment takes from the first samples: the log knows them no better."""
-        # Any readings do: which constants they tell does not depend on them.
-        upright = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-        shown = {n for a in self.aiding if a.sensor.at_rest == "north" for n in a.sensor.calibrated(*upright)}
-        return tuple(c.name for c in self.discrete.model.constants if c.name in shown)
+        return constants_at_rest([a.sensor for a in self.aiding])
 
     @cached_property
     def triads(self) -> dict[str, slice]:

@@ -17,21 +17,13 @@ import numpy as np
 
 from kfgen.effects import catalogue
 from kfgen.gap.rest.explanation import ABSORBERS
-from kfgen.identify.fit.fit import Fit, Key, Problem, maximise
+from kfgen.identify.fit.fit import Fit, Key, Problem, maximise, profile
 from kfgen.identify.fit.goodness import widening
-from kfgen.identify.fit.interval import CHI_SQUARE_95, intervals95, linear_intervals, stretched
+from kfgen.identify.fit.interval import CHI_SQUARE_95, interval95, intervals95, linear_intervals, stretched
 
 WEAK_WALK = "rate_random_walk"
 SCALES = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 10)])
 """Sizes of such a walk over that which it would have if all that is slow were of it; each is as likely before."""
-FIRST_STEP_OF_SHAPE = 0.02
-"""In the logarithm of a width, which grows until the likelihood is below its quantile."""
-MAX_STEP_OF_SHAPE = 2.0
-"""Logarithm of a width over the one found, beyond which its interval has no end."""
-HALVINGS_OF_SHAPE = 4
-"""Of the last step, in which the end of the interval is looked for."""
-CYCLIC = frozenset({"phase"})
-"""Numbers that are the same after a turn."""
 
 Interval = tuple[float, float]
 
@@ -55,7 +47,7 @@ def closed_intervals(problem: Problem, fit: Fit) -> Mapping[Key, Interval]:
     found |= _averaged(fit, walks)
     typical = max(walks, key=lambda w: w.weight)
     for key in _shapes(fit):
-        lo, hi = _of_place(typical, key)
+        lo, hi = interval95(typical.problem, typical.fit, key)
         old = found.get(key, (lo, hi))
         found[key] = min(lo, old[0]), max(hi, old[1])
         found |= _with_shape(typical, key, found)
@@ -98,12 +90,13 @@ def _averaged(fit: Fit, walks: Sequence[_Beside]) -> dict[Key, Interval]:
     """Intervals of the coefficients: about those of the fit, as far as they spread on average beside the walks."""
     out = {}
     each = [linear_intervals(w.fit) for w in walks]
+    phases = {(i, p.name) for i, e in enumerate(fit.effects) for p in e.parameters() if p.is_phase}
     for i, name in each[0]:
         value, variance = float(getattr(fit.effects[i], name)), 0.0
         for w, intervals in zip(walks, each):
             lo, hi = intervals[i, name]
             moved = float(getattr(w.fit.effects[i], name)) - value
-            if name in CYCLIC:
+            if (i, name) in phases:
                 moved = float(np.angle(np.exp(1j * moved)))
             variance += w.weight * ((0.5 * (hi - lo)) ** 2 + CHI_SQUARE_95 * moved**2)
         half = float(np.sqrt(variance))
@@ -122,43 +115,11 @@ def _shapes(fit: Fit) -> list[Key]:
     ]
 
 
-def _at(problem: Problem, key: Key, value: float) -> Fit:
-    """The best fit with a shape's time or width at a value [SI]."""
-    return maximise(problem.pin(key, value))
-
-
-def _of_place(beside: _Beside, key: Key) -> Interval:
-    """The 95 % interval [SI] of a time or width by its profile likelihood; an end that does not close is 0 or infinity."""
-    value, top = float(getattr(beside.fit.effects[key[0]], key[1])), beside.fit.value
-    problem = replace(beside.problem, effects=beside.fit.effects)
-    if not value > 0.0:
-        return 0.0, float("inf")
-    ends = []
-    for direction in (-1.0, 1.0):
-        inside, step, outside = 0.0, FIRST_STEP_OF_SHAPE, float("inf")
-        while step <= MAX_STEP_OF_SHAPE and not np.isfinite(outside):
-            if _lost(problem, key, value * float(np.exp(direction * step)), top):
-                outside = step
-            else:
-                inside, step = step, 2.0 * step
-        for _ in range(HALVINGS_OF_SHAPE if np.isfinite(outside) else 0):
-            middle = 0.5 * (inside + outside)
-            lost = _lost(problem, key, value * float(np.exp(direction * middle)), top)
-            inside, outside = (inside, middle) if lost else (middle, outside)
-        ends.append(value * float(np.exp(direction * outside)))
-    return ends[0], ends[1]
-
-
-def _lost(problem: Problem, key: Key, value: float, top: float) -> bool:
-    """Whether a value is outside of the interval."""
-    return 2.0 * (top - _at(problem, key, value).value) > CHI_SQUARE_95
-
-
 def _with_shape(beside: _Beside, key: Key, found: Mapping[Key, Interval]) -> dict[Key, Interval]:
     """Intervals of the coefficients of a shape with what its time or width, in its own interval, makes of them."""
     best, i, out = beside.fit, key[0], {}
-    problem = replace(beside.problem, effects=best.effects)
-    ends = [_at(problem, key, x).effects[i] for x in found.get(key, ()) if 0.0 < x < float("inf")]
+    closed = [x for x in found.get(key, ()) if 0.0 < x < float("inf")]
+    ends = [profile(beside.problem, best, key, x).effects[i] for x in closed]
     for name in best.effects[i].coefficients() if ends else ():
         lo, hi = found[i, name]
         value = float(getattr(best.effects[i], name))

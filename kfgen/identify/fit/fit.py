@@ -118,9 +118,10 @@ class Problem:
     @cached_property
     def bounds(self) -> list[tuple[float, float]]:
         """The box of the free parameters: what the record can show, and what is assumed about them."""
-        return [self._box(key) for key in self.free]
+        return [self.box(key) for key in self.free]
 
-    def _box(self, key: Key) -> tuple[float, float]:
+    def box(self, key: Key) -> tuple[float, float]:
+        """Logarithms between which a parameter is looked for."""
         i, name = key
         kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
         lo, hi = self.record.box(kind, *self.times.get(i, (MAX_TIME_OVER_RECORD, MIN_TIME_IN_STEPS)))

@@ -39,6 +39,8 @@ MIXED_SHARE_OF_LARGEST_DEVIATION = 0.1
 """Of the largest relative standard deviation: a parameter known better than that is not mixed up with the rest."""
 MAX_SPREAD = 1.0
 """Standard deviation of a logarithm, beyond which the information is taken for none."""
+SPREAD_OF_PLACE = 0.05
+"""Standard deviation of the logarithm of a place or width, from which its end is looked for."""
 _MAX_SECANT_STEPS = 60
 
 
@@ -58,20 +60,18 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
     direction : int
         +1 to go up, -1 to go down.
     """
-    index = best.free.index(key)
-    limit = problem.bounds[index][direction > 0]
-    origin = float(best.point[index])
+    limit = problem.box(key)[direction > 0]
+    value = float(getattr(best.effects[key[0]], key[1]))
+    if not value > 0.0:
+        return None
+    origin = float(np.log(value))
     inside, r_in, warm = origin, 0.0, best
     outside: float | None = None
-    information = problem.information(best.point)
-    spreads = _spreads(information)
-    wanted = NORMAL_975 * _widened(spreads, index)
-    r_out, step = np.inf, max(wanted * float(spreads[index]), 1e-3)
+    spread, is_known, wanted = _expected(problem, best, key)
+    r_out, step = np.inf, max(wanted * spread, 1e-3)
     for _ in range(_MAX_SECANT_STEPS):
         if fit_is_over():  # by the expected information, as far as the likelihood was not followed
-            if spreads[index] >= MAX_SPREAD or information[index, index] <= MAX_SPREAD**-2:
-                return None  # there is none of it, which a pseudoinverse does not show
-            return float(np.exp(origin + direction * wanted * float(spreads[index])))
+            return float(np.exp(origin + direction * wanted * spread)) if is_known else None
         x = (
             inside + direction * step
             if outside is None
@@ -93,6 +93,20 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
             step = min(max(1.1 * abs(x - origin) * (wanted / max(r, 0.2) - 1.0), 0.1 * step), 3.0)
             inside, r_in, warm = x, r, fit
     return float(np.exp(inside))
+
+
+def _expected(problem: Problem, best: Fit, key: Key) -> tuple[float, bool, float]:
+    """What is expected of a parameter's logarithm: its standard deviation, whether that is known, the loss's root.
+
+    It is not known of a place, for which no fit searches, nor without information, which a pseudoinverse does not show.
+    """
+    if key not in best.free:
+        return SPREAD_OF_PLACE, False, NORMAL_975
+    index = best.free.index(key)
+    information = problem.information(best.point)
+    spreads = _spreads(information)
+    is_known = bool(spreads[index] < MAX_SPREAD and information[index, index] > MAX_SPREAD**-2)
+    return float(spreads[index]), is_known, NORMAL_975 * _widened(spreads, index)
 
 
 def _secant(near: tuple[float, float], far: tuple[float, float], wanted: float) -> float:
