@@ -180,3 +180,24 @@ def test_increments_of_a_replay_log_are_divided_by_their_intervals(tmp_path: Pat
     assert log.values("gyro_x") == pytest.approx(np.full(200, 0.1), rel=1e-6)
     assert (log.t[0], log.dt, log.samples) == (1.0, pytest.approx(0.0025), "before")
     assert read_log(path, instance=1).values("gyro_x") == pytest.approx(np.full(200, 0.2), rel=1e-6)
+
+
+def test_clipped_samples_a_second_are_those_of_the_counter(tmp_path: Path) -> None:
+    """60 clips between two messages half a second apart are 120 a second, at the middle between them."""
+    letters = "ffffff"
+    data = b"\xa3\x95\x80" + struct.pack(
+        "<BB4s16s64s", 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"
+    )
+    data += described(1, "IMU", "Q" + letters, "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")
+    data += described(2, "VIBE", "QBfffH", "TimeUS,IMU,VibeX,VibeY,VibeZ,Clip")
+    for k in range(400):
+        data += packed(1, "Q" + letters, 1_000_000 + 5000 * k, 0, 0, 0, 0, 0, -9.8)
+        if k % 100 == 0:
+            data += packed(2, "QBfffH", 1_000_000 + 5000 * k, 0, 3, 4, 0, 60 if k >= 200 else 0)
+    path = tmp_path / "clips.bin"
+    path.write_bytes(data)
+    log = read_log(path)
+    seen = np.flatnonzero(np.isfinite(log.channels["clipping"].values))
+    assert log.channels["clipping"].values[seen] == pytest.approx([0.0, 120.0, 0.0])
+    assert log.t[seen] == pytest.approx([1.25, 1.75, 2.25])
+    assert np.nanmax(log.channels["vibration"].values) == pytest.approx(5.0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from placed import nearest, placed
 
 from kfgen.core.errors import InputError, MissingExtra
 from kfgen.log.readers import read_log
+from kfgen.log.readers.flight.px4 import _Topics
+from kfgen.log.readers.tables.streams import LogChoice
 
 pyulog = pytest.importorskip("pyulog", reason="pyulog is not installed (pip install 'kfgen[px4]')")
 Find = Callable[[str], Path]
@@ -225,3 +228,19 @@ def test_a_reader_that_never_ends_is_ended(tmp_path: Path) -> None:
     path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8) + b"\xff\x7fz" + bytes(range(256)) * 4)
     with pytest.raises(InputError, match=r"a\.ulg: "):
         read_log(path)
+
+
+def test_clipped_samples_a_second_are_those_of_the_counters() -> None:
+    """A second sensor has its own; counters that do not move are no channel, one that began anew says nothing there."""
+
+    def status(instance: int, *counts: int) -> SimpleNamespace:
+        fields = {f"accel_clipping[{k}]": np.array(counts) * (k == 2) for k in range(3)}
+        stamps = {"timestamp": 1e6 * np.arange(1.0, 1.0 + len(counts))}
+        return SimpleNamespace(name="vehicle_imu_status", multi_id=instance, data={**stamps, **fields})
+
+    data = [status(0, 4, 4, 4), status(1, 0, 30, 2, 4)]
+    assert _Topics(data, LogChoice(), "")._clipping() == []
+    (stream,) = _Topics(data, LogChoice(instance=1), "")._clipping()
+    assert stream.t == pytest.approx([1.5, 3.5])
+    assert stream.columns["clipping"].values == pytest.approx([30.0, 2.0])
+    assert stream.columns["clipping"].unit == "1/s"

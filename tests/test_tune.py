@@ -20,6 +20,7 @@ from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
 from kfgen.gap.core.result import NoiseScale
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.noise.noise_file import with_sizes
+from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.noise.tune import Tuning
 from kfgen.gap.flight.noise.tuned import _SizeLikelihood, _sizes, groups_of
 from kfgen.log.log import Channel, Log
@@ -77,7 +78,7 @@ def test_scores_are_derivatives_of_the_likelihood() -> None:
     for k, step in enumerate(1e-4 * np.eye(x.size)):
         difference = (likelihood(x + step)[0] - likelihood(x - step)[0]) / 2e-4
         assert slope[k] == pytest.approx(difference, rel=1e-4, abs=1e-3)
-    assert set(_sizes(groups, x).channels) == set(scene.path.rows.channels)
+    assert set(_sizes(groups, x, NoiseSizes()).channels) == set(scene.path.rows.channels)
 
 
 def test_noise_as_assumed_keeps_its_size() -> None:

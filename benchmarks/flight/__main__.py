@@ -21,7 +21,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from flight import AXES, DRIVEN, LEVEL
+from flight import AXES, DRIVEN, LEVEL, SHAKEN
 from table import table
 from trial import Case, run
 from vehicle import VEHICLES
@@ -61,6 +61,7 @@ HIDDEN: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "mag",
         ("xx", "yy", "xy", "xz", "yz"),
     ),  # the common scale is that of the field, which nobody knows
+    *((SHAKEN, c, ("slope",)) for c in ("accel", "gyro")),
     *(("rate_random_walk", c, ("K",)) for c in ("gyro_z", "accel_x", "baro")),
     *(("gauss_markov", c, ("sigma",)) for c in ("gnss_p_N", "gnss_v_E", "baro", "mag_x")),
 )

@@ -16,16 +16,18 @@ from vehicle import Motion, motion
 Array = NDArray[np.float64]
 
 IMU_HZ, FINE_HZ = 100.0, 800.0
-RATES_HZ = {"gnss": 5.0, "mag": 25.0, "baro": 20.0, "current": 5.0, "throttle": 20.0}
+RATES_HZ = {"gnss": 5.0, "mag": 25.0, "baro": 20.0, "current": 5.0, "throttle": 20.0, "vibration": 1.0}
 GYRO_N, ACCEL_N = 1.5e-4, 2e-3
 """Densities of white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
 SD = {"gnss_p": 1.5, "gnss_v": 0.1, "mag": 2e-7, "baro": 0.3}
 FIELD_NED_T = np.array([2.0e-5, 0.0, 4.4e-5])
 AXES = "xyz"
 RANDOM = ("rate_random_walk", "gauss_markov")
+SHAKEN = "noise_level:vibration"
+"""Noise of an inertial sensor that follows the vibration, by the slope of its logarithm [s^2/m]."""
 DRIVEN = {"temperature": "temperature", "supply_current": "current", "coupling:throttle": "throttle"}
 """What follows a recorded quantity, and which."""
-LEVEL = {"temperature": 293.15, "current": 8.0, "throttle": 0.45}
+LEVEL = {"temperature": 293.15, "current": 8.0, "throttle": 0.45, "vibration": 2.0}
 """About which the recorded quantities vary, and what follows them [SI]."""
 
 
@@ -46,9 +48,10 @@ def _matrix(values: Mapping[str, float]) -> Array:
 
 
 def _drive(truth: Motion, seed: int) -> dict[str, Array]:
-    """Temperature [K], throttle and current [A] at the fine times, about their means.
+    """Temperature [K], throttle, current [A] and vibration [m/s^2] at the fine times, about their means.
 
-    A motor works against the force that it makes, and against what is in no log: wind, slopes, a battery that sinks.
+    A motor works against the force that it makes, and against what is in no log: wind, slopes, a battery that sinks. It
+    shakes the board with its throttle, more or less as speeds meet resonances.
     """
     rng = np.random.default_rng([seed, 4])
     t = truth.t
@@ -59,7 +62,13 @@ def _drive(truth: Motion, seed: int) -> dict[str, Array]:
     force = np.linalg.norm(truth.f_b, axis=1) / 9.80665 - 1.0
     throttle = np.clip(0.45 + 0.3 * force + 0.12 * wind, 0.05, 1.0)
     current = 25.0 * throttle**1.5 * (1.0 + 0.002 * t)
-    return {"temperature": warm, "throttle": throttle - throttle.mean(), "current": current - current.mean()}
+    resonance = np.interp(t, knots, np.random.default_rng([seed, 5]).standard_normal(knots.size))
+    shake = 5.0 * throttle * np.exp(0.4 * resonance)
+    return {
+        "temperature": warm,
+        "throttle": throttle - throttle.mean(),
+        "current": current - current.mean(),
+    } | {"vibration": shake - shake.mean()}
 
 
 def _means(x: Array) -> Array:
@@ -74,7 +83,7 @@ def _inertial(
     """Samples of accelerometers and gyros, shape (n, 6)."""
     omega, f = truth.omega_b, truth.f_b
     w, a = omega.copy(), f.copy()
-    for e in effects:
+    for e in (e for e in effects if e.name != SHAKEN):
         if e.where.startswith("gyro"):
             k = AXES.index(e.where[-1])
             if e.name == "scale_factor":
@@ -96,6 +105,9 @@ def _inertial(
         a[:, k] += _added(effects, f"accel_{axis}", truth.t, drive)
     both = np.hstack([_means(a), _means(w)])
     noise = rng.standard_normal(both.shape) * np.sqrt(IMU_HZ) * np.repeat([ACCEL_N, GYRO_N], 3)
+    shake = _means(drive["vibration"])
+    for k, sensor in enumerate(("accel", "gyro")):
+        noise[:, 3 * k : 3 * k + 3] *= np.exp(_sum(effects, SHAKEN, (sensor,), "slope") * shake)
     return np.asarray(both + noise)
 
 
@@ -235,7 +247,7 @@ def fly(
     for e in effects:
         if e.name in RANDOM:
             channels[e.where] = channels[e.where] + random_course(e, n, seed)
-    for name, sd in (("temperature", 0.02), ("current", 0.1), ("throttle", 0.0)):
+    for name, sd in (("temperature", 0.02), ("current", 0.1), ("throttle", 0.0), ("vibration", 0.0)):
         at = rows.get(name, np.arange(n))
         channels[name] = np.full(n, np.nan)
         channels[name][at] = (LEVEL[name] + shown[name] + sd * rng.standard_normal(n))[at]

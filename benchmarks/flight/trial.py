@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from flight import RANDOM, Effect, fly, random_course
+from flight import RANDOM, SHAKEN, Effect, fly, random_course
 
 SIZE_ROUNDS = 6
 """Flights by which the size of a random error is found."""
@@ -24,6 +24,7 @@ UNITS = {
     "temperature": "K",
     "current": "A",
     "throttle": "",
+    "vibration": "m/s^2",
 }
 
 
@@ -94,6 +95,8 @@ def _sized(case: Case) -> Effect:
     from kfgen.gap.scene.screen import basis, orthogonal_part
 
     scene = flight_scene(log_of(case, []), _model())
+    if case.effect == SHAKEN:
+        return _of_gain(case, float(np.log(2.0) / np.std(scene.path.log.drive["vibration"])))
     if case.effect in RANDOM:
         return _sized_course(case, scene)
     start = np.array([u.value for u in scene.unknowns])
@@ -128,6 +131,11 @@ def _sized_course(case: Case, scene: Any) -> Effect:
         dz[at, 0] = course[path.rows.at[at]]
     V = orthogonal_part(scene.ordinates(path.linear.columns(du, dz)), basis(scene.of_constants))
     size = float(np.sqrt(2.0 * case.strength) / np.linalg.norm(V))  # a course that somebody knew
+    return _of_gain(case, size)
+
+
+def _of_gain(case: Case, size: float) -> Effect:
+    """The effect as large as it must be for the filter that has it to gain its strength, from a size nearby."""
     tried: list[tuple[float, float]] = []
     for _ in range(SIZE_ROUNDS):
         gain = max(_gain_of(case, size), 0.1)
@@ -151,6 +159,7 @@ def _gain_of(case: Case, size: float) -> float:
     """What the filter with the random error gains on its flight over the filter without it [nats]."""
     from kfgen.effects import make
     from kfgen.gap.flight.flight_scene import flight_scene
+    from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
     from kfgen.gap.flight.random.random_error import random_error_of
     from kfgen.gap.scene.newton import fitted
     from kfgen.gap.scene.scene import Placed, start_of
@@ -159,7 +168,12 @@ def _gain_of(case: Case, size: float) -> float:
     scene = flight_scene(log_of(case, [Effect(case.effect, case.where, values)]), _model())
     assert scene is not None
     # About the field that the flight shows: else a random error takes up the error of the one that was aligned.
-    linear = scene.about(fitted(scene, start_of(scene)).point).path.linear
+    path = scene.about(fitted(scene, start_of(scene)).point).path
+    linear = path.linear
+    if case.effect == SHAKEN:
+        shake = path.log.drive["vibration"]
+        courses = {case.where: np.exp(size * (shake - np.mean(shake)))}
+        return float(path.log_likelihood_with(NoiseSizes(courses=courses)) - linear.log_likelihood)
     error = random_error_of(Placed(make(case.effect, **values), case.where), scene.path.log.dt)
     return float(linear.with_random_error(error).filtered().log_likelihood - linear.log_likelihood)
 

@@ -39,6 +39,8 @@ class Driver:
         The sensor whose own reading it is: beside that sensor's channels it drives nothing, for it has their noise.
     drives : str
         The sensor of a vehicle that it is known to drive, a motor's current a magnetometer; empty where it may drive any.
+    shakes : tuple of str
+        The sensors whose noise it is known to raise.
     """
 
     unit: str
@@ -48,6 +50,7 @@ class Driver:
     effect: str = ""
     read_by: str = ""
     drives: str = ""
+    shakes: tuple[str, ...] = ()
 
     def course(self, t: Array) -> Array:
         """A course over times `t` [s], shape (n,)."""
@@ -63,7 +66,8 @@ DRIVERS: Mapping[str, Driver] = {
     "pressure": Driver("Pa", 101325.0, -300.0, 100.0, "air_pressure", read_by="baro"),
     "humidity": Driver("", 0.4, 0.1, 0.05, "humidity"),
     "throttle": Driver("", 0.3, 0.3, 0.2, drives="baro"),
-    "vibration": Driver("m/s^2", 0.5, 1.0, 0.5),
+    "vibration": Driver("m/s^2", 0.5, 1.0, 0.5, shakes=("accel", "gyro")),
+    "clipping": Driver("1/s", 2.0, 2.0, 1.0, drives="accel", shakes=("accel",)),
 }
 """By the name of its channel."""
 

@@ -17,9 +17,11 @@ from kfgen.gap.flight.faults.misread import misread
 from kfgen.gap.flight.faults.outlying import without_outliers
 from kfgen.gap.flight.faults.stuck_sensor import stuck_sensors
 from kfgen.gap.flight.flight_log import flight_log
-from kfgen.gap.flight.path import flown
+from kfgen.gap.flight.path import FlownPath, flown
 from kfgen.gap.flight.scene import FlightScene
 from kfgen.gap.rest.faults import clipped_in
+from kfgen.gap.scene.addition import relinearised
+from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, start_of
 from kfgen.gap.scene.scene_gap import MAX_FOLLOWED_SIGMAS
 from kfgen.log.log import Log
@@ -67,13 +69,25 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
     program = program_over(model, log)
     if program.discrete.memories:
         return None
-    flight = flown(flight_log(log, program))
+    flight = _about_constants(flown(flight_log(log, program)))
     path, left_out = without_outliers(flight)
     known = {w for w, effects in model.noise.items() if any(isinstance(e, Outliers) for e in effects)}
     said = tuple(p for p in left_out if not any(acts_on(p.where, w) for w in known))
     scene = FlightScene(path, said=said)
     faults = (*stuck_sensors(flight), *_clipped(log, inputs))
     return replace(scene, spoilt=faults or _misread(scene, log, program))
+
+
+def _about_constants(path: FlownPath) -> FlownPath:
+    """The path about the constants that the whole flight asks for: those of the alignment may be off by its tilt.
+
+    A field that is wrong by a hundredth bends the path, and what effects do about such a path is not what they do.
+    """
+    scene = FlightScene(path)
+    if not scene.unknowns:
+        return path
+    there, _ = relinearised(scene, fitted(scene, start_of(scene)))
+    return there.path if isinstance(there, FlightScene) else path
 
 
 def _clipped(log: Log, channels: Sequence[str]) -> tuple[Placed, ...]:

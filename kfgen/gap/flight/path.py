@@ -113,11 +113,23 @@ class FlownPath:
             R = np.where(self.silenced, SILENCED_VARIANCE_FACTOR * R, R)
         P0 = start_covariance(self.log, eq)
         x0 = eq.difference(x[:1], self.log.start[None, :])[0]
-        matrices = step_matrices(eq, self.given, x.shape[0], self.sizes.inputs)
+        matrices = step_matrices(eq, self.given, x.shape[0], self.sizes.of_inputs)
         linear = LinearFlight(eq, rows, matrices, c, P0, x0, H, y, R)
         for placed in self.random_errors:
             linear = linear.with_random_error(random_error_of(placed, self.log.dt))
         return linear.filtered()
+
+    def log_likelihood_with(self, sizes: NoiseSizes) -> float:
+        """The log-likelihood [nats] of the innovations about this path with other noises of the inputs; minus infinity where
+        it is no number.
+
+        Parameters
+        ----------
+        sizes : NoiseSizes
+        """
+        matrices = step_matrices(self.equations, self.given, self.x.shape[0], sizes.of_inputs)
+        linear = replace(self.linear, matrices=matrices)
+        return linear.filtered().log_likelihood
 
     def smoothed(self, rounds: int = GAUSS_NEWTON_ROUNDS) -> FlownPath:
         """The path moved to where all readings want it (Gauss and Newton), by shorter steps where whole ones fail.

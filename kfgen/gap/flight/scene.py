@@ -22,6 +22,7 @@ from kfgen.effects.inertial.lag import Bandwidth, TimeDelay
 from kfgen.gap.core.result import NoiseScale, OutageDrift
 from kfgen.gap.flight.flight_truth import flight_truth
 from kfgen.gap.flight.noise.changed_noise import with_noise_changes
+from kfgen.gap.flight.noise.inertial_noise import with_inertial_noise
 from kfgen.gap.flight.noise.tuned import TunedSize, shown_scales, tuned
 from kfgen.gap.flight.outages import outage_drifts
 from kfgen.gap.flight.path import FlownPath
@@ -254,6 +255,15 @@ class FlightScene:
         """The flight about no effect, its noises of the sizes that are most likely beside the effects of a point."""
         found = tuned(self.about(point).path)
         return replace(self._about_none(found.path), sizes=found.sizes)
+
+    def with_inertial_noise(self, point: ScenePoint) -> FlightScene:
+        """See `kfgen.gap.scene.random_error.HasRandomErrors`."""
+        path, others, followed = with_inertial_noise(self.about(point).path)
+        if not others:
+            return self
+        found, said = tuned(path, others), (*self.said, *followed)
+        sizes = (*(s for s in self.sizes if not set(s.group.inputs) & set(others)), *found.sizes)
+        return replace(self._about_none(found.path), sizes=sizes, said=said, cautious=self.cautious)
 
     def with_noise_changes(self, point: ScenePoint) -> FlightScene:
         """See `kfgen.gap.scene.random_error.HasRandomErrors`."""

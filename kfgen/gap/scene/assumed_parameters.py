@@ -43,6 +43,8 @@ class Answered:
         The same scene with the misfit in its noise, in which all was found; None where there is none.
     random_errors : tuple of NamedRandomError
         Random errors that are in its noise.
+    resized : Scene, optional
+        As it is written but for the noise of inputs; None where that is as assumed.
     """
 
     scene: Scene
@@ -50,6 +52,12 @@ class Answered:
     found: Explained
     tempered: TemperedScene | None = None
     random_errors: tuple[NamedRandomError, ...] = ()
+    resized: Scene | None = None
+
+    @property
+    def start(self) -> Scene:
+        """In which nothing is added yet."""
+        return self.written if self.resized is None else self.resized
 
     @property
     def likelihood(self) -> Scene:

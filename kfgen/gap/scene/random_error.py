@@ -64,6 +64,9 @@ class HasRandomErrors(Scene, HasNoiseSizes, Protocol):
     def likely_random_errors(self, point: ScenePoint) -> list[FittedRandomError]:
         """Random errors that are worth a look beside the effects of a point, by evidence."""
 
+    def with_inertial_noise(self, point: ScenePoint) -> HasRandomErrors:
+        """The world with the noise of inputs that its innovations beside a point ask for; itself where that is as assumed."""
+
     def with_noise_changes(self, point: ScenePoint) -> HasRandomErrors:
         """The world with noises that change from some time on, where innovations beside a point show it; itself where none does."""
 

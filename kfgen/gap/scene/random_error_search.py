@@ -37,6 +37,33 @@ DRIFTS = frozenset({"bias_step", "rate_ramp", "warm_up"})
 """Courses of time alone, which one course of a random error looks like."""
 
 
+def with_inertial_noise(answer: Answered) -> Answered:
+    """An answer, or the one with another noise of inputs, beside what was found or in its place, if the whole is likelier.
+
+    Parameters
+    ----------
+    answer : Answered
+    """
+    best, assumed = answer, answer.found.assumed
+    for _ in range(MAX_ROUNDS):
+        before = best
+        points = [
+            before.found.fit.point,
+            *([assumed.point] if before.resized is None and before.found.added else []),
+        ]
+        for point in points:
+            scene = before.start
+            resized = scene.with_inertial_noise(point) if isinstance(scene, HasRandomErrors) else scene
+            if resized is scene or search_is_over():
+                continue
+            found = replace(explained(resized, FIRST_LIMITS), assumed=assumed)
+            more = Answered(found.scene, answer.written, found, resized=resized)
+            best = more if total(more) - total(best) > MIN_RANDOM_ERROR_NATS else best
+        if best is before:
+            break
+    return best
+
+
 def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
     """An answer with the random errors for which there is evidence.
 
@@ -78,7 +105,7 @@ def with_random_errors(answer: Answered, *, is_unfinished: bool) -> Answered:
 def _pruned(answer: Answered) -> Answered:
     """Without random errors that later ones made idle."""
     for w in answer.random_errors if len(answer.random_errors) > 1 else ():
-        scene = answer.written
+        scene = answer.start
         left = tuple(x for x in answer.random_errors if x is not w)
         assert isinstance(scene, HasRandomErrors)
         for x in left:
@@ -122,13 +149,13 @@ def _leading(answer: Answered) -> tuple[Scene, ScenePoint]:
 
 def _instead(answer: Answered) -> Answered:
     """With random errors in place of all that was found, where that is likelier."""
-    written = answer.written
-    if not answer.found.added or not isinstance(written, HasRandomErrors):
+    start = answer.start
+    if not answer.found.added or not isinstance(start, HasRandomErrors):
         return answer
-    worth = total(answer) - evidence_of_all(written, answer.found.assumed)
-    every = _gathered(written, answer.found.assumed.point)
+    worth = total(answer) - evidence_of_all(start, answer.found.assumed)
+    every = _gathered(start, answer.found.assumed.point)
     gained = sum(found[0].evidence for found in every)
-    return _better(answer, every, written) if gained > MIN_WORTH_SHARE * worth else answer
+    return _better(answer, every, start) if gained > MIN_WORTH_SHARE * worth else answer
 
 
 def _instead_of_drifts(answer: Answered, where: str) -> Answered:

@@ -34,7 +34,7 @@ from kfgen.gap.scene.holdout import band_edges, held_out
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted, is_signed
 from kfgen.gap.scene.noise_scale import levels_in, noise_scales_in
 from kfgen.gap.scene.random_error import HasRandomErrors, NamedRandomError
-from kfgen.gap.scene.random_error_search import with_random_errors
+from kfgen.gap.scene.random_error_search import with_inertial_noise, with_random_errors
 from kfgen.gap.scene.scene import (
     HasInputs,
     HasNoiseSizes,
@@ -109,6 +109,7 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
         with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
             answer = _answered(scene)
         if isinstance(scene, HasRandomErrors):
+            answer = with_inertial_noise(answer)
             is_unfinished = bool(_doubtful_channels(answer))
             with time_budget(parts=2 if is_unfinished else 1):
                 answer = with_random_errors(answer, is_unfinished=is_unfinished)

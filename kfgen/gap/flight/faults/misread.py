@@ -15,6 +15,7 @@ from itertools import groupby
 import numpy as np
 
 from kfgen.core.errors import InputError
+from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.effects import Effect
 from kfgen.effects.faults.axes import SignError, axis_faults
 from kfgen.effects.faults.samples import UnitError, unit_factors
@@ -34,8 +35,9 @@ MIN_GAIN_NATS = 100.0
 MAX_MISREAD = 4
 """Triads and sensors that are misread in one log, at most."""
 BODY, EARTH = "xyz", "NED"
-EARTH_FIELD_T = (15e-6, 100e-6)
-"""Between which the Earth's field is where people fly, iron on board included: in any unit a filter agrees with its own."""
+USUAL_LENGTH = {"mag": (15e-6, 100e-6), "accel": (0.3 * STANDARD_GRAVITY, 3.0 * STANDARD_GRAVITY)}
+"""Between which the median length of what a triad shows is where people fly: of the Earth's field [T], iron on board
+included, with whose own a filter agrees in any unit, and of the specific force [m/s^2], which clipping makes larger."""
 
 Turn = Mapping[int, tuple[int, float]]
 """Of which axis each of some axes of a triad is to be read, and with which sign."""
@@ -165,11 +167,11 @@ def _in_other_units(sensors: Sequence[Sequence[str]], log: Log) -> Iterator[Misr
 
 
 def _factors(log: Log, channels: Sequence[str]) -> Sequence[float]:
-    """By which a sensor's readings may be too large; of a magnetometer those with which it shows the Earth's field."""
+    """By which a sensor's readings may be too large; of a triad those with which it shows the Earth's field, or gravity."""
     factors = unit_factors(log.channels[channels[0]].unit)
-    if sensor_of(channels) != "mag":
+    if sensor_of(channels) not in USUAL_LENGTH:
         return factors
-    lo, hi = EARTH_FIELD_T
+    lo, hi = USUAL_LENGTH[sensor_of(channels)]
     seen = float(np.nanmedian(np.linalg.norm([log.channels[c].values for c in channels], axis=0)))
     return [] if lo <= seen <= hi else [f for f in factors if lo <= seen / f <= hi]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.gap.flight.linear.step_matrices import StepMatrices
+from kfgen.gap.flight.linear.step_matrices import StepMatrices, in_block
 from kfgen.gap.flight.random.random_error import RandomError
 from kfgen.gap.flight.rows import Rows
 from kfgen.model.filter_equations import FilterEquations
@@ -131,12 +131,12 @@ class LinearFlight:
         cut = {n: getattr(self, n)[:kept] for n in ("H", "y", "R", "e", "S", "K")}
         return replace(self, rows=rows, **cut)
 
-    def scores(self, sizes: Mapping[str, float]) -> tuple[Array, Array]:
+    def scores(self, sizes: Mapping[str, float | Array]) -> tuple[Array, Array]:
         """Derivatives of the log-likelihood in the logarithms of standard deviations, see `kfgen.gap.flight.linear.compiled.scores`.
 
         Parameters
         ----------
-        sizes : mapping of str to float
+        sizes : mapping of str to float or ndarray, shape (n,)
             Of the noise of inputs, over what the filter assumes, as the matrices have them.
 
         Returns
@@ -152,7 +152,7 @@ class LinearFlight:
         for b in self.matrices.blocks(backwards=True):
             parts = np.zeros((len(sizes), *b.Qd.shape))
             for part, (name, size) in zip(parts, sizes.items()):
-                part[:, : b.noise[name].shape[1]] = size**2 * b.noise[name]
+                part[:, : b.noise[name].shape[1]] = in_block(size, b.first, len(part)) ** 2 * b.noise[name]
             at = scores(
                 b.first, at, last, b.Phi, *Phi_at, parts, *Qd_at, r, N, self.rows.at, self.H, self.e, self.S, self.K,
                 of_rows, of_parts,

@@ -117,7 +117,7 @@ class StepMatrices:
 
 
 def step_matrices(
-    eq: FilterEquations, given: Sequence[Array], steps: int, sizes: Mapping[str, float]
+    eq: FilterEquations, given: Sequence[Array], steps: int, sizes: Mapping[str, float | Array]
 ) -> StepMatrices:
     """The matrices of a filter along a path.
 
@@ -127,7 +127,7 @@ def step_matrices(
     given : sequence of ndarray, shape (steps,) or (1,)
         Values of its variables.
     steps : int
-    sizes : mapping of str to float
+    sizes : mapping of str to float or ndarray, shape (steps,)
         Of the noise of inputs, over what the filter assumes.
     """
 
@@ -136,11 +136,24 @@ def step_matrices(
         Phi, Qd, B = (m.entries(values) for m in (eq.transition, eq.process_noise, eq.input_errors))
         noise = {name: eq.input_noise[name].entries(values) for name in sizes}
         for name, size in sizes.items():
-            Qd = Qd + (size**2 - 1.0) * noise[name]
+            Qd = Qd + (in_block(size, first, Qd.shape[0]) ** 2 - 1.0) * noise[name]
         return Block(first, Phi, Qd, B, noise)
 
     F, Q = eq.transition, eq.process_noise
     return StepMatrices(steps, (F.rows, F.columns), (Q.rows, Q.columns), made)
+
+
+def in_block(size: float | Array, first: int, steps: int) -> Array:
+    """The size of a noise in the steps of a block, shape (1, 1) or (steps, 1).
+
+    Parameters
+    ----------
+    size : float or ndarray, shape (n,)
+        At all times, or at each.
+    first, steps : int
+        Of the block.
+    """
+    return np.atleast_1d(size)[first : first + steps, None] if np.ndim(size) else np.full((1, 1), size)
 
 
 def _at_once(steps: int) -> int:

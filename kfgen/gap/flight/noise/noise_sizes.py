@@ -23,10 +23,19 @@ class NoiseSizes:
         Of the white noise of inputs, by sensor, or by channel where these differ.
     channels : mapping of str to float
         Of the samples of aiding sensors, by channel.
+    courses : mapping of str to ndarray, shape (n,)
+        Of inputs whose noise follows a driver: its standard deviation at each time over that at the driver's reference.
     """
 
     inputs: Mapping[str, float] = field(default_factory=dict)
     channels: Mapping[str, float] = field(default_factory=dict)
+    courses: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def of_inputs(self) -> dict[str, float | Array]:
+        """Of the white noise of inputs, at all times or at each, shape (n,)."""
+        named = {**self.inputs, **self.courses}
+        return {n: self.inputs.get(n, 1.0) * self.courses.get(n, np.float64(1.0)) for n in named}
 
     def of_rows(self, rows: Rows) -> Array:
         """Of every reading, shape (rows,).

@@ -12,7 +12,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -136,20 +136,22 @@ def groups_of(path: FlownPath) -> tuple[NoiseGroup, ...]:
     return tuple(out)
 
 
-def tuned(path: FlownPath) -> TunedFlight:
+def tuned(path: FlownPath, inputs: Collection[str] = ()) -> TunedFlight:
     """A flight with the sizes of its noises that are most likely.
 
     Parameters
     ----------
     path : FlownPath
         Smoothed, with what is known of its effects subtracted.
+    inputs : collection of str
+        Whose noise alone is looked at; all noises where there is none.
     """
-    groups = groups_of(path)
+    groups = tuple(g for g in groups_of(path) if not inputs or set(g.inputs) & set(inputs))
     x = _logs(path.sizes, groups)
     for _ in range(ROUNDS):
         likelihood = _SizeLikelihood(path, groups)
         y = likelihood.maximum(x)
-        path = replace(path, sizes=_sizes(groups, y)).smoothed()
+        path = replace(path, sizes=_sizes(groups, y, path.sizes)).smoothed()
         settled = bool(np.abs(y - x).max(initial=0.0) < SETTLED_LOG_CHANGE)
         x = y
         if settled:
@@ -168,7 +170,8 @@ def sizes_of_part(path: FlownPath, stop: int) -> NoiseSizes:
         First step of the path whose readings are not looked at.
     """
     groups = groups_of(path)
-    return _sizes(groups, _SizeLikelihood(path, groups, stop).maximum(_logs(path.sizes, groups)))
+    found = _SizeLikelihood(path, groups, stop).maximum(_logs(path.sizes, groups))
+    return _sizes(groups, found, path.sizes)
 
 
 @dataclass(frozen=True)
@@ -188,11 +191,13 @@ class _SizeLikelihood:
 
     def __call__(self, x: Array) -> tuple[float, Array]:
         """Log posterior [nats] of logarithms of sizes, shape (groups,), and its gradient."""
-        sizes = _sizes(self.groups, x)
+        sizes = _sizes(self.groups, x, self.path.sizes)
         linear = replace(self.path, sizes=sizes).linear.until(self.stop)
-        of_rows, of_parts = linear.scores(sizes.inputs)
+        of_rows, of_parts = linear.scores(sizes.of_inputs)
+        by_name = dict(zip(sizes.of_inputs, of_parts.tolist()))
+        of_inputs = [sum(by_name[i] for i in g.inputs) for g in self.groups if g.inputs]
         prior = np.array([g.sd_of_log for g in self.groups])
-        slope = np.array([*of_parts, *(of_rows[r].sum() for r in self._rows)]) - x / prior**2
+        slope = np.array([*of_inputs, *(of_rows[r].sum() for r in self._rows)]) - x / prior**2
         value = linear.log_likelihood - 0.5 * float(np.sum((x / prior) ** 2))
         return value, slope
 
@@ -226,13 +231,12 @@ def _with_intervals(likelihood: _SizeLikelihood, x: Array) -> tuple[TunedSize, .
     return tuple(out)
 
 
-def _sizes(groups: Sequence[NoiseGroup], x: Array) -> NoiseSizes:
-    inputs: dict[str, float] = {}
-    channels: dict[str, float] = {}
+def _sizes(groups: Sequence[NoiseGroup], x: Array, others: NoiseSizes) -> NoiseSizes:
+    inputs, channels = dict(others.inputs), dict(others.channels)
     for g, v in zip(groups, np.exp(x).tolist()):
         inputs.update(dict.fromkeys(g.inputs, v))
         channels.update(dict.fromkeys(g.channels, v))
-    return NoiseSizes(inputs, channels)
+    return replace(others, inputs=inputs, channels=channels)
 
 
 def _logs(sizes: NoiseSizes, groups: Sequence[NoiseGroup]) -> Array:

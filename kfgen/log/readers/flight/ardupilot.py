@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
+from kfgen.log.readers.flight.counter import rate_of_counter
 from kfgen.log.readers.flight.dataflash import Messages, messages
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream
 from kfgen.log.readers.tables.clock import Clock
@@ -180,7 +181,9 @@ class _Messages:
             words.append(
                 "ARSP: airspeed is the equivalent one, smaller than the true one by the root of the density"
             )
-        streams += [s for s in (self._vibration(), self._range(), self._throttle()) if s is not None]
+        streams += [
+            s for s in (self._vibration(), self._clipping(), self._range(), self._throttle()) if s is not None
+        ]
         gnss, said = self._gnss()
         streams, zero = above_first_fix(streams, gnss)
         return [*gnss, *streams], words + [w for w in (said, zero) if w]
@@ -234,6 +237,16 @@ class _Messages:
             return None
         size = np.sqrt(sum(m.numbers(f"Vibe{x}") ** 2 for x in "XYZ"))
         return LogStream(self._title("VIBE", k), self.stamps(m), {"vibration": TableColumn(size, "m/s^2")})
+
+    def _clipping(self) -> LogStream | None:
+        """Clipped samples of the accelerometer a second: counted by itself, in older logs in one message for three."""
+        m, k = self._chosen("VIBE")
+        field = next((f for f in ("Clip", f"Clip{k}") if m is not None and f in m.fields), None)
+        if m is None or field is None:
+            return None
+        return rate_of_counter(
+            f"{self._title('VIBE', k)} clips", self.stamps(m), m.numbers(field), "clipping"
+        )
 
     def _range(self) -> LogStream | None:
         m, k = self._chosen("RFND")

@@ -22,6 +22,7 @@ from kfgen.core.errors import InputError
 from kfgen.core.numbers import how_many
 from kfgen.core.optional_library import optional_library
 from kfgen.log.readers.flight import px4_topics as topics
+from kfgen.log.readers.flight.counter import rate_of_counter
 from kfgen.log.readers.flight.px4_topics import TopicSource
 from kfgen.log.readers.tables.aiding import above_first_fix, gnss_stream, pressure_height
 from kfgen.log.readers.tables.clock import Clock
@@ -158,7 +159,7 @@ class _Topics:
         """What is to be said of them, and the streams of aiding sensors and drivers."""
         words: list[str] = []
         streams = [s for s in (self._aiding(sources) for sources in topics.AIDING.values()) if s is not None]
-        streams += self._motors(streams)
+        streams += [*self._motors(streams), *self._clipping()]
         gnss, said = self._gnss()
         if said:
             words.append(said)
@@ -186,6 +187,18 @@ class _Topics:
         with np.errstate(invalid="ignore"):
             mean = np.nansum(running, axis=0) / np.isfinite(running).sum(axis=0)
         return [LogStream(self.title(d), _stamps(d), {"throttle": TableColumn(mean, "1")})]
+
+    def _clipping(self) -> list[LogStream]:
+        """Clipped samples of the accelerometer a second, of all axes, where some are."""
+        own = [d for d in self.data if d.name == topics.STATUS and f"{topics.CLIPPED}[0]" in d.data]
+        own = [d for d in own if d.multi_id == (self.choice.instance or 0)]
+        if not own:
+            return []
+        axes = [np.asarray(own[0].data[f"{topics.CLIPPED}[{k}]"], float) for k in range(3)]
+        clips = rate_of_counter(
+            f"{self.title(own[0])} clips", _stamps(own[0]), np.sum(axes, axis=0), "clipping"
+        )
+        return [clips] if clips else []
 
     def _gnss(self) -> tuple[list[LogStream], str]:
         found = self._preferred(

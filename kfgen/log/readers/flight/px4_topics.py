@@ -99,6 +99,8 @@ AIDING: Mapping[str, tuple[TopicSource, ...]] = {
     ),
 }
 """Aiding sensors and drivers, by what they measure."""
+STATUS, CLIPPED = "vehicle_imu_status", "accel_clipping"
+"""Topic of an inertial sensor's state, and its counters of clipped samples, axis by axis."""
 GNSS = ("vehicle_gps_position", "sensor_gps")
 """Topics of GNSS receivers; units of their fields changed with v1.14."""
 MOTORS = "actuator_motors"

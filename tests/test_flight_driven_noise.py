@@ -1,0 +1,138 @@
+"""Proves that noise of inertial sensors that follows the log's vibration level, or its clipping, is named and emitted.
+
+Flights come from `benchmarks/flight`, plain numpy that shares no code with kfgen; noise is added to their columns by a
+vibration that comes and goes, and by an accelerometer that clips in bursts. Seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import kfgen as kf
+from kfgen.gap.flight.flight_scene import flight_scene
+from kfgen.gap.scene.newton import fitted
+from kfgen.gap.scene.scene import Placed, start_of
+from kfgen.log.log import Channel, Log
+from kfgen.model.build import filter_of
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "flight"))
+trial = pytest.importorskip("trial")
+
+pytest.importorskip("numba")
+
+SENSORS = ["gnss_position", "gnss_velocity", "mag", "barometer"]
+MODEL = kf.build("ins15", options={"left_out": "false", "biases": "constant"}, sensors=SENSORS)
+DURATION_S = 120.0
+ACCEL_SD, GYRO_SD = 2e-3 * 10.0, 1.5e-4 * 10.0
+"""Of a sample at 100 Hz [m/s^2], [rad/s]: the densities of the flights over the root of the period."""
+SLOPE = 0.8
+"""Of the logarithm of the noise for 1 m/s^2 of vibration."""
+
+
+@lru_cache
+def flight(seed: int) -> Log:
+    found = trial.log_of(trial.Case("quadrotor", 182_310 + seed, DURATION_S), [])
+    assert isinstance(found, Log)
+    return found
+
+
+def vibration(log: Log, seed: int) -> NDArray[np.float64]:
+    """A level that comes and goes [m/s^2], at every sample."""
+    rng = np.random.default_rng([seed, 9])
+    knots = np.arange(log.t[0], log.t[-1] + 8.0, 4.0)
+    return np.interp(log.t, knots, rng.uniform(0.2, 4.0, knots.size))
+
+
+def with_level(log: Log, level: NDArray[np.float64], name: str, unit: str) -> dict[str, Channel]:
+    """A channel of it at 1 Hz."""
+    values = np.full(log.n, np.nan)
+    values[::100] = level[::100]
+    return {**log.channels, name: Channel.of(values, unit)}
+
+
+def shaken(seed: int, sensor: str = "", sd: float = 0.0) -> Log:
+    """With the vibration in the log, and the noise of a sensor that grows with it by the exponential law."""
+    log, rng = flight(seed), np.random.default_rng([seed, 10])
+    level = vibration(log, seed)
+    channels = with_level(log, level, "vibration", "m/s^2")
+    for name in (n for n in log.channels if sensor and n.startswith(sensor)):
+        more = sd * np.sqrt(np.exp(2.0 * SLOPE * level) - 1.0)
+        y = log.channels[name].values + more * rng.standard_normal(log.n)
+        channels[name] = Channel.of(y, log.channels[name].unit)
+    return Log(log.t, channels, source="shaken")
+
+
+def clipped(seed: int, size: float) -> Log:
+    """An accelerometer that clips its peaks in bursts: the errors of the means have one sign, and differ."""
+    log, rng = flight(seed), np.random.default_rng([seed, 11])
+    bursts = np.repeat(rng.random(int(DURATION_S)) < 0.2, 100)[: log.n]
+    hit = bursts & (rng.random(log.n) < 0.3)
+    rate = np.convolve(hit, np.ones(100), "same")
+    channels = with_level(log, rate, "clipping", "1/s")
+    y = log.channels["accel_z"].values + hit * rng.exponential(size, log.n)
+    channels["accel_z"] = Channel.of(y, "m/s^2")
+    return Log(log.t, channels, source="clipped")
+
+
+def driven(log: Log) -> tuple[Placed, ...]:
+    scene = flight_scene(log, MODEL)
+    assert scene is not None
+    return scene.with_inertial_noise(fitted(scene, start_of(scene)).point).said
+
+
+@pytest.mark.parametrize(("sensor", "sd"), [("accel", ACCEL_SD), ("gyro", GYRO_SD)])
+def test_noise_that_follows_the_vibration_is_named_with_its_slope(sensor: str, sd: float) -> None:
+    (placed,) = driven(shaken(0, sensor, sd))
+    assert (placed.effect.name, placed.where) == ("noise_level:vibration", sensor)
+    assert placed.effect.slope == pytest.approx(SLOPE, rel=0.35)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vibration_that_does_nothing_is_not_named(seed: int) -> None:
+    """7 nats for one number: of the three pairs of a flight one in 5,000."""
+    assert driven(shaken(seed)) == ()
+
+
+def test_the_filter_knows_noise_that_follows_the_vibration() -> None:
+    log = shaken(0, "accel", ACCEL_SD)
+    found = kf.find_gap(log, MODEL)
+    assert [(f.name, f.where) for f in found.findings] == [("noise_level:vibration", "accel")]
+    improved: Any = found.improved
+    again = kf.find_gap(log, filter_of(improved))
+    assert again.findings == ()
+
+
+def test_clipping_is_named_by_its_counter() -> None:
+    """Its errors have a mean, which follows the shaking of the samples themselves as well, and a spread."""
+    found = kf.find_gap(clipped(2, 2.0), MODEL)
+    names = {f.name for f in found.findings}
+    assert found.verdict == "effects_found"
+    assert names & {"noise_level:clipping", "coupling:clipping"}
+    assert names <= {"noise_level:clipping", "coupling:clipping", "vibration_rectification"}
+    assert any(s.channel == "accel" and s.times > 3.0 for g in found.comparisons for s in g.noise_scales)
+
+
+def test_an_accelerometer_that_clips_is_in_its_unit() -> None:
+    """Its errors are as large as gravity; the median of its length is not."""
+    assert kf.find_gap(clipped(2, 8.0), MODEL).verdict != "bad_data"
+
+
+def test_louder_noise_of_an_accelerometer_is_said_by_its_size() -> None:
+    """Four times as large in all: no misalignment and no random error, as was certain before."""
+    log, rng = flight(5), np.random.default_rng(12)
+    channels = dict(log.channels)
+    for name in ("accel_x", "accel_y", "accel_z"):
+        more = 15.0**0.5 * ACCEL_SD * rng.standard_normal(log.n)
+        channels[name] = Channel.of(log.channels[name].values + more, "m/s^2")
+    found = kf.find_gap(Log(log.t, channels, source="louder"), MODEL)
+    assert found.findings == ()
+    sizes = {s.channel: s for g in found.comparisons for s in g.noise_scales}
+    lo, hi = sizes["accel"].ci95
+    assert lo < 4.0 < hi
