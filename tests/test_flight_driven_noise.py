@@ -7,6 +7,7 @@ vibration that comes and goes, and by an accelerometer that clips in bursts. See
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ import pytest
 from numpy.typing import NDArray
 
 import kfgen as kf
+from kfgen.effects import make
 from kfgen.gap.flight.flight_scene import flight_scene
+from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, start_of
 from kfgen.log.log import Channel, Log
@@ -98,6 +101,18 @@ def test_noise_that_follows_the_vibration_is_named_with_its_slope(sensor: str, s
 def test_a_vibration_that_does_nothing_is_not_named(seed: int) -> None:
     """7 nats for one number: of the three pairs of a flight one in 5,000."""
     assert driven(shaken(seed)) == ()
+
+
+def test_the_likelihood_of_other_sizes_is_that_of_a_path_that_has_them() -> None:
+    scene = flight_scene(shaken(0), MODEL)
+    assert scene is not None
+    n, wandering = scene.path.log.t.size, Placed(make("gauss_markov", sigma=0.1, tau=2.0), "accel_z")
+    sizes = NoiseSizes(inputs={"accel": 2.0}, courses={"gyro": np.linspace(1.0, 2.0, n)})
+    for path in (scene.path, scene.with_random_error(wandering).path):
+        wanted = replace(path, sizes=sizes).linear.log_likelihood
+        assert path.log_likelihood_with(sizes) == pytest.approx(wanted, abs=1e-6)
+        half = replace(path, sizes=NoiseSizes(inputs={"accel": 1.5, "gyro": 0.5}))
+        assert half.log_likelihood_with(sizes) == pytest.approx(wanted, abs=1e-6)
 
 
 def test_the_filter_knows_noise_that_follows_the_vibration() -> None:

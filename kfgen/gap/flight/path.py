@@ -13,7 +13,7 @@ from kfgen.gap.flight.first_flight import first_flight
 from kfgen.gap.flight.flight_log import FlightLog
 from kfgen.gap.flight.heading import start_covariance
 from kfgen.gap.flight.linear.linear_flight import LinearFlight
-from kfgen.gap.flight.linear.step_matrices import step_matrices
+from kfgen.gap.flight.linear.step_matrices import StepMatrices, step_matrices
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.flight.random.random_error import random_error_of
 from kfgen.gap.flight.rows import Rows, rows_of
@@ -127,9 +127,23 @@ class FlownPath:
         ----------
         sizes : NoiseSizes
         """
-        matrices = step_matrices(self.equations, self.given, self.x.shape[0], sizes.of_inputs)
-        linear = replace(self.linear, matrices=matrices)
-        return linear.filtered().log_likelihood
+        after = {n: sizes.of_inputs.get(n, 1.0) for n in self.equations.input_noise}
+        matrices = self._matrices.resized(self._input_sizes, after)
+        states = self.equations.n
+        for error in (random_error_of(placed, self.log.dt) for placed in self.random_errors):
+            matrices = matrices.with_random_error(self.equations, error, states)
+            states += error.order
+        return replace(self.linear, matrices=matrices).filtered().log_likelihood
+
+    @property
+    def _input_sizes(self) -> dict[str, float | Array]:
+        """Of the noise of every input, over what the filter assumes."""
+        return {n: self.sizes.of_inputs.get(n, 1.0) for n in self.equations.input_noise}
+
+    @cached_property
+    def _matrices(self) -> StepMatrices:
+        """Of the filter about it, with the noise of each input by itself."""
+        return step_matrices(self.equations, self.given, self.x.shape[0], self._input_sizes)
 
     def smoothed(self, rounds: int = GAUSS_NEWTON_ROUNDS) -> FlownPath:
         """The path moved to where all readings want it (Gauss and Newton), by shorter steps where whole ones fail.

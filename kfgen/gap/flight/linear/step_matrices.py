@@ -81,6 +81,27 @@ class StepMatrices:
         firsts = range(0, self.steps, _at_once(self.steps))
         yield from map(self.beginning, reversed(firsts) if backwards else firsts)
 
+    def resized(
+        self, before: Mapping[str, float | Array], after: Mapping[str, float | Array]
+    ) -> StepMatrices:
+        """With other sizes of the noise of inputs.
+
+        Parameters
+        ----------
+        before, after : mapping of str to float or ndarray, shape (n,)
+            Over what the filter assumes: of every input as these matrices have them, and as they are to be.
+        """
+
+        def made(first: int) -> Block:
+            b = self.beginning(first)
+            Qd = b.Qd
+            for name, size in after.items():
+                now, old = (in_block(x, first, len(b.Qd)) for x in (size, before[name]))
+                Qd = Qd + (now**2 - old**2) * b.noise[name]
+            return Block(first, b.Phi, Qd, b.B, b.noise)
+
+        return StepMatrices(self.steps, self.Phi_at, self.Qd_at, made)
+
     def with_random_error(self, eq: FilterEquations, random_error: RandomError, states: int) -> StepMatrices:
         """With the states of a random error after those that are there.
 

@@ -79,15 +79,16 @@ def _level(path: FlownPath, name: str) -> float | None:
         prior = -0.5 * (x / INPUT_SD_OF_LOG) ** 2
         return path.log_likelihood_with(_sized(path.sizes, name, x)) + prior
 
-    if not _is_promising(value, MIN_LEVEL_NATS):
+    here = path.linear.log_likelihood
+    if not _is_promising(value, here, MIN_LEVEL_NATS):
         return None
     best = minimize_scalar(lambda x: -value(x), bracket=(0.0, FIRST_STEP), tol=0.01)
-    return float(best.x) if -best.fun - value(0.0) > MIN_LEVEL_NATS else None
+    return float(best.x) if -best.fun - here > MIN_LEVEL_NATS else None
 
 
-def _is_promising(value: Callable[[float], float], wanted: float) -> bool:
-    """Whether a number away from zero may gain so many nats."""
-    middle, up, down = value(0.0), value(FIRST_STEP), value(-FIRST_STEP)
+def _is_promising(value: Callable[[float], float], middle: float, wanted: float) -> bool:
+    """Whether a number away from zero, at which a likelihood has a known value, may gain so many nats."""
+    up, down = value(FIRST_STEP), value(-FIRST_STEP)
     slope, bend = (up - down) / (2.0 * FIRST_STEP), (2.0 * middle - up - down) / FIRST_STEP**2
     wanted *= PROMISING_SHARE
     return max(up, down) - middle > wanted or slope**2 > 2.0 * wanted * bend
@@ -152,9 +153,9 @@ def _slope(noise: _DrivenNoise) -> _Slope | None:
     """The most likely level and slope; None where a single size, that of the path, does as well."""
     from scipy.optimize import minimize
 
-    if not _is_promising(lambda x: noise(0.0, x), MIN_SLOPE_NATS):
+    single = noise.path.linear.log_likelihood
+    if not _is_promising(lambda x: noise(0.0, x), single, MIN_SLOPE_NATS):
         return None
-    single = noise(0.0, 0.0)
     sign = 1.0 if noise(0.0, FIRST_STEP) > noise(0.0, -FIRST_STEP) else -1.0
     simplex = np.array([[0.0, 0.0], [-FIRST_STEP, 0.0], [0.0, sign * FIRST_STEP]])
     limits = {"maxfev": FIT_STEPS, "initial_simplex": simplex, "xatol": 0.01, "fatol": 0.01}
