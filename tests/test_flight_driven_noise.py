@@ -103,12 +103,12 @@ def test_a_vibration_that_does_nothing_is_not_named(seed: int) -> None:
     assert driven(shaken(seed)) == ()
 
 
-def test_the_likelihood_of_other_sizes_is_that_of_a_path_that_has_them() -> None:
+def test_the_likelihood_of_other_sizes_is_that_of_the_path_with_them() -> None:
     scene = flight_scene(shaken(0), MODEL)
     assert scene is not None
-    n, wandering = scene.path.log.t.size, Placed(make("gauss_markov", sigma=0.1, tau=2.0), "accel_z")
+    n, gauss_markov = scene.path.log.t.size, Placed(make("gauss_markov", sigma=0.1, tau=2.0), "accel_z")
     sizes = NoiseSizes(inputs={"accel": 2.0}, courses={"gyro": np.linspace(1.0, 2.0, n)})
-    for path in (scene.path, scene.with_random_error(wandering).path):
+    for path in (scene.path, scene.with_random_error(gauss_markov).path):
         wanted = replace(path, sizes=sizes).linear.log_likelihood
         assert path.log_likelihood_with(sizes) == pytest.approx(wanted, abs=1e-6)
         half = replace(path, sizes=NoiseSizes(inputs={"accel": 1.5, "gyro": 0.5}))
