@@ -65,6 +65,8 @@ UnitOf = Callable[[Placed], str]
 
 MIN_TESTED_ORDINATES = 64
 """Of a channel, below which nothing is tested."""
+MAX_NOISE_TIMES = 50.0
+"""Over the assumed noise of an aiding channel: what would have to be louder is no noise."""
 MAX_FOLLOWED_SIGMAS = 10.0
 """Root mean square of normalised innovations beyond which the filter does not follow its readings, whatever is added."""
 MIN_BAND_FREEDOM = 0.5
@@ -208,7 +210,7 @@ def _gap_of(answer: Answered, unit_of: UnitOf) -> SceneGap:
     if any(w.objection for w in answer.random_errors) or any(t.significant for t in after):
         verdict, findings = UNKNOWN_EFFECT, beside_misfit(findings)
     rms = tuple((c, a, b / s) for (c, a, b), s in zip(_rms(scene, found.assumed, fit), levels.tolist()))
-    if isinstance(scene, HasNoiseSizes) and (why := _not_followed(rms)):
+    if isinstance(scene, HasNoiseSizes) and (why := _not_followed(rms, sizes)):
         refused += [Refused(f.name, f.where, f.evidence_nats, why) for f in findings]
         verdict, findings, sizes = UNKNOWN_EFFECT, (), ()
     constant_inputs = scene.constant_inputs if isinstance(scene, HasInputs) else ()
@@ -274,8 +276,12 @@ def _stand_ins(answer: Answered) -> list[Refused]:
     return [Refused(*w.fitted.label, w.gain, w.objection) for w in answer.random_errors if w.objection]
 
 
-def _not_followed(rms: Sequence[tuple[str, float, float]]) -> str:
+def _not_followed(rms: Sequence[tuple[str, float, float]], sizes: Sequence[NoiseScale]) -> str:
     """Why no effect is named where a filter does not follow its readings at all; empty where it does."""
+    aiding = {c for c, _, _ in rms}
+    for s in (s for s in sizes if s.times > MAX_NOISE_TIMES and s.channel in aiding):
+        asked = f"its noise would have to be {s.times:.0f} times as large as assumed"
+        return f"the filter does not follow {s.channel}: {asked}, so check its axes, signs and unit"
     channel, _, worst = max(rms, key=lambda r: r[2], default=("", 0.0, 0.0))
     if worst < MAX_FOLLOWED_SIGMAS:
         return ""
