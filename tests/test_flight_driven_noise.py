@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 import kfgen as kf
 from kfgen.effects import make
+from kfgen.gap.core.result import NoiseScale
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.noise.noise_sizes import NoiseSizes
 from kfgen.gap.scene.newton import fitted
 from kfgen.gap.scene.scene import Placed, start_of
+from kfgen.gap.scene.scene_gap import _not_followed
 from kfgen.log.log import Channel, Log
 from kfgen.model.build import filter_of
 
@@ -137,6 +139,15 @@ def test_clipping_is_named_by_its_counter() -> None:
 def test_an_accelerometer_that_clips_is_in_its_unit() -> None:
     """Its errors are as large as gravity; the median of its length is not."""
     assert kf.find_gap(clipped(2, 8.0), MODEL).verdict != "bad_data"
+
+
+@pytest.mark.parametrize(("times", "is_followed"), [(49.0, True), (51.0, False)])
+def test_a_channel_whose_noise_would_be_fifty_times_as_loud_is_not_followed(
+    times: float, is_followed: bool
+) -> None:
+    sizes = [NoiseScale("mag_x", times, (0.9 * times, 1.1 * times), white=True)]
+    assert (_not_followed([("mag_x", 1.0, 1.0)], sizes) == "") is is_followed
+    assert _not_followed([("baro", 1.0, 1.0)], sizes) == ""  # noise of an input follows a shaken board
 
 
 def test_louder_noise_of_an_accelerometer_is_said_by_its_size() -> None:

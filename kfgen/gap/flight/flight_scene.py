@@ -81,7 +81,7 @@ def flight_scene(log: Log, model: FilterModel) -> FlightScene | None:
 def _about_constants(path: FlownPath) -> FlownPath:
     """The path about the constants that the whole flight asks for: those of the alignment may be off by its tilt.
 
-    A field that is wrong by a hundredth bends the path, and what effects do about such a path is not what they do.
+    A field that is wrong bends the path, and what effects do about such a path is not what they do in the flight.
     """
     scene = FlightScene(path)
     if not scene.unknowns:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +41,14 @@ class Block:
     Qd: Array
     B: Array
     noise: Mapping[str, Array]
+
+    def resized(self, before: Mapping[str, float | Array], after: Mapping[str, float | Array]) -> Block:
+        """See `StepMatrices.resized`."""
+        Qd = self.Qd
+        for name, size in after.items():
+            now, old = (in_block(x, self.first, len(self.Qd)) for x in (size, before[name]))
+            Qd = Qd + (now**2 - old**2) * self.noise[name]
+        return replace(self, Qd=Qd)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +101,7 @@ class StepMatrices:
         """
 
         def made(first: int) -> Block:
-            b = self.beginning(first)
-            Qd = b.Qd
-            for name, size in after.items():
-                now, old = (in_block(x, first, len(b.Qd)) for x in (size, before[name]))
-                Qd = Qd + (now**2 - old**2) * b.noise[name]
-            return Block(first, b.Phi, Qd, b.B, b.noise)
+            return self.beginning(first).resized(before, after)
 
         return StepMatrices(self.steps, self.Phi_at, self.Qd_at, made)
 
@@ -156,9 +159,7 @@ def step_matrices(
         values = [g[first : first + _at_once(steps)] if g.size > 1 else g for g in given]
         Phi, Qd, B = (m.entries(values) for m in (eq.transition, eq.process_noise, eq.input_errors))
         noise = {name: eq.input_noise[name].entries(values) for name in sizes}
-        for name, size in sizes.items():
-            Qd = Qd + (in_block(size, first, Qd.shape[0]) ** 2 - 1.0) * noise[name]
-        return Block(first, Phi, Qd, B, noise)
+        return Block(first, Phi, Qd, B, noise).resized(dict.fromkeys(sizes, 1.0), sizes)
 
     F, Q = eq.transition, eq.process_noise
     return StepMatrices(steps, (F.rows, F.columns), (Q.rows, Q.columns), made)
