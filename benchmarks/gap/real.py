@@ -72,7 +72,8 @@ class Piece:
         )
 
 
-def _pieces() -> list[Piece]:
+def pieces() -> list[Piece]:
+    """Parts of the recordings that are there."""
     g = 9.80665
     out = [
         Piece("static/mpu6050_static_450s", array, k, f"{kind}_{'xyz'[k]}", unit, scale, 100.0, start, 14_000)
@@ -126,9 +127,9 @@ class Base(Sensor):
 
 
 @cache
-def _base(index: int) -> Base | None:
+def base_of(index: int) -> Base | None:
     """None where what is found in a piece has no end: it is no base for a hidden effect."""
-    p = _pieces()[index]
+    p = pieces()[index]
     y = p.stored() * p.scale
     text = _assumed(p, y)
     if not text:
@@ -166,7 +167,7 @@ def _assumed(p: Piece, y: Array) -> str:
 
 def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
     """Every effect at every strength; null records: pieces as they are, with decoys."""
-    if not _pieces():
+    if not pieces():
         print(f"no recordings in {DATA}: nothing to hide effects in", file=sys.stderr)
         return []
     names = [n for n in EFFECTS if n not in LEFT_OUT]
@@ -184,7 +185,7 @@ def make(request: Request) -> Case:
     rng = request.rng()
     base = None
     while base is None or any(f'"{name}"' in base.text for name in request.effects):
-        base = _base(int(rng.integers(len(_pieces()))))
+        base = base_of(int(rng.integers(len(pieces()))))
     assert base.samples is not None
     n = base.n
     temperature = climate(rng, n, base.dt)
