@@ -1,7 +1,7 @@
 """What an ideal analyst would name in the records at rest of the blind benchmark: nobody can do better.
 
-Usage: python benchmarks/gap/ideal.py [--count K] [--strength 100,30,10] [--nulls N] [--seed S] [--calm M] [--json FILE]
-       [--beside SCORES]
+Usage: python benchmarks/gap/ideal.py [--count K] [--strength 100,30,10] [--nulls N] [--seed S] [--calm M]
+       [--beside SCORES] [--json FILE] [--docs]
 
 The analyst knows what no user knows: the numbers of the sensor, the catalogue, how its parameters were drawn, and how
 many nats the hidden effect is worth. For each effect the likelihood of the record over that without an effect is averaged
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
@@ -24,10 +25,14 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
 import real
 import static
 import strength as nats
 from case import Array, Case, Request
+from docs_table import write_table
 from effects import EFFECTS, hysteresis
 from noise import (
     all_pole_spectrum,
@@ -526,6 +531,7 @@ def arguments() -> argparse.Namespace:
         "--beside", type=Path, help="the file that --json of the benchmark wrote for these cases"
     )
     parser.add_argument("--json", type=Path, help="every judgement")
+    parser.add_argument("--docs", action="store_true", help="write the table into the documentation")
     return parser.parse_args()
 
 
@@ -557,7 +563,13 @@ def main() -> None:
         at = [k for k, r in enumerate(every) if r.strength == X and r.kind == "single"]
         quiet = [evidence(j) for r, j in zip(every, judgements) if r.strength == X and r.kind == "null"]
         lines.append(row(X, [every[k] for k in at], [judgements[k] for k in at], quiet, other))
+    drawn_by = (
+        f"--count {wanted.count} --strength {wanted.strength} --nulls {wanted.nulls} --seed {wanted.seed}"
+    )
     print("\n".join(lines))
+    if wanted.docs:
+        command = f"`python benchmarks/gap/ideal.py --world {wanted.world} {drawn_by} --docs`"
+        write_table("benchmarks.md", f"ideal {wanted.world}", "\n".join([*lines, "", f"Drawn by\n{command}."]))
     if wanted.json:
         record = [
             {

@@ -183,6 +183,13 @@ def make(request: Request) -> Case:
     return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(assumed))
 
 
+def _driven(m: Machine) -> float:
+    """Rate of the state on which the input acts, for an input of one: kfgen adds constant inputs to that rate."""
+    numbers = {k: v for k, (v, _) in m.parameters.items()}
+    rest = [0.0] * len(m.states)
+    return float(np.subtract(m.slope(rest, 1.0, numbers), m.slope(rest, 0.0, numbers)).sum())
+
+
 Drawn = tuple[Array, list[float], Array, np.random.Generator]
 
 
@@ -221,7 +228,8 @@ def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array
         values = dict(true.numbers)
         also = tuple(e for e, k in m.same.items() if k == number)
     else:
-        values = {PARAMETER.get(name, "coefficient"): float(getattr(true, name))}
+        driven = _driven(m) if name == "constant_input" else 1.0
+        values = {PARAMETER.get(name, "coefficient"): driven * float(getattr(true, name))}
         also = ("parameter_error",) if name in m.same else ()
     y = respond(m, u, start, true)
     return y, (Hidden(name, m.channel, values, gain(size), p, also),)

@@ -246,14 +246,23 @@ def _magnetic(bench: MotionCandidates) -> Iterator[list[Placed]]:
     for i in offset if len(offset) > 1 else ():
         yield [Placed(HardIron(**{AXES[i]: h}), "mag")]
     entries = [AXES[i] + AXES[j] for i in every for j in axes]
-    for e in entries:
-        yield [Placed(SoftIron(**{e: SMALL}), "mag")]
+    for some in _mirrored(entries):
+        yield [Placed(SoftIron(**dict.fromkeys(_distinguishable(bench, some), SMALL)), "mag")]
     if len(entries) > 1:
         yield [Placed(SoftIron(**dict.fromkeys(_distinguishable(bench, entries), SMALL)), "mag")]
     if known and bench.truth.R_bn is not None and 1 not in bench.unknown_field:
         yield [Placed(Declination(SMALL), "mag")]
     if len(every) == 3:
         yield from _for_a_while(bench, h)
+
+
+def _mirrored(entries: Sequence[str]) -> list[list[str]]:
+    """Each entry with its mirror image: iron draws fields together symmetrically, which one of two would not show."""
+    return [
+        list(dict.fromkeys(e for e in (a, a[::-1]) if e in entries))
+        for a in entries
+        if a <= a[::-1] or a[::-1] not in entries
+    ]
 
 
 def _for_a_while(bench: MotionCandidates, h: float) -> Iterator[list[Placed]]:
