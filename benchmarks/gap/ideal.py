@@ -569,7 +569,9 @@ def main() -> None:
     print("\n".join(lines))
     if wanted.docs:
         command = f"`python benchmarks/gap/ideal.py --world {wanted.world} {drawn_by} --docs`"
-        write_table("benchmarks.md", f"ideal {wanted.world}", "\n".join([*lines, "", f"Drawn by\n{command}."]))
+        write_table(
+            "benchmarks.md", f"ideal {wanted.world}", "\n".join([*lines, "", f"Drawn by\n{command}."])
+        )
     if wanted.json:
         record = [
             {
