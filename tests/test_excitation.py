@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import kfgen as kf
+from kfgen.effects.inertial.lag import TimeDelay
+from kfgen.effects.process.stochastic import WhiteNoise
 from kfgen.gap.core.result import Comparison, DetectionLimit
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.flight.distinguish import ExpectedResiduals
-from kfgen.gap.flight.excitation import EXPECTED_RATE_HZ, MAX_USUAL_SIZES, exciting, is_parked
+from kfgen.gap.flight.excitation import EXPECTED_RATE_HZ, MAX_USUAL_SIZES, aided_by, exciting, is_parked
 from kfgen.gap.flight.expected_flight import ExpectedFlights
 from kfgen.gap.flight.flight_scene import flight_scene
 from kfgen.gap.flight.named_effect import placed_effect
@@ -156,3 +158,11 @@ def test_the_manoeuvre_that_is_named_is_the_shortest_that_shows_the_effect() -> 
         assert shows[name]
         assert LIBRARY[name].length == min(enough)
     assert exciting([], model()) == []
+
+
+def test_noise_of_a_sensor_that_a_log_lacks_leaves_with_it() -> None:
+    """The filter states noise of the barometer; its log has GNSS alone, whose two sensors share an effect."""
+    whole = replace(model(), noise={"baro": (WhiteNoise(0.5),), "gnss": (TimeDelay(0.1),)})
+    without = aided_by(whole, {"gnss_velocity"})
+    assert [s.name for s in without.sensors] == ["gnss_velocity"]
+    assert dict(without.noise) == {"gnss": (TimeDelay(0.1),)}

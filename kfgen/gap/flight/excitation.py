@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -73,13 +73,30 @@ def with_excitation(gap: SceneGap, scene: FlightScene, model: FilterModel, unit_
     weak = [k for k, m in enumerate(every) if not _is_excited(m, usual.get(k))]
     tried = [k for k in weak if k in usual]
     aiding = {a.sensor.name for a in scene.path.log.aiding}
-    present = replace(model, sensors=tuple(s for s in model.sensors if s.name in aiding))
-    names = dict(zip(tried, exciting([usual[k] for k in tried], present)))
+    names = dict(zip(tried, exciting([usual[k] for k in tried], aided_by(model, aiding))))
     limits = [
         replace(m, is_excited=False, manoeuvre=names.get(k, "")) if k in weak else m
         for k, m in enumerate(every)
     ]
     return replace(gap, limits=tuple(limits), parked=parked)
+
+
+def aided_by(model: FilterModel, aiding: Collection[str]) -> FilterModel:
+    """The filter with some of its sensors only; the noise of the others leaves with them.
+
+    Parameters
+    ----------
+    model : FilterModel
+    aiding : collection of str
+        Names of the sensors that stay.
+
+    Returns
+    -------
+    FilterModel
+    """
+    absent = {c for s in model.sensors if s.name not in aiding for c in s.channels}
+    noise = {w: e for w, e in model.noise.items() if set(model.channels_of(w)) - absent}
+    return replace(model, sensors=tuple(s for s in model.sensors if s.name in aiding), noise=noise)
 
 
 def is_parked(scene: FlightScene) -> bool:
