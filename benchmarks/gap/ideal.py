@@ -57,7 +57,7 @@ FALSE_ALARMS = 0.005
 FREQUENCIES, DAMPINGS = 600, 6
 """Of oscillators."""
 CERTAIN = 1e4
-"""Nats of a lattice of values."""
+"""Nats of a grid of values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,7 @@ def sinusoid(r: Seen) -> float:
 
 
 def quantisation(r: Seen) -> float:
-    """Half of them leave a lattice of values, the others its noise alone."""
+    """Half of them leave a grid of values, the others its noise alone."""
     if not isinstance(r.sensor, real.Base) and np.unique(np.round(r.y / r.sensor.white, 7)).size < 0.2 * r.n:
         return CERTAIN
     return _random(r, difference_spectrum(r.n) / r.sensor.dt**2, r.worth(1)) - float(np.log(2.0))

@@ -32,6 +32,8 @@ from kfgen.model.filter_equations import FilterEquations
 MIN_GAIN_NATS_PER_READING = 0.1
 """Of log-likelihood, by which a log that is read otherwise must be likelier."""
 MIN_GAIN_NATS = 100.0
+NATS_PER_FAULT = 1.0
+"""Paid for each channel: a magnetometer turned over, or all that is on board instead, are equally likely in the filter."""
 MAX_MISREAD = 4
 """Triads and sensors that are misread in one log, at most."""
 BODY, EARTH = "xyz", "NED"
@@ -72,10 +74,11 @@ class Misreading:
         }
         return replace(log, channels={**log.channels, **right})
 
-    def shrunk_nats(self, log: FlightLog) -> float:
-        """What readings of the sensors that aid gain by being made smaller alone: the density of as many smaller ones."""
+    def cost_nats(self, log: FlightLog) -> float:
+        """Paid for its faults, and what aiding readings gain by being made smaller: the density of as many smaller ones."""
         by = {c: -np.log(abs(factor)) for c, (_, factor) in self.read.items() if abs(factor) < 1.0}
-        return float(sum(a.t.size * by.get(c, 0.0) for a in log.aiding for c in a.sensor.channels))
+        shrunk = sum(a.t.size * by.get(c, 0.0) for a in log.aiding for c in a.sensor.channels)
+        return float(shrunk + NATS_PER_FAULT * len(self.faults))
 
 
 def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
@@ -102,13 +105,13 @@ def misread(log: Log, program: Program) -> tuple[tuple[Placed, ...], Log]:
         wanted, found = best + least, None
         for m in _misreadings(log, program.discrete.model):
             right = m.put_right(log)
-            lost = m.shrunk_nats(as_logged)
+            lost = m.cost_nats(as_logged)
             score = _score(as_flown, right, equations, wanted + lost) - lost
             if score > wanted:
                 wanted, found = score, m
         if found is None:
             break
-        best = wanted + found.shrunk_nats(as_logged)  # as it is compared from here on
+        best = wanted + found.cost_nats(as_logged)  # as it is compared from here on
         log, faults = found.put_right(log), (*faults, *found.faults)
     return faults, log
 
