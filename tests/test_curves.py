@@ -113,9 +113,9 @@ def end_of(slow: str, seed: int) -> bool:
 
 
 def test_the_end_of_a_curve_may_be_a_ramp() -> None:
-    """A ramp rises by tau and a random walk by its root (IEEE Std 952): the curves of 6 records of each."""
-    assert not any(end_of("ramp", seed) for seed in range(6))
-    assert all(end_of("walk", seed) for seed in range(8, 14))
+    """A ramp rises by tau and a random walk by its root (IEEE Std 952): the curves of 3 records of each."""
+    assert not any(end_of("ramp", seed) for seed in range(3))
+    assert all(end_of("walk", seed) for seed in range(8, 11))
 
 
 def test_a_flicker_of_theory_is_recovered() -> None:

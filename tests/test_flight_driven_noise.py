@@ -126,6 +126,7 @@ def test_the_filter_knows_noise_that_follows_the_vibration() -> None:
     assert again.findings == ()
 
 
+@pytest.mark.long
 def test_clipping_is_named_by_its_counter() -> None:
     """Its errors have a mean, which follows the shaking of the samples themselves as well, and a spread."""
     found = kf.find_gap(clipped(2, 2.0), MODEL)
@@ -136,6 +137,7 @@ def test_clipping_is_named_by_its_counter() -> None:
     assert any(s.channel == "accel" and s.times > 3.0 for g in found.comparisons for s in g.noise_scales)
 
 
+@pytest.mark.long
 def test_an_accelerometer_that_clips_is_in_its_unit() -> None:
     """Its errors are as large as gravity; the median of its length is not."""
     assert kf.find_gap(clipped(2, 8.0), MODEL).verdict != "bad_data"
