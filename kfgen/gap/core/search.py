@@ -15,6 +15,9 @@ import numpy as np
 from kfgen.core.time_budget import search_is_over
 from kfgen.gap.core.thresholds import MIN_EVIDENCE_NATS, TIE_NATS, SearchLimits
 
+MAX_GAIN_OF_PRUNING_NATS = 10.0
+"""Evidence that a list may gain when what others make superfluous is removed from it."""
+
 Label = tuple[str, str]
 """Effect and where it acts ("" where there is one channel)."""
 
@@ -157,6 +160,10 @@ class Explanation(Protocol[A]):
     def refused(self) -> Sequence[Refused]:
         """What was not added in spite of its evidence."""
 
+    @property
+    def evidence(self) -> float:
+        """Of all that was chosen together, in whatever order, less the costs of choosing [nats]."""
+
     def ranked(self) -> Sequence[A]:
         """What could be added, by evidence, the best first."""
 
@@ -188,7 +195,10 @@ class Explanation(Protocol[A]):
         """Of each effect, whether it is to be put to the test again."""
 
     def contest(self, index: int) -> Contest[Self, A] | None:
-        """What could stand in the place of an effect; None where it needs no test after all, or time ended before its end."""
+        """What could stand in the place of an effect; None where it needs no test after all, or time ended before its end.
+
+        Where time ended before, it may be one in which nothing could: the effect is then removed.
+        """
 
     def absorbers_last(self) -> Self | None:
         """Nothing chosen, and not to be added what could absorb other effects; None where that needs no trial."""
@@ -212,17 +222,21 @@ def searched(start: E, limits: SearchLimits) -> E:
     """
     free = grown(start, limits)
     again = None if search_is_over() else free.absorbers_last()
-    if again is not None:
-        shaped = grown(again, limits)
-        if shaped.chosen:
-            shaped = grown(shaped.with_absorbers(), limits)
-            if worth(shaped) > worth(free):
-                free = shaped
-    return settled(free, limits)
+    shapes = settled(grown(again, limits), limits) if again is not None else free
+    shaped = grown(shapes.with_absorbers(), limits) if shapes.chosen else free
+    if set(labels(shaped)) == set(labels(free)):
+        return settled(free, limits)
+    gain = shaped.evidence - free.evidence
+    first, second = (shaped, free) if gain > 0.0 else (free, shaped)
+    first = settled(first, limits)
+    if abs(gain) > MAX_GAIN_OF_PRUNING_NATS or search_is_over():
+        return first
+    second = settled(second, limits)
+    return second if second.evidence > first.evidence and not search_is_over() else first
 
 
 def worth(explanation: E) -> float:
-    """Evidence of all that was chosen [nats]."""
+    """Evidence of all that was chosen, of each when it was [nats]."""
     return sum(c.gain for c in explanation.chosen)
 
 
@@ -278,10 +292,10 @@ def settled(explanation: E, limits: SearchLimits) -> E:
     limits : SearchLimits
     """
     for _ in range(limits.max_iterations):
-        if len(explanation.chosen) < 2 or search_is_over():
+        if len(explanation.chosen) < 2:
             break
         better = reconsidered(explanation, limits)
-        if labels(better) == labels(explanation):
+        if labels(better) == labels(explanation) or search_is_over():
             return better
         explanation = grown(better, limits)
     return explanation
@@ -297,7 +311,7 @@ def reconsidered(explanation: E, limits: SearchLimits) -> E:
     """
     index = 0
     for doubtful in explanation.doubts():
-        contest = explanation.contest(index) if doubtful and not search_is_over() else None
+        contest = explanation.contest(index) if doubtful else None
         if contest is None:
             index += 1
             continue

@@ -26,8 +26,8 @@ from kfgen.effects.series import DECADES, Detection, WhiteSeries, log_mean
 from kfgen.gap.core.search import Label
 from kfgen.gap.core.whitener import Whitener
 from kfgen.identify.evidence.joint import records_of
-from kfgen.identify.evidence.record import Record
-from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, curvature, maximise
+from kfgen.identify.evidence.record import Evidence
+from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, as_it_stands, curvature, maximise
 
 Array = NDArray[np.float64]
 
@@ -39,6 +39,10 @@ TIME_GRID_POINTS = 9
 """Grid on which a time is integrated that the record hardly bounds."""
 LAPLACE_MAX_SD_OF_LOG_TIME = 0.45
 """Standard deviation of a logarithm below which Laplace's method is good for a time."""
+MAX_NATS_OF_FAINT = -2.0
+"""Evidence of a shape over nothing below which it is too faint to move the noise that it is fitted with."""
+MAX_LOSS_OF_PLACE_NATS = 20.0
+"""Evidence against the best of several places beyond which the noise is not fitted anew."""
 START_SIZE_FACTORS = (1.0, 0.3, 0.1, 0.03)
 """Of the start value's: sizes at which a candidate is tried before it is fitted."""
 RETUNED_SD_OF_LOG = 0.7
@@ -55,6 +59,8 @@ class Candidate:
         ln(evidence ratio to the model without it) - ln(number of candidates + 1) - what its class says that it is rarer [nats].
     detect : Detection, optional
         Where the effect was found, if it was looked for.
+    choice_nats : float
+        What choosing it cost, out of the catalogue and out of all places, once it was chosen.
     """
 
     name: str
@@ -62,6 +68,7 @@ class Candidate:
     problem: Problem
     gain: float
     detect: Detection | None = None
+    choice_nats: float = 0.0
 
     @property
     def label(self) -> Label:
@@ -134,12 +141,12 @@ def _linear_evidence(fit: Fit) -> float:
     return value
 
 
-def assumed(record: Record, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
+def assumed(record: Evidence, effects: Sequence[Effect], priors: Mapping[Key, Prior]) -> Candidate:
     """The assumed model, its numbers moved only as far as trust lets them.
 
     Parameters
     ----------
-    record : Record
+    record : Evidence
     effects : sequence of Effect
     priors : mapping of Key to Prior
     """
@@ -295,8 +302,16 @@ def _over_places(
 ) -> Candidate:
     """A shape held at each of several places: the best fit, and the evidence over all of them."""
     problems = [first.starting((*known, s.effect)) for s in starts]
-    fits = [maximise(p) for p in problems]
-    values = np.array([log_evidence(p, f) for p, f in zip(problems, fits)])
+    nearest = int(np.argmin([p.objective(p.start()) for p in problems]))
+    fit = maximise(problems[nearest])
+    problems = [p.starting((*fit.effects[:-1], s.effect)) for p, s in zip(problems, starts)]
+    H = curvature(problems[nearest], fit.point)
+    fits = [fit if k == nearest else as_it_stands(p) for k, p in enumerate(problems)]
+    values = np.array([log_evidence(p, f, H) for p, f in zip(problems, fits)])
+    if values[nearest] - reference > MAX_NATS_OF_FAINT:
+        for k in np.flatnonzero(values > values.max() - MAX_LOSS_OF_PLACE_NATS):
+            fits[k] = maximise(problems[k])
+            values[k] = log_evidence(problems[k], fits[k])
     best = int(np.argmax(values))
     gain = log_mean(values) + starts[best].located - reference
     problem, fit, detection = problems[best], fits[best], starts[best]
@@ -304,7 +319,9 @@ def _over_places(
     found = _between(np.log([float(getattr(s.effect, name)) for s in starts]), values)
     if found:
         middle, deviation = found
-        finer = first.starting((*known, replace(detection.effect, **{name: float(np.exp(middle))})))
+        finer = first.starting(
+            (*fit.effects[:-1], replace(detection.effect, **{name: float(np.exp(middle))}))
+        )
         better, half = maximise(finer), 1.96 * deviation
         if better.value > fit.value:
             problem, fit = finer, better

@@ -7,15 +7,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from kfgen.effects import Effect
+from kfgen.core.time_budget import search_is_over
+from kfgen.effects import Effect, catalogue
 from kfgen.gap.core.search import Chosen, Contest, Label, Refused, probabilities, worth
-from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, MIN_FIRST_EVIDENCE_NATS, SearchLimits
+from kfgen.gap.core.thresholds import (
+    CONFUSION_SET_MIN_PROBABILITY,
+    MIN_EVIDENCE_NATS,
+    MIN_FIRST_EVIDENCE_NATS,
+    SearchLimits,
+)
 from kfgen.gap.rest.comb import beside_wave, comb_of
 from kfgen.gap.rest.distinguishability import distinguishability
 from kfgen.gap.rest.evidence import (
     RETUNE,
     TIME_LIMITS,
     Candidate,
+    assumed,
     candidates,
     log_evidence,
     loosened,
@@ -36,6 +43,8 @@ ONE_LINE_MAX_INVERSE_RECORDS = 40.0
 """Distance of two lines, in inverse lengths of the record, within which they may be one that wanders."""
 ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
 """Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
+RANDOM = ABSORBERS | {"resonance", "random_telegraph", RETUNE}
+"""What follows whatever is left, and leaves less of it to the shapes of which a record is the sum."""
 SHAPE_MIN_PROBABILITY = 1e-12
 """Probability of a shape beside slow noise below which it is not followed."""
 
@@ -67,8 +76,8 @@ class ChannelExplanation:
         Effects that are not looked for.
     known : tuple of Effect
         The assumed and the chosen ones as they were fitted together last.
-    absorbers_wait : bool
-        Whether slow noise is kept back.
+    waiting : frozenset of str
+        Effects that are kept back until those are found which are not.
     refused : tuple of Refused
         What was not added in spite of its evidence.
     """
@@ -79,7 +88,7 @@ class ChannelExplanation:
     chosen: tuple[Chosen[Candidate], ...] = ()
     without: frozenset[str] = field(default_factory=frozenset)
     known: tuple[Effect, ...] = ()
-    absorbers_wait: bool = False
+    waiting: frozenset[str] = field(default_factory=frozenset)
     refused: tuple[Refused, ...] = ()
 
     @property
@@ -135,8 +144,7 @@ class ChannelExplanation:
     def ranked(self) -> list[Candidate]:
         """What could be added, by evidence, the best first."""
         used = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
-        kept_back = ABSORBERS if self.absorbers_wait else frozenset()
-        return candidates(self.base, frozenset(used) | self.without | kept_back)
+        return candidates(self.base, frozenset(used) | self.without | self.waiting)
 
     def objection(self, addition: Candidate) -> str:
         """Why an addition is not to be added, see `kfgen.gap.rest.proof`."""
@@ -165,6 +173,9 @@ class ChannelExplanation:
         others = (
             () if addition.changes_samples else tuple(distinguishability(addition, c, below) for c in near)
         )
+        if not addition.changes_samples:
+            more = log_evidence(addition.problem, addition.fit) - self._base_evidence
+            addition = replace(addition, choice_nats=more - addition.gain)
         return replace(self, chosen=(*self.chosen, Chosen(addition, shares, others)), known=known)
 
     def less(self, index: int) -> ChannelExplanation:
@@ -201,32 +212,54 @@ class ChannelExplanation:
         return [True] * len(self.chosen)
 
     def contest(self, index: int) -> Contest[ChannelExplanation, Candidate] | None:
-        """What could stand in the place of an effect; None where one that had no rival is still worth much."""
+        """What could stand in the place of an effect; None where one that had no rival is still worth much.
+
+        Where time ended, of effects that are compared by their likelihood: those that are worth nothing any more are
+        removed, and the others stay.
+        """
         old, rest = self.chosen[index], self.less(index)
-        judged_again = old.addition.changes_samples or self.altering or old.name == RETUNE
-        if not judged_again and old.probability >= UNRIVALLED_PROBABILITY:
-            base, below = self.base, rest.base
-            kept = log_evidence(base.problem, base.fit) - log_evidence(below.problem, below.fit)
-            if kept > UNRIVALLED_EVIDENCE_NATS:
-                return None
+        special = old.addition.changes_samples or bool(self.altering) or old.name == RETUNE
+        if search_is_over():
+            left = not special and self._kept_nats(rest) - old.addition.choice_nats < MIN_EVIDENCE_NATS
+            return Contest(rest, [], None) if left else None
+        unrivalled = not special and old.probability >= UNRIVALLED_PROBABILITY
+        if unrivalled and self._kept_nats(rest) > UNRIVALLED_EVIDENCE_NATS:
+            return None
         ranked = rest.ranked()
         return Contest(rest, ranked, next((c for c in ranked if c.name == old.name), None))
 
+    def _kept_nats(self, rest: ChannelExplanation) -> float:
+        """Evidence beside all others of what is not in the rest, its choice not counted."""
+        return self._base_evidence - rest._base_evidence
+
+    @cached_property
+    def _base_evidence(self) -> float:
+        return log_evidence(self.base.problem, self.base.fit)
+
+    @property
+    def evidence(self) -> float:
+        """Of all that was chosen together, less the costs of choosing [nats]."""
+        bare = assumed(self.base.problem.record, self.effects, self.priors)
+        altering = sum(c.gain for c in self.chosen if c.addition.changes_samples)
+        costs = sum(c.addition.choice_nats for c in self.chosen)
+        return altering + self._base_evidence - log_evidence(bare.problem, bare.fit) - costs
+
     def absorbers_last(self) -> ChannelExplanation | None:
-        """With slow noise kept back; None where there is none of it, or nothing else comes near."""
+        """With what is random kept back; None where there is none of it, or nothing else comes near."""
         names = {c.name for c in self.chosen}
-        if not names & ABSORBERS:
+        if not names & RANDOM:
             return None
         bare = replace(self, chosen=(), known=())
-        alone = len(names) == len(names & ABSORBERS) == 1
-        sure = alone and _has_no_shape(self.chosen[0].probabilities)
+        sure = len(names) == 1 and _has_no_shape(self.chosen[0].probabilities)
         if sure and series_of(bare.base).driven < worth(self):
             return None
-        return replace(bare, absorbers_wait=True)
+        # What is no shape takes what waits for noise of another colour, unless it stood beside it.
+        other = {name for name, cls in catalogue().items() if not cls.coefficients()}
+        return replace(bare, waiting=RANDOM | (other - names))
 
     def with_absorbers(self) -> ChannelExplanation:
-        """With slow noise allowed again."""
-        return replace(self, absorbers_wait=False)
+        """With what is random allowed again."""
+        return replace(self, waiting=frozenset())
 
     def _place(self, index: int) -> int:
         """Where the effect of the chosen one is among all that are fitted."""
@@ -240,7 +273,7 @@ def _is_summed(chosen: Chosen[Candidate]) -> bool:
 
 def _has_no_shape(shares: Mapping[Label, float]) -> bool:
     """Whether nothing without randomness comes near."""
-    rest = [p for (n, _), p in shares.items() if n not in ABSORBERS and n not in ("none", RETUNE)]
+    rest = [p for (n, _), p in shares.items() if n not in RANDOM and n != "none"]
     return max(rest, default=0.0) < SHAPE_MIN_PROBABILITY
 
 

@@ -25,6 +25,7 @@ from kfgen.gap.core.search import (
     refused_of,
     searched,
     settled,
+    worth,
 )
 from kfgen.gap.core.thresholds import SearchLimits
 from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, ranked, relinearised
@@ -100,9 +101,17 @@ class SceneExplanation:
         chosen = (*rest[:index], last, *rest[index:])
         return SceneExplanation(self.scene, _last(self.fit, index, back=True), chosen, self.refused)
 
+    @property
+    def evidence(self) -> float:
+        """Of all that was chosen [nats]."""
+        return worth(self)
+
     def doubts(self) -> list[bool]:
-        """Of each effect, whether it may be something else, or nothing beside those that were added since."""
-        return [_doubtful(self, i) for i in range(len(self.chosen))]
+        """Of each effect, whether it may be something else, or nothing beside those that were added since.
+
+        None of them where time ended: to judge them anew takes as long as the search.
+        """
+        return [not search_is_over() and _doubtful(self, i) for i in range(len(self.chosen))]
 
     def without(self, index: int) -> SceneExplanation:
         """The scene without an effect, all others fitted again."""
@@ -116,6 +125,8 @@ class SceneExplanation:
 
         None where time ended before all were fitted: what was not would have no share, and the effect be certain.
         """
+        if search_is_over():
+            return None
         rest, same = self.without(index), _last(self.fit, index)
         known = replace(self.chosen[index].addition, placed=same.point.placed[-1], fit=same)
         trials = ranked(self.scene, rest.fit, rest.others, known)

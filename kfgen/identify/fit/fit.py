@@ -223,8 +223,21 @@ def maximise(problem: Problem, tolerance_nats: float = GAIN_TOLERANCE_NATS) -> F
         Gain of log-likelihood [nats] below which the maximum is reached.
     """
     point = problem.start()
-    if point.size:
-        point = _scored(problem, point, tolerance_nats)
+    return _fit_at(problem, _scored(problem, point, tolerance_nats) if point.size else point)
+
+
+def as_it_stands(problem: Problem) -> Fit:
+    """The problem's start values as a fit, with the coefficients of the regressors at their best.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    """
+    return _fit_at(problem, problem.start())
+
+
+def _fit_at(problem: Problem, point: Array) -> Fit:
     effects = problem.at(point)
     likelihood = problem.data(effects).log_likelihood(effects)
     effects = _with_coefficients(effects, likelihood.coefficients)

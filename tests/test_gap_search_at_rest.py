@@ -1,0 +1,83 @@
+"""Proves that lists of effects at rest are compared by what they explain together, and end well when time ends.
+
+Records are simulated with fixed seeds; each expectation has at least 20 nats to spare, so that another seed fails in
+fewer than one of a thousand.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kfgen.core import time_budget
+from kfgen.effects import make
+from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.core.search import labels, reconsidered, searched
+from kfgen.gap.rest.channel_gap import prepared
+from kfgen.gap.rest.explanation import RANDOM, ChannelExplanation, search_limits
+from kfgen.identify.evidence.record import Record
+
+N_SAMPLES = 3000
+DT = 0.1
+
+
+def explanation(*, step: float = 0.0, line: float = 0.0, warm_up: float = 0.0) -> ChannelExplanation:
+    """White noise of standard deviation one with shapes of some sizes, against a model of white noise alone."""
+    t = DT * np.arange(N_SAMPLES)
+    y = np.random.default_rng(17).standard_normal(N_SAMPLES)
+    y += step * (t > 190.0) + line * np.sin(2.0 * np.pi * 0.731 * t) + warm_up * np.exp(-t / 40.0)
+    sd = float(np.sqrt(DT))
+    white = Term(make("white_noise", N=sd), {"N": (0.98 * sd, 1.02 * sd)})
+    return prepared(Record(t, y), ChannelNoise("rad/s", (white,))).search
+
+
+def having(start: ChannelExplanation, *names: str) -> ChannelExplanation:
+    """With these chosen, in order."""
+    for name in names:
+        ranked = start.ranked()
+        start = start.plus(next(c for c in ranked if c.name == name), ranked)
+    return start
+
+
+def test_evidence_of_a_list_does_not_depend_on_its_order() -> None:
+    """Of each when it was added it does: the first of two drifts explains most of both. The tolerance is of the fits."""
+    start = explanation(step=0.5, warm_up=1.0)
+    one, other = having(start, "bias_step", "warm_up"), having(start, "warm_up", "bias_step")
+    assert abs(one.chosen[0].gain - other.chosen[1].gain) > 3.0
+    assert one.evidence == pytest.approx(other.evidence, abs=1.0)
+
+
+def test_evidence_of_one_effect_is_its_own() -> None:
+    one = having(explanation(line=0.3), "sinusoid")
+    assert one.evidence == pytest.approx(one.chosen[0].gain, abs=0.2)
+
+
+def test_shapes_are_found_that_a_random_process_explains_as_well_at_first() -> None:
+    """Beside a spectral line a step and a warm-up: random drift is worth most while there is nothing else."""
+    start = explanation(step=0.5, warm_up=1.0, line=0.3)
+    assert start.ranked()[0].name in RANDOM
+    assert sorted(c.name for c in searched(start, search_limits()).chosen) == [
+        "bias_step",
+        "sinusoid",
+        "warm_up",
+    ]
+
+
+def test_what_is_no_shape_waits_unless_it_stood_beside_what_is_random() -> None:
+    """Beside a drift that is kept back, noise of another colour or level would explain what it leaves."""
+    found = having(explanation(step=0.5), "outliers", "rate_random_walk")
+    again = found.absorbers_last()
+    assert again is not None
+    assert again.chosen == ()
+    assert {"rate_random_walk", "random_telegraph", "low_pass", "noise_change"} <= again.waiting
+    assert not {"outliers", "bias_step", "sinusoid", "temperature"} & again.waiting
+    assert again.with_absorbers().waiting == frozenset()
+
+
+def test_where_time_ended_what_others_explain_is_removed_and_the_rest_stays() -> None:
+    """A random walk found first is nothing beside the step and the spectral line that were found later."""
+    found = having(explanation(step=0.5, line=0.3), "rate_random_walk", "sinusoid", "bias_step")
+    with time_budget.time_budget() as budget:
+        budget.search_s = 0.0
+        found = reconsidered(found, search_limits())
+    assert [name for name, _ in labels(found)] == ["sinusoid", "bias_step"]
