@@ -36,7 +36,10 @@ TESTED = [
 NAMED = [(s, w) for s, w in TESTED if s.name != "earth_rate" and w != "imu"]
 """The Earth's own rate, beyond which nothing is its rotation, is below what these gyros show in such a log; beside a
 reference each sensor has an answer of its own."""
-DISTINCT = {("time_delay", "mag"): make("time_delay", delay=0.06)}
+DISTINCT = {
+    ("time_delay", "mag"): make("time_delay", delay=0.06),
+    ("bandwidth", "accel"): make("bandwidth", corner=2.0),
+}
 """Of a size at which nothing else does the same: late by 0.02 s a magnetometer is one with a corner of 8 Hz."""
 NEEDS_POSITION = {(SHAKEN, "accel_x"), ("lever_arm", "gnss"), ("time_delay", "gnss"), ("clock_drift", "gnss")}
 NAMED_QUICKLY = {
@@ -107,6 +110,22 @@ def test_an_effect_that_the_model_lacks_is_named(strong: Strong, where: str) -> 
     found = gap_of(log_with(model.augment(where, effect), strong), model, where)
     meant = {(strong.name, where), *((strong.name, f"{where}_{a}") for a in "xyz")}
     assert meant & {(f.name, f.where) for f in found.findings}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_of_two_effects_that_do_nearly_the_same_none_is_certain(seed: int) -> None:
+    """In slow motion a pole of 5 Hz is a delay of 32 ms, and what both models leave out decides between them."""
+    strong = Strong(make("bandwidth", corner=5.0), ("accel",))
+    model = bare()
+    found = gap_of(log_with(model.augment("accel", strong.effect), strong, seed), model, "accel")
+    (named,) = found.findings
+    alternatives = {(name, where): p for name, where, p in named.alternatives}
+    either = {("bandwidth", "accel"), ("time_delay", "accel")}
+    assert (named.name, named.where) in either
+    (rival,) = either - {(named.name, named.where)}
+    assert named.probability < 0.9
+    assert alternatives[rival] > 0.1
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,9 @@ def prepared(record: Record, noise: ChannelNoise) -> Prepared:
     noise : ChannelNoise
         Assumed of it.
     """
-    whole = replace(record, block=max(1, record.y.size // MAX_SAMPLES_IN_FULL), per_decade=BINS_PER_DECADE)
+    whole = replace(
+        record.quick(), block=max(1, record.y.size // MAX_SAMPLES_IN_FULL), per_decade=BINS_PER_DECADE
+    )
     raw, trusted, random = without_assumed_terms(whole, noise)
     altering = tuple(t for t in random.terms if t.effect.changes_samples)
     random = replace(random, terms=tuple(t for t in random.terms if not t.effect.changes_samples))

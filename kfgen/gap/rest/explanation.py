@@ -45,6 +45,8 @@ ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
 """Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
 RANDOM = ABSORBERS | {"resonance", "random_telegraph", RETUNE}
 """What follows whatever is left, and leaves less of it to the shapes of which a record is the sum."""
+MIN_SHARE_OF_SLOW_NOISE = 0.45
+"""Evidence of a shape over that of slow noise, below which no more shapes are added without it."""
 SHAPE_MIN_PROBABILITY = 1e-12
 """Probability of a shape beside slow noise below which it is not followed."""
 
@@ -142,9 +144,22 @@ class ChannelExplanation:
         return base
 
     def ranked(self) -> list[Candidate]:
-        """What could be added, by evidence, the best first."""
+        """What could be added, by evidence, the best first.
+
+        While what is random is kept back, nothing after the first shape where slow noise says far more than another one:
+        shape upon shape would follow one course of that noise.
+        """
+        found = self.every_candidate
+        allowed = [c for c in found if c.name not in self.waiting]
+        slow = [c.gain for c in found if c.name in ABSORBERS & self.waiting] if self.chosen else []
+        least = MIN_SHARE_OF_SLOW_NOISE * max(slow, default=0.0)
+        return allowed if allowed and allowed[0].gain >= least else []
+
+    @cached_property
+    def every_candidate(self) -> list[Candidate]:
+        """All that the record allows, by evidence, the best first."""
         used = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
-        return candidates(self.base, frozenset(used) | self.without | self.waiting)
+        return candidates(self.base, frozenset(used) | self.without)
 
     def objection(self, addition: Candidate) -> str:
         """Why an addition is not to be added, see `kfgen.gap.rest.proof`."""
@@ -225,7 +240,7 @@ class ChannelExplanation:
         unrivalled = not special and old.probability >= UNRIVALLED_PROBABILITY
         if unrivalled and self._kept_nats(rest) > UNRIVALLED_EVIDENCE_NATS:
             return None
-        ranked = rest.ranked()
+        ranked = [c for c in rest.every_candidate if c.name not in self.waiting]
         return Contest(rest, ranked, next((c for c in ranked if c.name == old.name), None))
 
     def _kept_nats(self, rest: ChannelExplanation) -> float:

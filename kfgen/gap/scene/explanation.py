@@ -40,6 +40,11 @@ Array = NDArray[np.float64]
 LIMITS = SearchLimits(max_effects=10)
 UNRIVALLED_EVIDENCE_NATS = 20.0
 """Evidence of an effect that nothing else resembles, with which it is not put to the test again."""
+NEARLY_THE_SAME_MIN_COS2 = 0.9
+"""Share cos^2 of a direction from which on two effects differ by little more than what their models leave out."""
+SHARE_OF_EVIDENCE_LEFT_OUT = 0.001
+"""Of the evidence of an effect, what a rival that is nearly the same may gain or lose by what the models of both leave out.
+A delay of 32 ms in place of a pole of 5 Hz: from 9 nats better to 9 worse in five simulated logs of 7 500 nats."""
 
 
 @dataclass(frozen=True)
@@ -258,7 +263,14 @@ def _last(fit: SceneFit, index: int, *, back: bool = False) -> SceneFit:
 
 def _chosen(best: FittedAddition, trials: Sequence[FittedAddition]) -> Chosen[FittedAddition]:
     alike: dict[Label, float] = {}
-    for t in (t for t in trials if t is not best):
-        alike[t.label] = max(alike.get(t.label, 0.0), cos2(best.direction, t.direction))
+    weighed = []
+    for t in trials:
+        share = cos2(best.direction, t.direction)
+        lost = best.gain - t.gain
+        if share > NEARLY_THE_SAME_MIN_COS2 and lost > 0.0:
+            lost /= 1.0 + SHARE_OF_EVIDENCE_LEFT_OUT * max(best.gain, 0.0)
+        weighed.append(replace(t, gain=best.gain - lost))
+        if t is not best:
+            alike[t.label] = max(alike.get(t.label, 0.0), share)
     others = tuple(Distinguishability(*label, cos2) for label, cos2 in alike.items())
-    return Chosen(best, probabilities(trials), others)
+    return Chosen(best, probabilities(weighed), others)

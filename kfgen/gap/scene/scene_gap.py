@@ -59,7 +59,6 @@ from kfgen.gap.scene.under_misfit import (
 from kfgen.gap.scene.unevenness import scattered_deviations
 
 Array = NDArray[np.float64]
-
 UnitOf = Callable[[Placed], str]
 """The unit ``U`` of a placed effect's parameters, as the user writes it."""
 
@@ -111,10 +110,11 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
         with time_budget(parts=2):  # the other half is for a search with the misfit in the noise
             answer = _answered(scene)
         if isinstance(scene, HasRandomErrors):
-            answer = with_inertial_noise(answer)
-            is_unfinished = bool(_doubtful_channels(answer))
-            with time_budget(parts=2 if is_unfinished else 1):
-                answer = with_random_errors(answer, is_unfinished=is_unfinished)
+            with time_budget(parts=2):  # the other half is for random errors, and for effects beside them
+                answer = with_inertial_noise(answer)
+            unfinished = bool(_doubtful_channels(answer))
+            with time_budget(parts=2 if unfinished else 1):
+                answer = with_random_errors(answer, is_unfinished=unfinished)
         if doubtful := _doubtful_channels(answer):
             answer = without_trifles(without_events(under_misfit(answer), doubtful))
         found = _gap_of(answer, unit_of)

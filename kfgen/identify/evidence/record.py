@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.recent_results import RecentResults
 from kfgen.effects import Effect, Look
 from kfgen.effects.series import DetectedFault, adc_step
 from kfgen.identify.evidence.allan import AllanCurve, allan_curve, octave_factors, overlapping_variance
@@ -39,6 +40,8 @@ MIN_TIME_IN_STEPS = 10.0
 """Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
 MIN_CORNER_OVER_RATE = 0.005
 """Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
+MAX_SAMPLES_OF_ANY_LENGTH = 10_000
+"""Of which a transform is quick enough whatever their number is."""
 MAX_KEPT_LIKELIHOODS = 8
 """Likelihoods that are kept, one for each set of regressors and bins."""
 
@@ -257,6 +260,16 @@ class Record(Evidence):
         drive = {k: v[start:stop] for k, v in self.drive.items()}
         return replace(self, t=self.t[start:stop], y=self.y[start:stop], drive=drive, origin=self.since)
 
+    def quick(self) -> Record:
+        """Without its last samples, a hundredth at most, where its transforms are several times quicker then.
+
+        That is so where the number of samples has a large prime factor.
+        """
+        from scipy.fft import prev_fast_len
+
+        n = int(self.y.size)
+        return self.cut(0, prev_fast_len(n)) if n > MAX_SAMPLES_OF_ANY_LENGTH else self
+
     @cached_property
     def adc_step(self) -> float:
         """Step of the ADC grid on which its samples were logged [SI], zero where they lie on none."""
@@ -336,14 +349,21 @@ class Record(Evidence):
         See `Evidence.ordinates`.
         """
         columns = [x for e in effects for x in self._regressors(e)]
-        return ordinates(
+        at = spectral_peaks(effects) if peaks is None else tuple(peaks)
+        found = ordinates(
             [self.sines, *columns],
             self.dt / self.averaged,
             self.block * self.averaged,
             skip=self.skip,
             per_decade=self.per_decade,
-            peaks=spectral_peaks(effects) if peaks is None else peaks,
+            peaks=at,
         )
+        return found.sharing(self._binned.recalled(at, lambda: found))
+
+    @cached_property
+    def _binned(self) -> RecentResults[Ordinates]:
+        """One for each set of peaks: a searched shape changes the regressors, and no density."""
+        return RecentResults(MAX_KEPT_LIKELIHOODS)
 
     @cached_property
     def _transforms(self) -> dict[Effect, list[Array]]:

@@ -91,6 +91,19 @@ class Ordinates:
 
         return Shapes(plain, lambda es: filtered(es, self.omega, self.dt, self.block, self.n))
 
+    def sharing(self, other: Ordinates) -> Ordinates:
+        """The same, which asks another one for densities; its own where the bins of that one are others.
+
+        Parameters
+        ----------
+        other : Ordinates
+            Of the same record, beside other regressors.
+        """
+        same = self.omega.size == other.omega.size and bool(np.all(self.omega == other.omega))
+        if same and (self.dt, self.block, self.n) == (other.dt, other.block, other.n):
+            self.__dict__["_shapes"] = other._shapes
+        return self
+
     def part(self, effect: Effect) -> Array:
         """Density [U^2] of the differences of one effect, shape (m,)."""
         return self._shapes.of(effect)
