@@ -241,7 +241,7 @@ def test_what_absorbs_others_is_added_last_where_that_is_worth_more() -> None:
 
 
 def test_of_two_lists_that_are_nearly_alike_both_are_pruned_before_they_are_compared() -> None:
-    """What absorbed is removed beside what was added later, and that list is worth more then: 44 nats against 42."""
+    """Both explain everything; what absorbed is removed where it costs more than what was added later."""
     parts = {"slow": "12", "a": "1", "b": "2", "c": "45", "d": "46"}
     worth = {"1": 10.0, "2": 9.0, "4": 20.0, "5": 5.0, "6": 4.0}
     table = Table(parts, worth, absorbers=frozenset({"slow"}))

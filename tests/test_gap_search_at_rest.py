@@ -100,3 +100,17 @@ def test_where_time_ended_what_others_explain_is_removed_and_the_rest_stays() ->
         budget.search_s = 0.0
         found = reconsidered(found, search_limits())
     assert [name for name, _ in labels(found)] == ["sinusoid", "bias_step"]
+
+
+@pytest.mark.parametrize("n", [97, 9973, 10_007, 10_164, 100_003, 238_256])
+def test_a_long_record_has_a_length_of_quick_transforms(n: int) -> None:
+    """97 and 9973 are short; the first of 10 007, a prime, are kept but for 1.5 %."""
+    record = Record(DT * np.arange(n), np.arange(float(n)))
+    quick = record.quick()
+    assert quick.y.size == n if n <= 10_000 else 0.985 * n < quick.y.size <= n
+    assert np.array_equal(quick.y, record.y[: quick.y.size])
+    left = quick.y.size
+    for prime in (2, 3, 5, 7, 11):
+        while left % prime == 0:
+            left //= prime
+    assert left == 1 or n <= 10_000

@@ -112,9 +112,9 @@ def scene_gap(scene: Scene, unit_of: UnitOf = no_unit) -> SceneGap:
         if isinstance(scene, HasRandomErrors):
             with time_budget(parts=2):  # the other half is for random errors, and for effects beside them
                 answer = with_inertial_noise(answer)
-            unfinished = bool(_doubtful_channels(answer))
-            with time_budget(parts=2 if unfinished else 1):
-                answer = with_random_errors(answer, is_unfinished=unfinished)
+            is_unfinished = bool(_doubtful_channels(answer))
+            with time_budget(parts=2 if is_unfinished else 1):
+                answer = with_random_errors(answer, is_unfinished=is_unfinished)
         if doubtful := _doubtful_channels(answer):
             answer = without_trifles(without_events(under_misfit(answer), doubtful))
         found = _gap_of(answer, unit_of)
