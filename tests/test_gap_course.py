@@ -82,3 +82,45 @@ def test_chaos_is_a_stand_in_and_no_certain_resonance() -> None:
     assert gap.findings
     assert max(f.probability for f in gap.findings) <= 0.9
     assert "stands in for something else" in finding_sentence(gap, gap.findings[0])
+
+
+def pulses(rng: np.random.Generator, n: int, period: float) -> Array:
+    """A thermostat: on for a quarter of cycles whose length drifts, seen through one pole."""
+    from scipy.signal import lfilter
+
+    drift = np.interp(np.arange(n), np.arange(0, n + 400, 400), rng.standard_normal(n // 400 + 2))
+    phase = np.cumsum(1.0 + 0.1 * drift) / period
+    return np.asarray(lfilter([1.0], [1.0, -0.9], 0.1 * (np.mod(phase, 1.0) < 0.25)))
+
+
+def two_sides(n: int, turn: float) -> Array:
+    """The first coordinate of the Lorenz system [SI of its own], scaled to a variance of one; `turn`: samples of a unit."""
+    from scipy.integrate import solve_ivp
+
+    def slope(_: float, s: Array) -> list[float]:
+        return [10.0 * (s[1] - s[0]), s[0] * (28.0 - s[2]) - s[1], s[0] * s[1] - 8.0 / 3.0 * s[2]]
+
+    at = 10.0 + np.arange(n) / turn
+    x = solve_ivp(slope, (0.0, float(at[-1])), [1.0, 1.0, 20.0], t_eval=at, rtol=1e-7).y[0]
+    return np.asarray(x / x.std())
+
+
+def test_cycles_with_a_shape_are_no_resonance() -> None:
+    """Three resonances have the spectrum of a heater's cycles, which do not keep time; their phases are not in step."""
+    rng = np.random.default_rng(5)
+    y = rng.standard_normal(N) + 2.0 * pulses(rng, N, 100.0)
+    lines = ((0.1, 0.52), (0.2, 0.3), (0.3, 0.12))
+    added = [make("resonance", frequency=f, damping=0.1, rms=rms) for f, rms in lines]
+    said = none_of_their_kind(Record(T, y), [WHITE], added)
+    assert said == "its cycles have a shape: harmonic 2 keeps step with them"
+    same = np.random.default_rng(8)
+    y = same.standard_normal(N) + sum(e.simulate(T, same) for e in added)
+    assert none_of_their_kind(Record(T, y), [WHITE], added) == ""
+
+
+def test_chaos_that_changes_sides_is_no_telegraph() -> None:
+    """Within a side it swings at 1.3 turns a unit of its time (Lorenz 1963): here 0.13 Hz."""
+    y = np.random.default_rng(6).standard_normal(N) + 0.8 * two_sides(N, 100.0)
+    telegraph = make("random_telegraph", size=1.5, dwell=12.0)
+    said = none_of_their_kind(Record(T, y), [WHITE], [telegraph])
+    assert said == "its strength comes and goes at 0.13 Hz"

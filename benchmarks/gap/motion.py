@@ -37,6 +37,9 @@ UNIT = {"gyro": "deg/s", "accel": "m/s^2", "mag": "uT"}
 FIELD = np.array([21.0, 1.2, 43.0])
 """The local field [uT], north, east, down; the tool is not told."""
 
+POWERS = (2, 3)
+"""Of a nonlinear scale."""
+
 Change = Callable[[float], Array]
 """Size to the noise-free signal (n, 3) of the kind of sensor, SI."""
 
@@ -62,6 +65,11 @@ class Run:
     shaken: Array
     temperature: Array
 
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Of the gyroscope: those that turn."""
+        return (0,) if self.table.name == "poor" else (0, 1, 2)
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -80,6 +88,10 @@ class Plan:
     ordinary: int = 1
     located: int = 0
 
+    def penalty(self, run: Run) -> float:
+        """Nats that its parameters cost."""
+        return nats.penalty(run.table.t.size, self.ordinary, self.located)
+
 
 def _into(run: Run, axis: int, part: Array) -> Array:
     """Zeros, with `part` on one axis."""
@@ -89,11 +101,17 @@ def _into(run: Run, axis: int, part: Array) -> Array:
 
 
 def _regressor(run: Run, effect: str) -> Plan:
-    """Effects that add a size times a known signal to one axis of the gyroscope."""
-    i, w = _axis(run), run.rates
+    """Of axes, power and sign drawn at random."""
+    i = run.axes[int(run.rng.integers(len(run.axes)))] if len(run.axes) > 1 else run.axes[0]
     j = int(run.rng.choice([k for k in range(3) if k != i]))
+    power = int(run.rng.choice(POWERS))
+    return regressor(run, effect, i, j, power, float(run.rng.choice([-1.0, 1.0])))
+
+
+def regressor(run: Run, effect: str, i: int, j: int, power: int, sign: float) -> Plan:
+    """Effects that add a size times a known signal to one axis of the gyroscope."""
+    w = run.rates
     entry, own = f"{AXES[i]}{AXES[j]}", "coefficient"
-    power = int(run.rng.choice([2, 3]))
     rows = {
         "scale_factor": (w[:, i], own),
         "scale_asymmetry": (np.abs(w[:, i]), own),
@@ -108,17 +126,12 @@ def _regressor(run: Run, effect: str) -> Plan:
     if effect == "misalignment" and run.table.name == "poor":  # only x turns
         signal, name = w[:, 0], "yx"
         i = 1
-    sign = float(run.rng.choice([-1.0, 1.0]))
     return Plan(
         "gyro", f"gyro_{AXES[i]}", lambda a: w + _into(run, i, sign * a * signal), lambda a: {name: sign * a}
     )
 
 
-def _axis(run: Run) -> int:
-    return 0 if run.table.name == "poor" else int(run.rng.integers(3))
-
-
-def _late(run: Run, effect: str) -> Plan:
+def late(run: Run, effect: str) -> Plan:
     """A delay or a pole on all axes of the gyroscope."""
     t, rates = run.table.t, run.table.rates
     if effect == "time_delay":
@@ -142,7 +155,7 @@ def _twin(run: Run, effect: str, size: float) -> tuple[str, ...]:
     other = {"time_delay": "bandwidth", "bandwidth": "time_delay"}.get(effect)
     if other is None:
         return ()
-    truth, plan = _late(run, effect).change(size), _late(run, other)
+    truth, plan = late(run, effect).change(size), late(run, other)
     left = minimize_scalar(
         lambda a: _nats("gyro", run, plan.change(a) - truth),
         bounds=(0.2 * size, 2.0 * size),
@@ -202,8 +215,8 @@ EFFECTS: dict[str, Callable[[Run, str], Plan]] = {
         ),
         _regressor,
     ),
-    "time_delay": _late,
-    "bandwidth": _late,
+    "time_delay": late,
+    "bandwidth": late,
     "lever_arm": _lever,
     "hard_iron": _magnetic,
     "soft_iron": _magnetic,
@@ -251,31 +264,46 @@ def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.rando
     return out + [Request("motion", "null", (), 0.0, i, int(seeds.integers(2**47))) for i in range(nulls)]
 
 
-def make(request: Request) -> Case:
-    """Build one record."""
+def run_of(request: Request) -> Run:
+    """The motion of a case."""
     rng = request.rng()
     name = request.effects[0] if request.effects else ""
     lean = request.index % 2 == 1 and name not in RICH_ONLY
-    kind = KINDS[request.index % 3]
-    lean = lean and (bool(name) or kind == "gyro")
+    lean = lean and (bool(name) or KINDS[request.index % 3] == "gyro")
     duration = float(rng.uniform(60.0, 120.0))
-    run = _run((poor if lean else rich)(rng, duration, 100.0), rng)
+    return _run((poor if lean else rich)(rng, duration, 100.0), rng)
+
+
+def make(request: Request) -> Case:
+    """Build one record."""
+    run = run_of(request)
+    name = request.effects[0] if request.effects else ""
+    kind = KINDS[request.index % 3]
     hidden: tuple[Hidden, ...] = ()
     signals = {"gyro": run.rates, "accel": run.force, "mag": run.field}
     variant = run.table.name
     if name:
         plan = EFFECTS[name](run, name)
         kind = plan.kind
-        p = nats.penalty(run.table.t.size, plan.ordinary, plan.located)
-        size = SIZES[name]
-        if request.strength < OBVIOUS:
-            size = nats.scaled(lambda a: _gain(run, plan, a), request.strength + p, 1e-9, 1e6)
+        p, size = plan.penalty(run), size_of(run, plan, name, request.strength)
         signals[kind] = plan.change(size)
-        twin = _forced(run, plan, size) if name == "g_squared" else _twin(run, name, size)
-        hidden = (Hidden(name, plan.channel, plan.values(size), _gain(run, plan, size), p, twin),)
+        twin = alike(run, plan, name, size)
+        hidden = (Hidden(name, plan.channel, plan.values(size), gain(run, plan, size), p, twin),)
         if twin and run.table.name == "rich":
             variant = "alike"
     return _case(request, run, kind, variant, signals, hidden)
+
+
+def size_of(run: Run, plan: Plan, name: str, strength: float) -> float:
+    """The size of an effect that has this strength."""
+    if strength >= OBVIOUS:
+        return SIZES[name]
+    return nats.scaled(lambda a: gain(run, plan, a), strength + plan.penalty(run), 1e-9, 1e6)
+
+
+def alike(run: Run, plan: Plan, name: str, size: float) -> tuple[str, ...]:
+    """Another effect that nobody distinguishes from one of this size in this motion."""
+    return _forced(run, plan, size) if name == "g_squared" else _twin(run, name, size)
 
 
 def _run(table: Table, rng: np.random.Generator) -> Run:
@@ -290,21 +318,25 @@ def _run(table: Table, rng: np.random.Generator) -> Run:
     return Run(table, rng, attitude, table.rates.at(t), force, np.asarray(field), shaken, warm)
 
 
-def _gain(run: Run, plan: Plan, size: float) -> float:
+def gain(run: Run, plan: Plan, size: float) -> float:
     """Nats of a size, less what the assumed model explains."""
     return _nats(plan.kind, run, plan.change(size) - plan.change(0.0))
 
 
 def _nats(kind: str, run: Run, d: Array) -> float:
     """Of a change of the signals, shape (n, 3)."""
-    sigma = NOISE[kind] * SI[UNIT[kind]]
+    left = unexplained(kind, run, d).ravel()
+    return float(0.5 * left @ left)
+
+
+def unexplained(kind: str, run: Run, d: Array) -> Array:
+    """What constants, or the unknown field, leave of a change of the signals, (n, 3), in standard deviations."""
     if kind == "mag":
         known = np.concatenate([run.attitude.inv().apply(e) for e in np.eye(3)]).reshape(3, -1).T
-        flat = d.ravel()
-        rest = flat - known @ np.linalg.lstsq(known, flat, rcond=None)[0]
+        left = d.ravel() - known @ np.linalg.lstsq(known, d.ravel(), rcond=None)[0]
     else:
-        rest = (d - d.mean(axis=0)).ravel()
-    return float(0.5 * rest @ rest / sigma**2)
+        left = (d - d.mean(axis=0)).ravel()
+    return np.asarray(left.reshape(d.shape) / (NOISE[kind] * SI[UNIT[kind]]))
 
 
 def _case(

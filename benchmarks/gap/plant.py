@@ -12,6 +12,8 @@ pole on the measurement. At the strength `OBVIOUS` the sizes are those of `SIZES
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from math import sin
 
 import numpy as np
@@ -142,6 +144,7 @@ SIZES = {
 }
 """By the order of `MACHINES`, in SI; saturation: the share of the range that is cut off."""
 ON_POSITION = ("spring", "cubic_spring")
+SIGNED = ("constant_input", "parameter_error")
 
 
 def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.random.Generator) -> list[Request]:
@@ -155,31 +158,114 @@ def requests(count: int, strengths: Sequence[float], nulls: int, seeds: np.rando
     return out + [Request("plant", "null", (), 0.0, i, int(seeds.integers(2**47))) for i in range(nulls)]
 
 
-def make(request: Request) -> Case:
-    """Build one record."""
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A plant under its input, with nothing hidden.
+
+    Parameters
+    ----------
+    rng : Generator
+        Of the case, after input and start were drawn.
+    which : int
+        Of `MACHINES`.
+    u : array, (n,)
+        The input.
+    start : list of float
+        States at the first sample [SI].
+    plain : array, (n,)
+        The noise-free measured state of the assumed plant [SI].
+    """
+
+    rng: np.random.Generator
+    which: int
+    u: Array
+    start: list[float]
+    plain: Array
+
+    @property
+    def m(self) -> Machine:
+        """The assumed plant."""
+        return MACHINES[self.which]
+
+    @cached_property
+    def J(self) -> Array:
+        """What one standard deviation of each state's start adds, in standard deviations of a sample, (n, states)."""
+        m, start = self.m, self.start
+        starts = [[x + START * (i == k) for i, x in enumerate(start)] for k in range(len(start))]
+        return np.column_stack([respond(m, self.u, s, Change()) - self.plain for s in starts]) / (
+            m.factor * m.noise
+        )
+
+    def weighed(self, away: Array) -> float:
+        """``d' (I + J J')^-1 d`` of a departure d [SI]."""
+        d = away / (self.m.factor * self.m.noise)
+        J, p = self.J, self.J.T @ d
+        return float(d @ d - p @ np.linalg.solve(np.eye(p.size) + J.T @ J, p))
+
+    def measured(self, change: Change) -> Array:
+        """The noise-free measured state [SI]."""
+        return respond(self.m, self.u, self.start, change)
+
+    def gain(self, change: Change) -> float:
+        """Nats of a change."""
+        return max(0.5 * self.weighed(self.measured(change) - self.plain), 1e-12)
+
+    def change(self, name: str, size: float, sign: float, number: str) -> Change:
+        """An effect of a size; the sign is that of what has one, the number that of a wrong number."""
+        if name == "parameter_error":
+            return Change(numbers={number: self.m.parameters[number][0] * (1.0 + sign * size)})
+        if name == "saturation":
+            return Change(saturation=float(np.abs(self.u).max()) * (1.0 - min(size, 0.95)))
+        return Change(**{name: sign * size})  # type: ignore[arg-type]
+
+    def size(self, strength: float, name: str, sign: float, number: str) -> float:
+        """The size of an effect that has this strength; the obvious one is worth 100 nats at least."""
+        p, size = nats.penalty(self.u.size, 1), SIZES[name][self.which]
+
+        def gain(size: float) -> float:
+            return self.gain(self.change(name, size, sign, number))
+
+        if strength < OBVIOUS:
+            return nats.approached(gain, strength + p, size)
+        return nats.approached(gain, 300.0 + p, size) if gain(size) < 100.0 + p else size
+
+    def also(self, name: str, number: str) -> tuple[str, ...]:
+        """Other names of the same change."""
+        if name == "parameter_error":
+            return tuple(e for e, k in self.m.same.items() if k == number)
+        return ("parameter_error",) if name in self.m.same else ()
+
+
+def run_of(request: Request) -> Run:
+    """The plant and the input of a case."""
     rng = request.rng()
-    name = request.effects[0] if request.effects else ""
     which = request.index % len(MACHINES)
-    if name in ON_POSITION and MACHINES[which].position < 0:
+    if request.effects and request.effects[0] in ON_POSITION and MACHINES[which].position < 0:
         which = (which + 1) % len(MACHINES)
     m = MACHINES[which]
     n = int(rng.integers(2000, 4001))
     u, start = excite(rng, m, n), (START * rng.standard_normal(len(m.states))).tolist()
-    assumed = {k: v for k, (v, _) in m.parameters.items()}
     plain = respond(m, u, start, Change())
     while m is PENDULUM and np.abs(plain).max() > FARTHEST:  # over the top nothing can be predicted
         u = 0.7 * u
         plain = respond(m, u, start, Change())
-    y: Array = plain
+    return Run(rng, which, u, start, plain)
+
+
+def make(request: Request) -> Case:
+    """Build one record."""
+    run = run_of(request)
+    m, n, rng, y = run.m, run.u.size, run.rng, run.plain
     hidden: tuple[Hidden, ...] = ()
-    if name:
-        y, hidden = _hide(request, m, which, (u, start, plain, rng))
+    if request.effects:
+        y, hidden = _hide(request, run)
     noisy = y / m.factor + m.noise * rng.standard_normal(n)
     channels = {
-        "u": (u, m.input_unit),
+        "u": (run.u, m.input_unit),
         m.channel: (noisy, m.unit),
         "temperature": (25.0 + 0.01 * np.arange(n) / m.rate + 0.05 * rng.standard_normal(n), "degC"),
     }
+    assumed = {k: v for k, (v, _) in m.parameters.items()}
     return Case(request, m.name, hidden, np.arange(n) / m.rate, channels, m.text(assumed))
 
 
@@ -190,46 +276,17 @@ def _driven(m: Machine) -> float:
     return float(np.subtract(m.slope(rest, 1.0, numbers), m.slope(rest, 0.0, numbers)).sum())
 
 
-Drawn = tuple[Array, list[float], Array, np.random.Generator]
-
-
-def _hide(request: Request, m: Machine, which: int, drawn: Drawn) -> tuple[Array, tuple[Hidden, ...]]:
+def _hide(request: Request, run: Run) -> tuple[Array, tuple[Hidden, ...]]:
     """The measured state with the effect in it, and the truth."""
-    u, start, plain, rng = drawn
-    name = request.effects[0]
-    number = str(rng.choice(list(m.parameters)))
-    sign = float(rng.choice([-1.0, 1.0])) if name in ("constant_input", "parameter_error") else 1.0
-
-    def change(size: float) -> Change:
-        if name == "parameter_error":
-            return Change(numbers={number: m.parameters[number][0] * (1.0 + sign * size)})
-        if name == "saturation":
-            return Change(saturation=float(np.abs(u).max()) * (1.0 - min(size, 0.95)))
-        return Change(**{name: sign * size})  # type: ignore[arg-type]
-
-    starts = [[x + START * (i == k) for i, x in enumerate(start)] for k in range(len(start))]
-    J = np.column_stack([respond(m, u, s, Change()) - plain for s in starts]) / (m.factor * m.noise)
-
-    def gain(size: float) -> float:
-        away = (respond(m, u, start, change(size)) - plain) / (m.factor * m.noise)
-        projected = J.T @ away
-        kept = away @ away - projected @ np.linalg.solve(np.eye(len(start)) + J.T @ J, projected)
-        return max(float(0.5 * kept), 1e-12)
-
-    p = nats.penalty(u.size, 1)
-    size = SIZES[name][which]
-    if request.strength < OBVIOUS:
-        size = nats.approached(gain, request.strength + p, size)
-    elif gain(size) < 100.0 + p:
-        size = nats.approached(gain, 300.0 + p, size)
-    true = change(size)
+    m, name = run.m, request.effects[0]
+    number = str(run.rng.choice(list(m.parameters)))
+    sign = float(run.rng.choice([-1.0, 1.0])) if name in SIGNED else 1.0
+    true = run.change(name, run.size(request.strength, name, sign, number), sign, number)
     values: dict[str, float]
     if name == "parameter_error":
         values = dict(true.numbers)
-        also = tuple(e for e, k in m.same.items() if k == number)
     else:
         driven = _driven(m) if name == "constant_input" else 1.0
         values = {PARAMETER.get(name, "coefficient"): driven * float(getattr(true, name))}
-        also = ("parameter_error",) if name in m.same else ()
-    y = respond(m, u, start, true)
-    return y, (Hidden(name, m.channel, values, gain(size), p, also),)
+    p = nats.penalty(run.u.size, 1)
+    return run.measured(true), (Hidden(name, m.channel, values, run.gain(true), p, run.also(name, number)),)

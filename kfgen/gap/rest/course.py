@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.effect import LinearProcess
-from kfgen.gap.core.random_course import COURSE_POINTS, not_random
+from kfgen.gap.core.random_course import COURSE_POINTS, chances, not_random
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-CHANCE_COURSES = 499
+CHANCE_COURSES = 1499
 """Records of the updated model."""
+FIRST_COURSES = 199
+"""Of them, that are looked at first."""
+CHANCE_TO_STOP = 0.025
+"""Where every figure of a course is as usual as this among the first, the others are not drawn."""
 MAX_COURSE_POINTS = 2048
 """Of a course that is fast."""
 SHOWN_SHARE = 0.99
@@ -67,18 +71,27 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
             idct(np.vstack([np.zeros(ordinates.shape[1]), gain * ordinates]), axis=0, norm="ortho")
         )
 
-    rng, shape = np.random.default_rng(0), (points - 1, CHANCE_COURSES)
+    rng = np.random.default_rng(0)
     switching = [e for e in slow if not _is_normal(e)]
     normal = whole - density(switching) if switching else whole
-    X = np.sqrt(np.maximum(normal[: points - 1, None], 0.0)) * rng.standard_normal(shape)
     at = np.linspace(0.0, record.duration, min(STEPS_OF_A_POINT * points, n))
-    for e in switching:
-        each = [dct(e.simulate(at, rng), norm="ortho")[1:points] for _ in range(CHANCE_COURSES)]
-        X += np.sqrt(n / at.size) * np.column_stack(each)
+
+    def drawn(count: int) -> Array:
+        X = np.sqrt(np.maximum(normal[: points - 1, None], 0.0)) * rng.standard_normal((points - 1, count))
+        for e in switching:
+            each = [dct(e.simulate(at, rng), norm="ortho")[1:points] for _ in range(count)]
+            X += np.sqrt(n / at.size) * np.column_stack(each)
+        return course(X)
+
     y = dct(record.y - record.drift(effects), norm="ortho")[1:points, None]
     t = record.elapsed[0] + (np.arange(points) + 0.5) * record.duration / points
     companions = {k: np.interp(t, record.elapsed, v) for k, v in record.drive.items() if np.ptp(v) > 0.0}
-    return not_random(t, course(y)[:, 0], course(X), companions | {"time": t}, law=True)
+    companions |= {"time": t}
+    own_course, some = course(y)[:, 0], drawn(FIRST_COURSES)
+    if min(chances(t, own_course, some, companions, law=True).values()) > CHANCE_TO_STOP:
+        return ""
+    every = np.column_stack([some, drawn(CHANCE_COURSES - FIRST_COURSES)])
+    return not_random(t, own_course, every, companions, law=True)
 
 
 def has_course(effect: Effect) -> bool:

@@ -1,0 +1,101 @@
+"""What a course shows beyond its spectrum: what is made by a rule, and not by chance, has another law than normal noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.gap.core.course_figure import CourseFigure, largest, strangest
+
+Array = NDArray[np.float64]
+
+LAGS = (1, 2, 4, 8, 16)
+"""Points over which changes and squares are looked at."""
+HARMONICS = (2, 3)
+"""Of the strongest line of a course."""
+MIN_CYCLES = 8
+"""In a course whose cycles are looked at."""
+CYCLE_WIDTH = 0.3
+"""Standard deviation of a cycle's frequency, over the frequency: a thermostat does not keep time."""
+HARMONIC_WIDTH = 0.6
+"""Half the band of a harmonic, over the frequency of the cycles."""
+PEAK_BINS = 5.0
+"""Bins of a spectrum over which its peak is looked for (standard deviation)."""
+STRENGTH_BINS = 2.0
+"""Bins over which a line of the strength is looked for."""
+MIN_STRENGTH_BIN = 4
+"""Slower changes of a course's strength are what chance gives."""
+SHARE_OF_SPECTRUM = 1.0 / 3.0
+"""Of the spectrum of the strength: what is faster is that of the noise beside the course."""
+
+
+def figures_of_law(t: Array) -> list[CourseFigure]:
+    """Every figure of courses at these times [s], shape (points,)."""
+    span = float(t[-1] - t[0])
+    bins = range(MIN_STRENGTH_BIN, max(int(SHARE_OF_SPECTRUM * t.size / 2.0), MIN_STRENGTH_BIN + 1))
+    return [
+        CourseFigure(strangest(_moments), lambda k: "its values and their changes have another law"),
+        CourseFigure(
+            largest(lambda w: _strengths(w, bins), smoothed_over=STRENGTH_BINS),
+            lambda k: f"its strength comes and goes at {bins[k] / span:.2g} Hz",
+        ),
+        *_cycles(t.size),
+    ]
+
+
+def _moments(w: Array) -> Array:
+    """Skewness and kurtosis of courses and of their changes, and how squares go with what comes before and after, (figures, m).
+
+    What is made by a rule and not by chance (a map, a switch, a limit) shows in the third moments of two times.
+    """
+    x = w - w.mean(axis=0)
+    x = x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-300)
+    out = [np.mean(x**3, axis=0), np.mean(x**4, axis=0)]
+    for lag in (k for k in LAGS if k < len(x)):
+        before, after = x[:-lag], x[lag:]
+        change = after - before
+        size = np.maximum(np.mean(change**2, axis=0), 1e-300)
+        out += [np.mean(change**3, axis=0) / size**1.5, np.mean(change**4, axis=0) / size**2]
+        out += [np.mean(before**2 * after, axis=0), np.mean(before * after**2, axis=0)]
+    return np.array(out)
+
+
+def _strengths(w: Array, bins: range) -> Array:
+    """Spectra of what courses are without their signs: chaos that changes sides has a line there."""
+    size = np.abs(w - w.mean(axis=0))
+    return np.asarray(np.abs(np.fft.rfft(size - size.mean(axis=0), axis=0)[bins.start : bins.stop]) ** 2)
+
+
+def _cycles(points: int) -> list[CourseFigure]:
+    """How well harmonics keep step with the strongest line of a course: cycles that have a shape are no noise about a line.
+
+    The phase of the line is that of its analytic signal, however its frequency drifts; a harmonic that is part of a shape
+    has a multiple of that phase, and noise of the same spectrum has any. The spectrum is made even first.
+    """
+    bins = np.arange(points // 2 + 1)[:, None]
+    last = bins.size // HARMONICS[0]
+    if last <= MIN_CYCLES:
+        return []
+
+    def in_step(every: Array) -> Array:
+        from scipy.ndimage import gaussian_filter1d
+
+        X = np.fft.rfft(every - every.mean(axis=0), axis=0)
+        P = np.maximum(np.mean(np.abs(X[:, 1:]) ** 2, axis=1), 1e-300)
+        P[0] = np.inf
+        peaks = gaussian_filter1d(np.abs(X[:last]) ** 2, PEAK_BINS, axis=0)
+        line = MIN_CYCLES + peaks[MIN_CYCLES:].argmax(axis=0)
+        near = np.exp(-0.5 * ((bins - line) / (CYCLE_WIDTH * line)) ** 2) * (np.abs(bins - line) < 0.5 * line)
+        cycle = np.fft.ifft(X * near, points, axis=0)
+        back = cycle.conj() / np.maximum(np.abs(cycle), 1e-300)
+        even = X / np.sqrt(P)[:, None]
+        out = []
+        for q in HARMONICS:
+            band = np.abs(bins - q * line) < HARMONIC_WIDTH * line
+            out.append(np.abs(np.sum(np.fft.ifft(even * band, points, axis=0) * back**q, axis=0)))
+        return np.array(out)
+
+    def words(k: int) -> str:
+        return f"its cycles have a shape: harmonic {HARMONICS[k]} keeps step with them"
+
+    return [CourseFigure(largest(in_step, share=False), words)]
