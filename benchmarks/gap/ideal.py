@@ -155,6 +155,7 @@ def _plain(j: Judgement) -> dict[str, object]:
     return {
         "id": r.id,
         "effects": r.effects,
+        "right": sorted(j.truth),
         "strength": r.strength,
         "evidence": j.evidence,
         "names": j.names,

@@ -27,7 +27,7 @@ from kfgen.gap.core.result import (
     OutageDrift,
 )
 from kfgen.gap.core.search import Refused
-from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, NEARLY_ALIKE_MIN_COS2
+from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2, NOTHING_MIN_PROBABILITY
 from kfgen.gap.motion.candidates import FIELD_PREFIX
 from kfgen.manoeuvre.library import LIBRARY
 
@@ -129,7 +129,7 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
     )
     if f.objection:
         words += f"; it stands in for something else, for the course that it took is none of its kind: {f.objection}"
-    if f.nothing_probability > CONFUSION_SET_MIN_PROBABILITY:
+    if f.nothing_probability > NOTHING_MIN_PROBABILITY:
         words += f", that nothing is missing {percent(f.nothing_probability)}"
     if f.test is not None:
         words += f"; without it the mismatch is strongest {_band(f.test)}"
