@@ -137,7 +137,7 @@ def main() -> None:
     if wanted.docs:
         command = (
             f"`python benchmarks/gap/ideal.py --world {wanted.world} --count {wanted.count} "
-            f"--strength {wanted.strength} --nulls {wanted.nulls} --seed {wanted.seed} --size {wanted.size} --docs`"
+            f"--strength {wanted.strength}\n--nulls {wanted.nulls} --seed {wanted.seed} --size {wanted.size} --docs`"
         )
         write_table(
             "benchmarks.md",

@@ -19,8 +19,8 @@ MAX_PROBABILITY_BESIDE_MISFIT = 0.9
 DETECTION_LIMIT_NATS = 8.0
 """Expected gain of log-likelihood of an effect that is named at its detection limit."""
 CONFUSION_SET_MIN_PROBABILITY = 0.1
-"""Probability above which another name belongs to what cannot be distinguished. Of 215 sets of records at rest, 109 of
-recordings and 188 of plants that hold what is above 5 % (all but 3 the truth), what is above 10 % loses one more."""
+"""Probability above which another name belongs to what cannot be distinguished. Of 687 sets of records at rest, of
+recordings and plants 98.8 % hold the truth, with 1.42 names in the mean; with all above 5 %, 99.4 % and 1.52."""
 NOTHING_MIN_PROBABILITY = 0.05
 """Probability that nothing is missing, above which it is said beside a name."""
 NEARLY_ALIKE_MIN_COS2 = 0.95
