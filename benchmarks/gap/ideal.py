@@ -36,7 +36,7 @@ from trial import world
 
 WORLDS = ("static", "real", "motion", "plant")
 """As the benchmark counts them: the seeds depend on it."""
-JUDGES: Mapping[str, Callable[[Request], Judgement]] = {
+JUDGES: Mapping[str, Callable[[Request, float], Judgement]] = {
     "static": ideal_rest.judged,
     "real": ideal_rest.judged,
     "motion": ideal_motion.judged,
@@ -44,6 +44,8 @@ JUDGES: Mapping[str, Callable[[Request], Judgement]] = {
 }
 STRENGTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
 """Nats, equally likely before, where the size is not known."""
+ANY_STRENGTH = 0.0
+"""Of records without an effect, where the size is not known."""
 FALSE_ALARMS = 0.005
 HELD = 0.98
 """Share of the truths that the sets should hold."""
@@ -77,10 +79,14 @@ def judgements(requests: Sequence[Request], jobs: int, size_known: bool) -> list
     return [together(done[k]) for k in range(len(requests))]
 
 
-def row(X: float, singles: Sequence[Judgement], calm: Sequence[Judgement], other: Scores) -> str:
+def threshold_of(X: float, calm: Sequence[Judgement]) -> float:
+    """Evidence [nats] above which something is said to be hidden; those that serve any strength count, too."""
+    quiet = [j.evidence for j in calm if j.request.strength in (X, ANY_STRENGTH)]
+    return float(np.quantile(quiet, 1.0 - FALSE_ALARMS)) if quiet else -float(np.log(FALSE_ALARMS))
+
+
+def row(X: float, singles: Sequence[Judgement], threshold: float, other: Scores) -> str:
     """Of one strength."""
-    quiet = [j.evidence for j in calm if j.request.strength == X]
-    threshold = float(np.quantile(quiet, 1.0 - FALSE_ALARMS)) if quiet else -float(np.log(FALSE_ALARMS))
     at = [j for j in singles if j.request.strength == X]
     said = [j for j in at if j.evidence > threshold]
     sizes, hold = sets_that_hold(HELD, said)
@@ -124,20 +130,23 @@ def main() -> None:
     rng = np.random.default_rng([wanted.seed, WORLDS.index(wanted.world)])
     drawn = world(wanted.world).requests(wanted.count, strengths, wanted.nulls, rng)
     work = [r for r in drawn if r.kind == "single"]
-    calm = calm_requests(wanted.seed, strengths, wanted.calm) if wanted.world == "static" else []
-    done = judgements([*work, *calm], wanted.jobs, wanted.size == "known")
+    size_known = wanted.size == "known"
+    of = (strengths if size_known else (ANY_STRENGTH,)) if wanted.world == "static" else ()
+    calm = calm_requests(wanted.seed, of, wanted.calm)
+    done = judgements([*work, *calm], wanted.jobs, size_known)
     singles, quiet = done[: len(work)], done[len(work) :]
     other = {}
     if wanted.beside:
         scores = json.loads(wanted.beside.read_text(encoding="utf-8"))["scores"]
         other = {s["id"]: bool(s["right_first"]) for s in scores}
     every = sorted({r.strength for r in work}, reverse=True)
-    lines = [*HEAD, *(row(X, singles, quiet, other) for X in every)]
+    lines = [*HEAD, *(row(X, singles, threshold_of(X, quiet), other) for X in every)]
     print("\n".join(lines))
     if wanted.docs:
         command = (
             f"`python benchmarks/gap/ideal.py --world {wanted.world} --count {wanted.count} "
-            f"--strength {wanted.strength}\n--nulls {wanted.nulls} --seed {wanted.seed} --size {wanted.size} --docs`"
+            f"--strength {wanted.strength}\n--nulls {wanted.nulls} --seed {wanted.seed} "
+            f"--size {wanted.size} --calm {wanted.calm} --docs`"
         )
         write_table(
             "benchmarks.md",

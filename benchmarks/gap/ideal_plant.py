@@ -8,30 +8,28 @@ model file says.
 from __future__ import annotations
 
 import numpy as np
-from case import Array, Request
-from judgement import Judgement, Names
+from case import Array, Case, Request
+from judgement import Found, Judgement, judgement
 from plant import MACHINES, ON_POSITION, SIGNED, SIZES, START, Run, make, run_of
-from scipy.special import logsumexp
 
 
 def judged(request: Request, X: float) -> Judgement:
     """One record, as if what is hidden in it were worth X nats."""
-    run, case = run_of(request), make(request)
+    case = make(request)
+    return judgement(request, case, _found(run_of(request), case, X))
+
+
+def _found(run: Run, case: Case, X: float) -> Found:
     m = run.m
     y = case.channels[m.channel][0] * m.factor
     away = y - run.plain + run.J @ (np.asarray(run.start) / START) * (m.factor * m.noise)
-    quiet = -0.5 * run.weighed(away)
-    before = {name: _before(run, name) for name in SIZES if _before(run, name)}
-    logs: dict[Names, list[float]] = {}
-    for name, prior in before.items():
+    quiet = run.weighed(away)
+    for name in SIZES:
         kinds = _kinds(run, name)
         for sign, number in kinds:
-            d = _departure(run, X, name, sign, number)
-            log = -0.5 * run.weighed(away - d) - quiet + float(np.log(prior / len(kinds)))
-            logs.setdefault(frozenset({name, *run.also(name, number)}), []).append(log)
-    whole = float(np.log(sum(before.values())))
-    truth = frozenset(n for h in case.hidden for n in (h.effect, *h.also))
-    return Judgement(request, truth, {k: float(logsumexp(v)) - whole for k, v in logs.items()})
+            left = away - _departure(run, X, name, sign, number)
+            names = frozenset({name, *run.also(name, number)})
+            yield names, _before(run, name) / len(kinds), 0.5 * (quiet - run.weighed(left))
 
 
 def _departure(run: Run, strength: float, name: str, sign: float, number: str) -> Array:
@@ -40,7 +38,9 @@ def _departure(run: Run, strength: float, name: str, sign: float, number: str) -
 
 
 def _kinds(run: Run, name: str) -> list[tuple[float, str]]:
-    """Signs and numbers."""
+    """Signs and numbers; none of an effect that this plant cannot have."""
+    if not _before(run, name):
+        return []
     numbers = list(run.m.parameters) if name == "parameter_error" else [""]
     return [(sign, number) for sign in ((-1.0, 1.0) if name in SIGNED else (1.0,)) for number in numbers]
 

@@ -21,7 +21,7 @@ import static
 import strength as nats
 from case import Array, Case, Request
 from effects import EFFECTS, hysteresis
-from judgement import Judgement
+from judgement import Judgement, judgement
 from noise import (
     all_pole_spectrum,
     difference_spectrum,
@@ -443,10 +443,15 @@ WORLDS = {
 }
 
 
-def seen(request: Request, X: float) -> Seen:
+def case_of(request: Request) -> Case:
     """The record of a request, of a length that the sensor has."""
-    world = WORLDS[request.world]
-    case = world.make(request, SENSORS[request.index % len(SENSORS)].n if request.kind == "null" else 0)
+    samples = SENSORS[request.index % len(SENSORS)].n if request.kind == "null" else 0
+    return WORLDS[request.world].make(request, samples)
+
+
+def seen(case: Case, X: float) -> Seen:
+    """What the analyst sees of a record."""
+    world = WORLDS[case.request.world]
     sensor = world.sensor(case.variant)
     others = [k for k in case.channels if k[:-1] == sensor.channel[:-1] and k != sensor.channel]
     y, second = (case.channels[k][0] if k else None for k in (sensor.channel, others[0] if others else ""))
@@ -456,9 +461,10 @@ def seen(request: Request, X: float) -> Seen:
 
 def judged(request: Request, X: float) -> Judgement:
     """One record, as if what is hidden in it were worth X nats; each effect that the log can have is equally likely."""
-    r = seen(request, X)
+    case = case_of(request)
+    r = seen(case, X)
     assumed = r.sensor.text if isinstance(r.sensor, real.Base) else ""
     each = {name: judge(r) for name, judge in JUDGES.items() if f'"{name}"' not in assumed}
-    can = {frozenset({name}): v for name, v in each.items() if np.isfinite(v)}
-    logs = {k: v - float(np.log(len(can))) for k, v in can.items()}
-    return Judgement(request, frozenset(request.effects), logs)
+    return judgement(
+        request, case, ((frozenset({name}), 1.0, v) for name, v in each.items() if np.isfinite(v))
+    )

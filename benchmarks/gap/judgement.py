@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from case import Request
+from case import Case, Request
 from scipy.special import logsumexp
 
 Names = frozenset[str]
 """The names that are right where a hypothesis is true."""
+
+Found = Iterable[tuple[Names, float, float]]
+"""Names that are right, how often that is hidden, and the likelihood over that without an effect [nats]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,17 @@ class Judgement:
     def right(self) -> bool:
         """Whether the first name is."""
         return self.names[0][0] in self.truth
+
+
+def judgement(request: Request, case: Case, found: Found) -> Judgement:
+    """From the likelihood of every hypothesis."""
+    logs: dict[Names, list[float]] = {}
+    whole = 0.0
+    for names, often, log in found:
+        whole += often
+        logs.setdefault(names, []).append(log + float(np.log(often)))
+    truth = frozenset(n for h in case.hidden for n in (h.effect, *h.also))
+    return Judgement(request, truth, {k: float(logsumexp(v)) - float(np.log(whole)) for k, v in logs.items()})
 
 
 def sets_that_hold(level: float, judgements: Sequence[Judgement]) -> tuple[list[int], list[bool]]:

@@ -39,6 +39,8 @@ FIELD = np.array([21.0, 1.2, 43.0])
 
 POWERS = (2, 3)
 """Of a nonlinear scale."""
+BEGINS, LASTS = (0.15, 0.55), (0.1, 0.3)
+"""Of a source in the room: from when and how long, over the duration."""
 
 Change = Callable[[float], Array]
 """Size to the noise-free signal (n, 3) of the kind of sensor, SI."""
@@ -165,10 +167,17 @@ def _twin(run: Run, effect: str, size: float) -> tuple[str, ...]:
     return (other,) if float(left.fun) < TWIN else ()
 
 
+def _direction(run: Run) -> Array:
+    v = run.rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v))
+
+
 def _lever(run: Run, effect: str) -> Plan:
-    """An arm in a random direction."""
-    r = run.rng.standard_normal(3)
-    r /= np.linalg.norm(r)
+    return lever(run, _direction(run))
+
+
+def lever(run: Run, r: Array) -> Plan:
+    """An arm in a direction."""
     turn = run.table.rates.at(run.table.t, 1)
     arm = np.cross(turn, r) + np.cross(run.rates, np.cross(run.rates, r))
     return Plan(
@@ -178,19 +187,33 @@ def _lever(run: Run, effect: str) -> Plan:
 
 def _magnetic(run: Run, effect: str) -> Plan:
     """Iron in the body, or a source in the room for a while."""
-    v = run.rng.standard_normal(3)
-    v /= np.linalg.norm(v)
+    v = _direction(run)
     if effect == "hard_iron":
-        return Plan("mag", "mag", lambda a: run.field + a * v, lambda a: dict(zip(AXES, (a * v).tolist())), 3)
+        return hard_iron(run, v)
     if effect == "soft_iron":
         i, j = (int(k) for k in run.rng.choice(3, 2, replace=False))
-        both = _into(run, i, run.field[:, j]) + _into(run, j, run.field[:, i])
-        names = f"{AXES[i]}{AXES[j]}", f"{AXES[j]}{AXES[i]}"
-        return Plan("mag", "mag", lambda a: run.field + a * both, lambda a: dict.fromkeys(names, a), 6)
-    t, T = run.table.t, float(run.table.t[-1])
-    t0 = T * run.rng.uniform(0.15, 0.55)
-    span = (t >= t0) & (t < t0 + T * run.rng.uniform(0.1, 0.3))
-    extra = run.attitude.inv().apply(v) * span[:, None]
+        return soft_iron(run, i, j)
+    T = float(run.table.t[-1])
+    t0 = T * run.rng.uniform(*BEGINS)
+    return disturbance(run, v, t0, T * run.rng.uniform(*LASTS))
+
+
+def hard_iron(run: Run, v: Array) -> Plan:
+    """In a direction of the body."""
+    return Plan("mag", "mag", lambda a: run.field + a * v, lambda a: dict(zip(AXES, (a * v).tolist())), 3)
+
+
+def soft_iron(run: Run, i: int, j: int) -> Plan:
+    """Of two axes, both ways."""
+    both = _into(run, i, run.field[:, j]) + _into(run, j, run.field[:, i])
+    names = f"{AXES[i]}{AXES[j]}", f"{AXES[j]}{AXES[i]}"
+    return Plan("mag", "mag", lambda a: run.field + a * both, lambda a: dict.fromkeys(names, a), 6)
+
+
+def disturbance(run: Run, v: Array, t0: float, lasting: float) -> Plan:
+    """In a direction of the navigation frame, from a time on [s]."""
+    t = run.table.t
+    extra = run.attitude.inv().apply(v) * ((t >= t0) & (t < t0 + lasting))[:, None]
     return Plan(
         "mag",
         "mag",
@@ -201,22 +224,20 @@ def _magnetic(run: Run, effect: str) -> Plan:
     )
 
 
+REGRESSORS = (
+    "scale_factor",
+    "scale_asymmetry",
+    "nonlinearity",
+    "misalignment",
+    "g_sensitivity",
+    "vibration_rectification",
+    "scale_temperature",
+    "g_squared",
+)
+LATE = ("time_delay", "bandwidth")
 EFFECTS: dict[str, Callable[[Run, str], Plan]] = {
-    **dict.fromkeys(
-        (
-            "scale_factor",
-            "scale_asymmetry",
-            "nonlinearity",
-            "misalignment",
-            "g_sensitivity",
-            "vibration_rectification",
-            "scale_temperature",
-            "g_squared",
-        ),
-        _regressor,
-    ),
-    "time_delay": late,
-    "bandwidth": late,
+    **dict.fromkeys(REGRESSORS, _regressor),
+    **dict.fromkeys(LATE, late),
     "lever_arm": _lever,
     "hard_iron": _magnetic,
     "soft_iron": _magnetic,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from case import OBVIOUS
 from docs_table import measured_at
 from score import Score
-from tables import share
+from tables import BINS, share
 
 
 def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: float) -> str:
@@ -39,6 +39,12 @@ def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: floa
             f"| {name} | {share(s.right_first for s in of)} | {share(s.in_set for s in seen)} | {mean:.2f} | "
             f"{len(of) - len(seen)} |"
         )
+    seen = [s for s in single if s.named]
+    mean = sum(s.set_size for s in seen) / max(len(seen), 1)
+    lines.append(
+        f"| all | {share(s.right_first for s in single)} | {share(s.in_set for s in seen)} | {mean:.2f} | "
+        f"{len(single) - len(seen)} |"
+    )
     sure = [s for s in single if not math.isnan(s.probability) and s.probability > 0.9]
     held = [ok for s in scores for _, ok in s.covered]
     stacks = [(kind, [s for s in scores if s.kind == kind]) for kind in ("pair", "triple")]
@@ -46,6 +52,7 @@ def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: floa
     said = [
         f"Nothing hidden: {sum(s.verdict != 'no_gap' for s in plain)} of {len(plain)} called a gap.",
         f"First names claimed above 90 %: right in {share(s.right_first for s in sure)}.",
+        f"First names by the probability claimed, right and claimed: {_reliability(single)}.",
         f"95 % intervals hold the truth in {share(held)}.",
         *(f"Each {kind} named exactly: {share(s.exact for s in of)}." for kind, of in stacks if of),
         *([f"Outside of the catalogue, said unknown: {_unknown(outside)}."] if outside else []),
@@ -53,6 +60,17 @@ def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: floa
     ]
     command = f"`python benchmarks/gap --world {world} {arguments} --docs`"
     return "\n".join([*lines, "", "\n".join(said), "", f"{measured_at(load)},\n{command}."])
+
+
+def _reliability(single: Sequence[Score]) -> str:
+    """Of every bin of the probability: how many were right, and the mean that was claimed."""
+    out = []
+    for lo, hi in BINS:
+        of = [s for s in single if lo <= s.probability < hi]
+        if of:
+            mean = sum(s.probability for s in of) / len(of)
+            out.append(f"{sum(s.right_first for s in of)} of {len(of)} and {100.0 * mean:.1f} %")
+    return "; ".join(out)
 
 
 def _unknown(outside: Sequence[Score]) -> str:
