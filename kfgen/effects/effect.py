@@ -139,6 +139,10 @@ class Effect:
         """The largest value [SI] of a parameter that the ADC grid of the samples allows; infinite where it says nothing."""
         return math.inf
 
+    def rarer_by_nats(self) -> float:
+        """By how many nats it is rarer than others, before any data: that of its class, unless its values say more."""
+        return self.prior_penalty_nats
+
     def extended_band(self, dt: float, duration: float) -> Self:
         """What the effect is in a record of this sampling period and length [s]: itself, unless its band is open."""
         return self

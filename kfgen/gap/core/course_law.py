@@ -21,8 +21,10 @@ HARMONIC_WIDTH = 0.6
 """Half the band of a harmonic, over the frequency of the cycles."""
 PEAK_BINS = 5.0
 """Bins of a spectrum over which its peak is looked for (standard deviation)."""
-STRENGTH_BINS = 2.0
+STRENGTH_BINS = 3.0
 """Bins over which a line of the strength is looked for."""
+HALF_EVEN = 0.5
+"""Power of its own spectrum by which a course is divided where its strength is looked at: cycles under what is slower count."""
 MIN_STRENGTH_BIN = 4
 """Slower changes of a course's strength are what chance gives."""
 SHARE_OF_SPECTRUM = 1.0 / 3.0
@@ -35,11 +37,11 @@ def figures_of_law(t: Array) -> list[CourseFigure]:
     bins = range(MIN_STRENGTH_BIN, max(int(SHARE_OF_SPECTRUM * t.size / 2.0), MIN_STRENGTH_BIN + 1))
     return [
         CourseFigure(strangest(_moments), lambda k: "its values and their changes have another law"),
+        *_cycles(t.size),
         CourseFigure(
             largest(lambda w: _strengths(w, bins), smoothed_over=STRENGTH_BINS),
             lambda k: f"its strength comes and goes at {bins[k] / span:.2g} Hz",
         ),
-        *_cycles(t.size),
     ]
 
 
@@ -62,8 +64,21 @@ def _moments(w: Array) -> Array:
 
 def _strengths(w: Array, bins: range) -> Array:
     """Spectra of what courses are without their signs: chaos that changes sides has a line there."""
-    size = np.abs(w - w.mean(axis=0))
+    size = np.abs(_evened(w, HALF_EVEN))
     return np.asarray(np.abs(np.fft.rfft(size - size.mean(axis=0), axis=0)[bins.start : bins.stop]) ** 2)
+
+
+def _evened(every: Array, power: float) -> Array:
+    """Courses whose spectrum is divided by this power of the mean one of those that the model gives (the first is none).
+
+    In ordinates of the cosine transform, in which the model's are independent: what is strong does not leak from the ends.
+    """
+    from scipy.fft import dct, idct
+
+    D = dct(every, axis=0, norm="ortho")
+    D[0] = 0.0
+    D[1:] /= np.maximum(np.mean(D[1:, 1:] ** 2, axis=1), 1e-300)[:, None] ** (0.5 * power)
+    return np.asarray(idct(D, axis=0, norm="ortho"))
 
 
 def _cycles(points: int) -> list[CourseFigure]:
@@ -81,18 +96,19 @@ def _cycles(points: int) -> list[CourseFigure]:
         from scipy.ndimage import gaussian_filter1d
 
         X = np.fft.rfft(every - every.mean(axis=0), axis=0)
-        P = np.maximum(np.mean(np.abs(X[:, 1:]) ** 2, axis=1), 1e-300)
-        P[0] = np.inf
+        even = np.fft.rfft(_evened(every, 1.0), axis=0)
         peaks = gaussian_filter1d(np.abs(X[:last]) ** 2, PEAK_BINS, axis=0)
         line = MIN_CYCLES + peaks[MIN_CYCLES:].argmax(axis=0)
         near = np.exp(-0.5 * ((bins - line) / (CYCLE_WIDTH * line)) ** 2) * (np.abs(bins - line) < 0.5 * line)
         cycle = np.fft.ifft(X * near, points, axis=0)
-        back = cycle.conj() / np.maximum(np.abs(cycle), 1e-300)
-        even = X / np.sqrt(P)[:, None]
+        step = cycle / np.maximum(np.abs(cycle), 1e-300)
         out = []
         for q in HARMONICS:
-            band = np.abs(bins - q * line) < HARMONIC_WIDTH * line
-            out.append(np.abs(np.sum(np.fft.ifft(even * band, points, axis=0) * back**q, axis=0)))
+            shape = np.fft.fft(step**q, axis=0)[: bins.size] * (
+                np.abs(bins - q * line) < HARMONIC_WIDTH * line
+            )
+            size = np.maximum(np.linalg.norm(shape, axis=0), 1e-300)
+            out.append(np.abs(np.sum(even * shape.conj(), axis=0)) / size)
         return np.array(out)
 
     def words(k: int) -> str:

@@ -204,7 +204,7 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
     cost = float(np.log(len(allowed) + 1))
     reference = log_evidence(base.problem, base.fit) + cost
     found = [
-        _added(f, base, reference + f[0].effect.prior_penalty_nats, cost + f[0].effect.prior_penalty_nats)
+        _added(f, base, reference + f[0].effect.rarer_by_nats(), cost + f[0].effect.rarer_by_nats())
         for f in allowed
     ]
     found = [c for c in found if np.isfinite(c.gain)]

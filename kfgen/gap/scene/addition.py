@@ -215,7 +215,7 @@ def _cost(placed: Placed, every: Sequence[Placed]) -> float:
 
 def _penalty(placed: Placed) -> float:
     """By which an effect at its place is rarer than others [nats]."""
-    return placed.effect.prior_penalty_nats + placed.prior_penalty_nats
+    return placed.effect.rarer_by_nats() + placed.prior_penalty_nats
 
 
 def _alike(a: Placed, b: Placed) -> bool:

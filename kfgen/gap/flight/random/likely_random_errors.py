@@ -68,7 +68,7 @@ def likely_random_errors(
     starts = _screened(path, channels, residual, known)
     found = [_fitted(path.linear, path.log.dt, scene, s) for s in starts]
     choice = float(np.log(2 * len(channels) + 1))
-    costs = [choice + f.placed.effect.prior_penalty_nats for f in found]
+    costs = [choice + f.placed.effect.rarer_by_nats() for f in found]
     found = [replace(f, evidence=f.evidence - c, occam=f.occam - c) for f, c in zip(found, costs)]
     return sorted(found, key=lambda f: -f.evidence)
 
