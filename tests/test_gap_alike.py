@@ -123,3 +123,18 @@ def test_lags_that_are_one_are_said_to_be() -> None:
     said = re.search(r"motion at (\S+) Hz", words)
     assert said is not None
     assert float(said.group(1)) == pytest.approx(265.0, rel=0.2)
+
+
+def test_a_reading_that_is_early_is_rarer_and_found_where_it_is() -> None:
+    """One delay in ten is of the reference: log 9 = 2.2 nats; a millisecond early is worth some 1,000 here."""
+    early, late = (make("time_delay", delay=d).rarer_by_nats() for d in (-1e-3, 1e-3))
+    assert early - late == pytest.approx(np.log(9.0), abs=0.01)
+    rng = np.random.default_rng(1)
+    sd = np.radians(0.1)
+    f, p = rng.uniform(0.1, 2.0, (3, 4)), rng.uniform(0, 6, (3, 4))
+    rate, read = (0.4 * np.sin(2 * np.pi * f * (T + d)[:, None, None] + p).sum(axis=2) for d in (0.0, 1e-3))
+    channels = triad("gyro", read + sd * rng.standard_normal((N, 3)), "rad/s")
+    first = found_in(channels | triad("ref_gyro", rate, "rad/s"), assumed("gyro", "rad/s", sd))[0]
+    assert first.effect.name == "time_delay"
+    lo, hi = first.ci95["delay"]
+    assert abs(0.5 * (lo + hi) + 1e-3) < 4.5 / 1.96 * 0.5 * (hi - lo)

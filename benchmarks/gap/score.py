@@ -70,6 +70,11 @@ class Score:
     allan_bic: str = ""
 
     @property
+    def first_is_hidden(self) -> bool:
+        """The first name itself is hidden: of what is exactly alike each has its own share of the probability."""
+        return self.first in self.truths
+
+    @property
     def plain(self) -> dict[str, Any]:
         """As data for a file."""
         return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(self).items()}

@@ -269,13 +269,13 @@ def _faults(scores: Sequence[Score]) -> str:
 
 
 def _calibration(scores: Sequence[Score]) -> str:
-    rows = [["claimed", "mean claimed", "right"]]
+    rows = [["claimed", "mean claimed", "hidden itself"]]
     singles = [s for s in _of(scores, "single") if not math.isnan(s.probability)]
     for lo, hi in BINS:
         at = [s for s in singles if lo <= s.probability < hi]
         if at:
             mean = f"{np.mean([s.probability for s in at]):.3f}"
-            rows.append([f"{lo:g} to {min(hi, 1.0):g}", mean, share(s.right_first for s in at)])
+            rows.append([f"{lo:g} to {min(hi, 1.0):g}", mean, share(s.first_is_hidden for s in at)])
     sure = [s for s in singles if s.probability > 0.9]
     if sure:
         rows.append(

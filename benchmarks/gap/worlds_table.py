@@ -52,7 +52,7 @@ def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: floa
     said = [
         f"Nothing hidden: {sum(s.verdict != 'no_gap' for s in plain)} of {len(plain)} called a gap.",
         f"First names claimed above 90 %: right in {share(s.right_first for s in sure)}.",
-        f"First names by the probability claimed, right and claimed: {_reliability(single)}.",
+        f"First names by the probability claimed, hidden themselves and claimed: {_reliability(single)}.",
         f"95 % intervals hold the truth in {share(held)}.",
         *(f"Each {kind} named exactly: {share(s.exact for s in of)}." for kind, of in stacks if of),
         *([f"Outside of the catalogue, said unknown: {_unknown(outside)}."] if outside else []),
@@ -63,13 +63,13 @@ def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: floa
 
 
 def _reliability(single: Sequence[Score]) -> str:
-    """Of every bin of the probability: how many were right, and the mean that was claimed."""
+    """Of every bin of the probability: how many were hidden themselves, and the mean that was claimed."""
     out = []
     for lo, hi in BINS:
         of = [s for s in single if lo <= s.probability < hi]
         if of:
             mean = sum(s.probability for s in of) / len(of)
-            out.append(f"{sum(s.right_first for s in of)} of {len(of)} and {100.0 * mean:.1f} %")
+            out.append(f"{sum(s.first_is_hidden for s in of)} of {len(of)} and {100.0 * mean:.1f} %")
     return "; ".join(out)
 
 

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 MOST_UNHEARD = 0.2
 """Share of a log that a lag may leave without a truth; a longer memory starts from rest."""
+FORGOTTEN_AFTER = 10.0
+"""Time constants of a pole, after which ``exp(-10)`` of a wrong start is left."""
 EARLY_RARER_BY_NATS = 2.2
 """By which it is rarer that a reading is early, which takes a reference that is late: one delay in ten."""
 MAX_NOISE_SIGMAS = 4.0
@@ -187,20 +189,39 @@ class Bandwidth(Lag):
         return 1 / (2 * np.pi * self.corner)
 
     def memory(self) -> tuple[float, float]:
-        """Ten time constants, after which ``exp(-10)`` of a wrong start is left."""
-        return 10.0 / (2.0 * np.pi * float(self.corner)), 0.0
+        """What is not forgotten."""
+        return FORGOTTEN_AFTER * float(self.seconds), 0.0
 
     def knee(self) -> float:
         """The corner."""
         return float(self.corner)
 
     def passed(self, x: Array, dt: float) -> Array:
-        """Signals, shape (n, ...), through ``1 / (1 + i f / corner)``, as if mirrored before the first."""
-        from scipy.fft import irfft, next_fast_len, rfft
+        """Signals, shape (n, ...), behind ``seconds * y' = x - y``, as if they had come as they go on from the first.
 
-        n = x.shape[0]
-        size = next_fast_len(2 * n, real=True)
-        mirrored = np.concatenate([x, x[::-1], np.broadcast_to(x[:1], (size - 2 * n, *x.shape[1:]))])
-        f = np.arange(size // 2 + 1) / (size * dt)
-        response = (1.0 / (1.0 + 1j * f / float(self.corner))).reshape(-1, *(1,) * (x.ndim - 1))
-        return np.asarray(irfft(rfft(mirrored, axis=0) * response, n=size, axis=0)[:n])
+        Exact for the cubic spline through the samples. It is causal: what a spectrum does to the ends of a record would
+        decide between a pole and a delay.
+        """
+        from scipy.interpolate import CubicSpline
+        from scipy.signal import lfilter
+
+        tau = float(self.seconds) / dt
+        before = min(int(FORGOTTEN_AFTER * tau) + 2, x.shape[0] - 1)
+        whole = np.concatenate([2.0 * x[:1] - x[before:0:-1], x])
+        c = CubicSpline(np.arange(len(whole), dtype=np.float64), whole, axis=0).c
+        fed = np.tensordot(_fed(tau), c[::-1], axes=1)
+        phi = np.exp(-1.0 / tau)
+        y = lfilter([1.0], [1.0, -phi], np.concatenate([whole[:1], fed]), axis=0)
+        return np.asarray(y[before:])
+
+
+def _fed(tau: float) -> Array:
+    """What 1, s, s^2 and s^3 feed to a pole of time constant `tau` while s goes from 0 to 1, shape (4,)."""
+    if tau > 0.5:
+        s, w = np.polynomial.legendre.leggauss(16)
+        s = 0.5 * (s + 1.0)
+        return np.asarray(np.vander(s, 4, increasing=True).T @ (0.5 * w * np.exp((s - 1.0) / tau)) / tau)
+    out = [1.0 - np.exp(-1.0 / tau)]
+    for k in (1, 2, 3):  # by parts
+        out.append(1.0 - k * tau * out[-1])
+    return np.array(out)

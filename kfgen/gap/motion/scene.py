@@ -244,12 +244,12 @@ class MotionScene:
         known = self.good & c.there
         unknown = unheard(self.truth.t, lags)
         if unknown.any():
-            # There a lag neither gains nor loses: what is left without it, where that may be noise.
+            # What was before the log is a guess: where it leaves no noise, a lag neither gains nor loses.
             others = [e for e in here if not isinstance(e, Lag)]
             plain = c.y - with_errors(self.truth.signals(c.sensor, m_n), c.axis, others, self.drive) - bias
-            sd = float(np.std(self.made_up[self.compared.index(c)]))
-            left = np.where(unknown, plain, left)
-            known = known & ~(unknown & (np.abs(plain) > MAX_NOISE_SIGMAS * sd))
+            loud = MAX_NOISE_SIGMAS * float(np.std(self.made_up[self.compared.index(c)]))
+            left = np.where(unknown & (np.abs(left) > loud), plain, left)
+            known = known & ~(unknown & (np.abs(left) > loud))
         left = self._assumed_where(c, left[c.at], known[c.at])
         return self._assumed_within(c, left, edges_of(here))
 
