@@ -27,6 +27,8 @@ MIN_LINE_PERIODS = 2.5
 """Periods of the slowest line that fit into the record: a slower one is a drift."""
 MIN_RESONANCE_WIDTH_BINS = 3.0
 """Width of a resonance in bins (inverse lengths of the record) below which it is a spectral line."""
+MAX_RESONANCE_DAMPING = 0.25
+"""Damping ratio from which on a peak rises to less than twice the level below it: a hump, as slow noise has."""
 PERIODOGRAM_OVERSAMPLING = 4
 """Frequencies of the padded periodogram for each frequency of the record."""
 TRIAL_DAMPING_RATIOS = (0.005, 0.02, 0.06, 0.2)
@@ -161,8 +163,9 @@ class Resonance(LinearProcess):
         )
 
     def is_itself(self, duration: float) -> bool:
-        """Whether its peak is wide enough to be distinguished from a line."""
-        return 2.0 * float(self.damping) * float(self.frequency) * duration > MIN_RESONANCE_WIDTH_BINS
+        """Whether its peak is wide enough to be distinguished from a line, and a peak."""
+        width_bins = 2.0 * float(self.damping) * float(self.frequency) * duration
+        return width_bins > MIN_RESONANCE_WIDTH_BINS and float(self.damping) < MAX_RESONANCE_DAMPING
 
     @classmethod
     def detect(cls, series: WhiteSeries) -> list[Detection]:
