@@ -21,6 +21,7 @@ from kfgen.gap.core.search import (
     Refused,
     grown,
     labels,
+    likeliest_first,
     probabilities,
     proven,
     reconsidered,
@@ -64,6 +65,7 @@ class Table:
     pairs: Mapping[tuple[str, str], str] = field(default_factory=dict)
     is_closed: bool = False
     losing: frozenset[str] = frozenset()
+    substitutes: frozenset[str] = frozenset()
     refused: tuple[Refused, ...] = ()
 
     def left(self) -> set[str]:
@@ -86,8 +88,9 @@ class Table:
         }
         return sorted((Name(n, g) for n, g in gains.items()), key=lambda a: (-a.gain, a.name))
 
-    def objection(self, addition: Name) -> str:
-        return "it loses" if addition.name in self.losing else ""
+    def objection(self, addition: Name, likelier: Sequence[Name]) -> str:
+        worse = addition.name in self.substitutes and any(o.gain > addition.gain for o in likelier)
+        return "it loses" if addition.name in self.losing or worse else ""
 
     def refusing(self, refused: Sequence[Refused]) -> Table:
         return replace(self, refused=(*self.refused, *refused))
@@ -293,6 +296,13 @@ def test_probabilities_of_overwhelming_evidence_are_numbers() -> None:
     assert found[NO_EFFECT] == 0.0
 
 
+def test_starts_of_one_effect_count_together() -> None:
+    """Two starts of 1 nat each are 1 + log 2 = 1.69 nats, more than 1.5."""
+    b, a, c = Name("b", 1.5), Name("a", 1.0), Name("a", 0.999)
+    assert likeliest_first([b, a, c]) == [a, c, b]
+    assert likeliest_first([b, a]) == [b, a]
+
+
 def test_what_reaches_the_least_evidence_may_be_refused() -> None:
     """One that has exactly as much evidence as is asked for counts: it is added, or refused in words."""
     table = Table({"a": ("p",)}, {"p": 3.0}, losing=frozenset({"a"}))
@@ -303,6 +313,21 @@ def test_what_reaches_the_least_evidence_may_be_refused() -> None:
     left, ranked = proven(table, table.ranked(), gain + 1e-9)
     assert left.refused == ()
     assert len(ranked) == 1
+
+
+def test_what_stands_in_for_a_refused_one_is_refused_too() -> None:
+    """b is asked beside the likelier one that was refused; c, which is no substitute, is added."""
+    table = Table(
+        {"a": ("p",), "b": ("q",), "c": ("r",)},
+        {"p": 9.0, "q": 7.0, "r": 5.0},
+        losing=frozenset("a"),
+        substitutes=frozenset("b"),
+    )
+    left, ranked = proven(table, table.ranked(), 0.0)
+    assert [r.effect for r in left.refused] == [Name(n, 0.0).label[0] for n in "ab"]
+    assert [a.name for a in ranked] == ["c"]
+    alone, ranked = proven(replace(table, losing=frozenset()), table.ranked()[1:], 0.0)
+    assert (alone.refused, [a.name for a in ranked]) == ((), ["b", "c"])
 
 
 # Every decision at its edge.

@@ -167,9 +167,15 @@ class Explanation(Protocol[A]):
     def ranked(self) -> Sequence[A]:
         """What could be added, by evidence, the best first."""
 
-    def objection(self, addition: A) -> str:
+    def objection(self, addition: A, likelier: Sequence[A]) -> str:
         """Why an addition is not to be added in spite of its evidence, for it does not shrink the gap on data that its
         fit did not see; empty where it does, or where no data could show it.
+
+        Parameters
+        ----------
+        addition : Addition
+        likelier : sequence of Addition
+            Those of more evidence that were refused: what resembles one of them must gain, lest it stand in its place.
         """
 
     def refusing(self, refused: Sequence[Refused]) -> Self:
@@ -277,8 +283,12 @@ def proven(explanation: E, ranked: Sequence[A], min_evidence_nats: float) -> tup
         Evidence below which nothing is added anyway [nats].
     """
     refused: list[Refused] = []
-    while ranked and ranked[0].gain >= min_evidence_nats and (why := explanation.objection(ranked[0])):
+    likelier: list[A] = []
+    while (
+        ranked and ranked[0].gain >= min_evidence_nats and (why := explanation.objection(ranked[0], likelier))
+    ):
         refused.append(Refused(*ranked[0].label, ranked[0].gain, why))
+        likelier.append(ranked[0])
         ranked = ranked[1:]
     return (explanation.refusing(refused) if refused else explanation), ranked
 
@@ -336,6 +346,14 @@ def refused_of(explanation: E) -> tuple[Refused, ...]:
 def labels(explanation: E) -> list[Label]:
     """Effect and place of all that was chosen, in order."""
     return [c.label for c in explanation.chosen]
+
+
+def likeliest_first(additions: Sequence[A]) -> list[A]:
+    """By the evidence of all starts of a label together, those of one label by their own."""
+    together: dict[Label, float] = {}
+    for a in additions:
+        together[a.label] = float(np.logaddexp(together.get(a.label, -np.inf), a.gain))
+    return sorted(additions, key=lambda a: (-together[a.label], -a.gain))
 
 
 def probabilities(ranked: Sequence[Addition]) -> dict[Label, float]:

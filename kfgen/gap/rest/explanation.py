@@ -16,6 +16,7 @@ from kfgen.gap.core.thresholds import (
     MIN_FIRST_EVIDENCE_NATS,
     SearchLimits,
 )
+from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS
 from kfgen.gap.rest.comb import beside_wave, comb_of
 from kfgen.gap.rest.distinguishability import distinguishability
 from kfgen.gap.rest.evidence import (
@@ -161,9 +162,11 @@ class ChannelExplanation:
         used = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
         return candidates(self.base, frozenset(used) | self.without)
 
-    def objection(self, addition: Candidate) -> str:
-        """Why an addition is not to be added, see `kfgen.gap.rest.proof`."""
-        return unproven(self.base, addition)
+    def objection(self, addition: Candidate, likelier: Sequence[Candidate]) -> str:
+        """Why an addition is not to be added, see `kfgen.gap.rest.proof`; shapes resemble shapes, and noise noise."""
+        is_shape = bool(addition.effect.coefficients())
+        alike = any(bool(o.effect.coefficients()) == is_shape for o in likelier if o.name != RETUNE)
+        return unproven(self.base, addition, 0.0 if alike else MAX_UNSEEN_LOSS_NATS)
 
     def refusing(self, refused: Sequence[Refused]) -> ChannelExplanation:
         """With these remembered as not added."""

@@ -28,19 +28,21 @@ PROVEN_NATS = 100.0
 """Gain on parts of a record after which the others are not looked at."""
 
 
-def unproven(base: Candidate, addition: Candidate) -> str:
+def unproven(base: Candidate, addition: Candidate, max_loss_nats: float = MAX_UNSEEN_LOSS_NATS) -> str:
     """What an addition loses on data that its fit did not see; empty where that is nothing, or cannot be shown.
 
     Parameters
     ----------
     base, addition : Candidate
         The model without and with it, fitted.
+    max_loss_nats : float
+        That may be chance.
     """
     if addition.changes_samples or addition.name == RETUNE or search_is_over():
         return ""
     gains = _of_shape(addition) if addition.effect.coefficients() else [_of_noise(base, addition)]
     loss = -min(gains, default=0.0)
-    return loses_unseen(loss) if loss > MAX_UNSEEN_LOSS_NATS else ""
+    return loses_unseen(loss) if loss > max_loss_nats else ""
 
 
 def _of_shape(addition: Candidate) -> list[float]:

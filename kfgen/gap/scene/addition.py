@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects.inertial.inertial_error import free
-from kfgen.gap.core.search import Label
+from kfgen.gap.core.search import Label, likeliest_first
 from kfgen.gap.rest.evidence import TIME_LIMITS
 from kfgen.gap.scene.evidence import evidence, evidence_over_widths, time_limits
 from kfgen.gap.scene.newton import SceneFit, coordinates, fitted
@@ -121,7 +121,7 @@ def relinearised(scene: Scene, fit: SceneFit, rounds: int = MAX_LINEARISATIONS) 
 def ranked(
     scene: Scene, base: SceneFit, others: Sequence[Screened], known: FittedAddition | None = None
 ) -> list[FittedAddition]:
-    """The most promising additions, fitted, by evidence.
+    """The most promising additions, fitted, the likeliest effect at its place first.
 
     Parameters
     ----------
@@ -153,7 +153,8 @@ def ranked(
         gain = evidence(scene, t.fit) - reference - cost
         gain -= (1.0 - share) * max(t.fit.value - base.value, 0.0)
         found.append(replace(t, gain=gain, cost=cost, even_share=share))
-    return _weighed_about_themselves(scene, sorted(found, key=lambda t: -t.gain), known)
+    by_gain = sorted(found, key=lambda t: -t.gain)
+    return likeliest_first(_weighed_about_themselves(scene, by_gain, known))
 
 
 def _even_shares(scene: Scene, base: SceneFit, trials: Sequence[FittedAddition]) -> list[float]:
@@ -188,7 +189,7 @@ def _weighed_about_themselves(
             there, fit = relinearised(scene, t.fit, FAR_ROUNDS)
             more = evidence_over_widths(there, fit) - evidence_over_widths(scene, t.fit)
             out[i] = replace(t, gain=t.gain + t.even_share * more, about=(there, fit))
-    return sorted(out, key=lambda t: -t.gain)
+    return out
 
 
 def cos2(a: Array, b: Array) -> float:

@@ -28,6 +28,7 @@ from kfgen.gap.core.search import (
     worth,
 )
 from kfgen.gap.core.thresholds import SearchLimits
+from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS
 from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, ranked, relinearised
 from kfgen.gap.scene.evidence import evidence_over_widths
 from kfgen.gap.scene.newton import SceneFit, fitted
@@ -75,9 +76,10 @@ class SceneExplanation:
         """What could be added, by evidence, the best first."""
         return ranked(self.scene, self.fit, self.others)
 
-    def objection(self, addition: FittedAddition) -> str:
+    def objection(self, addition: FittedAddition, likelier: Sequence[FittedAddition]) -> str:
         """Why an addition is not to be added, see `kfgen.gap.scene.proof`."""
-        return unproven(self.scene, self.fit, addition.fit)
+        alike = any(cos2(addition.direction, o.direction) > RESEMBLING_MIN_COS2 for o in likelier)
+        return unproven(self.scene, self.fit, addition.fit, 0.0 if alike else MAX_UNSEEN_LOSS_NATS)
 
     def refusing(self, refused: Sequence[Refused]) -> SceneExplanation:
         """With these remembered as not added."""

@@ -107,7 +107,7 @@ def too_wide(scene: Scene, fit: SceneFit, index: int, deviation: Array, max_rati
     return ""
 
 
-def unproven(scene: Scene, base: SceneFit, fit: SceneFit) -> str:
+def unproven(scene: Scene, base: SceneFit, fit: SceneFit, max_loss_nats: float = MAX_UNSEEN_LOSS_NATS) -> str:
     """What the last effect of a fit loses on data that its fit did not see, part by part or on the last ones; empty if nothing.
 
     Parameters
@@ -115,13 +115,15 @@ def unproven(scene: Scene, base: SceneFit, fit: SceneFit) -> str:
     scene : Scene
     base, fit : SceneFit
         Without and with it.
+    max_loss_nats : float
+        That may be chance.
     """
     if min(scene.lengths) < MIN_PART_SAMPLES or not np.isfinite(coordinates(fit.point)).all():
         return ""
     before, after = (_linear(scene, f, fit.levels) for f in (base, fit))
     for parts in (parts_of(scene.lengths), [tail_of(scene.lengths)]):
         gain = unseen_gain(before, after, parts)
-        if gain < -MAX_UNSEEN_LOSS_NATS:
+        if gain < -max_loss_nats:
             return loses_unseen(-gain)
     return ""
 
