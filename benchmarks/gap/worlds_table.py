@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import fill
 
 from case import OBVIOUS
 from docs_table import measured_at
 from score import Score
 from tables import BINS, share
+
+LINE_CHARACTERS = 120
+"""Of the documentation."""
 
 
 def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: float) -> str:
@@ -59,7 +63,10 @@ def worlds_table(world: str, scores: Sequence[Score], arguments: str, load: floa
         f"No answer: {sum(bool(s.error) for s in scores)}.",
     ]
     command = f"`python benchmarks/gap --world {world} {arguments} --docs`"
-    return "\n".join([*lines, "", "\n".join(said), "", f"{measured_at(load)},\n{command}."])
+    kept = "\n".join(
+        fill(x, LINE_CHARACTERS, break_on_hyphens=False) for line in said for x in line.splitlines()
+    )
+    return "\n".join([*lines, "", kept, "", f"{measured_at(load)},\n{command}."])
 
 
 def _reliability(single: Sequence[Score]) -> str:
