@@ -138,3 +138,26 @@ def test_a_reading_that_is_early_is_rarer_and_found_where_it_is() -> None:
     assert first.effect.name == "time_delay"
     lo, hi = first.ci95["delay"]
     assert abs(0.5 * (lo + hi) + 1e-3) < 4.5 / 1.96 * 0.5 * (hi - lo)
+
+
+@pytest.mark.parametrize("corner", [0.5, 20.0, 100.0])
+def test_a_pole_is_exact_to_the_last_sample(corner: float) -> None:
+    """Of a sine: 1 / (1 + i f / corner). A spline of 2 Hz at 100 Hz errs by some (2 pi f dt)^4 / 384 = 6e-7.
+
+    After ten time constants exp(-10) = 4.5e-5 of what was guessed before the first sample is left.
+    """
+    f = 2.0
+    gain = 1.0 / (1.0 + 1j * f / corner)
+    x = np.sin(2 * np.pi * f * T + 1.0)
+    settled = np.imag(gain * np.exp(1j * (2 * np.pi * f * T + 1.0)))
+    lag = make("bandwidth", corner=corner)
+    start = int(10.0 / (2 * np.pi * corner) / DT) + 10
+    read = lag.passed(x, DT)  # type: ignore[attr-defined]
+    assert np.abs(read - settled)[start:].max() < 1e-4
+    assert np.abs(read - settled)[-50:].max() < 1e-5
+
+
+def test_a_hump_is_no_resonance() -> None:
+    """At a damping ratio of 0.25 the peak rises to 1 / (2 * 0.25) = 2 times the level below it."""
+    for damping, is_peak in ((0.24, True), (0.26, False)):
+        assert make("resonance", frequency=1.0, damping=damping, rms=1.0).is_itself(1000.0) == is_peak

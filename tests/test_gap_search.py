@@ -9,9 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, log
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from kfgen.effects import make
 from kfgen.gap.core.search import (
     NO_EFFECT,
     Chosen,
@@ -328,6 +332,33 @@ def test_what_stands_in_for_a_refused_one_is_refused_too() -> None:
     assert [a.name for a in ranked] == ["c"]
     alone, ranked = proven(replace(table, losing=frozenset()), table.ranked()[1:], 0.0)
     assert (alone.refused, [a.name for a in ranked]) == ((), ["b", "c"])
+
+
+def test_only_what_resembles_a_refused_one_must_gain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Directions at cos^2 = 0.5 and 0 of a scene; at rest shapes among shapes, and noise among noise."""
+    for module in (scene_explanation, explanation):
+        monkeypatch.setattr(module, "unproven", lambda *given: str(given[-1]))
+    refused, near, far = (
+        SimpleNamespace(direction=np.array(d)) for d in ([1.0, 0.0], [1.0, 1.0], [0.0, 1.0])
+    )
+    scene: Any = SimpleNamespace(scene=None, fit=None)
+    for addition in (refused, near, far):
+        addition.fit = None
+    asked = [
+        scene_explanation.SceneExplanation.objection(scene, a, o)  # type: ignore[arg-type]
+        for a, o in ((near, [refused]), (far, [refused]), (near, []))
+    ]
+    assert asked == ["0.0", "3.0", "3.0"]
+    ramp, walk = (
+        SimpleNamespace(effect=make(n, **v), name=n)
+        for n, v in (("rate_ramp", {"R": 1.0}), ("rate_random_walk", {"K": 1.0}))
+    )
+    rest: Any = SimpleNamespace(base=None)
+    asked = [
+        explanation.ChannelExplanation.objection(rest, a, o)  # type: ignore[arg-type]
+        for a, o in ((ramp, [ramp]), (ramp, [walk]), (walk, [walk]), (walk, []))
+    ]
+    assert asked == ["0.0", "3.0", "0.0", "3.0"]
 
 
 # Every decision at its edge.

@@ -349,11 +349,9 @@ def labels(explanation: E) -> list[Label]:
 
 
 def likeliest_first(additions: Sequence[A]) -> list[A]:
-    """By the evidence of all starts of a label together, those of one label by their own."""
-    together: dict[Label, float] = {}
-    for a in additions:
-        together[a.label] = float(np.logaddexp(together.get(a.label, -np.inf), a.gain))
-    return sorted(additions, key=lambda a: (-together[a.label], -a.gain))
+    """By the probability of all starts of a label together, those of one label by their own evidence."""
+    share = probabilities(additions)
+    return sorted(additions, key=lambda a: (-share[a.label], -a.gain))
 
 
 def probabilities(ranked: Sequence[Addition]) -> dict[Label, float]:
