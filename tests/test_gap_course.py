@@ -124,3 +124,18 @@ def test_chaos_that_changes_sides_is_no_telegraph() -> None:
     telegraph = make("random_telegraph", size=1.5, dwell=12.0)
     said = none_of_their_kind(Record(T, y), [WHITE], [telegraph])
     assert said == "its strength comes and goes at 0.13 Hz"
+
+
+def test_a_heater_in_the_noise_of_the_model_is_no_number_of_it() -> None:
+    """The bias of the model takes its pulses up: once "model structure confirmed; parameters re-estimated"."""
+    rng, n = np.random.default_rng(11), 4 * N
+    t, bias = DT * np.arange(n), {"sigma": 0.2, "tau": 5.0}
+    assumed = ChannelNoise("rad/s", (Term(WHITE), Term(make("gauss_markov", **bias))))
+    quiet = rng.standard_normal(n) + make("gauss_markov", **bias).simulate(t, rng)
+    heated = channel_gap("gyro_x", Record(t, quiet + 0.4 * pulses(rng, n, 300.0)), assumed)
+    assert (heated.verdict, heated.retuned, heated.findings) == ("unknown_effect", True, ())
+    assert not any(test.significant for test in heated.after)
+    assert heated.own_noise_objection.startswith("it is a spectral line at 0.03")  # a cycle is 30 s
+    y = rng.standard_normal(n) + make("gauss_markov", sigma=0.4, tau=5.0).simulate(t, rng)
+    larger = channel_gap("gyro_x", Record(t, y), assumed)
+    assert (larger.verdict, larger.retuned, larger.own_noise_objection) == ("effects_found", True, "")

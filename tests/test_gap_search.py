@@ -68,6 +68,7 @@ class Table:
     sure: frozenset[str] = frozenset()
     pairs: Mapping[tuple[str, str], str] = field(default_factory=dict)
     is_closed: bool = False
+    is_contradicted: bool = False
     losing: frozenset[str] = frozenset()
     substitutes: frozenset[str] = frozenset()
     refused: tuple[Refused, ...] = ()
@@ -411,3 +412,11 @@ def test_a_whole_tie_goes_to_the_better_name() -> None:
 
 def test_a_first_effect_with_just_enough_evidence_is_added() -> None:
     assert names(grown(Table({"a": "1"}, {"1": LIMITS.min_first_evidence_nats}), LIMITS)) == ["a"]
+
+
+def test_where_there_surely_is_a_gap_a_first_name_need_only_be_likelier_than_none() -> None:
+    """A record that contradicts the numbers of the model is no null: nothing is a false alarm of a gap there."""
+    faint = Table({"walk": "a"}, {"a": 0.5})
+    assert not grown(faint, LIMITS).chosen
+    assert labels(grown(replace(faint, is_contradicted=True), LIMITS)) == [("walk", "")]
+    assert not grown(replace(faint, worth={"a": -0.5}, is_contradicted=True), LIMITS).chosen

@@ -195,6 +195,9 @@ class GapResult(Result):
             "remaining": {"significant": bool(remaining), "tests": remaining},
             "checks": {", ".join(c.channels): _checks(c) for c in every if c.checks},
             "retuned": [n for c in every for n in c.retuned_channels],
+            "retuned_stand_in_because": {
+                c.channels[0]: c.own_noise_objection for c in every if c.own_noise_objection
+            },
             "noise_times": {
                 s.channel: {"value": s.times, "ci95": list(s.ci95)} for c in every for s in c.noise_scales
             },

@@ -128,7 +128,7 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
         f"{_what(f)}{_in_unknown_field(c, f)}. It is {percent(f.probability)} probable among all candidates"
     )
     if f.objection:
-        words += f"; it stands in for something else, for the course that it took is none of its kind: {f.objection}"
+        words += f"; it {_stands_in(f.objection)}"
     if f.nothing_probability > NOTHING_MIN_PROBABILITY:
         words += f", that nothing is missing {percent(f.nothing_probability)}"
     if f.test is not None:
@@ -145,6 +145,22 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
     if near:
         words += f"; in this log it looks nearly like {', '.join(near[:MAX_NEARLY_ALIKE])}"
     return words
+
+
+def own_noise_sentence(channel: str, objection: str) -> str:
+    """That other numbers of the assumed noise are no explanation, in words.
+
+    Parameters
+    ----------
+    channel : str
+    objection : str
+        In what the course of that noise is none of its kind.
+    """
+    return f"{channel}: the noise with these numbers {_stands_in(objection)}"
+
+
+def _stands_in(objection: str) -> str:
+    return f"stands in for something else, for the course that it took is none of its kind: {objection}"
 
 
 def _what(f: Finding) -> str:

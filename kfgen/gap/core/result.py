@@ -255,6 +255,9 @@ class Comparison:
     limits : tuple of DetectionLimit
     retuned : bool
         Whether assumed numbers were estimated again.
+    own_noise_objection : str
+        In what the course of the noise of those numbers is none of its kind, so that it stands in for something else; empty
+        where in nothing.
     noise_scales : tuple of NoiseScale
         Channels whose noise is of another size than assumed.
     checks : Checks, optional
@@ -286,6 +289,7 @@ class Comparison:
     span_s: tuple[float, float]
     limits: tuple[DetectionLimit, ...] = ()
     retuned: bool = False
+    own_noise_objection: str = ""
     noise_scales: tuple[NoiseScale, ...] = ()
     checks: Checks | None = None
     rms: tuple[tuple[str, float, float], ...] = ()

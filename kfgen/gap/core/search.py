@@ -157,6 +157,10 @@ class Explanation(Protocol[A]):
         """Whether nothing more is to be added, for it would have no end."""
 
     @property
+    def is_contradicted(self) -> bool:
+        """Whether the record surely contradicts what is assumed, so that a first name is no false alarm of a gap."""
+
+    @property
     def refused(self) -> Sequence[Refused]:
         """What was not added in spite of its evidence."""
 
@@ -255,7 +259,7 @@ def grown(explanation: E, limits: SearchLimits) -> E:
     limits : SearchLimits
     """
     while len(explanation.chosen) < limits.max_effects and not explanation.is_closed and not search_is_over():
-        asked = limits.min_evidence_nats if explanation.chosen else limits.min_first_evidence_nats
+        asked = limits.min_evidence_nats if explanation.chosen else _of_first(explanation, limits)
         together = limits.first_counts_rivals and not explanation.chosen
         best = asked - TIE_NATS if together else asked
         explanation, ranked = proven(explanation, explanation.ranked(), best)
@@ -263,6 +267,11 @@ def grown(explanation: E, limits: SearchLimits) -> E:
             break
         explanation = explanation.merged(ranked[0]) or explanation.plus(ranked[0], ranked)
     return explanation
+
+
+def _of_first(explanation: E, limits: SearchLimits) -> float:
+    """Evidence above which a first effect is named: where there surely is a gap, it need only be likelier than none."""
+    return 0.0 if explanation.is_contradicted else limits.min_first_evidence_nats
 
 
 def of_all(ranked: Sequence[Addition]) -> float:

@@ -27,7 +27,7 @@ from kfgen.gap.core.search import NO_EFFECT, Chosen, refused_of, searched
 from kfgen.gap.core.thresholds import DETECTION_LIMIT_NATS
 from kfgen.gap.rest.checks import checks_of
 from kfgen.gap.rest.comparison import ChannelGap, span_of
-from kfgen.gap.rest.course import has_course, none_of_their_kind
+from kfgen.gap.rest.course import own_noise_objection, with_objections
 from kfgen.gap.rest.evidence import RETUNE, Candidate, additions, series_of
 from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
@@ -116,13 +116,14 @@ def channel_gap(
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
     checks = checked(search, findings) if findings else None
-    if verdict_of(findings, retuned, after, search.comb_hz) == UNKNOWN_EFFECT:
+    objection = own_noise_objection(search) if retuned else ""
+    if verdict_of(findings, retuned, after, search.comb_hz, objection) == UNKNOWN_EFFECT:
         findings = list(beside_misfit(findings))
     findings = [*(fault_finding(f, channel, record, noise.unit) for f in faults), *findings]
     return ChannelGap(
         channels=(channel,),
         unit=noise.unit,
-        verdict=verdict_of(findings, retuned, after, search.comb_hz),
+        verdict=verdict_of(findings, retuned, after, search.comb_hz, objection),
         findings=tuple(findings),
         before=tuple(before),
         after=tuple(after),
@@ -133,6 +134,7 @@ def channel_gap(
         limits=limits_of(channel, noise.unit, base, at.trusted),
         record=at.whole,
         retuned=retuned,
+        own_noise_objection=objection,
         comb_hz=search.comb_hz,
         refused=tuple(replace(r, where=channel) for r in refused_of(search)),
         white=series_of(base).fast,
@@ -239,7 +241,9 @@ def without_altering(record: Record, noise: ChannelNoise, altering: Sequence[Eff
     return record
 
 
-def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb_hz: float) -> str:
+def verdict_of(
+    findings: Sequence[Finding], retuned: bool, tests: Sequence[Test], comb_hz: float, objection: str = ""
+) -> str:
     """The verdict by what was found, by the tests of what is left, and by a comb of lines.
 
     Parameters
@@ -251,31 +255,12 @@ def verdict_of(findings: Sequence[Finding], retuned: bool, tests: Sequence[Test]
         Under the updated model.
     comb_hz : float
         Fundamental of a comb of lines; zero where there is none.
+    objection : str
+        In what the course of the model's own noise is none of its kind; empty where in nothing.
     """
-    if any(t.significant for t in tests) or comb_hz > 0.0 or any(f.objection for f in findings):
+    if any(t.significant for t in tests) or comb_hz > 0.0 or objection or any(f.objection for f in findings):
         return UNKNOWN_EFFECT
     return EFFECTS_FOUND if findings or retuned else NO_GAP
-
-
-def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> list[Finding]:
-    """The findings, those that are noise of a kind with what speaks against the courses that they took together.
-
-    Parameters
-    ----------
-    search : ChannelExplanation
-        Finished.
-    findings : sequence of Finding
-        Of it.
-    """
-    base, assumed = search.base, len(search.effects)
-    (record, *more) = records_of(base.problem.record)
-    known, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
-    if more:
-        return list(findings)
-    if len(search.altering) == 1 and has_course(search.altering[0]):
-        record, added = records_of(search.record)[0], (*added, *search.altering)
-    objection = none_of_their_kind(record, known, added)
-    return [replace(f, objection=objection) if has_course(f.effect) else f for f in findings]
 
 
 def terms_of(

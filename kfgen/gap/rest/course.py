@@ -1,4 +1,4 @@
-"""Whether the random effects that were added to a channel at rest took courses as their names say.
+"""Whether random effects of a channel at rest, added or of other numbers than assumed, took courses as their names say.
 
 Slow noise leaves white residuals whatever made it: a resonance of that spectrum stands for a chaotic supply, a
 Gauss-Markov bias for a door that opens and shuts. The course that an effect took is the mean that Wiener's filter gives,
@@ -8,6 +8,7 @@ ordinate by ordinate of the cosine transform; it is compared with courses of rec
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.effect import LinearProcess
 from kfgen.gap.core.random_course import COURSE_POINTS, chances, not_random
+from kfgen.gap.core.result import Finding
+from kfgen.gap.rest.explanation import ChannelExplanation
+from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -33,6 +37,45 @@ POINTS_OVER_SHOWN = 4
 """Ordinates over those that have this share: what is fast says most of a law."""
 STEPS_OF_A_POINT = 8
 """Of what is simulated in time."""
+
+
+def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, those that are noise of a kind with what speaks against the courses that they took together.
+
+    Parameters
+    ----------
+    search : ChannelExplanation
+        Finished.
+    findings : sequence of Finding
+        Of it.
+    """
+    base, assumed = search.base, len(search.effects)
+    (record, *more) = records_of(base.problem.record)
+    known, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
+    if more:
+        return list(findings)
+    if len(search.altering) == 1 and has_course(search.altering[0]):
+        record, added = records_of(search.record)[0], (*added, *search.altering)
+    objection = none_of_their_kind(record, known, added)
+    return [replace(f, objection=objection) if has_course(f.effect) else f for f in findings]
+
+
+def own_noise_objection(search: ChannelExplanation) -> str:
+    """What speaks against the course of the assumed noise where its numbers were estimated anew; empty where nothing does.
+
+    A larger Gauss-Markov bias of the model follows a heater's pulses as one that was added would.
+
+    Parameters
+    ----------
+    search : ChannelExplanation
+        Finished.
+    """
+    base, assumed = search.base, len(search.effects)
+    (record, *more) = records_of(base.problem.record)
+    if more:
+        return ""
+    own, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
+    return none_of_their_kind(record, [*(e for e in own if not has_course(e)), *added], [e for e in own if has_course(e)])
 
 
 def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[Effect]) -> str:

@@ -30,6 +30,7 @@ from kfgen.gap.rest.evidence import (
     series_of,
 )
 from kfgen.gap.rest.proof import unproven
+from kfgen.gap.rest.trust import moved
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Key, Prior, Problem, maximise
@@ -108,6 +109,11 @@ class ChannelExplanation:
     def is_retuned(self) -> bool:
         """Whether the assumed numbers were set free."""
         return any(c.name == RETUNE for c in self.chosen)
+
+    @cached_property
+    def is_contradicted(self) -> bool:
+        """Whether the numbers that are assumed do not hold, as far as they were trusted."""
+        return moved(self.base.problem, self.base.fit, self.effects)
 
     @property
     def comb_hz(self) -> float:

@@ -217,6 +217,7 @@ def with_means(
             *(m for m in again.limits if m.effect.name not in of_means),
         ),
         retuned=beginning.retuned or slow.retuned,
+        own_noise_objection=slow.own_noise_objection or again.own_noise_objection,
         refused=(*again.refused, *slow.refused),
     )
     return whole, again

@@ -152,6 +152,7 @@ def _of_all(
         limits=limits_of(channel, noise.unit, base, at.trusted),
         comb_hz=0.0,
         retuned=retuned,
+        own_noise_objection="",
         refused=tuple(replace(r, where=channel) for r in refused_of(search)),
         white=np.zeros(0),
         checks=checked(search, findings) if findings else None,

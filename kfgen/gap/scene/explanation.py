@@ -66,6 +66,7 @@ class SceneExplanation:
     refused: tuple[Refused, ...] = ()
 
     is_closed = False
+    is_contradicted = False
 
     @cached_property
     def others(self) -> list[Screened]:
