@@ -29,6 +29,7 @@ from kfgen.gap.core.result import (
 from kfgen.gap.core.search import Refused
 from kfgen.gap.core.thresholds import NEARLY_ALIKE_MIN_COS2, NOTHING_MIN_PROBABILITY
 from kfgen.gap.motion.candidates import FIELD_PREFIX
+from kfgen.gap.rest.evidence import RETUNE
 from kfgen.manoeuvre.library import LIBRARY
 
 VERDICTS = {
@@ -37,6 +38,8 @@ VERDICTS = {
     UNKNOWN_EFFECT: "something is missing from the model that the catalogue does not explain",
     BAD_DATA: "the data are faulty, and a fit to them would mean nothing",
 }
+NUMBERS_OF_THE_MODEL = "other numbers of the model itself"
+"""What a record does not rule out where these could stand in the place of an effect."""
 MAX_RECORD_FACTOR = 1000.0
 """Times the length of a record beyond which nobody logs."""
 MIN_SAID_COS2 = 0.5
@@ -265,6 +268,7 @@ def _likened(f: Finding, name: str) -> str:
         ways += [w for w in (f.effect.distinguishing_experiment(name) or known.separating_experiment,) if w]
     said = [f"cos2 {cos2:.2f}"] if cos2 > MIN_SAID_COS2 or any(o.nats is not None for o in near) else []
     said += [f"distinguished by {' or '.join(ways).rstrip(',')}"] if ways else []
+    name = NUMBERS_OF_THE_MODEL if name == RETUNE else name
     return f"{name} ({', '.join(said)})" if said else name
 
 

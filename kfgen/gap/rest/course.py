@@ -75,7 +75,9 @@ def own_noise_objection(search: ChannelExplanation) -> str:
     if more:
         return ""
     own, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
-    return none_of_their_kind(record, [*(e for e in own if not has_course(e)), *added], [e for e in own if has_course(e)])
+    return none_of_their_kind(
+        record, [*(e for e in own if not has_course(e)), *added], [e for e in own if has_course(e)]
+    )
 
 
 def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[Effect]) -> str:

@@ -242,7 +242,10 @@ def _new(starts: Sequence[Detection], present: frozenset[str] | set[str]) -> boo
 
 
 def _retuned(base: Candidate, reference: float) -> Candidate:
-    """Other numbers of what is assumed: one of them wrong and the others trusted, or all wrong; each as likely before."""
+    """Other numbers of what is assumed: one of them wrong and the others trusted, or all wrong; each is as likely as an effect.
+
+    A file that states no interval has a wrong number more often than its sensor has any one effect.
+    """
     priors = base.problem.priors
     all_wrong = loosened(priors)
     one_wrong = [{**priors, key: all_wrong[key]} for key in priors] if len(priors) > 1 else []
@@ -250,7 +253,7 @@ def _retuned(base: Candidate, reference: float) -> Candidate:
     fits = [maximise(p.starting(base.fit.effects)) for p in problems]
     values = np.array([log_evidence(p, f) for p, f in zip(problems, fits)])
     best = int(np.argmax(values))
-    return Candidate(RETUNE, fits[best], problems[best], log_mean(values) - reference)
+    return Candidate(RETUNE, fits[best], problems[best], float(np.logaddexp.reduce(values)) - reference)
 
 
 def loosened(priors: Mapping[Key, Prior]) -> dict[Key, Prior]:
