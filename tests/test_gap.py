@@ -29,6 +29,7 @@ from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
+ROOT = Path(__file__).resolve().parent.parent
 N_SAMPLES, DT = 16384, 0.1
 T = np.arange(N_SAMPLES) * DT
 WHITE = np.sqrt(DT)  # N of one unit per sample
@@ -383,6 +384,8 @@ def test_gap_answers_as_the_interface_says(
     assert answer["remaining"] == {"significant": False, "tests": []}
     assert all({"effect", "would_not_see_below", "unit"} <= set(m) for m in answer["limits"])
     assert "temperature" in result.output
+    documented = (ROOT / "docs/gap.md").read_text(encoding="utf-8").split("## 12.")[1]
+    assert [key for key in [*answer, *step] if key != "format" and f"`{key}`" not in documented] == []
     effects = {e.name: e for e in read_noise(updated).channel("gyro_x").effects}
     assert list(effects) == ["white_noise", "temperature"]
     assert effects["temperature"].coefficient == pytest.approx(coefficient["value"], rel=1e-6)
