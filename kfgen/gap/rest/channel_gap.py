@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, catalogue
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.process.stochastic import Quantisation
+from kfgen.effects.series import DetectedFault
 from kfgen.gap.core.battery import Test, battery
 from kfgen.gap.core.holdout import held_out_gap
 from kfgen.gap.core.result import (
@@ -103,9 +104,7 @@ def channel_gap(
     """
     check(channel, record, noise)
     noise = noise.extended_band(record.dt, record.duration)
-    assumed = {e.name for e in noise.effects}
-    faults = [f for f in record.faults if f.spoils or f.effect.name not in assumed]
-    faults += spotted_in(record, noise, stamps, stated)
+    faults = _faults_beside(record, noise) + spotted_in(record, noise, stamps, stated)
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)
@@ -141,6 +140,12 @@ def channel_gap(
         checks=checks,
         clean=replace(at.whole, y=at.whole.y - raw.y + clean.y),
     )
+
+
+def _faults_beside(record: Record, noise: ChannelNoise) -> list[DetectedFault]:
+    """Faults that the samples show and that the model does not have."""
+    assumed = {e.name for e in noise.effects}
+    return [f for f in record.faults if f.spoils or f.effect.name not in assumed]
 
 
 def prepared(record: Record, noise: ChannelNoise) -> Prepared:
