@@ -91,6 +91,8 @@ class Hidden:
         Subtracted from it to give the strength [nats].
     also : tuple of str
         Other names that describe exactly the same change of the model.
+    deviations : mapping
+        Standard deviations of the true values, where they are not known exactly [SI].
     """
 
     effect: str
@@ -99,6 +101,7 @@ class Hidden:
     nats: float = math.nan
     penalty: float = 0.0
     also: tuple[str, ...] = ()
+    deviations: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -171,6 +174,7 @@ class Case:
                     "nats": float(h.nats),
                     "penalty": float(h.penalty),
                     "also": list(h.also),
+                    "deviations": {k: float(v) for k, v in h.deviations.items()},
                 }
                 for h in self.hidden
             ],

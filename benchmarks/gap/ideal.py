@@ -1,11 +1,12 @@
 """What an ideal analyst would name in the records of the blind benchmark: nobody can do better.
 
 Usage: python benchmarks/gap/ideal.py [--world static] [--count K] [--strength 100,30,10] [--nulls N] [--seed S]
-       [--size known|unknown] [--calm M] [--jobs 2] [--beside SCORES] [--json FILE] [--docs]
+       [--size known|unknown] [--laws drawn|wide] [--calm M] [--jobs 2] [--beside SCORES] [--json FILE] [--docs]
 
 The analyst knows what no user knows: the numbers of the sensor, motion or plant, the catalogue, how its parameters were
 drawn, and, with the size known, how many nats the hidden effect is worth; with the size unknown, strengths of 5 to 160 nats
-are equally likely (in logarithm) before. The name is the likeliest, the printed set the smallest that holds the
+are equally likely (in logarithm) before. With wide laws, for sensors at rest, he knows of the parameters only what a record
+can show at all, as somebody who met the sensor today. The name is the likeliest, the printed set the smallest that holds the
 truth in 98 % of the cases. Whether something is hidden at all is decided by the likelihood of the record, averaged over
 all effects: the threshold is the one that one in 200 of `calm` records at rest without an effect exceeds, drawn for it
 alone, and elsewhere 200, which is exceeded no oftener. Nothing of kfgen is asked.
@@ -30,15 +31,15 @@ import ideal_plant
 import ideal_rest
 from case import OBVIOUS, Request
 from docs_table import write_table
+from ideal_laws import LAWS
 from judgement import Judgement, sets_that_hold, together
 from tables import share
 from trial import world
 
 WORLDS = ("static", "real", "motion", "plant")
 """As the benchmark counts them: the seeds depend on it."""
+AT_REST = ("static", "real")
 JUDGES: Mapping[str, Callable[[Request, float], Judgement]] = {
-    "static": ideal_rest.judged,
-    "real": ideal_rest.judged,
     "motion": ideal_motion.judged,
     "plant": ideal_plant.judged,
 }
@@ -57,13 +58,15 @@ HEAD = [
 Scores = Mapping[str, bool]
 
 
-def judged(asked: tuple[Request, float]) -> Judgement:
+def judged(asked: tuple[Request, float, str]) -> Judgement:
     """By the analyst of its world."""
-    request, X = asked
+    request, X, laws = asked
+    if request.world in AT_REST:
+        return ideal_rest.judged(request, X, LAWS[laws])
     return JUDGES[request.world](request, X)
 
 
-def judgements(requests: Sequence[Request], jobs: int, size_known: bool) -> list[Judgement]:
+def judgements(requests: Sequence[Request], jobs: int, size_known: bool, laws: str) -> list[Judgement]:
     """In the order of sensors and strengths, so that what is reckoned for one is not reckoned again."""
     asked = [
         (k, X)
@@ -73,7 +76,7 @@ def judgements(requests: Sequence[Request], jobs: int, size_known: bool) -> list
     asked.sort(key=lambda a: (requests[a[0]].index % 12, a[1]))
     done: dict[int, list[Judgement]] = {}
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        found = pool.map(judged, [(requests[k], X) for k, X in asked], chunksize=4)
+        found = pool.map(judged, [(requests[k], X, laws) for k, X in asked], chunksize=4)
         for (k, _), judgement in zip(asked, found):
             done.setdefault(k, []).append(judgement)
     return [together(done[k]) for k in range(len(requests))]
@@ -113,6 +116,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--nulls", type=int, default=20, help="as for the benchmark: the seeds depend on it")
     parser.add_argument("--seed", type=int, default=20260101)
     parser.add_argument("--size", choices=("known", "unknown"), default="known")
+    parser.add_argument("--laws", choices=tuple(LAWS), default="drawn", help="of the parameters, at rest")
     parser.add_argument("--calm", type=int, default=200, help="records without an effect, for the threshold")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument(
@@ -120,7 +124,10 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--json", type=Path, help="every judgement")
     parser.add_argument("--docs", action="store_true", help="write the table into the documentation")
-    return parser.parse_args()
+    wanted = parser.parse_args()
+    if wanted.laws != "drawn" and wanted.world not in AT_REST:
+        parser.error(f"--laws {wanted.laws} is for {' and '.join(AT_REST)}; leave it out for {wanted.world}")
+    return wanted
 
 
 def main() -> None:
@@ -133,7 +140,7 @@ def main() -> None:
     size_known = wanted.size == "known"
     of = (strengths if size_known else (ANY_STRENGTH,)) if wanted.world == "static" else ()
     calm = calm_requests(wanted.seed, of, wanted.calm)
-    done = judgements([*work, *calm], wanted.jobs, size_known)
+    done = judgements([*work, *calm], wanted.jobs, size_known, wanted.laws)
     singles, quiet = done[: len(work)], done[len(work) :]
     other = {}
     if wanted.beside:
@@ -146,11 +153,12 @@ def main() -> None:
         command = (
             f"`python benchmarks/gap/ideal.py --world {wanted.world} --count {wanted.count} "
             f"--strength {wanted.strength}\n--nulls {wanted.nulls} --seed {wanted.seed} "
-            f"--size {wanted.size} --calm {wanted.calm} --docs`"
+            f"--size {wanted.size} --laws {wanted.laws} --calm {wanted.calm} --docs`"
         )
+        knows = f"size {wanted.size}" + (", wide laws" if wanted.laws == "wide" else "")
         write_table(
             "benchmarks.md",
-            f"ideal {wanted.world}, size {wanted.size}",
+            f"ideal {wanted.world}, {knows}",
             "\n".join([*lines, "", f"Drawn by\n{command}."]),
         )
     if wanted.json:

@@ -21,12 +21,14 @@ import static
 import strength as nats
 from case import Array, Case, Request
 from effects import EFFECTS, hysteresis
+from ideal_laws import DRAWN, Laws
 from judgement import Judgement, judgement
 from noise import (
     all_pole_spectrum,
     difference_spectrum,
     flicker_spectrum,
     gauss_markov_spectrum,
+    middles,
     poles,
     taking_turns,
     telegraph,
@@ -60,6 +62,8 @@ class Seen:
         The smoothed one [degC].
     X : float
         Strength of what is hidden, if anything is [nats].
+    laws : Laws
+        Of its parameters.
     """
 
     sensor: Sensor
@@ -67,6 +71,7 @@ class Seen:
     second: Array | None
     temperature: Array
     X: float
+    laws: Laws = DRAWN
 
     @property
     def n(self) -> int:
@@ -128,11 +133,6 @@ def _whittle(r: Seen, ratio: Array) -> float:
     return float(0.5 * (r.D * r.D / r.P * (1.0 - 1.0 / ratio) - np.log(ratio)).sum())
 
 
-def _middles(lo: float, hi: float, count: int) -> Array:
-    """Middles of `count` equal parts in logarithm."""
-    return np.asarray(lo * (hi / lo) ** ((np.arange(count) + 0.5) / count))
-
-
 def _elapsed(r: Seen) -> Array:
     return np.arange(r.n) * r.sensor.dt
 
@@ -144,8 +144,8 @@ def rate_ramp(r: Seen) -> float:
 
 def warm_up(r: Seen) -> float:
     """Over its time constant."""
-    T = r.n * r.sensor.dt
-    logs = [_shape(r, np.exp(-_elapsed(r) / tau), r.worth(2)) for tau in _middles(0.02 * T, 0.2 * T, 48)]
+    taus = r.n * r.sensor.dt * middles(*r.laws.warm_up, 48 * r.laws.finer)
+    logs = [_shape(r, np.exp(-_elapsed(r) / tau), r.worth(2)) for tau in taus]
     return _mean(np.array(logs))
 
 
@@ -160,18 +160,26 @@ def temperature_rate(r: Seen) -> float:
 
 
 def thermal_hysteresis(r: Seen) -> float:
-    """Of a fifth of the range."""
-    shape = hysteresis(r.temperature, 0.2 * float(np.ptp(r.temperature))) - 25.0
+    """Over its width; its size is that of what is not linear."""
     T = np.column_stack([np.ones(r.n), r.temperature])
-    rest = shape - T @ np.linalg.lstsq(T, shape, rcond=None)[0]
-    return _shape(r, shape, r.worth(2), rest)
+    logs = []
+    for width in r.laws.width:
+        shape = hysteresis(r.temperature, width * float(np.ptp(r.temperature))) - 25.0
+        rest = shape - T @ np.linalg.lstsq(T, shape, rcond=None)[0]
+        logs.append(_shape(r, shape, r.worth(2), rest))
+    return _mean(np.array(logs))
+
+
+def _places(r: Seen) -> NDArray[np.intp]:
+    lo, hi = r.laws.place
+    return np.arange(int(lo * r.n), int(hi * r.n))
 
 
 def bias_step(r: Seen) -> float:
     """Over its time."""
-    k = np.arange(int(0.2 * r.n), int(0.8 * r.n))
+    k = _places(r)
     q = np.cumsum(r.weighted[::-1])[::-1][k]
-    some = np.linspace(k[0], k[-1], 31).astype(int)
+    some = np.linspace(k[0], k[-1], 30 * r.laws.finer + 1).astype(int)
     gains = [nats.known_gain(np.asarray(np.arange(r.n) >= j, float), r.P) for j in some]
     size = np.sqrt(r.worth(1, 1) / np.interp(k, some, gains))
     return _mean(_either_sign(size * q, np.asarray(r.worth(1, 1))))
@@ -181,7 +189,8 @@ def sinusoid(r: Seen) -> float:
     """Over frequency (as its logarithm) and phase."""
     m = 8 * r.n
     f = np.fft.rfftfreq(m, r.sensor.dt)
-    inside = (f >= 10.0 / (r.n * r.sensor.dt)) & (f <= 0.4 / r.sensor.dt)
+    periods, highest = r.laws.line
+    inside = (f >= periods / (r.n * r.sensor.dt)) & (f <= highest / r.sensor.dt)
     Z = np.abs(np.fft.rfft(r.weighted, m))[inside]
     P = np.interp(f[inside], ordinates(r.n, r.sensor.dt), r.P)
     size = np.sqrt(4.0 * r.worth(lines=1) * P / r.n)
@@ -208,8 +217,7 @@ def rate_random_walk(r: Seen) -> float:
 def gauss_markov(r: Seen) -> float:
     """Over its correlation time."""
     s = r.sensor
-    longest = s.tau / 10.0 if s.sigma else r.n * s.dt / 25.0
-    taus = _middles(5.0 * s.dt, longest, 40)
+    taus = r.laws.taus(s.dt, r.n * s.dt, s.tau if s.sigma else 0.0)
     return _mean(
         np.array([_random(r, gauss_markov_spectrum(r.n, s.dt, 1.0, tau), r.worth(2)) for tau in taus])
     )
@@ -217,15 +225,16 @@ def gauss_markov(r: Seen) -> float:
 
 def resonance(r: Seen) -> float:
     """Over frequency and damping."""
-    kept, logs = _oscillators(r.sensor, r.n, r.worth(3))
+    kept, logs = _oscillators(r.sensor, r.n, r.worth(3), r.laws)
     return _mean(0.5 * (kept @ np.asarray(r.D * r.D / r.P, np.float32)).astype(float) - logs)
 
 
 @lru_cache(maxsize=1)
-def _oscillators(sensor: Sensor, n: int, worth: float) -> tuple[NDArray[np.float32], Array]:
+def _oscillators(sensor: Sensor, n: int, worth: float, laws: Laws) -> tuple[NDArray[np.float32], Array]:
     """What each leaves of an ordinate's power, (oscillators, n - 1), and half the sum of the logarithms of its ratio."""
     P = sensor.spectrum(n)
-    places = list(product(_middles(0.02, 0.3, FREQUENCIES), _middles(0.01, 0.08, DAMPINGS)))
+    frequencies = middles(*laws.frequency, FREQUENCIES * laws.finer)
+    places = list(product(frequencies, middles(*laws.damping, DAMPINGS)))
     kept = np.empty((len(places), n - 1), np.float32)
     logs = np.empty(len(places))
     for k, (f, damping) in enumerate(places):
@@ -257,18 +266,18 @@ def _passed(sensor: Sensor, n: int, worth: float) -> Array:
 
 def noise_change(r: Seen) -> float:
     """Over its time and direction."""
-    k = np.arange(int(0.2 * r.n), int(0.8 * r.n))
+    k = _places(r)
     power = np.cumsum(np.square(r.whitened)[::-1])[::-1][k]
     logs = []
     for up in (-1.0, 1.0):
-        some, a = _changes(r.n, r.worth(1, 1), up)
+        some, a = _changes(r.n, r.worth(1, 1), up, r.laws)
         ratio = np.exp(up * np.interp(k, some, a))
         logs.append(0.5 * power * (1.0 - ratio**-2.0) - (r.n - k) * np.log(ratio))
     return _mean(np.concatenate(logs))
 
 
 @cache
-def _changes(n: int, worth: float, up: float) -> tuple[Array, Array]:
+def _changes(n: int, worth: float, up: float, laws: Laws) -> tuple[Array, Array]:
     """Sizes of a change at some samples."""
 
     def size(k: int) -> float:
@@ -277,7 +286,8 @@ def _changes(n: int, worth: float, up: float) -> tuple[Array, Array]:
             lambda a: nats.random_gain(np.where(late, np.exp(2.0 * up * a), 1.0)), worth, 1e-4, 3.0
         )
 
-    some = np.linspace(0.2 * n, 0.8 * n, 21).astype(int)
+    lo, hi = laws.place
+    some = np.linspace(lo * n, hi * n, 20 * laws.finer + 1).astype(int)
     return some, np.array([size(int(k)) for k in some])
 
 
@@ -285,7 +295,7 @@ def outliers(r: Seen) -> float:
     """Over their size."""
     p = r.worth(2)
     logs = []
-    for size in np.linspace(2.5, 6.0, 24):
+    for size in np.linspace(*r.laws.outlier, 24 * r.laws.finer):
         e = _share(r.n, p, float(size))
         quiet, loud = -0.5 * r.whitened**2, -0.5 * r.whitened**2 / (1.0 + size**2)
         mixed = np.logaddexp(np.log1p(-e) + quiet, np.log(e) + loud - 0.5 * np.log1p(size**2))
@@ -302,15 +312,15 @@ def random_telegraph(r: Seen) -> float:
     """Over its dwell; it is not hidden beside a Gauss-Markov bias."""
     if r.sensor.sigma:
         return -np.inf
-    size, stay = _levels(r.n, r.worth(2))
+    size, stay = _levels(r.n, r.worth(2), r.laws)
     return _mean(_two_levels(r.whitened[:, None], size, stay))
 
 
 @cache
-def _levels(n: int, worth: float, count: int = 10) -> tuple[Array, Array]:
+def _levels(n: int, worth: float, laws: Laws) -> tuple[Array, Array]:
     """Sizes and probabilities to stay over the law of the dwell; drawn records as for the hidden ones."""
     rng = np.random.default_rng(41)
-    dwell = n * _middles(0.005, 0.03, count)
+    dwell = n * middles(*laws.dwell, 10 * laws.finer)
     stay = 0.5 + 0.5 * np.exp(-2.0 / dwell)
     w = rng.standard_normal((4, n, 1))
     level = np.array([[telegraph(rng, n, 1.0, d) for d in dwell] for _ in w]).transpose(0, 2, 1)
@@ -318,7 +328,7 @@ def _levels(n: int, worth: float, count: int = 10) -> tuple[Array, Array]:
     def gain(size: Array) -> Array:
         return np.mean([_two_levels(a + size * b, size, stay) for a, b in zip(w, level)], axis=0)
 
-    return _at(gain, worth, np.full(count, 0.03), np.full(count, 3.0)), stay
+    return _at(gain, worth, np.full(dwell.size, 0.03), np.full(dwell.size, 3.0)), stay
 
 
 def _at(gain: Callable[[Array], Array], wanted: float, lo: Array, hi: Array) -> Array:
@@ -346,16 +356,18 @@ def _two_levels(y: Array, size: Array, stay: Array) -> Array:
 
 def intermittent_noise(r: Seen) -> float:
     """Over the share and the length of bursts."""
-    ratio, share_, lasting = _bursts(r.n, r.worth(3))
+    ratio, share_, lasting = _bursts(r.n, r.worth(3), r.laws)
     return _mean(_burst_gains(r.whitened[:, None], ratio, share_, 1.0 / lasting))
 
 
 @cache
-def _bursts(n: int, worth: float) -> tuple[Array, Array, Array]:
+def _bursts(n: int, worth: float, laws: Laws) -> tuple[Array, Array, Array]:
     """Ratios over the laws of share and length."""
     rng = np.random.default_rng(43)
-    share_ = np.repeat(np.linspace(0.05, 0.4, 6) * (1.0 - 1.0 / 12.0) + 0.01, 6)
-    lasting = np.tile(n * _middles(0.003, 0.03, 6), 6)
+    many = 6 * laws.finer
+    lo, hi = laws.share
+    share_ = np.repeat(lo + (hi - lo) * (np.arange(many) + 0.5) / many, many)
+    lasting = np.tile(n * middles(*laws.lasting, many), many)
     away = lasting * (1.0 - share_) / share_
     w = rng.standard_normal((4, n, 1))
     loud = np.array([[taking_turns(rng, n, 1.0, a, b) for a, b in zip(away, lasting)] for _ in w]).transpose(
@@ -371,7 +383,7 @@ def _bursts(n: int, worth: float) -> tuple[Array, Array, Array]:
             axis=0,
         )
 
-    return 1.0 + _at(gain, worth, np.full(36, 0.02), np.full(36, 10.0)), share_, lasting
+    return 1.0 + _at(gain, worth, np.full(many**2, 0.02), np.full(many**2, 10.0)), share_, lasting
 
 
 def _burst_gains(y: Array, ratio: Array, share_: Array, leave: Array) -> Array:
@@ -449,20 +461,22 @@ def case_of(request: Request) -> Case:
     return WORLDS[request.world].make(request, samples)
 
 
-def seen(case: Case, X: float) -> Seen:
+def seen(case: Case, X: float, laws: Laws = DRAWN) -> Seen:
     """What the analyst sees of a record."""
     world = WORLDS[case.request.world]
     sensor = world.sensor(case.variant)
     others = [k for k in case.channels if k[:-1] == sensor.channel[:-1] and k != sensor.channel]
     y, second = (case.channels[k][0] if k else None for k in (sensor.channel, others[0] if others else ""))
     assert y is not None
-    return Seen(sensor, y - sensor.offset, second, smoothed(case.channels["temperature"][0], sensor.dt), X)
+    return Seen(
+        sensor, y - sensor.offset, second, smoothed(case.channels["temperature"][0], sensor.dt), X, laws
+    )
 
 
-def judged(request: Request, X: float) -> Judgement:
+def judged(request: Request, X: float, laws: Laws = DRAWN) -> Judgement:
     """One record, as if what is hidden in it were worth X nats; each effect that the log can have is equally likely."""
     case = case_of(request)
-    r = seen(case, X)
+    r = seen(case, X, laws)
     assumed = r.sensor.text if isinstance(r.sensor, real.Base) else ""
     each = {name: judge(r) for name, judge in JUDGES.items() if f'"{name}"' not in assumed}
     return judgement(

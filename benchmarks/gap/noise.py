@@ -26,6 +26,11 @@ def power(rng: np.random.Generator, n: int, exponent: float) -> Array:
     return np.asarray(np.fft.irfft(w, m)[:n])
 
 
+def middles(lo: float, hi: float, count: int) -> Array:
+    """Middles of `count` equal parts in logarithm."""
+    return np.asarray(lo * (hi / lo) ** ((np.arange(count) + 0.5) / count))
+
+
 def telegraph(rng: np.random.Generator, n: int, dt: float, dwell: float) -> Array:
     """Zeros and ones with exponential times of stay of mean `dwell`."""
     return taking_turns(rng, n, dt, dwell, dwell)

@@ -4,6 +4,9 @@ What is assumed of a sensor is its noise at rest, at the start of a trial, with 
 its motion, in a few rounds. The second part, which none of that saw, is the case: as it is, or with an effect planted in its
 readings. Of a part as it is, every name is one too many.
 
+What is planted adds to the sensor's own errors, which nobody knows. So the same is planted in the first part, too, and an
+interval is held against what was found there, with its standard deviation: what is the sensor's own is in both.
+
 The recordings are trials of BROAD (D. Laidig et al., Data 6(7):72, 2021, CC BY 4.0) in ``../shared/data`` (or KFGEN_DATA);
 the world is empty where they are absent.
 """
@@ -14,8 +17,10 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from case import OBVIOUS, Array, Case, Hidden, Request
@@ -120,13 +125,18 @@ def _columns(part: dict[str, Array], sensor: str, y: Array | None = None) -> dic
     return out | {f"ref_q_{a}": (part["quat"][:, k], "") for k, a in enumerate("wxyz")}
 
 
-@cache
-def _assumed(trial: Path, sensor: str) -> str:
-    """The text of the noise file: at rest, and with what is found in the first part."""
+def _kfgen(*words: str | Path) -> None:
+    """A command of kfgen."""
     from typer.testing import CliRunner
 
     from kfgen.cli.app import app
 
+    CliRunner().invoke(app, [str(w) for w in words], catch_exceptions=False)
+
+
+@cache
+def _assumed(trial: Path, sensor: str) -> str:
+    """The text of the noise file: at rest, and with what is found in the first part."""
     names = ",".join(f"{sensor}_{a}" for a in AXES)
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
@@ -135,17 +145,46 @@ def _assumed(trial: Path, sensor: str) -> str:
             channels = {k: v for k, v in _columns(part, sensor).items() if name == "first" or k in names}
             _write(place / f"{name}.csv", part["t"], channels)
         model = place / "model.toml"
-        words = ["identify", str(place / "rest.csv"), "--channels", names, "-o", str(model)]
-        CliRunner().invoke(app, words, catch_exceptions=False)
+        _kfgen("identify", place / "rest.csv", "--channels", names, "-o", model)
         for k in range(ROUNDS):
             updated = place / f"updated{k}.toml"
-            words = ["gap", str(place / "first.csv"), "--model", str(model), "-o", str(updated)]
-            words += ["--json", str(place / "answer.json")]
-            CliRunner().invoke(app, words, catch_exceptions=False)
+            answer = place / "answer.json"
+            _kfgen("gap", place / "first.csv", "--model", model, "-o", updated, "--json", answer)
             model = updated if updated.is_file() else model
-            if not json.loads((place / "answer.json").read_text(encoding="utf-8"))["steps"]:
+            if not json.loads(answer.read_text(encoding="utf-8"))["steps"]:
                 break
         return model.read_text(encoding="utf-8")
+
+
+def _planted(
+    name: str, part: dict[str, Array], rng: np.random.Generator
+) -> tuple[Array, str, dict[str, float]]:
+    """Readings with an effect, where it is, and its numbers; what is planted comes before the converter."""
+    sensor, plant = EFFECTS[name]
+    y = part[SENSORS[sensor][0]]
+    steps = np.array([adc_step(c) for c in y.T])
+    y, where, values = plant(rng, y, part)
+    return np.round(y / steps) * steps, where, values
+
+
+def _found_first(trial: Path, name: str, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
+    """Numbers of an effect that is planted in the first part, and their standard deviations; none where it is not found."""
+    sensor, part = EFFECTS[name][0], _part(trial, FIRST_S)
+    y, where, _ = _planted(name, part, rng)
+    with tempfile.TemporaryDirectory() as folder:
+        log, model, answer = (Path(folder) / n for n in ("log.csv", "model.toml", "answer.json"))
+        _write(log, part["t"], _columns(part, sensor, y))
+        model.write_text(_assumed(trial, sensor), encoding="utf-8")
+        _kfgen("gap", log, "--model", model, "--json", answer)
+        steps: list[dict[str, Any]] = []
+        if answer.is_file():
+            steps = json.loads(answer.read_text(encoding="utf-8"))["steps"]
+    found = [s["parameters"] for s in steps if s["effect"] == name and s["channel"] in (where, sensor)]
+    return {
+        k: (v["value"], (v["ci95"][1] - v["ci95"][0]) / 3.92)
+        for k, v in (found[0] if found else {}).items()
+        if v.get("ci95") and None not in v["ci95"]
+    }
 
 
 def _write(path: Path, t: Array, channels: dict[str, tuple[Array, str]]) -> None:
@@ -181,10 +220,10 @@ def make(request: Request) -> Case:
     part = _part(trial, SECOND_S)
     y, hidden = part[SENSORS[sensor][0]], tuple[Hidden, ...]()
     if name:
-        steps = np.array([adc_step(c) for c in y.T])  # what is planted comes before the converter
-        y, where, values = EFFECTS[name][1](rng, y, part)
-        y = np.round(y / steps) * steps
+        y, where, _ = _planted(name, part, deepcopy(rng))
+        found = _found_first(trial, name, rng)
         twin = {"time_delay": ("bandwidth",), "bandwidth": ("time_delay",)}.get(name, ())
-        hidden = (Hidden(name, where, values, also=twin),)
+        values, deviations = ({k: v[i] for k, v in found.items()} for i in (0, 1))
+        hidden = (Hidden(name, where, values, also=twin, deviations=deviations),)
     variant = f"{trial.stem.split('_')[1]}-{sensor}"
     return Case(request, variant, hidden, part["t"], _columns(part, sensor, y), _assumed(trial, sensor))

@@ -26,7 +26,7 @@ def recorded_table(scores: Sequence[Score], seed: int, load: float) -> str:
     planted = [s for s in scores if s.kind == "single"]
     plain = [s for s in scores if s.kind == "null"]
     lines = [
-        "| trial and sensor | planted | said first | also said | probability | planted numbers in their interval |",
+        "| trial and sensor | planted | said first | also said | probability | numbers agree with the first part |",
         "|---|---|---|---|---|---|",
         *(_row(s) for s in (*planted, *plain)),
     ]
@@ -35,8 +35,9 @@ def recorded_table(scores: Sequence[Score], seed: int, load: float) -> str:
     lines += [
         "",
         f"Planted: {sum(s.right_first for s in planted)} of {len(planted)} said first, "
-        f"{sum(bool(set(s.truths) & set(s.named)) for s in planted)} among the names, {sum(held)} of {len(held)} numbers",
-        f"in their 95 % interval. Nothing planted: {len(plain) - len(named)} of {len(plain)} without a name, {many} names in",
+        f"{sum(bool(set(s.truths) & set(s.named)) for s in planted)} among the names; of their numbers {sum(held)} of {len(held)}",
+        "agree with those that were found in the first part, where the same was planted, within the 95 % interval of the",
+        f"difference. Nothing planted: {len(plain) - len(named)} of {len(plain)} without a name, {many} names in",
         f"the others, {sum(s.probability > 0.9 for s in named)} of them above 90 %. No answer: "
         f"{sum(bool(s.error) for s in scores)}.",
         "",

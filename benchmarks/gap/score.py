@@ -156,7 +156,10 @@ def _exact(named: Sequence[str], truths: Sequence[set[str]]) -> bool:
 def _covered(
     hidden: Sequence[Mapping[str, Any]], steps: Sequence[Mapping[str, Any]]
 ) -> tuple[tuple[str, bool], ...]:
-    """Intervals of effects named by their own name; a sign or phase counts as it is."""
+    """Intervals of effects named by their own name; a sign or phase counts as it is.
+
+    Where the truth has a standard deviation of its own the interval is that of the difference.
+    """
     out = []
     for h in hidden:
         step = next((s for s in steps if s["effect"] == h["effect"]), None)
@@ -165,6 +168,10 @@ def _covered(
             interval = given.get(name, {}).get("ci95") if isinstance(given.get(name), Mapping) else None
             if interval and None not in interval:
                 lo, hi = float(interval[0]), float(interval[1])
+                half = 1.96 * h.get("deviations", {}).get(name, 0.0)
+                if half:
+                    best = float(given[name]["value"])
+                    lo, hi = best - math.hypot(best - lo, half), best + math.hypot(hi - best, half)
                 out.append((f"{h['effect']}.{name}", bool(lo <= value <= hi)))
     return tuple(out)
 
