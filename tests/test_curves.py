@@ -112,6 +112,7 @@ def end_of(slow: str, seed: int) -> bool:
     return not doubt
 
 
+@pytest.mark.long
 def test_the_end_of_a_curve_may_be_a_ramp() -> None:
     """A ramp rises by tau and a random walk by its root (IEEE Std 952): the curves of 3 records of each."""
     assert not any(end_of("ramp", seed) for seed in range(3))

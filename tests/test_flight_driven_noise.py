@@ -117,6 +117,7 @@ def test_the_likelihood_of_other_sizes_is_that_of_the_path_with_them() -> None:
         assert half.log_likelihood_with(sizes) == pytest.approx(wanted, abs=1e-6)
 
 
+@pytest.mark.long
 def test_the_filter_knows_noise_that_follows_the_vibration() -> None:
     log = shaken(0, "accel", ACCEL_SD)
     found = kf.find_gap(log, MODEL)
@@ -152,6 +153,7 @@ def test_a_channel_whose_noise_would_be_fifty_times_as_loud_is_not_followed(
     assert _not_followed([("baro", 1.0, 1.0)], sizes) == ""  # noise of an input follows a shaken board
 
 
+@pytest.mark.long
 def test_louder_noise_of_an_accelerometer_is_said_by_its_size() -> None:
     """Four times as large in all: no misalignment and no random error, as was certain before."""
     log, rng = flight(5), np.random.default_rng(12)

@@ -46,7 +46,8 @@ def assert_angles(found: Finding, wanted: np.ndarray) -> None:
         assert abs(0.5 * (lo + hi) - angle) < hi - lo, name
 
 
-@pytest.mark.parametrize("vehicle", ["wing", pytest.param("quadrotor", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("vehicle", ["wing", "quadrotor"])
 def test_a_turned_magnetometer_is_named_with_its_angles(vehicle: str) -> None:
     """Three angles and not nine entries of soft iron, whose evidence is as good but for what it pays for."""
     log = turned(trial.log_of(trial.Case(vehicle, 112_611, 60.0), []), "mag", ANGLES)

@@ -89,6 +89,7 @@ def test_a_clean_flight_has_none(seed: int) -> None:
     assert changes(flight(seed)) == ()
 
 
+@pytest.mark.long
 def test_the_answer_names_it_beside_a_delay_and_the_filter_knows_it() -> None:
     log = louder(later(flight(), 16), "gnss_p", 3.0)
     found = kf.find_gap(log, MODEL)

@@ -24,6 +24,7 @@ pytest.importorskip("numba")
 SENSORS = ["gnss_position", "gnss_velocity", "mag", "barometer"]
 
 
+@pytest.mark.long
 def test_a_late_receiver_is_why_the_accelerometers_seem_noisy() -> None:
     """Who tunes a filter whose receiver is 0.1 s late makes its accelerometers twenty times as noisy."""
     late = flight.Effect("time_delay", "gnss", {"delay": 0.1})

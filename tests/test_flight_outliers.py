@@ -97,6 +97,7 @@ def test_planted_in_a_real_flight_they_are_found_and_its_delay_is_none(
     assert set(left_out(with_them, model)) == {"gnss_p"}
 
 
+@pytest.mark.long
 def test_the_answer_names_them_alone_and_the_filter_knows_them() -> None:
     log = flight("gnss_p", 0.05, 10.0)
     found = kf.find_gap(log, MODEL)

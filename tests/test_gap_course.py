@@ -72,6 +72,7 @@ def test_a_course_that_follows_a_driver_is_no_noise() -> None:
     )
 
 
+@pytest.mark.long
 def test_chaos_is_a_stand_in_and_no_certain_resonance() -> None:
     """Once two resonances, more than 99.9 % each, verdict "effects_found"."""
     n = 8192
