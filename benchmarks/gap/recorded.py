@@ -86,12 +86,19 @@ def _soft(rng: np.random.Generator, y: Array, log: dict[str, Array]) -> tuple[Ar
     return out, "mag", {f"{AXES[i]}{AXES[j]}": 0.05, f"{AXES[j]}{AXES[i]}": 0.05}
 
 
+def _attitude(quat: Array) -> Rotation:
+    """Of the optical reference; where it has lost the body, its last one before, or the first."""
+    seen = np.linalg.norm(quat, axis=1) > 0.5
+    last = np.maximum.accumulate(np.where(seen, np.arange(seen.size), int(np.argmax(seen))))
+    return Rotation.from_quat(quat[last], scalar_first=True)
+
+
 def _magnet(rng: np.random.Generator, y: Array, log: dict[str, Array]) -> tuple[Array, str, dict[str, float]]:
     """A source in the room for a quarter of the time."""
     t, v = log["t"], rng.standard_normal(3)
     start = float(t[0] + rng.uniform(0.2, 0.5) * (t[-1] - t[0]))
     there = (t >= start) & (t < start + 0.25 * (t[-1] - t[0]))
-    source = Rotation.from_quat(log["quat"], scalar_first=True).inv().apply(8.0 * v / np.linalg.norm(v))
+    source = _attitude(log["quat"]).inv().apply(8.0 * v / np.linalg.norm(v))
     return y + source * there[:, None], "mag", {}
 
 
