@@ -43,7 +43,7 @@ def of_motion(M: sp.Matrix, dt: float) -> np.ndarray:
     return np.array(block.subs(dict.fromkeys(block.free_symbols, 0)), dtype=np.float64)
 
 
-@pytest.mark.parametrize("dt", [1e-3, 0.01, 0.1])
+@pytest.mark.parametrize("dt", [1e-3, pytest.param(0.01, marks=pytest.mark.long), 0.1])
 def test_a_step_of_any_length_is_the_exact_one(dt: float) -> None:
     """Up to the longest step, a half of the time constant, to single precision."""
     discrete = DiscreteModel(build("ahrs25", None, CHOSEN), max_step=0.1)

@@ -40,7 +40,13 @@ def found(y: Array) -> Identified:
 
 
 @pytest.mark.parametrize(
-    ("share", "kappa"), [(0.0, 8.0), (0.005, 8.0), (0.02, 8.0), (0.09, 4.0), (0.09, 40.0)]
+    ("share", "kappa"),
+    [
+        (0.0, 8.0),
+        *(pytest.param(*x, marks=pytest.mark.long) for x in ((0.005, 8.0), (0.09, 4.0))),
+        (0.02, 8.0),
+        (0.09, 40.0),
+    ],
 )
 def test_the_noise_without_outliers_has_its_size(share: float, kappa: float) -> None:
     inside, of_share, errors, shares = 0, 0, list[float](), list[float]()

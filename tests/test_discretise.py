@@ -165,7 +165,7 @@ def test_process_noise_is_positive_semidefinite(name: str, order: int, dt: float
     assert np.linalg.eigvalsh(scaled).min() > -1e-12
 
 
-@pytest.mark.parametrize("dt", [1e-6, 1e-3, 0.05])
+@pytest.mark.parametrize("dt", [1e-6, pytest.param(1e-3, marks=pytest.mark.long), 0.05])
 def test_noise_of_turned_states_that_noise_drives_is_positive_semidefinite(dt: float) -> None:
     d, rng = DiscreteModel(build("ahrs25")), np.random.default_rng(3)
     speed = {s.name: 10.0 * rng.normal() for s in d.model.states if s.name.startswith(("vl_", "al_"))}

@@ -59,6 +59,7 @@ ERRORS = ["right-invariant", "local-quaternion"]
 
 
 FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
+DENSE = [("p", False), ("ud", False), ("ud", True), pytest.param("p", True, marks=pytest.mark.long)]
 
 
 @cache
@@ -241,7 +242,7 @@ def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("name", "order"), [*CASES, *((e, 1) for e in ERRORS)])
-@pytest.mark.parametrize(("form", "loops"), FORMS)
+@pytest.mark.parametrize(("form", "loops"), DENSE)
 def test_prediction_is_the_dense_formula(name: str, order: int, form: str, loops: bool) -> None:
     f = Filter(name, order, 3, form=form, loops=loops)
     Phi, Qd, step = f.evaluate("step")

@@ -141,6 +141,7 @@ def test_excited_is_what_would_be_seen_of_a_size_that_vehicles_have() -> None:
             assert m.is_excited == (m.value <= MAX_USUAL_SIZES * usual[m.effect.name])
 
 
+@pytest.mark.long
 def test_the_manoeuvre_that_is_named_is_the_shortest_that_shows_the_effect() -> None:
     wanted = [
         placed_effect(x, model(), "")

@@ -42,6 +42,7 @@ def scene_of(name: str, *, later: bool) -> FlightScene:
     return scene
 
 
+@pytest.mark.long
 def test_a_delay_that_turns_the_path_aside_is_weighed_about_the_path_that_it_leaves() -> None:
     """About the path as it is a low-pass of the velocity fits better, by a line; about its own the delay of all fixes does."""
     scene = scene_of(FIXED_WING, later=True)

@@ -92,7 +92,9 @@ def driven(log: Log) -> tuple[Placed, ...]:
     return scene.with_inertial_noise(fitted(scene, start_of(scene)).point).said
 
 
-@pytest.mark.parametrize(("sensor", "sd"), [("accel", ACCEL_SD), ("gyro", GYRO_SD)])
+@pytest.mark.parametrize(
+    ("sensor", "sd"), [("accel", ACCEL_SD), pytest.param("gyro", GYRO_SD, marks=pytest.mark.long)]
+)
 def test_noise_that_follows_the_vibration_is_named_with_its_slope(sensor: str, sd: float) -> None:
     (placed,) = driven(shaken(0, sensor, sd))
     assert (placed.effect.name, placed.where) == ("noise_level:vibration", sensor)

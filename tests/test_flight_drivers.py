@@ -103,7 +103,7 @@ def test_what_a_flight_records_competes_on_every_channel() -> None:
 @pytest.mark.parametrize(
     ("name", "where", "size"),
     [
-        ("supply_current", "mag_z", -8e-8),
+        pytest.param("supply_current", "mag_z", -8e-8, marks=pytest.mark.long),
         pytest.param("coupling:throttle", "baro", 4.0, marks=pytest.mark.long),
     ],
 )

@@ -86,9 +86,9 @@ MISREAD = [
     (times(DEGREES, "gyro"), {"gyro": DEGREES}),
     (accel_and_gyro, {"accel": 1.0 / 9.80665, "gyro": DEGREES}),
     (times(1e3, "gnss"), {"gnss_p": 1e3, "gnss_v": 1e3}),
-    (times(3.6, "gnss_v"), {"gnss_v": 3.6}),
+    pytest.param(times(3.6, "gnss_v"), {"gnss_v": 3.6}, marks=pytest.mark.long),
     (times(1e6, "mag"), {"mag": 1e6}),
-    (times(10.0, "mag"), {"mag": 10.0}),
+    pytest.param(times(10.0, "mag"), {"mag": 10.0}, marks=pytest.mark.long),
 ]
 
 

@@ -127,6 +127,7 @@ def test_chaos_that_changes_sides_is_no_telegraph() -> None:
     assert said == "its strength comes and goes at 0.13 Hz"
 
 
+@pytest.mark.long
 def test_a_heater_in_the_noise_of_the_model_is_no_number_of_it() -> None:
     """The bias of the model takes its pulses up: once "model structure confirmed; parameters re-estimated"."""
     rng, n = np.random.default_rng(11), 4 * N

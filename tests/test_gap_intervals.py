@@ -7,6 +7,7 @@ falls. Of 60 intervals at 95 % fewer than 50 hold the truth once in a thousand t
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from kfgen.effects import make
 from kfgen.effects.driven.history import hysteresis
@@ -49,6 +50,7 @@ def test_intervals_without_a_drift_are_no_wider_than_needed() -> None:
     assert plain <= wider <= plain + 5
 
 
+@pytest.mark.long
 def test_a_size_is_as_uncertain_as_the_time_constant_beside_it_lets_it_be() -> None:
     """Of ``A exp(-t / tau)`` in white noise the information in A and in tau has a squared correlation of one half.
 

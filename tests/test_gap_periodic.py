@@ -98,7 +98,9 @@ def resonant(frequency: float, damping: float, rms: float, seed: int) -> Array:
     return out
 
 
-@pytest.mark.parametrize(("frequency", "damping", "rms"), [(1.0, 0.02, 0.5), (2.2, 0.1, 0.7)])
+@pytest.mark.parametrize(
+    ("frequency", "damping", "rms"), [(1.0, 0.02, 0.5), pytest.param(2.2, 0.1, 0.7, marks=pytest.mark.long)]
+)
 def test_a_resonance_is_named_with_its_numbers(frequency: float, damping: float, rms: float) -> None:
     gap = gap_of(noise(4) + resonant(frequency, damping, rms, 1))
     assert [f.effect.name for f in gap.findings] == ["resonance"]

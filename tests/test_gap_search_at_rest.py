@@ -54,6 +54,7 @@ def test_evidence_of_one_effect_is_its_own() -> None:
     assert one.evidence == pytest.approx(one.chosen[0].gain, abs=0.2)
 
 
+@pytest.mark.long
 def test_shapes_are_found_that_a_random_process_explains_as_well_at_first() -> None:
     """Beside a spectral line a step and a warm-up: random drift is worth most while there is nothing else."""
     start = explanation(step=1.0, warm_up=2.0, line=0.3)

@@ -47,7 +47,7 @@ def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
     assert g.gap.closed > 0.95
 
 
-@pytest.mark.parametrize("factor", [0.8, 1.2])
+@pytest.mark.parametrize("factor", [1.2, pytest.param(0.8, marks=pytest.mark.long)])
 def test_a_number_that_does_not_hold_is_said_old_and_new(factor: float) -> None:
     """Alone, and beside a step of ten times the standard deviation of its mean."""
     step = np.where(T > 700.0, 3e-5, 0.0)
@@ -95,7 +95,7 @@ def test_checks_that_fail_say_so() -> None:
     assert "finds nothing" in check_sentences(Checks(0.0, {}, (), ("bias_step",)))[2]
 
 
-@pytest.mark.parametrize("assumed", [0.0, 2e-3, -2e-3])
+@pytest.mark.parametrize("assumed", [0.0, *(pytest.param(a, marks=pytest.mark.long) for a in (2e-3, -2e-3))])
 def test_a_coefficient_that_is_wrong_is_corrected(assumed: float) -> None:
     y = noise(2) + 2e-4 * (HEAT - 300.0)
     g = answer(y, make("white_noise", N=N), make("temperature", coefficient=assumed, reference=300.0))

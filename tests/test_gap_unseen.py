@@ -145,6 +145,7 @@ effects = [ { effect = "white_noise", N = "0.04 rad/s/sqrt(Hz)" } ]
 """
 
 
+@pytest.mark.long
 def test_an_actuator_is_still_on_its_way_where_the_tail_begins(kfgen: Cli, tmp_path: Path) -> None:
     """Its state is carried over: nothing is left after, and before is the power of what the model without it leaves.
 

@@ -44,7 +44,7 @@ def the_wave(gap: ChannelGap) -> PeriodicWave:
     return found.effect
 
 
-@pytest.mark.parametrize("duty", [0.2, 0.35, 0.5])
+@pytest.mark.parametrize("duty", [0.35, *(pytest.param(d, marks=pytest.mark.long) for d in (0.2, 0.5))])
 def test_a_heater_that_switches_without_a_driver_is_named(duty: float) -> None:
     """Before: a sinusoid, certain. A level up for a share d of the time has the variance d (1 - d) of its step."""
     wave = the_wave(gap_of(noise(1) + 0.4 * square(2 * np.pi * T / PERIOD_S + 1.0, duty)))
@@ -75,7 +75,7 @@ def test_the_ripple_of_a_supply_is_a_triangle() -> None:
     assert float(wave.flank) == pytest.approx(0.5, abs=0.1)
 
 
-@pytest.mark.parametrize("amplitude", [0.1, 0.3, 3.0])
+@pytest.mark.parametrize("amplitude", [3.0, *(pytest.param(a, marks=pytest.mark.long) for a in (0.1, 0.3))])
 def test_a_sine_is_no_wave(amplitude: float) -> None:
     gap = gap_of(noise(4) + amplitude * np.sin(2 * np.pi * 0.5 * T + 1.0))
     assert [f.effect.name for f in gap.findings] == ["sinusoid"]
@@ -90,7 +90,7 @@ def test_its_harmonics_are_those_of_its_samples() -> None:
     assert c[0] == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("seed", [12, *(pytest.param(k, marks=pytest.mark.long) for k in (11, 13))])
 def test_a_weak_switch_is_not_a_line_for_certain(seed: int) -> None:
     """Its line is worth 37 nats and its harmonics 7, about what their numbers cost: the wave stays in the printed set.
 

@@ -125,7 +125,7 @@ def test_a_stuck_span_is_where_it_is_and_is_no_effect() -> None:
     assert gap.verdict == "effects_found"  # the tests of what is left find nothing more
 
 
-@pytest.mark.parametrize("samples", [30, 200])
+@pytest.mark.parametrize("samples", [30, pytest.param(200, marks=pytest.mark.long)])
 def test_a_long_delay_is_looked_for_where_the_channels_are_late(samples: int) -> None:
     u, y = columns(5)
     late = np.concatenate([np.zeros(samples), y[:-samples]])

@@ -49,7 +49,7 @@ def test_a_change_of_level_is_still_one() -> None:
     assert change.ci95["ratio"][0] < 1.5 < change.ci95["ratio"][1]
 
 
-@pytest.mark.parametrize(("sigma", "tau"), [(4e-4, 30.0), (2e-4, 90.0)])
+@pytest.mark.parametrize(("sigma", "tau"), [pytest.param(4e-4, 30.0, marks=pytest.mark.long), (2e-4, 90.0)])
 def test_a_wrong_number_of_a_bias_is_no_second_bias(sigma: float, tau: float) -> None:
     """Of an hour, N trusted to 1 % and the bias to 10 %: once it was a second Gauss-Markov bias beside the first."""
     dt, n = 0.1, 36_000
@@ -68,7 +68,7 @@ def test_a_wrong_number_of_a_bias_is_no_second_bias(sigma: float, tau: float) ->
     assert updated.tau == pytest.approx(tau, rel=8.0 * np.sqrt(tau / 3600.0))
 
 
-@pytest.mark.parametrize("seed", [11, 12, 13])
+@pytest.mark.parametrize("seed", [13, *(pytest.param(k, marks=pytest.mark.long) for k in (11, 12))])
 def test_a_bias_half_as_large_again_as_a_file_says_is_a_wrong_number(seed: int) -> None:
     """Without intervals in the file: once bias instability of 37 % (seed 11), for a wrong number was one name of twenty.
 

@@ -376,6 +376,7 @@ def test_gravity_finds_its_direction(turning: tuple[Array, Array, Array]) -> Non
         assert ("up" in truth.words[0]) == (frame is not R)
 
 
+@pytest.mark.long
 def test_a_scale_under_an_attitude(turning: tuple[Array, Array, Array]) -> None:
     _, R, w = turning
     noisy = R @ attitude_noise(5e-5)

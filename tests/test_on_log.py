@@ -63,7 +63,10 @@ def proven(program: Program, log: Log, start: dict[str, float], folder: Path, co
     return found.rounding
 
 
-TRIALS = ["broad_01_undisturbed_slow_rotation_A", "broad_06_undisturbed_fast_rotation_A"]
+TRIALS = [
+    pytest.param("broad_01_undisturbed_slow_rotation_A", marks=pytest.mark.long),
+    "broad_06_undisturbed_fast_rotation_A",
+]
 PARTS = [
     pytest.param(slice(8000, 14000), id="21 s"),
     pytest.param(slice(0, None), id="all", marks=pytest.mark.long),

@@ -115,7 +115,9 @@ def simulated_against_predicted(
     ("true", "other", "manoeuvre", "seeds"),
     [
         pytest.param("time_delay@gnss_v=0.4 s", "time_delay@gnss_p", "s-turn", 5, marks=pytest.mark.long),
-        ("hard_iron@mag:y=0.45 uT", "misalignment@accel_y:yx=3 mrad", "s-turn", 5),
+        pytest.param(
+            "hard_iron@mag:y=0.45 uT", "misalignment@accel_y:yx=3 mrad", "s-turn", 5, marks=pytest.mark.long
+        ),
         pytest.param("time_delay@gnss=0.18 s", "lever_arm@gnss", "drive", 16, marks=pytest.mark.long),
         pytest.param("lever_arm@gnss=0.7 m", "time_delay@gnss", "figure-8", 16, marks=pytest.mark.long),
         pytest.param(

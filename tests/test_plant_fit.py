@@ -75,7 +75,9 @@ def least(force: Array, data: dict[str, Array], effect: str, times: Array) -> Ar
     return np.array(out)
 
 
-@pytest.mark.parametrize("start", [0.05, 0.3, 1.0, 4.0, 16.0])
+@pytest.mark.parametrize(
+    "start", [0.05, *(pytest.param(s, marks=pytest.mark.long) for s in (0.3, 1.0, 4.0)), 16.0]
+)
 @pytest.mark.parametrize("effect", ["input_delay", "input_lag"])
 def test_a_time_is_found_from_far_below_and_above(effect: str, start: float) -> None:
     rng, t = np.random.default_rng(67), np.arange(N) * DT

@@ -71,7 +71,15 @@ def test_a_time_advance_is_named(early: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("a", "drag"), [(2.0, 0.0), (2.02, 0.0), (3.0, 0.0), (6.0, 0.0), (1.0, 0.0), (1.5, 0.05)]
+    ("a", "drag"),
+    [
+        (2.0, 0.0),
+        (2.02, 0.0),
+        (3.0, 0.0),
+        pytest.param(6.0, 0.0, marks=pytest.mark.long),
+        (1.0, 0.0),
+        (1.5, 0.05),
+    ],
 )
 def test_what_makes_a_plant_quicker_or_slower_is_no_time_advance(a: float, drag: float) -> None:
     assert not plant_scene(parse_model(MOTOR, "motor.toml"), recorded(0, a, drag)[0]).spoilt

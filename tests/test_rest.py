@@ -210,7 +210,9 @@ def test_it_is_there_where_the_sensor_is_and_can_be_left_out(tmp_path: Path) -> 
         made(without=("brakes",))
 
 
-@pytest.mark.parametrize(("without", "most", "least"), [((), 1.0, 0.0), (("rest",), 50.0, 5.0)])
+@pytest.mark.parametrize(
+    ("without", "most", "least"), [((), 1.0, 0.0), pytest.param(("rest",), 50.0, 5.0, marks=pytest.mark.long)]
+)
 def test_a_parked_vehicle_does_not_drift(
     without: tuple[str, ...], most: float, least: float, tmp_path: Path
 ) -> None:

@@ -138,7 +138,7 @@ def reject(machine: Machine, seconds: float, far: float) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("form", ["p", "ud"])
+@pytest.mark.parametrize("form", [pytest.param("p", marks=pytest.mark.long), "ud"])
 def test_a_jump_is_rejected_for_its_time_and_then_followed(form: str) -> None:
     """2 s, as `RESET_AFTER` says; the position then is the fix, at its variance, and nothing else was widened."""
     machine = started("ins15", form)

@@ -65,6 +65,10 @@ class TimeBudget:
         passed = min(time.monotonic() - self._clock, time.process_time() - self._process)
         return passed - (_NOT_COUNTED_S.get() - self._before)
 
+    def has_spent(self, limit_s: float) -> bool:
+        """Whether so many seconds are spent: asked at every step of a fit, so the clock, which is quick, comes first."""
+        return time.monotonic() - self._clock >= limit_s and self.spent_s >= limit_s
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of it."""
@@ -153,7 +157,7 @@ def fit_is_over() -> bool:
 
 
 def _is_over(budget: TimeBudget, limit_s: float) -> bool:
-    if budget.spent_s < limit_s and not _ENDED_BY_USER.is_set():
+    if not _ENDED_BY_USER.is_set() and not budget.has_spent(limit_s):
         return False
     budget.ended_early = True
     return True
