@@ -116,7 +116,8 @@ def test_intervals_under_misfit_hold() -> None:
 
 def test_what_only_some_times_say_scatters_more() -> None:
     """Noise that is loud where the effect is: the variance of its size is (9 x 144 + 15) / (9 + 15) over (144 + 15) / 16 times
-    that of the likelihood, 5.5; mean of 30 records to a third. Of even noise next to nothing is added.
+    that of the likelihood, 5.5; of two estimates that scatter the larger is the answer, less than twice that in the mean of
+    30 records. Of even noise next to nothing is added.
     """
     wider = np.zeros(2)
     for seed in range(30):
@@ -128,7 +129,24 @@ def test_what_only_some_times_say_scatters_more() -> None:
         scenes = even, OneChannel(e, course)
         wider += [float(unevenness(s, fitted(s, point(s, PLACED)))[0]) / 30 for s in scenes]
     assert wider[0] < 1.4
-    assert wider[1] == pytest.approx(5.5, rel=0.34)
+    assert 4.0 < wider[1] < 11.0
+
+
+def test_a_misfit_that_comes_again_with_what_is_read_scatters_more() -> None:
+    """An unknown curve of the input beside its scale: the same in every stretch of time, of which 14 of 60 intervals held.
+
+    Intervals hold in 78 %; fewer than 36 of 60 would be one in 2,500.
+    """
+    held = 0
+    for seed in range(60):
+        rng = np.random.default_rng([6, seed])
+        course = np.sin(np.cumsum(0.05 + 0.3 * rng.standard_normal(N)))
+        curve = 0.5 * np.interp(course, np.linspace(-1.0, 1.0, 16), rng.standard_normal(16))
+        scene = OneChannel(rng.standard_normal(N) + curve - curve.mean() + 2.0 * course, course)
+        fit = fitted(scene, point(scene, PLACED))
+        sd = float(np.sqrt(fit.covariance[0, 0] * unevenness(scene, fit)[0]))
+        held += abs(fit.point.placed[0].effect.values[0] - 2.0) < 1.96 * sd
+    assert held >= 36
 
 
 def test_an_effect_with_one_coefficient_scatters_as_its_coefficient_does() -> None:
