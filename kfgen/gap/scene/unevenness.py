@@ -1,8 +1,8 @@
 """How much wider an estimate scatters over the parts of a log than its likelihood says: the block jackknife.
 
-Parts are stretches of time, and readings in which what was fitted shows alike: where a field differs from place to place,
-or a sensor is bent, a misfit comes again with every attitude, and all stretches of time show the same ([4]_). The larger
-scatter holds.
+Parts are stretches of time. Of what was fitted they are also readings in which it shows alike, and the larger scatter holds:
+where a field differs from place to place, a misfit comes again with every attitude, and all stretches of time show the
+same ([4]_).
 
 Without block b of B, of score ``s_b`` and information ``A_b`` at the best point of information H, the estimate moves by
 
@@ -51,12 +51,16 @@ def unevenness(scene: Scene, fit: SceneFit) -> Array:
     fit : SceneFit
         Of that scene.
     """
-    return _scatter(scene, fit, series(scene, fit.jacobian), fit.information, fit.covariance)
+    J = series(scene, fit.jacobian)
+    blocks = _of_equal_time(scene.lengths), _alike(scene.lengths, J)
+    each = [_scatter(scene, fit, J, fit.information, fit.covariance, block) for block in blocks]
+    return np.asarray(np.max(each, axis=0))
 
 
 def unevenness_of_effect(scene: Scene, fit: SceneFit, without: SceneFit, index: int) -> float:
     """The same for an effect as a whole: for the factor between 0 (the fit without it) and 1 (the fit with it).
 
+    Over stretches of time. Readings that are alike are a matter of its size: that it is there holds at every attitude.
     Two coefficients of one effect that nearly exchange (a square and a cube of an input) are each known badly, while
     the effect itself is certain.
 
@@ -75,20 +79,17 @@ def unevenness_of_effect(scene: Scene, fit: SceneFit, without: SceneFit, index: 
     H[1:, 1:] = fit.information[np.ix_(rest, rest)]
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     C = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
-    return float(_scatter(scene, fit, series(scene, J), H, C)[0])
+    return float(_scatter(scene, fit, series(scene, J), H, C, _of_equal_time(scene.lengths))[0])
 
 
-def _scatter(scene: Scene, fit: SceneFit, J: Array, H: Array, C: Array) -> Array:
-    """Of columns of derivatives in time, shape (N, p), with an information H and a covariance C."""
+def _scatter(scene: Scene, fit: SceneFit, J: Array, H: Array, C: Array, block: Blocks) -> Array:
+    """Of columns of derivatives in time, shape (N, p), with an information H and a covariance C, over such blocks."""
     if min(scene.lengths) < BLOCKS or not J.shape[1]:
         return np.ones(J.shape[1])
     residual = series(scene, over_levels(scene, fit.residual, fit.levels))
-    wider = np.ones(J.shape[1])
-    for block in (_of_equal_time(scene.lengths), _alike(scene.lengths, J)):
-        moved = np.array([_moved(H, J[block == b], residual[block == b]) for b in np.unique(block)])
-        scattered = (len(moved) - 1) * moved.var(axis=0)
-        wider = np.maximum(wider, scattered / np.maximum(np.diag(C), 1e-300))
-    return wider
+    moved = np.array([_moved(H, J[block == b], residual[block == b]) for b in np.unique(block)])
+    scattered = (len(moved) - 1) * moved.var(axis=0)
+    return np.asarray(np.maximum(scattered / np.maximum(np.diag(C), 1e-300), 1.0))
 
 
 def _of_equal_time(lengths: Sequence[int]) -> Blocks:
