@@ -245,7 +245,9 @@ MANY = [pytest.param(1_000_000, marks=pytest.mark.long), 15_000]
 
 
 @pytest.mark.parametrize("count", MANY)
-@pytest.mark.parametrize(("form", "real"), [("ud", "float"), ("p", "float"), ("ud", "double")])
+@pytest.mark.parametrize(
+    ("form", "real"), [("ud", "float"), ("p", "float"), pytest.param("ud", "double", marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("name", ["ahrs6", "ins15"])
 def test_hostile_calls_raise_no_flag(name: str, form: str, real: str, count: int) -> None:
     found = calls(program(name, form, real), count)

@@ -185,7 +185,9 @@ def test_a_filter_is_as_sure_as_it_should_be(case: Case) -> None:
     consistent(case, 8.0, 8)
 
 
-@pytest.mark.parametrize("manoeuvre", MANOEUVRES)
+@pytest.mark.parametrize(
+    "manoeuvre", [MANOEUVRES[0], *(pytest.param(m, marks=pytest.mark.long) for m in MANOEUVRES[1:])]
+)
 @pytest.mark.parametrize("case", quick_first(TURNS))
 def test_a_filter_is_as_sure_as_it_should_be_in_turns(case: Case, manoeuvre: str) -> None:
     consistent(case, 8.0, 6, manoeuvre)

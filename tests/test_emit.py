@@ -59,7 +59,7 @@ ERRORS = ["right-invariant", "local-quaternion"]
 
 
 FORMS = [("p", False), ("ud", False), ("p", True), ("ud", True)]
-DENSE = [("p", False), ("ud", False), ("ud", True), pytest.param("p", True, marks=pytest.mark.long)]
+MOST_FORMS = [("p", False), ("ud", False), ("ud", True), pytest.param("p", True, marks=pytest.mark.long)]
 
 
 @cache
@@ -242,7 +242,7 @@ def assert_same_state(f: Filter, wanted: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("name", "order"), [*CASES, *((e, 1) for e in ERRORS)])
-@pytest.mark.parametrize(("form", "loops"), DENSE)
+@pytest.mark.parametrize(("form", "loops"), MOST_FORMS)
 def test_prediction_is_the_dense_formula(name: str, order: int, form: str, loops: bool) -> None:
     f = Filter(name, order, 3, form=form, loops=loops)
     Phi, Qd, step = f.evaluate("step")
@@ -554,7 +554,7 @@ def test_self_test_passes(name: str, tmp_path: Path) -> None:
     assert re.fullmatch(r"\d+ values, 0 differing\n", done.stdout)
 
 
-@pytest.mark.parametrize(("form", "loops"), FORMS)
+@pytest.mark.parametrize(("form", "loops"), MOST_FORMS)
 @pytest.mark.parametrize("name", ["pendulum", "ahrs6 loaded"])
 def test_self_test_passes_in_any_form(name: str, form: str, loops: bool, tmp_path: Path) -> None:
     done = self_test(written(tmp_path, name, form, loops))

@@ -104,7 +104,7 @@ def faults(log: Log) -> set[tuple[str, str]]:
         (exchanged("gyro_z", "gyro_z", -1.0), {("sign_error", "gyro_z")}),
         (exchanged("mag_y", "mag_y", -1.0), {("sign_error", "mag_y")}),
         (exchanged("gyro_x", "gyro_y"), {("axis_swap", "gyro_x"), ("axis_swap", "gyro_y")}),
-        (times(-1.0, "baro"), {("sign_error", "baro")}),
+        pytest.param(times(-1.0, "baro"), {("sign_error", "baro")}, marks=pytest.mark.long),
         (times(-1.0, "mag_y", "mag_z"), {("sign_error", "mag_y"), ("sign_error", "mag_z")}),
         (east_north_up, ENU),
         (held("gnss", 30.0, 40.0), {("stuck", "gnss_p"), ("stuck", "gnss_v")}),

@@ -71,7 +71,9 @@ def test_two_digits_are_too_few(sensor: str) -> None:
     assert found.findings[0].effect.step == pytest.approx(0.01)
 
 
-@pytest.mark.parametrize(("sensor", "digits"), [("gyro", 4), ("accel", 3), ("mag", 3)])
+@pytest.mark.parametrize(
+    ("sensor", "digits"), [("gyro", 4), pytest.param("accel", 3, marks=pytest.mark.long), ("mag", 3)]
+)
 def test_digits_that_are_enough(sensor: str, digits: int) -> None:
     """A step of 0.001: 0.11 standard deviations of the accelerometer; of 1e-4: 0.2 of the gyro's at 1 Hz."""
     assert gap_of(sensor, log_of(sensor, digits)).verdict == "no_gap"

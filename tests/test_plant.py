@@ -485,7 +485,7 @@ def changed(name: str) -> Array:
     ("name", "wanted"),
     [
         ("input_delay", [0.05]),
-        ("input_lag", [0.06]),
+        pytest.param("input_lag", [0.06], marks=pytest.mark.long),
         ("input_nonlinearity", [0.3, -0.6]),
         ("square_law", [0.7]),
         ("saturation", [0.18]),

@@ -71,9 +71,9 @@ WAYS: list[Any] = [
     pytest.param("ins15", {"delay": "0.2 s"}, {"form": "p"}, marks=pytest.mark.long),
     ("ins15", {}, {"form": "ud", "loops": True}),
     pytest.param("ins15", {}, {"form": "p", "real": "double"}, marks=pytest.mark.long),
-    ("ahrs6", {"scale_factors": "true"}, {"form": "p"}),
+    pytest.param("ahrs6", {"scale_factors": "true"}, {"form": "p"}, marks=pytest.mark.long),
     ("ahrs6", {"scale_factors": "true"}, {"form": "ud", "loops": True}),
-    ("cart", {}, {"form": "p"}),
+    pytest.param("cart", {}, {"form": "p"}, marks=pytest.mark.long),
     ("cart", {}, {"form": "ud", "loops": True}),
 ]
 

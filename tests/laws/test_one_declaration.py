@@ -94,7 +94,9 @@ def test_an_option_attaches_an_effect_of_the_catalogue(
     assert {type(e.effect) for e in built.errors} == {catalogue()[effect]}
 
 
-@pytest.mark.parametrize("name", ["scale_factor", "scale_asymmetry", "bandwidth"])
+@pytest.mark.parametrize(
+    "name", ["scale_factor", pytest.param("scale_asymmetry", marks=pytest.mark.long), "bandwidth"]
+)
 def test_a_rate_table_written_as_a_model_file_names_what_a_noise_file_does(tmp_path: Path, name: str) -> None:
     """Before: `unknown_effect`, with 2240 nats of a scale factor."""
     sizes = {
