@@ -17,7 +17,7 @@ from kfgen.gap.scene.scene import Placed, Scene, ScenePoint
 from kfgen.gap.scene.scene_gap import scene_gap
 from kfgen.gap.scene.screen import screen
 from kfgen.gap.scene.tempered_scene import tempered
-from kfgen.gap.scene.unevenness import unevenness, unevenness_of_effect
+from kfgen.gap.scene.unevenness import scattered_deviations, unevenness, unevenness_of_effect
 
 Array = NDArray[np.float64]
 N = 2048
@@ -116,10 +116,10 @@ def test_intervals_under_misfit_hold() -> None:
 
 def test_what_only_some_times_say_scatters_more() -> None:
     """Noise that is loud where the effect is: the variance of its size is (9 x 144 + 15) / (9 + 15) over (144 + 15) / 16 times
-    that of the likelihood, 5.5; of two estimates that scatter the larger is the answer, less than twice that in the mean of
-    30 records. Of even noise next to nothing is added.
+    that of the likelihood, 5.5; mean of 30 records to a third over stretches of time. Intervals know the larger of two such
+    estimates. Of even noise next to nothing is added.
     """
-    wider = np.zeros(2)
+    wider, over_time = np.zeros(2), 0.0
     for seed in range(30):
         rng = np.random.default_rng([5, seed])
         course, e = rng.standard_normal((2, N))
@@ -128,8 +128,18 @@ def test_what_only_some_times_say_scatters_more() -> None:
         course[256:384] *= 3.0
         scenes = even, OneChannel(e, course)
         wider += [float(unevenness(s, fitted(s, point(s, PLACED)))[0]) / 30 for s in scenes]
+        fit, without = (fitted(scenes[1], point(scenes[1], *p)) for p in ((PLACED,), ()))
+        over_time += unevenness_of_effect(scenes[1], fit, without, 0) / 30
     assert wider[0] < 1.4
-    assert 4.0 < wider[1] < 11.0
+    assert over_time == pytest.approx(5.5, rel=0.34)
+    assert over_time <= wider[1] < 2.0 * 5.5
+
+
+def test_where_nothing_was_fitted_nothing_scatters() -> None:
+    """A model whose numbers are all exact, and a misfit."""
+    rng = np.random.default_rng(7)
+    scene = OneChannel(coloured(rng, 64), rng.standard_normal(N))
+    assert scattered_deviations(scene, fitted(scene, point(scene))).shape == (0,)
 
 
 def test_a_misfit_that_comes_again_with_what_is_read_scatters_more() -> None:

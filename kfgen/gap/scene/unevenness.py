@@ -1,8 +1,8 @@
 """How much wider an estimate scatters over the parts of a log than its likelihood says: the block jackknife.
 
-Parts are stretches of time. Of what was fitted they are also readings in which it shows alike, and the larger scatter holds:
-where a field differs from place to place, a misfit comes again with every attitude, and all stretches of time show the
-same ([4]_).
+Parts are stretches of time. For intervals they are also instants at which the fitted numbers act alike (by their
+derivatives), and the larger scatter holds: where a field differs from place to place, a misfit comes again with every
+attitude, and all stretches of time show the same ([4]_).
 
 Without block b of B, of score ``s_b`` and information ``A_b`` at the best point of information H, the estimate moves by
 
@@ -22,7 +22,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from kfgen.gap.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Blocks = NDArray[np.intp]
+Parted = Callable[[Sequence[int], Array], Blocks]
 
 BLOCKS = 16
 """Parts, each of which is left out once."""
@@ -52,15 +53,15 @@ def unevenness(scene: Scene, fit: SceneFit) -> Array:
         Of that scene.
     """
     J = series(scene, fit.jacobian)
-    blocks = _of_equal_time(scene.lengths), _alike(scene.lengths, J)
-    each = [_scatter(scene, fit, J, fit.information, fit.covariance, block) for block in blocks]
-    return np.asarray(np.max(each, axis=0))
+    return _scatter(scene, fit, J, fit.information, fit.covariance, (_of_equal_time, _alike))
 
 
 def unevenness_of_effect(scene: Scene, fit: SceneFit, without: SceneFit, index: int) -> float:
     """The same for an effect as a whole: for the factor between 0 (the fit without it) and 1 (the fit with it).
 
-    Over stretches of time. Readings that are alike are a matter of its size: that it is there holds at every attitude.
+    Over stretches of time only: an error of a sensor that is small beside a field that differs from place to place would have
+    a name in one part of a recording and none in another.
+
     Two coefficients of one effect that nearly exchange (a square and a cube of an input) are each known badly, while
     the effect itself is certain.
 
@@ -79,26 +80,29 @@ def unevenness_of_effect(scene: Scene, fit: SceneFit, without: SceneFit, index: 
     H[1:, 1:] = fit.information[np.ix_(rest, rest)]
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     C = np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
-    return float(_scatter(scene, fit, series(scene, J), H, C, _of_equal_time(scene.lengths))[0])
+    return float(_scatter(scene, fit, series(scene, J), H, C, (_of_equal_time,))[0])
 
 
-def _scatter(scene: Scene, fit: SceneFit, J: Array, H: Array, C: Array, block: Blocks) -> Array:
-    """Of columns of derivatives in time, shape (N, p), with an information H and a covariance C, over such blocks."""
+def _scatter(scene: Scene, fit: SceneFit, J: Array, H: Array, C: Array, parted: Sequence[Parted]) -> Array:
+    """Of columns of derivatives in time, shape (N, p), with an information H and a covariance C: the largest of all ways."""
+    wider = np.ones(J.shape[1])
     if min(scene.lengths) < BLOCKS or not J.shape[1]:
-        return np.ones(J.shape[1])
+        return wider
     residual = series(scene, over_levels(scene, fit.residual, fit.levels))
-    moved = np.array([_moved(H, J[block == b], residual[block == b]) for b in np.unique(block)])
-    scattered = (len(moved) - 1) * moved.var(axis=0)
-    return np.asarray(np.maximum(scattered / np.maximum(np.diag(C), 1e-300), 1.0))
+    for block in (parts(scene.lengths, J) for parts in parted):
+        moved = np.array([_moved(H, J[block == b], residual[block == b]) for b in np.unique(block)])
+        scattered = (len(moved) - 1) * moved.var(axis=0)
+        wider = np.maximum(wider, scattered / np.maximum(np.diag(C), 1e-300))
+    return wider
 
 
-def _of_equal_time(lengths: Sequence[int]) -> Blocks:
+def _of_equal_time(lengths: Sequence[int], J: Array) -> Blocks:
     """Block of each reading, shape (N,): stretches of the log."""
     return np.concatenate([np.arange(n) * BLOCKS // n for n in lengths])
 
 
 def _alike(lengths: Sequence[int], J: Array) -> Blocks:
-    """Block of each reading, shape (N,): instants at which the numbers that were fitted show alike [4]_.
+    """Block of each reading, shape (N,): instants at which the fitted numbers act alike [4]_.
 
     All instants are halved where they differ most, at their mean, and each half again: readings that are alike are in few
     blocks, however often they come. Where channels have their own instants, each is halved for itself.
