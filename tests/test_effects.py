@@ -57,11 +57,12 @@ KINDS = {
     "frequency": 0.9,
     "corner": 0.9,
     "ratio": 0.3,
+    "slope": 0.9,
     "width": 0.5,
     "place": 1.7,
     "solved": 0.6,
 }
-POSITIVE = ("size", "time", "frequency", "ratio", "width")
+POSITIVE = ("size", "time", "frequency", "ratio", "slope", "width")
 
 
 def example(cls: type[Effect]) -> Effect:
@@ -158,6 +159,14 @@ def test_flicker_is_flat_inside_its_band() -> None:
     np.testing.assert_allclose(effect.allan_variance(tau), 2 * np.log(2) / np.pi * 0.09, rtol=0.01)
     f = np.geomspace(1e-3, 1.0, 31)
     np.testing.assert_allclose(effect.density(f), 0.09 / (2 * np.pi * f), rtol=0.01)
+
+
+@pytest.mark.parametrize("slope", [1.0, 1.2, 1.5, 1.8])
+def test_noise_of_any_slope_has_it_over_all_that_a_record_shows(slope: float) -> None:
+    """Density ``B^2 w^-slope`` within 2 % from the lowest ordinate of a record as long as the band to a hundredth of its rate."""
+    effect = make("power_law_noise", B=0.3, slope=slope, shortest=0.01, longest=100.0)
+    w = np.geomspace(np.pi / 100.0, 0.02 * np.pi / 0.01, 31)
+    np.testing.assert_allclose(effect.density(w / (2.0 * np.pi)), 0.09 * w**-slope, rtol=0.02)
 
 
 PSD = {

@@ -10,9 +10,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import kstest
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.gap.core.course_figure import strangest
+from kfgen.gap.core.random_course import least_usual
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import none_of_their_kind
 from kfgen.gap.words import finding_sentence
@@ -27,6 +30,7 @@ KINDS = {
     "gauss_markov": {"sigma": 0.3, "tau": 5.0},
     "rate_random_walk": {"K": 0.02},
     "bias_instability": {"B": 0.1},
+    "power_law_noise": {"B": 0.1, "slope": 1.5},
     "random_telegraph": {"size": 0.6, "dwell": 8.0},
     "resonance": {"frequency": 0.3, "damping": 0.1, "rms": 0.3},
 }
@@ -127,6 +131,39 @@ def test_chaos_that_changes_sides_is_no_telegraph() -> None:
     assert said == "its strength comes and goes at 0.13 Hz"
 
 
+def test_swings_that_keep_no_time_are_no_slow_noise() -> None:
+    """Of a fifth of the noise's power, with a period of 30 s that changes by a tenth: no line of the record is strong."""
+    rng = np.random.default_rng(13)
+    pace = np.interp(T, T[::600], 1.0 + 0.1 * rng.standard_normal(T[::600].size))
+    y = rng.standard_normal(N) + 0.4 * np.sin(2.0 * np.pi * np.cumsum(pace) * DT / 30.0)
+    said = none_of_their_kind(Record(T, y), [WHITE], [make("gauss_markov", sigma=0.3, tau=5.0)])
+    assert said == "it swings at about 0.033 Hz"
+
+
+def test_chances_of_courses_are_what_they_say() -> None:
+    """Of 300 courses of the law that is drawn they are even: a test of false-alarm rate 1e-3."""
+    rng = np.random.default_rng(14)
+    t = np.arange(128.0)
+    own = np.cumsum(rng.standard_normal((128, 300)), axis=0)
+    chances = [
+        least_usual(t, x, np.cumsum(rng.standard_normal((128, 199)), axis=0), {"time": t}, law=True)[1]
+        for x in own.T
+    ]
+    assert kstest(chances, "uniform").pvalue > 1e-3
+
+
+def test_only_what_is_larger_counts_where_it_says_so() -> None:
+    def of(w: Array) -> Array:
+        return np.asarray(w)
+
+    every = np.array([[3.0, 0.0, 1.0, 2.0], [-9.0, 0.0, 1.0, 2.0]])
+    far, where = strangest(of)(every)
+    larger, place = strangest(of, larger=True)(every)
+    assert (int(where[0]), int(place[0])) == (1, 0)
+    assert far[0] == pytest.approx(10.0 / np.std([0.0, 1.0, 2.0]))
+    assert larger[0] == pytest.approx(2.0 / np.std([0.0, 1.0, 2.0]))
+
+
 @pytest.mark.long
 def test_a_heater_in_the_noise_of_the_model_is_no_number_of_it() -> None:
     """The bias of the model takes its pulses up: once "model structure confirmed; parameters re-estimated"."""
@@ -137,7 +174,7 @@ def test_a_heater_in_the_noise_of_the_model_is_no_number_of_it() -> None:
     heated = channel_gap("gyro_x", Record(t, quiet + 0.4 * pulses(rng, n, 300.0)), assumed)
     assert (heated.verdict, heated.retuned, heated.findings) == ("unknown_effect", True, ())
     assert not any(test.significant for test in heated.after)
-    assert heated.own_noise_objection.startswith("it is a spectral line at 0.03")  # a cycle is 30 s
+    assert heated.own_noise_objection.startswith("it swings at about 0.03")  # a cycle is 30 s
     y = rng.standard_normal(n) + make("gauss_markov", sigma=0.4, tau=5.0).simulate(t, rng)
     larger = channel_gap("gyro_x", Record(t, y), assumed)
     assert (larger.verdict, larger.retuned, larger.own_noise_objection) == ("effects_found", True, "")

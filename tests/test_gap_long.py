@@ -116,7 +116,7 @@ def test_a_long_log_of_the_very_model_has_no_gap() -> None:
 @pytest.mark.usefixtures("short_memory")
 def test_a_drift_whose_beginning_looks_like_a_ramp_is_named_by_all_of_the_log() -> None:
     """Alone, the beginning is called a ramp; beside the drift that all of the log shows it has nothing."""
-    sigma, tau = 0.006, 200.0
+    sigma, tau = 0.008, 200.0
     phi = np.exp(-1.0 / (RATE_HZ * tau))
     drive = sigma * np.sqrt(1.0 - phi**2) * np.random.default_rng(5).standard_normal(SAMPLES)
     y = white(2) + lfilter([1.0], [1.0, -phi], drive)

@@ -48,6 +48,7 @@ SPECIAL: dict[str, dict[str, float]] = {
     "cross_axis_noise": {"rho": 0.8},
     "vibration_rectification": {"coefficient": 0.1},
     "bias_instability": {"B": 0.05},
+    "power_law_noise": {"B": 0.05, "slope": 1.5},
     "intermittent_noise": {"ratio": 4.0, "share": 0.3, "lasting": 0.5},
     "low_pass": {"corner": 5.0},
 }

@@ -26,7 +26,7 @@ from kfgen.effects.series import OF_A_COEFFICIENT, DetectedFault, Detection, OnG
 
 Array = NDArray[np.float64]
 
-POSITIVE = ("size", "time", "frequency", "corner", "ratio", "width")
+POSITIVE = ("size", "time", "frequency", "corner", "ratio", "slope", "width")
 """Kinds of parameters that are not below zero."""
 
 

@@ -18,8 +18,8 @@ class Parameter:
         Unit template, ``U`` being the unit of the channel.
     kind : str
         ``size`` scales the output (zero: no effect), ``time`` is a time constant, ``frequency`` and
-        ``ratio`` say so, ``corner`` is a frequency that may lie above half the sampling rate: these are
-        positive and fitted in their logarithm. ``width`` is searched on a grid,
+        ``ratio`` say so, ``corner`` is a frequency that may lie above half the sampling rate, ``slope``
+        is how steeply a spectrum falls: these are positive and fitted in their logarithm. ``width`` is searched on a grid,
         ``signed`` is a coefficient that may be negative, ``solved`` follows from coefficients (an
         amplitude), ``place`` is where in time or frequency it is: looked for, then held. ``setting`` is
         chosen and never estimated.

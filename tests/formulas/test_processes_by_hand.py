@@ -239,10 +239,36 @@ def test_a_bank_of_flicker_in_closed_form() -> None:
     assert -1.0 / np.diag(np.array(narrow.A, float)) == pytest.approx([2.0, 3.0])
 
 
+def test_a_bank_of_any_slope_in_closed_form() -> None:
+    """Of slope 1 the flicker of the same B and a slow process; of slope 1.5 variances go with the root of the time."""
+    band = {"shortest": 2.0, "longest": 1000.0}
+    flicker = make("bias_instability", B=3.0, **band).form()
+    even = make("power_law_noise", B=3.0, slope=1.0, **band).form()
+    W, A = np.array(even.W, float), np.array(even.A, float)
+    assert W[:6, :6] == pytest.approx(np.array(flicker.W, float))
+    assert A[:6, :6] == pytest.approx(np.array(flicker.A, float))
+    assert -1.0 / A[6, 6] == pytest.approx(1e5)
+    ratio = 500.0**0.2
+    assert W[6, 6] == pytest.approx(2.0 * 9.0 / math.pi / (1000.0 * math.sqrt(ratio)))
+    assert [s.name for s in even.states] == [f"power_law{i}" for i in range(7)]
+    steep = make("power_law_noise", B=2.0, slope=1.5, **band).form()
+    variances = -0.5 * np.diag(np.array(steep.W, float)) / np.diag(np.array(steep.A, float))
+    root = np.sqrt(2.0 * ratio ** np.arange(6))
+    assert variances[:6] == pytest.approx(4.0 * math.log(ratio) * math.sqrt(0.5) / math.pi * root)
+
+
+@pytest.mark.parametrize("slope", [0.0, -1.0, 2.0])
+def test_a_slope_beyond_white_and_a_walk_is_refused(slope: float) -> None:
+    with pytest.raises(InputError, match="Give a slope above 0 and below 2"):
+        make("power_law_noise", B=1.0, slope=slope)
+
+
+@pytest.mark.parametrize("name", ["bias_instability", "power_law_noise"])
 @pytest.mark.parametrize(("shortest", "longest"), [(0.0, 1.0), (-1.0, 1.0), (1.0, 1.0), (2.0, 1.0)])
-def test_an_empty_band_of_flicker_is_refused(shortest: float, longest: float) -> None:
-    with pytest.raises(InputError, match="is empty"):
-        make("bias_instability", B=1.0, shortest=shortest, longest=longest)
+def test_an_empty_band_is_refused(name: str, shortest: float, longest: float) -> None:
+    numbers = {"B": 1.0} if name == "bias_instability" else {"B": 1.0, "slope": 1.5}
+    with pytest.raises(InputError, match=f"the band of {name} .* is empty"):
+        make(name, **numbers, shortest=shortest, longest=longest)
 
 
 def test_only_an_unstated_band_is_extended() -> None:

@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar, Self
@@ -231,8 +231,87 @@ DEFAULT_FLICKER_BAND_S = (1.0, 1e4)
 """Shortest and longest time constant [s] of a flicker of which only B is stated."""
 
 
+def bank_times(shortest: float, longest: float) -> tuple[float, list[float]]:
+    """Correlation times of a bank of Gauss-Markov processes, evenly spaced in the logarithm.
+
+    Parameters
+    ----------
+    shortest, longest : float
+        [s].
+
+    Returns
+    -------
+    (float, list of float)
+        The ratio of neighbours, 4 at most, and the times [s].
+    """
+    m = max(2, math.ceil(math.log(longest / shortest) / math.log(4.0)) + 1)
+    r = (longest / shortest) ** (1.0 / (m - 1))
+    return r, [shortest * r**i for i in range(m)]
+
+
+def bank(taus: Sequence[float], variances: Sequence[Any], name: str) -> LinearSystem:
+    """The sum of Gauss-Markov processes, each a state.
+
+    Parameters
+    ----------
+    taus : sequence of float
+        Correlation times [s].
+    variances : sequence of float or symbol
+        Of each [U^2].
+    name : str
+        That states begin with.
+
+    Returns
+    -------
+    LinearSystem
+    """
+    m = len(taus)
+
+    def diagonal(entries: list[Any]) -> tuple[tuple[Any, ...], ...]:
+        return tuple(tuple(e if i == j else 0 for j in range(m)) for i, e in enumerate(entries))
+
+    return LinearSystem(
+        A=diagonal([-1 / t for t in taus]),
+        W=diagonal([2 * v / t for v, t in zip(variances, taus)]),
+        C=(1,) * m,
+        x0=(0,) * m,
+        states=tuple(State(f"{name}{i}") for i in range(m)),
+    )
+
+
+class OfABand:
+    """Noise whose spectrum has its slope between a shortest and a longest correlation time."""
+
+    name: ClassVar[str]
+    shortest: float
+    longest: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest < self.longest:
+            raise InputError(
+                f"the band of {self.name} from {self.shortest:g} s to {self.longest:g} s is empty",
+                remedy="Give longest a larger time than shortest",
+            )
+
+    def extended_band(self, dt: float, duration: float) -> Self:
+        """The same over all that the record shows, where its band was not stated.
+
+        Parameters
+        ----------
+        dt, duration : float
+            Sampling period and length [s].
+
+        Returns
+        -------
+        Self
+        """
+        if (self.shortest, self.longest) != DEFAULT_FLICKER_BAND_S:
+            return self
+        return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))  # type: ignore[type-var]
+
+
 @dataclass(frozen=True)
-class BiasInstability(LinearProcess):
+class BiasInstability(OfABand, LinearProcess):
     """Flicker noise of density ``B^2 / (2 pi f)`` inside a band, as a bank of Gauss-Markov states.
 
     Time constants are spaced evenly in the logarithm with ratio ``r`` from `shortest` to
@@ -251,41 +330,15 @@ class BiasInstability(LinearProcess):
         "has a bias instability (flicker) of B = {B} between {shortest} and {longest}"
     )
 
-    def __post_init__(self) -> None:
-        if not 0.0 < self.shortest < self.longest:
-            raise InputError(
-                f"the band of bias_instability from {self.shortest:g} s to {self.longest:g} s is empty",
-                remedy="Give longest a larger time than shortest",
-            )
-
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
         """The floor of the Allan deviation, over the band that the record can show."""
         return [cls(float(look.deviation.min()), 10.0 * look.dt, look.duration)]
 
-    def extended_band(self, dt: float, duration: float) -> Self:
-        """The same B over all that the record shows, where its band was not stated."""
-        if (self.shortest, self.longest) != DEFAULT_FLICKER_BAND_S:
-            return self
-        return replace(self, shortest=min(self.shortest, dt), longest=max(self.longest, duration))
-
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """A diagonal bank of Gauss-Markov processes."""
-        m = max(2, math.ceil(math.log(self.longest / self.shortest) / math.log(4.0)) + 1)
-        r = (self.longest / self.shortest) ** (1.0 / (m - 1))
-        taus = [self.shortest * r**i for i in range(m)]
-        variance = self.B**2 * (math.log(r) / math.pi)
-
-        def diagonal(entries: list[Any]) -> tuple[tuple[Any, ...], ...]:
-            return tuple(tuple(e if i == j else 0 for j in range(m)) for i, e in enumerate(entries))
-
-        return LinearSystem(
-            A=diagonal([-1 / t for t in taus]),
-            W=diagonal([2 * variance / t for t in taus]),
-            C=(1,) * m,
-            x0=(0,) * m,
-            states=tuple(State(f"flicker{i}") for i in range(m)),
-        )
+        r, taus = bank_times(self.shortest, self.longest)
+        return bank(taus, [self.B**2 * (math.log(r) / math.pi)] * len(taus), "flicker")
 
 
 @dataclass(frozen=True)

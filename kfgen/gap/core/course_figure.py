@@ -57,14 +57,25 @@ def largest(
     return figure
 
 
-def strangest(of: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, NDArray[np.intp]]]:
-    """The figure that is furthest from its mean in courses that the model gives, in their standard deviations."""
+def strangest(
+    of: Callable[[Array], Array], larger: bool = False
+) -> Callable[[Array], tuple[Array, NDArray[np.intp]]]:
+    """The figure that is furthest from its mean in courses that the model gives, in their standard deviations.
+
+    Parameters
+    ----------
+    of : callable
+        Courses, shape (points, 1 + m), to figures, shape (figures, 1 + m).
+    larger : bool
+        Whether only what is larger than the mean counts.
+    """
 
     def figure(every: Array) -> tuple[Array, NDArray[np.intp]]:
         figures = of(every)
         usual = figures[:, 1:]
         mean, sd = usual.mean(axis=1)[:, None], np.maximum(usual.std(axis=1), 1e-12)[:, None]
-        away = np.abs(figures - mean) / sd
+        away = (figures - mean) / sd
+        away = away if larger else np.abs(away)
         return away.max(axis=0), away.argmax(axis=0)
 
     return figure

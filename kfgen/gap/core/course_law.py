@@ -28,6 +28,8 @@ SLIGHTLY_EVEN = 0.25
 and noise that is faster does not. Of six records of chaos that 0.5 left unseen five show at 0.15 to 0.25."""
 MIN_STRENGTH_BIN = 4
 """Slower changes of a course's strength are what chance gives."""
+SWING_WIDTH = 0.1
+"""Half the band of swings that keep no time, over their frequency."""
 SHARE_OF_SPECTRUM = 1.0 / 3.0
 """Of the spectrum of the strength: what is faster is that of the noise beside the course."""
 
@@ -39,6 +41,7 @@ def figures_of_law(t: Array) -> list[CourseFigure]:
     return [
         CourseFigure(strangest(_moments), lambda k: "its values and their changes have another law"),
         *_cycles(t.size),
+        *_swings(t.size, span),
         CourseFigure(
             largest(lambda w: _strengths(w, bins), smoothed_over=STRENGTH_BINS),
             lambda k: f"its strength comes and goes at {bins[k] / span:.2g} Hz",
@@ -61,6 +64,27 @@ def _moments(w: Array) -> Array:
         out += [np.mean(change**3, axis=0) / size**1.5, np.mean(change**4, axis=0) / size**2]
         out += [np.mean(before**2 * after, axis=0), np.mean(before * after**2, axis=0)]
     return np.array(out)
+
+
+def _swings(points: int, span: float) -> list[CourseFigure]:
+    """Bands of a tenth of their frequency to either side, of which one may hold swings that keep no time: a thermostat's."""
+    last = (points - 1) // 2
+    if last <= MIN_CYCLES:
+        return []
+    count = int(np.log(last / MIN_CYCLES) / np.log1p(0.4 * SWING_WIDTH))
+    at = np.geomspace(MIN_CYCLES, last, max(count, 2))
+    lo = np.floor((1.0 - SWING_WIDTH) * at).astype(np.int64)
+    hi = np.minimum(np.ceil((1.0 + SWING_WIDTH) * at).astype(np.int64), last)
+
+    def bands(every: Array) -> Array:
+        power = np.abs(np.fft.rfft(np.diff(every, axis=0), axis=0)[1 : last + 1]) ** 2
+        power /= np.maximum(power[:, 1:].mean(axis=1), 1e-300)[:, None]
+        total = np.vstack([np.zeros(power.shape[1]), np.cumsum(power / power.sum(axis=0), axis=0)])
+        return np.asarray(total[hi] - total[lo])
+
+    return [
+        CourseFigure(strangest(bands, larger=True), lambda k: f"it swings at about {at[k] / span:.2g} Hz")
+    ]
 
 
 def _strengths(w: Array, bins: range) -> Array:

@@ -2,7 +2,10 @@
 
 Its smoothed course is linear in the innovations, which are white if the model is right. So every figure of the course (how
 well it follows something recorded, how much of it is one spectral line, one short time, one jump, whether its values and
-their changes are distributed so) is compared with the same figure of courses that the model itself gives.
+their changes are distributed so) is compared with the same figure of courses that the model itself gives: the chance of each
+is the share of courses in which it is no smaller, and the cubes of the logarithms of all chances are added up. Their sum is
+compared with that of every drawn course in turn, so that figures need not be independent: one that is very unusual counts
+nearly as if it were alone, and several that are rather unusual count together.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ Array = NDArray[np.float64]
 
 FALSE_ALARM_RATE = 0.01
 """Of all tests of one course together."""
+UNUSUAL_POWER = 3
+"""Of the logarithms of chances that are added up: at one many figures that are a little unusual outweigh one that is very."""
 COURSE_POINTS = 600
 """Times at which a course is looked at, at most."""
 WINDOWS = 16
@@ -43,22 +48,26 @@ def not_random(
     law : bool
         Whether the law of its values and of their changes is looked at, too.
     """
-    found = chances(t, course, drawn, companions, law)
-    words, least = min(found.items(), key=lambda item: item[1])
-    return words if least * len(found) <= FALSE_ALARM_RATE * (1.0 + 1e-9) else ""
+    words, chance = least_usual(t, course, drawn, companions, law)
+    return words if chance <= FALSE_ALARM_RATE * (1.0 + 1e-9) else ""
 
 
-def chances(
+def least_usual(
     t: Array, course: Array, drawn: Array, companions: Mapping[str, Array], law: bool
-) -> dict[str, float]:
-    """The share of courses whose figures are no smaller, by what it would mean; arguments as for `not_random`."""
+) -> tuple[str, float]:
+    """What the least usual figure of a course means, and by what chance all are as unusual; arguments as for `not_random`."""
+    from scipy.stats import rankdata
+
     every = np.column_stack([course, drawn])
-    found = {}
+    words, unusual = [], []
     for figure in (*_figures(t, companions), *(figures_of_law(t) if law else [])):
         each, where = figure.of(every)
-        chance = float(np.mean(each >= each[0]))  # the course itself is one of them
-        found[figure.words(int(where[0]))] = chance
-    return found
+        chance = rankdata(-each, method="max") / each.size  # the course itself is one of them
+        words.append(figure.words(int(where[0])))
+        unusual.append((-np.log(chance)) ** UNUSUAL_POWER)
+    together = np.sum(unusual, axis=0)
+    least = int(np.argmax([u[0] for u in unusual]))
+    return words[least], float(np.mean(together >= together[0] * (1.0 - 1e-9)))
 
 
 def _figures(t: Array, companions: Mapping[str, Array]) -> list[CourseFigure]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.effect import LinearProcess
-from kfgen.gap.core.random_course import COURSE_POINTS, chances, not_random
+from kfgen.gap.core.random_course import COURSE_POINTS, least_usual, not_random
 from kfgen.gap.core.result import Finding
 from kfgen.gap.rest.explanation import ChannelExplanation
 from kfgen.identify.evidence.joint import records_of
@@ -23,12 +23,12 @@ from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-CHANCE_COURSES = 1499
+CHANCE_COURSES = 2999
 """Records of the updated model."""
 FIRST_COURSES = 199
 """Of them, that are looked at first."""
-CHANCE_TO_STOP = 0.025
-"""Where every figure of a course is as usual as this among the first, the others are not drawn."""
+CHANCE_TO_STOP = 0.05
+"""Where a course is as usual as this among the first, the others are not drawn."""
 MAX_COURSE_POINTS = 2048
 """Of a course that is fast."""
 SHOWN_SHARE = 0.99
@@ -133,7 +133,7 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     companions = {k: np.interp(t, record.elapsed, v) for k, v in record.drive.items() if np.ptp(v) > 0.0}
     companions |= {"time": t}
     own_course, some = course(y)[:, 0], drawn(FIRST_COURSES)
-    if min(chances(t, own_course, some, companions, law=True).values()) > CHANCE_TO_STOP:
+    if least_usual(t, own_course, some, companions, law=True)[1] > CHANCE_TO_STOP:
         return ""
     every = np.column_stack([some, drawn(CHANCE_COURSES - FIRST_COURSES)])
     return not_random(t, own_course, every, companions, law=True)

@@ -1,7 +1,7 @@
 """What is missing: candidates compared by their marginal likelihood.
 
 A candidate is the assumed model with one more effect, all parameters fitted. Its evidence is the
-likelihood integrated over them by Laplace's method in logarithms [1]_, over times that the record
+likelihood integrated over them by Laplace's method in logarithms [1]_, over times and slopes that the record
 hardly bounds numerically, over places (an onset, a frequency) by the scan that found them. Sizes and
 times have log-uniform priors, the assumed model's numbers keep the priors that trust in them gives,
 and a coefficient of a deterministic effect is log-uniform in its size, of either sign. ``retune``
@@ -35,10 +35,10 @@ RETUNE = "retune"
 """The name of the candidate that adds no effect and sets the assumed numbers free."""
 TIME_LIMITS = {"gauss_markov": (0.1, 3.0), "warm_up": (1.0 / 3.0, 10.0)}
 """Longest time in the record, shortest in periods: beyond, one is a random walk or white, the other a ramp."""
-TIME_GRID_POINTS = 9
-"""Grid on which a time is integrated that the record hardly bounds."""
-LAPLACE_MAX_SD_OF_LOG_TIME = 0.45
-"""Standard deviation of a logarithm below which Laplace's method is good for a time."""
+GRID_POINTS = {"time": 9, "slope": 5}
+"""Of the grid on which a number of this kind is integrated that the record hardly bounds."""
+LAPLACE_MAX_SD_OF_LOG = 0.45
+"""Standard deviation of a logarithm below which Laplace's method is good for such a number."""
 MAX_NATS_OF_FAINT = -2.0
 """Evidence of a shape over nothing below which it is too faint to move the noise that it is fitted with."""
 MAX_LOSS_OF_PLACE_NATS = 20.0
@@ -289,9 +289,9 @@ def _added(starts: Sequence[Detection], base: Candidate, reference: float, cost:
     fit = maximise(problem)
     H = curvature(problem, fit.point)
     value = log_evidence(problem, fit, H)
-    times = [key for key in fit.free if key[0] == at and _kind(problem, key) == "time"]
-    if times and not _is_closed(problem, fit, times[0], H):
-        value, best = _integrated(problem, fit, times[0])
+    wide = [key for key in fit.free if key[0] == at and _kind(problem, key) in GRID_POINTS]
+    if wide and not _is_closed(problem, fit, wide[0], H):
+        value, best = _integrated(problem, fit, wide[0])
         if best.value > fit.value:
             problem = problem.starting(best.effects)
             fit = maximise(problem)
@@ -347,20 +347,21 @@ def _kind(problem: Problem, key: Key) -> str:
 
 
 def _is_closed(problem: Problem, fit: Fit, key: Key, H: Array) -> bool:
-    """Whether the likelihood bounds a time well inside its box."""
+    """Whether the likelihood bounds a number well inside its box."""
     index = fit.free.index(key)
     lo, hi = problem.bounds[index]
     variance = float(np.linalg.pinv(H, hermitian=True)[index, index])
     x = float(fit.point[index])
     sd = float(np.sqrt(max(variance, 0.0)))
-    return 0.0 < sd < LAPLACE_MAX_SD_OF_LOG_TIME and lo + 2.0 * sd < x < hi - 2.0 * sd
+    return 0.0 < sd < LAPLACE_MAX_SD_OF_LOG and lo + 2.0 * sd < x < hi - 2.0 * sd
 
 
 def _integrated(problem: Problem, fit: Fit, key: Key) -> tuple[float, Fit]:
-    """The evidence integrated numerically over one time, the rest by Laplace's method; the best fit on the way."""
+    """The evidence integrated numerically over one number, the rest by Laplace's method; the best fit on the way."""
     lo, hi = problem.bounds[fit.free.index(key)]
     values, fits = [], []
-    for x in lo + (hi - lo) * (np.arange(TIME_GRID_POINTS) + 0.5) / TIME_GRID_POINTS:
+    points = GRID_POINTS[_kind(problem, key)]
+    for x in lo + (hi - lo) * (np.arange(points) + 0.5) / points:
         held = problem.starting(fit.effects).pin(key, float(np.exp(x)))
         fits.append(maximise(held))
         values.append(log_evidence(held, fits[-1]))

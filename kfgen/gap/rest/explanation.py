@@ -43,7 +43,7 @@ LINE = "sinusoid"
 WAVE = "periodic_wave"
 ONE_LINE_MAX_INVERSE_RECORDS = 40.0
 """Distance of two lines, in inverse lengths of the record, within which they may be one that wanders."""
-ABSORBERS = frozenset({"bias_instability", "gauss_markov", "rate_random_walk"})
+ABSORBERS = frozenset({"bias_instability", "gauss_markov", "power_law_noise", "rate_random_walk"})
 """Slow noise, of which one realisation looks like a drift, a step or a telegraph."""
 RANDOM = ABSORBERS | {"resonance", "random_telegraph", RETUNE}
 """What follows whatever is left, and leaves less of it to the shapes of which a record is the sum."""

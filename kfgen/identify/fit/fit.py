@@ -46,6 +46,8 @@ MAX_TIME_OVER_RECORD = 0.5
 """Of the record: the longest time that is fitted."""
 PRIOR_REACH_DEVIATIONS = 3.0
 """Standard deviations about an assumed number that a fit may go to, whatever the record can show."""
+LOG_SLOPES = (float(np.log(0.3)), float(np.log(1.99)))
+"""Of slopes of a spectrum: nearly white, and nearly a random walk."""
 LOG_STEP_OF_DERIVATIVE = 1e-4
 """Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
@@ -131,6 +133,11 @@ class Problem:
             return lo, hi
         reach = PRIOR_REACH_DEVIATIONS * prior.deviation
         return min(lo, prior.mean - reach), max(hi, prior.mean + reach)
+
+    def reach(self, key: Key) -> tuple[float, float]:
+        """Logarithms between which the ends of an interval are looked for: the box, and of a slope all that it may be."""
+        kind = {p.name: p.kind for p in self.effects[key[0]].parameters()}[key[1]]
+        return LOG_SLOPES if kind == "slope" else self.box(key)
 
     def ceiling(self, key: Key) -> float:
         """Logarithm of the largest value of a parameter that the ADC grid of the samples allows."""

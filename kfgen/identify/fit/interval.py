@@ -47,7 +47,7 @@ _MAX_SECANT_STEPS = 60
 def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | None:
     """Where the loss reaches its quantile, going up or down from the best value [SI].
 
-    Returns None where it never does inside the box: the likelihood does not close there.
+    Returns None where it never does within its reach: the likelihood does not close there.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def edge(problem: Problem, best: Fit, key: Key, *, direction: int) -> float | No
     direction : int
         +1 to go up, -1 to go down.
     """
-    limit = problem.box(key)[direction > 0]
+    limit = problem.reach(key)[direction > 0]
     value = float(getattr(best.effects[key[0]], key[1]))
     if not value > 0.0:
         return None

@@ -1,0 +1,99 @@
+"""Noise whose spectrum falls with a slope of its own, between flicker and a random walk.
+
+Transistors, resistors and traps in silicon seldom give ``1/f`` exactly [1]_, and a record shows three decades of it or less:
+its slope is a number like others, with an interval.
+
+References
+----------
+.. [1] M. S. Keshner, 1/f noise, Proc. IEEE 70(3), 1982, pp. 212-218; the bank of Gauss-Markov processes is his sec. V.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kfgen.core.errors import InputError
+from kfgen.effects.effect import LinearProcess, parameter
+from kfgen.effects.linear_system import LinearSystem
+from kfgen.effects.process.stochastic import DEFAULT_FLICKER_BAND_S, OfABand, bank, bank_times
+from kfgen.effects.series import Detection, OnGrid, WhiteSeries
+
+STEEPEST = 2.0
+"""Slope of a random walk."""
+SLOWEST_OVER_LONGEST = 100.0
+"""Correlation time of the process that stands for all that is slower than the band, over the longest in it."""
+SLOPES_TRIED = (1.3, 1.5, 1.7)
+"""Where fits start."""
+MEANS = 64
+"""Into which a record is gathered for a first look at the size."""
+
+
+@dataclass(frozen=True)
+class PowerLawNoise(OfABand, LinearProcess):
+    """Noise of density ``B^2 w^-slope``, ``w`` in rad/s, inside a band, as a bank of Gauss-Markov processes.
+
+    ``B`` is the bias instability of the flicker that has the same density at 1 rad/s. Correlation times are spaced evenly
+    in the logarithm with ratio ``r`` from `shortest` to `longest`, each of variance
+    ``B^2 ln(r) sin(pi slope / 2) / pi tau^(slope - 1)``; a slow one more drives as all together do that would follow.
+    """
+
+    B: Any = parameter("U")
+    slope: Any = parameter("", "slope")
+    shortest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[0])
+    longest: float = parameter("s", "setting", DEFAULT_FLICKER_BAND_S[1])
+
+    name: ClassVar[str] = "power_law_noise"
+    title: ClassVar[str] = "noise between flicker and a random walk"
+    separating_experiment: ClassVar[str] = "a much longer record"
+    sentence_template: ClassVar[str] = (
+        "carries noise that falls as f^-{slope}, at 1 rad/s like flicker of B = {B}, between {shortest} and {longest}"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.slope, (int, float)) and not 0.0 < self.slope < STEEPEST:
+            raise InputError(
+                f"power_law_noise of slope {self.slope:g} is no noise between white and a random walk",
+                remedy=f"Give a slope above 0 and below {STEEPEST:g}: the density falls as f^-slope",
+            )
+
+    @classmethod
+    def ceiling(cls, name: str, grid: OnGrid) -> float:
+        """That of a random walk, for the slope."""
+        return STEEPEST if name == "slope" else math.inf
+
+    def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
+        """A diagonal bank of Gauss-Markov processes."""
+        r, taus = bank_times(self.shortest, self.longest)
+        s, each = self.slope, self.B**2 * _sin(math.pi * self.slope / 2) / math.pi
+        variances = [each * math.log(r) * t ** (s - 1) for t in taus]
+        slowest = SLOWEST_OVER_LONGEST * self.longest
+        driven = 2 * each * (self.longest * math.sqrt(r)) ** (s - 2) / (2 - s)
+        return bank([*taus, slowest], [*variances, driven * slowest / 2], "power_law")
+
+    @classmethod
+    def detect(cls, series: WhiteSeries) -> list[Detection]:
+        """Several slopes over the band that the record can show, of the size of the means of its parts."""
+        if series.n < MEANS:
+            return []
+        duration = series.n * series.dt
+        size = float(np.std([part.mean() for part in np.array_split(series.y, MEANS)]))
+        found = []
+        for slope in SLOPES_TRIED:
+            B = size * duration ** (0.5 * (1.0 - slope))
+            found += [Detection(cls(B, slope, series.dt, duration))] if B > 0.0 else []
+        return found
+
+
+def _sin(x: Any) -> Any:
+    """Of a number or a symbol."""
+    if isinstance(x, (int, float)):
+        return math.sin(x)
+    import sympy as sp
+
+    return sp.sin(x)
