@@ -30,6 +30,7 @@ from noise import (
     gauss_markov_spectrum,
     poles,
     power,
+    power_law_spectrum,
     taking_turns,
     telegraph,
     walk_spectrum,
@@ -144,6 +145,15 @@ def bias_instability(r: Recording, X: float) -> Hidden:
     B = _random(r, flicker_spectrum(r.n) / r.spectrum, X, p)
     r.added = r.added + B / np.sqrt(2.0 * np.pi) * power(r.rng, r.n, 1.0)
     return _hidden(r, "bias_instability", {"B": B * r.si}, X + p, p)
+
+
+def power_law_noise(r: Recording, X: float) -> Hidden:
+    """Noise of spectrum ``B^2 w^-slope`` between flicker and a random walk."""
+    p, slope = nats.penalty(r.n, 2), float(r.rng.uniform(1.25, 1.75))
+    B = _random(r, power_law_spectrum(r.n, r.dt, 1.0, slope) / r.spectrum, X, p)
+    unit = np.sqrt(1.0 / r.dt) * (2.0 * np.pi / r.dt) ** (-0.5 * slope)
+    r.added = r.added + B * unit * power(r.rng, r.n, slope)
+    return _hidden(r, "power_law_noise", {"B": B * r.si, "slope": slope}, X + p, p)
 
 
 def gauss_markov_bias(r: Recording, X: float) -> Hidden:
@@ -261,6 +271,7 @@ def cross_axis_noise(r: Recording, X: float) -> Hidden:
 EFFECTS: Mapping[str, Maker] = {
     "quantisation": quantisation,
     "bias_instability": bias_instability,
+    "power_law_noise": power_law_noise,
     "gauss_markov": gauss_markov_bias,
     "rate_random_walk": rate_random_walk,
     "rate_ramp": rate_ramp,
@@ -281,7 +292,7 @@ EFFECTS: Mapping[str, Maker] = {
 
 FAMILIES = (
     ("quantisation", "low_pass"),
-    ("bias_instability", "gauss_markov", "rate_random_walk", "rate_ramp", "warm_up"),
+    ("bias_instability", "power_law_noise", "gauss_markov", "rate_random_walk", "rate_ramp", "warm_up"),
     ("sinusoid", "resonance"),
     ("bias_step", "random_telegraph"),
     ("temperature", "temperature_rate"),

@@ -30,6 +30,7 @@ from noise import (
     gauss_markov_spectrum,
     middles,
     poles,
+    power_law_spectrum,
     taking_turns,
     telegraph,
     walk_spectrum,
@@ -207,6 +208,16 @@ def quantisation(r: Seen) -> float:
 def bias_instability(r: Seen) -> float:
     """Flicker noise."""
     return _random(r, flicker_spectrum(r.n), r.worth(1))
+
+
+def power_law_noise(r: Seen) -> float:
+    """Over its slope."""
+    slopes = np.linspace(*r.laws.slope, 9 * r.laws.finer)
+    return _mean(
+        np.array(
+            [_random(r, power_law_spectrum(r.n, r.sensor.dt, 1.0, slope), r.worth(2)) for slope in slopes]
+        )
+    )
 
 
 def rate_random_walk(r: Seen) -> float:

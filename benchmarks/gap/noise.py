@@ -74,6 +74,11 @@ def difference_spectrum(n: int) -> Array:
     return np.asarray(4.0 * np.sin(0.5 * angles(n)) ** 2)
 
 
+def power_law_spectrum(n: int, dt: float, B: float, slope: float) -> Array:
+    """Variance of each ordinate of noise of density ``B^2 w^-slope``, w in rad/s."""
+    return np.asarray(B**2 / dt * (angles(n) / dt) ** -slope)
+
+
 def flicker_spectrum(n: int) -> Array:
     """Variance of each ordinate of flicker noise with ``B = 1``: ``1 / (2 pi f)`` per sample."""
     return np.asarray(1.0 / angles(n))

@@ -38,6 +38,7 @@ from noise import (
     flicker_spectrum,
     gauss_markov_spectrum,
     poles,
+    power_law_spectrum,
     telegraph,
     walk_spectrum,
 )
@@ -137,6 +138,7 @@ def _unit_spectrum(name: str, n: int, dt: float, v: tuple[tuple[str, float], ...
 SPECTRA: Mapping[str, Callable[[int, float, Mapping[str, float]], Array]] = {
     "quantisation": lambda n, dt, v: v["Q"] ** 2 * difference_spectrum(n) / dt**2,
     "bias_instability": lambda n, dt, v: v["B"] ** 2 * flicker_spectrum(n),
+    "power_law_noise": lambda n, dt, v: power_law_spectrum(n, dt, v["B"], v["slope"]),
     "gauss_markov": lambda n, dt, v: gauss_markov_spectrum(n, dt, v["sigma"], v["tau"]),
     "rate_random_walk": lambda n, dt, v: v["K"] ** 2 * dt * walk_spectrum(n),
     "resonance": _resonance,

@@ -20,6 +20,7 @@ STAND_INS = (
     "rate_random_walk",
     "gauss_markov",
     "bias_instability",
+    "power_law_noise",
     "warm_up",
     "rate_ramp",
     "sinusoid",

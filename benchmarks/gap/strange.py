@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from noise import Array, power, smooth_wander
+from noise import Array, smooth_wander
 from scipy.fft import dct
 from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
@@ -47,10 +47,6 @@ class Strange:
         return np.asarray(uniform_filter1d(np.mean(np.square(draws), axis=0), self.smooth, mode="nearest"))
 
 
-def _nothing(rng: np.random.Generator, n: int, dt: float) -> Numbers:
-    return {}
-
-
 def _sweep(rng: np.random.Generator, n: int, dt: float) -> Numbers:
     return {"start": rng.uniform(0.01, 0.03) / dt}
 
@@ -61,11 +57,6 @@ def _chirp(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
     phase = 2.0 * np.pi * v["start"] * duration * (10.0**u - 1.0) / np.log(10.0)
     amplitude = 1.0 + smooth_wander(rng, n, dt, 0.5, 0.05 * duration)
     return np.asarray(amplitude * np.sin(phase))
-
-
-def _fractional(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
-    """Noise of spectrum f^-1.5, between flicker and random walk."""
-    return power(rng, n, 1.5)
 
 
 def _thermostat(rng: np.random.Generator, n: int, dt: float) -> Numbers:
@@ -79,6 +70,38 @@ def _heater(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
     phi = np.exp(-dt / (0.1 * v["period"]))
     on = (np.mod(phase, 1.0) < 0.25).astype(float)
     return np.asarray(lfilter([1.0 - phi], [1.0, -phi], on))
+
+
+def _rest(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"breath": n * dt / rng.uniform(60.0, 150.0)}
+
+
+def _breathing(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """Somebody breathes: in over 40 % of a breath, out over the rest; every breath is as long and as deep as it is."""
+    count = int(3 * n * dt / v["breath"])
+    ends = np.cumsum(v["breath"] * np.exp(0.15 * rng.standard_normal(count)))
+    depth = np.exp(0.2 * rng.standard_normal(count))
+    t = np.arange(n) * dt + ends[0] * rng.random()
+    k = np.searchsorted(ends, t)
+    start = np.concatenate([[0.0], ends])[k]
+    u = (t - start) / (ends[k] - start)
+    turned = np.where(u < 0.4, u / 0.4, 1.0 + (u - 0.4) / 0.6)
+    return np.asarray(depth[k] * 0.5 * (1.0 - np.cos(np.pi * turned)))
+
+
+def _rung(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {
+        "frequency": float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))) / dt,
+        "count": rng.uniform(10.0, 40.0),
+    }
+
+
+def _knocks(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """Knocks at any time that ring down over three cycles, some harder than others."""
+    at = rng.random(n) < v["count"] / n
+    hit = at * rng.choice([-1.0, 1.0], n) * np.exp(0.5 * rng.standard_normal(n))
+    w, fade = 2.0 * np.pi * v["frequency"] * dt, np.exp(-v["frequency"] * dt / 3.0)
+    return np.asarray(lfilter([0.0, fade * np.sin(w)], [1.0, -2.0 * fade * np.cos(w), fade**2], hit))
 
 
 def _turns(rng: np.random.Generator, n: int, dt: float) -> Numbers:
@@ -100,7 +123,8 @@ def _lorenz(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
 
 STRANGE: Mapping[str, Strange] = {
     "chirp": Strange(_sweep, _chirp, lasting=False),
-    "fractional_noise": Strange(_nothing, _fractional, smooth=1),
     "heater_pulses": Strange(_thermostat, _heater),
+    "breathing": Strange(_rest, _breathing),
+    "knocks": Strange(_rung, _knocks),
     "lorenz": Strange(_turns, _lorenz),
 }
