@@ -132,12 +132,12 @@ def test_chaos_that_changes_sides_is_no_telegraph() -> None:
 
 
 def test_swings_that_keep_no_time_are_no_slow_noise() -> None:
-    """Of a fifth of the noise's power, with a period of 30 s that changes by a tenth: no line of the record is strong."""
+    """Of a twentieth of the noise's power, with a period of 30 s that changes by a sixth: no line of the record is strong."""
     rng = np.random.default_rng(13)
-    pace = np.interp(T, T[::600], 1.0 + 0.1 * rng.standard_normal(T[::600].size))
-    y = rng.standard_normal(N) + 0.4 * np.sin(2.0 * np.pi * np.cumsum(pace) * DT / 30.0)
-    said = none_of_their_kind(Record(T, y), [WHITE], [make("gauss_markov", sigma=0.3, tau=5.0)])
-    assert said == "it swings at about 0.033 Hz"
+    pace = np.interp(T, T[::600], 1.0 + 0.15 * rng.standard_normal(T[::600].size))
+    y = rng.standard_normal(N) + 0.3 * np.sin(2.0 * np.pi * np.cumsum(pace) * DT / 30.0)
+    said = none_of_their_kind(Record(T, y), [WHITE], [make("gauss_markov", sigma=0.22, tau=5.0)])
+    assert said == "it swings at about 0.037 Hz"
 
 
 def test_chances_of_courses_are_what_they_say() -> None:

@@ -20,42 +20,49 @@ from kfgen.gap.core.course_law import figures_of_law
 
 Array = NDArray[np.float64]
 
-FALSE_ALARM_RATE = 0.01
+FALSE_ALARM_RATE = 0.02
 """Of all tests of one course together."""
 UNUSUAL_POWER = 3
 """Of the logarithms of chances that are added up: at one many figures that are a little unusual outweigh one that is very."""
+PLAINEST_SHARE = 0.7
+"""Of the least usual figure, by those cubes: of what is nearly as unusual the figure is said that is the plainest."""
 COURSE_POINTS = 600
 """Times at which a course is looked at, at most."""
 WINDOWS = 16
 """Parts of the log, one of which may hold all that happened."""
 
 
-def not_random(
-    t: Array, course: Array, drawn: Array, companions: Mapping[str, Array], law: bool = False
-) -> str:
-    """In what the course of a random error is none of a random error; empty where in nothing.
+def not_random(t: Array, course: Array, drawn: Array, companions: Mapping[str, Array]) -> str:
+    """In what the course of a random error is none of a random error; empty where in nothing. Arguments as for `least_usual`.
+
+    Of what is made by a rule and not by chance nothing is asked.
+    """
+    words, chance = least_usual(t, course, drawn, companions, law=False)
+    return words if chance <= FALSE_ALARM_RATE else ""
+
+
+def least_usual(
+    t: Array, course: Array, drawn: Array, companions: Mapping[str, Array], law: bool
+) -> tuple[str, float]:
+    """What the least usual figure of a course means, of several the plainest, and by what chance all figures are as unusual.
 
     Parameters
     ----------
     t : ndarray, shape (points,)
         Times [s].
     course : ndarray, shape (points,)
-        That it took.
+        That the random error took.
     drawn : ndarray, shape (points, m)
         Courses that the model gives.
     companions : mapping of str to ndarray, shape (points,)
         What it may follow, time among it, by what each is called.
     law : bool
         Whether the law of its values and of their changes is looked at, too.
+
+    Returns
+    -------
+    (str, float)
     """
-    words, chance = least_usual(t, course, drawn, companions, law)
-    return words if chance <= FALSE_ALARM_RATE * (1.0 + 1e-9) else ""
-
-
-def least_usual(
-    t: Array, course: Array, drawn: Array, companions: Mapping[str, Array], law: bool
-) -> tuple[str, float]:
-    """What the least usual figure of a course means, and by what chance all are as unusual; arguments as for `not_random`."""
     from scipy.stats import rankdata
 
     every = np.column_stack([course, drawn])
@@ -66,8 +73,9 @@ def least_usual(
         words.append(figure.words(int(where[0])))
         unusual.append((-np.log(chance)) ** UNUSUAL_POWER)
     together = np.sum(unusual, axis=0)
-    least = int(np.argmax([u[0] for u in unusual]))
-    return words[least], float(np.mean(together >= together[0] * (1.0 - 1e-9)))
+    own = np.array([u[0] for u in unusual])
+    plainest = int(np.argmax(own >= PLAINEST_SHARE * own.max()))
+    return words[plainest], float(np.mean(together >= together[0] * (1.0 - 1e-9)))
 
 
 def _figures(t: Array, companions: Mapping[str, Array]) -> list[CourseFigure]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.effect import LinearProcess
-from kfgen.gap.core.random_course import COURSE_POINTS, least_usual, not_random
+from kfgen.gap.core.random_course import COURSE_POINTS, FALSE_ALARM_RATE, least_usual
 from kfgen.gap.core.result import Finding
 from kfgen.gap.rest.explanation import ChannelExplanation
 from kfgen.identify.evidence.joint import records_of
@@ -23,12 +23,8 @@ from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-CHANCE_COURSES = 2999
-"""Records of the updated model."""
-FIRST_COURSES = 199
-"""Of them, that are looked at first."""
-CHANCE_TO_STOP = 0.05
-"""Where a course is as usual as this among the first, the others are not drawn."""
+CHANCE_COURSES = ((199, 0.2), (999, 0.06), (3999, FALSE_ALARM_RATE))
+"""Records of the updated model, and the chance of the course among them above which it is usual and no more are drawn."""
 MAX_COURSE_POINTS = 2048
 """Of a course that is fast."""
 SHOWN_SHARE = 0.99
@@ -132,11 +128,13 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     t = record.elapsed[0] + (np.arange(points) + 0.5) * record.duration / points
     companions = {k: np.interp(t, record.elapsed, v) for k, v in record.drive.items() if np.ptp(v) > 0.0}
     companions |= {"time": t}
-    own_course, some = course(y)[:, 0], drawn(FIRST_COURSES)
-    if least_usual(t, own_course, some, companions, law=True)[1] > CHANCE_TO_STOP:
-        return ""
-    every = np.column_stack([some, drawn(CHANCE_COURSES - FIRST_COURSES)])
-    return not_random(t, own_course, every, companions, law=True)
+    own_course, every, words = course(y)[:, 0], np.empty((points, 0)), ""
+    for count, usual in CHANCE_COURSES:
+        every = np.column_stack([every, drawn(count - every.shape[1])])
+        words, chance = least_usual(t, own_course, every, companions, law=True)
+        if chance > usual:
+            return ""
+    return words
 
 
 def has_course(effect: Effect) -> bool:
