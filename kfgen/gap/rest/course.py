@@ -25,8 +25,10 @@ Array = NDArray[np.float64]
 
 CHANCE_COURSES = ((199, 0.2), (999, 0.06), (3999, FALSE_ALARM_RATE))
 """Records of the updated model, and the chance of the course among them above which it is usual and no more are drawn."""
-MAX_COURSE_POINTS = 2048
-"""Of a course that is fast."""
+MAX_COURSE_POINTS, LEAST_OVER_SHOWN = 2048, 1.5
+"""Of a course that is fast, unless that does not show it: then there are so many over those ordinates."""
+MAX_DRAWN_NUMBERS = 8_000_000
+"""Of all courses together: of long ones fewer are drawn."""
 SHOWN_SHARE = 0.99
 """Of the power of a course."""
 POINTS_OVER_SHOWN = 4
@@ -103,8 +105,11 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
 
     own, whole = density(slow), density([e for e in effects if not e.is_filter])
     shown = np.cumsum(own**2 / whole)
-    points = POINTS_OVER_SHOWN * (int(np.searchsorted(shown, SHOWN_SHARE * shown[-1])) + 2)
-    points = min(max(points, COURSE_POINTS), MAX_COURSE_POINTS, n)
+    last = int(np.searchsorted(shown, SHOWN_SHARE * shown[-1])) + 2
+    points = max(
+        min(POINTS_OVER_SHOWN * last, MAX_COURSE_POINTS), COURSE_POINTS, int(LEAST_OVER_SHOWN * last)
+    )
+    points = min(points, n)
     gain = (own / whole)[: points - 1, None]
 
     def course(ordinates: Array) -> Array:
@@ -128,10 +133,13 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     t = record.elapsed[0] + (np.arange(points) + 0.5) * record.duration / points
     companions = {k: np.interp(t, record.elapsed, v) for k, v in record.drive.items() if np.ptp(v) > 0.0}
     companions |= {"time": t}
-    own_course, every, words = course(y)[:, 0], np.empty((points, 0)), ""
-    for count, usual in CHANCE_COURSES:
-        every = np.column_stack([every, drawn(count - every.shape[1])])
-        words, chance = least_usual(t, own_course, every, companions, law=True)
+    own_course, every = course(y)[:, 0], np.empty((points, 0))
+    words, chance = "", 1.0
+    for most, usual in CHANCE_COURSES:
+        more = min(most, MAX_DRAWN_NUMBERS // points) - every.shape[1]
+        if more > 0:
+            every = np.column_stack([every, drawn(more)])
+            words, chance = least_usual(t, own_course, every, companions, law=True)
         if chance > usual:
             return ""
     return words
