@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.signal import butter, lfilter
 
 from kfgen.effects.process.stochastic import GRID_RELATIVE_TOLERANCE
@@ -63,7 +64,7 @@ def test_outliers_are_left_out_and_said() -> None:
     assert any("% of the samples are outliers" in w for w in result.warnings)
 
 
-@pytest.mark.parametrize("at", [0, 1, T.size // 2, T.size - 1])
+@pytest.mark.parametrize("at", in_part([T.size // 2, 0, 1, T.size - 1], 2))
 def test_one_spike_anywhere_is_left_out(at: int) -> None:
     y = white(6)
     y[at] += 200.0

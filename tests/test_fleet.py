@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.stats import t as student
 from typer.testing import Result
@@ -125,7 +126,7 @@ def test_ahead_is_students_law_without_errors() -> None:
         assert ahead.p_value(y.mean() + z * wide, 0.0) == pytest.approx(2 * student.sf(z, 6), rel=3e-3)
 
 
-@pytest.mark.parametrize(("k", "spread"), [(5, 0.1), (12, 0.1), (12, 1.0)])
+@pytest.mark.parametrize(("k", "spread"), in_part([(12, 0.1), (5, 0.1), (12, 1.0)]))
 def test_intervals_and_alarms(k: int, spread: float) -> None:
     """Sensors known to 4 to 27 %, a spread of 10 % or 100 %."""
     rng, hits = np.random.default_rng([k, int(10 * spread)]), np.zeros(4, int)

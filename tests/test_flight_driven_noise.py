@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 import kfgen as kf
@@ -101,7 +102,7 @@ def test_noise_that_follows_the_vibration_is_named_with_its_slope(sensor: str, s
     assert placed.effect.slope == pytest.approx(SLOPE, rel=0.35)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", in_part(range(3)))
 def test_a_vibration_that_does_nothing_is_not_named(seed: int) -> None:
     """7 nats for one number: of the three pairs of a flight one in 5,000."""
     assert driven(shaken(seed)) == ()

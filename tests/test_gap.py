@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
@@ -124,7 +125,7 @@ SEEDS = [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", HIDDEN)
+@pytest.mark.parametrize("name", in_part(HIDDEN, 2))
 def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> None:
     hidden, truth, assumed = HIDDEN[name]
     rng = np.random.default_rng([seed, 7])
@@ -216,6 +217,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kfgen.gap.rest.checks.search_limits", lambda channels=1: limits)
 
 
+@pytest.mark.long
 def test_a_line_is_named() -> None:
     """It was unknown before the catalogue had a sinusoid; see test_gap_periodic.py for its numbers."""
     rng = np.random.default_rng(33)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -99,14 +100,14 @@ def test_white_noise_goes_on_about_its_mean_where_no_truth_is_known() -> None:
         assert abs(level[0]) < 5.0 * np.sqrt(2.0 / T.size) * N / np.sqrt(DT)
 
 
-@pytest.mark.parametrize("delay", [0.012, -0.1])
+@pytest.mark.parametrize("delay", in_part([0.012, -0.1]))
 def test_a_delay_in_the_midst_of_motion_is_all(delay: float) -> None:
     gap = gap_of(rate(T - delay), table(rate(T)), 1)
     assert (gap.verdict, names(gap)) == ("effects_found", ["time_delay"])
     assert float(gap.findings[0].effect.delay) == pytest.approx(delay, abs=2e-5)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3])
+@pytest.mark.parametrize("share", in_part([0.0, 0.3]))
 def test_holes_of_a_reference_are_no_gap(share: float) -> None:
     x = rate(T)
     x[np.random.default_rng(3).random(T.size) < share] = np.nan
@@ -115,7 +116,7 @@ def test_holes_of_a_reference_are_no_gap(share: float) -> None:
     assert (gap.verdict, names(gap)) == ("no_gap", [])
 
 
-@pytest.mark.parametrize("hole", [3, 150])
+@pytest.mark.parametrize("hole", in_part([3, 150]))
 def test_holes_of_an_attitude_are_no_gap(hole: int) -> None:
     """Every five seconds: what bridges them is no rate, and rings as far as the ends of a band do."""
     q = attitude()

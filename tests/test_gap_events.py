@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.stats import kstest
 
@@ -89,7 +90,7 @@ def gap_of(record: Record, *more: Effect) -> ChannelGap:
     return channel_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in (WHITE, *more))))
 
 
-@pytest.mark.parametrize("name", EVENTS)
+@pytest.mark.parametrize("name", in_part(EVENTS, 2))
 def test_an_event_is_named_with_its_numbers(name: str) -> None:
     _, truth, unseen = EVENTS[name]
     gap = gap_of(record_of(name))

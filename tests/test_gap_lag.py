@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -60,7 +61,7 @@ def test_a_lag_behind_a_driver_is_named_with_its_time(channel: str, name: str, c
     assert read[-1].lag == pytest.approx(gap.updated.effects[-1].lag, rel=1e-6)  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("channel", ["temperature", "load"])
+@pytest.mark.parametrize("channel", in_part(["temperature", "load"]))
 def test_without_a_lag_none_is_named(channel: str) -> None:
     course = 300.0 + CYCLE if channel == "temperature" else LOAD
     gap = gap_of(worth(course, 60.0), 2, **{channel: course})

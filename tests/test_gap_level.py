@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
@@ -44,7 +45,7 @@ def gap_of(record: Record, *more: object) -> ChannelGap:
     return channel_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in effects)))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", SLOPES)
+@pytest.mark.parametrize("name", in_part(SLOPES))
 def test_noise_that_follows_a_channel_is_named(name: str) -> None:
     s, slope = SLOPES[name]
     gap = gap_of(record_of(name, 1))

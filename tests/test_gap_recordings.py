@@ -137,7 +137,7 @@ def test_flights_that_nothing_places_get_no_certain_name(
     [
         ("tapping", "25_disturbed_tapping_B", (50.0, 100.0)),
         ("phone", "27_disturbed_phone_vibration_B", (70.0, 160.0)),
-        ("quiet", "01_undisturbed_slow_rotation_A", None),
+        pytest.param("quiet", "01_undisturbed_slow_rotation_A", None, marks=pytest.mark.long),
     ],
 )
 def test_vibration_has_its_time(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -62,7 +63,7 @@ def names(found: SceneGap) -> Sequence[str]:
     return [f.effect.name for f in found.findings]
 
 
-@pytest.mark.parametrize("sensor", SENSORS)
+@pytest.mark.parametrize("sensor", in_part(SENSORS))
 def test_two_digits_are_too_few(sensor: str) -> None:
     """A step of 0.01 turns by 0.33 deg: 1.1 standard deviations of the accelerometer, 0.7 of the magnetometer."""
     found = gap_of(sensor, log_of(sensor, 2))
@@ -71,9 +72,7 @@ def test_two_digits_are_too_few(sensor: str) -> None:
     assert found.findings[0].effect.step == pytest.approx(0.01)
 
 
-@pytest.mark.parametrize(
-    ("sensor", "digits"), [("gyro", 4), pytest.param("accel", 3, marks=pytest.mark.long), ("mag", 3)]
-)
+@pytest.mark.parametrize(("sensor", "digits"), in_part([("gyro", 4), ("accel", 3), ("mag", 3)]))
 def test_digits_that_are_enough(sensor: str, digits: int) -> None:
     """A step of 0.001: 0.11 standard deviations of the accelerometer; of 1e-4: 0.2 of the gyro's at 1 Hz."""
     assert gap_of(sensor, log_of(sensor, digits)).verdict == "no_gap"

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
+from in_part import in_part
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
@@ -37,7 +38,7 @@ effects = [ { effect = "white_noise", N = "0.04 rad/s/sqrt(Hz)" } ]
 """
 
 
-@pytest.mark.parametrize("before", [0, pytest.param(40, marks=pytest.mark.long), 77])
+@pytest.mark.parametrize("before", in_part([0, 40, 77]))
 def test_a_slow_sensor(before: int, kfgen: Cli, tmp_path: Path) -> None:
     """It moves at the first sample, from rest; or has moved for a while, the input switched every 80 samples."""
     A = np.array([[-1.0 / 0.12, 0.0, 15.0 / 0.12], [1.0 / 0.03, -1.0 / 0.03, 0.0], [0.0, 0.0, 0.0]])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
@@ -63,7 +64,7 @@ CASES: dict[str, tuple[Array, float]] = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", in_part(CASES))
 def test_an_effect_of_the_temperature_is_named_with_its_coefficient(name: str) -> None:
     """Its proof is the third of the record where it is warmest, which the coefficient did not see."""
     part, coefficient = CASES[name]

@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
@@ -38,7 +39,7 @@ def noise(seed: int, scale: float = 1.0) -> np.ndarray:
     return scale * N * np.sqrt(RATE) * np.random.default_rng(seed).standard_normal(T.size)
 
 
-@pytest.mark.parametrize("factor", [0.7, 1.3])
+@pytest.mark.parametrize("factor", in_part([1.3, 0.7]))
 def test_a_number_that_is_wrong_by_a_third_is_found(factor: float) -> None:
     g = answer(noise(1, factor), make("white_noise", N=N))
     assert (g.verdict, g.retuned, g.findings) == ("effects_found", True, ())

@@ -57,6 +57,7 @@ def test_a_heater_that_switches_without_a_driver_is_named(duty: float) -> None:
     assert float(wave.flank) < 0.05
 
 
+@pytest.mark.long
 def test_a_strong_switch_leaves_nothing() -> None:
     """400 times its noise in power: a wave whose edges were missed by a sample would leave lines at all harmonics."""
     gap = gap_of(noise(2) + 2.0 * square(2 * np.pi * T / PERIOD_S + 1.0))
@@ -102,6 +103,7 @@ def test_a_weak_switch_is_not_a_line_for_certain(seed: int) -> None:
     assert shares.get("periodic_wave", 0.0) > 0.05
 
 
+@pytest.mark.long
 def test_a_line_stays_a_line() -> None:
     gap = gap_of(noise(14) + 0.12 * np.sin(2 * np.pi * T / PERIOD_S + 1.0))
     (found,) = gap.findings

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from in_part import in_part
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
@@ -31,7 +32,7 @@ def answer(factor: float, seed: int, louder: float = 1.0) -> GapResult:
     return find_gap(log, NoiseModel({"gyro_x": ChannelNoise("rad/s", (term,))}))
 
 
-@pytest.mark.parametrize(("factor", "seed"), [(0.5, 1), (1.5, 2), (3.0, 3)])
+@pytest.mark.parametrize(("factor", "seed"), in_part([(1.5, 2), (0.5, 1), (3.0, 3)]))
 def test_noise_of_another_size_all_along_is_a_wrong_number(factor: float, seed: int) -> None:
     """Once it was a change of level at the first second, with certainty."""
     found = answer(factor, seed)

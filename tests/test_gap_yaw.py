@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.effects import effect_named
@@ -48,9 +49,7 @@ def answer(added: Array, seed: int) -> SceneGap:
     return scene_gap(scene)
 
 
-@pytest.mark.parametrize(
-    ("start", "stop"), [(16.0, 24.0), pytest.param(28.0, 40.0, marks=pytest.mark.long), (0.0, 11.0)]
-)
+@pytest.mark.parametrize(("start", "stop"), in_part([(16.0, 24.0), (28.0, 40.0), (0.0, 11.0)]))
 @pytest.mark.parametrize("in_body", [True, False])
 def test_a_field_that_comes_and_goes_is_found_in_a_turn_about_the_vertical(
     start: float, stop: float, in_body: bool

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_part import in_part
 from typer.testing import Result
 
 from kfgen.audit.audit import audit
@@ -132,7 +133,7 @@ def test_identify_of_a_file_in_single_precision(numbers: Numbers, tmp_path: Path
     assert found[0] == pytest.approx(numbers, rel=1e-4)
 
 
-@pytest.mark.parametrize("factor", [1e-9, 1e9])
+@pytest.mark.parametrize("factor", in_part([1e-9, 1e9]))
 def test_the_gap_in_another_unit(gap: dict[str, Any], factor: float) -> None:
     """At 1e-9 a telegraph was named before: its middle was drawn within 1e-4 SI."""
     assert same(with_a_line(factor), gap)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
@@ -149,7 +150,7 @@ WRONG: dict[str, tuple[Callable[[Array], Array], str, dict[str, float]]] = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", in_part(WRONG, 2))
 def test_an_error_of_a_gyro_on_a_rate_table_comes_first(name: str) -> None:
     wrong, where, true = WRONG[name]
     scene = table(wrong)

@@ -424,9 +424,9 @@ def test_a_right_model_leaves_white_residuals_over_the_whole_record() -> None:
     ("name", "values"),
     [
         ("viscous_friction", {"coefficient": 0.3}),
-        ("quadratic_drag", {"coefficient": 0.1}),
-        ("constant_input", {"value": 0.2}),
-        ("spring", {"coefficient": 0.5}),
+        pytest.param("quadratic_drag", {"coefficient": 0.1}, marks=pytest.mark.long),
+        pytest.param("constant_input", {"value": 0.2}, marks=pytest.mark.long),
+        pytest.param("spring", {"coefficient": 0.5}, marks=pytest.mark.long),
         ("cubic_spring", {"coefficient": 0.5}),
         ("coulomb_friction", {"level": 0.3}),
     ],

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from typer.testing import Result
 
 import kfgen
@@ -94,9 +95,7 @@ def test_an_option_attaches_an_effect_of_the_catalogue(
     assert {type(e.effect) for e in built.errors} == {catalogue()[effect]}
 
 
-@pytest.mark.parametrize(
-    "name", ["scale_factor", pytest.param("scale_asymmetry", marks=pytest.mark.long), "bandwidth"]
-)
+@pytest.mark.parametrize("name", in_part(["scale_factor", "scale_asymmetry", "bandwidth"]))
 def test_a_rate_table_written_as_a_model_file_names_what_a_noise_file_does(tmp_path: Path, name: str) -> None:
     """Before: `unknown_effect`, with 2240 nats of a scale factor."""
     sizes = {

@@ -23,11 +23,11 @@ from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
 
-CHANCE_COURSES = ((199, 0.2), (999, 0.06), (3999, FALSE_ALARM_RATE))
+CHANCE_COURSES = ((199, 0.2), (999, 0.06), (1999, FALSE_ALARM_RATE))
 """Records of the updated model, and the chance of the course among them above which it is usual and no more are drawn."""
 MAX_COURSE_POINTS, LEAST_OVER_SHOWN = 2048, 1.5
 """Of a course that is fast, unless that does not show it: then there are so many over those ordinates."""
-MAX_DRAWN_NUMBERS = 8_000_000
+MAX_DRAWN_NUMBERS = 4_000_000
 """Of all courses together: of long ones fewer are drawn."""
 SHOWN_SHARE = 0.99
 """Of the power of a course."""
