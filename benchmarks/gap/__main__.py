@@ -31,7 +31,7 @@ from recorded_table import recorded_table
 from score import Score
 from tables import report
 from trial import run, world
-from worlds_table import worlds_table
+from worlds_table import unknown_table, worlds_table
 
 WORLDS = ("static", "real", "motion", "plant", "recorded")
 SEED = 20260101
@@ -106,6 +106,9 @@ def main() -> None:
         everything += scores
         if wanted.docs and name == "recorded":
             write_table("benchmarks.md", "recorded", recorded_table(scores, seed, load))
+        elif wanted.docs and only == {"unknown"}:
+            drawn_by = f"--only unknown --count {wanted.count} --nulls {nulls} --seed {seed}"
+            write_table("benchmarks.md", "gap unknown", unknown_table(scores, drawn_by, load))
         elif wanted.docs:
             drawn_by = f"--count {wanted.count} --strength {wanted.strength} --nulls {nulls} --seed {seed}"
             write_table("benchmarks.md", f"gap {name}", worlds_table(name, scores, drawn_by, load))

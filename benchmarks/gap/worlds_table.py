@@ -80,6 +80,33 @@ def _reliability(single: Sequence[Score]) -> str:
     return "; ".join(out)
 
 
+def unknown_table(scores: Sequence[Score], arguments: str, load: float) -> str:
+    """Markdown: a row for each disturbance that the catalogue does not hold.
+
+    Parameters
+    ----------
+    scores : sequence of Score
+        Of them.
+    arguments : str
+        With which the same is drawn again.
+    load : float
+        By other work when it began.
+    """
+    lines = ["| hidden, 100 nats | said unknown | else named first, and how probable |", "|---|---|---|"]
+    for cell in dict.fromkeys(s.cell for s in scores):
+        of = [s for s in scores if s.cell == cell]
+        named = [s for s in of if s.verdict != "unknown_effect"]
+        shown = "; ".join(f"{s.first} {_probable(s)}" for s in named) or "-"
+        lines.append(f"| {cell} | {share(s.verdict == 'unknown_effect' for s in of)} | {shown} |")
+    lines.append(f"| all | {share(s.verdict == 'unknown_effect' for s in scores)} | |")
+    command = f"`python benchmarks/gap --world static {arguments} --docs`"
+    return "\n".join([*lines, "", f"{measured_at(load)},\n{command}."])
+
+
+def _probable(s: Score) -> str:
+    return "" if math.isnan(s.probability) else f"{100.0 * s.probability:.0f} %"
+
+
 def _unknown(outside: Sequence[Score]) -> str:
     said = share(s.verdict == "unknown_effect" for s in outside)
     closed = share(s.verdict == "unknown_effect" or s.closed >= 0.9 for s in outside)
