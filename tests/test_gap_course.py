@@ -17,6 +17,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core import course_law
 from kfgen.gap.core.course_figure import strangest
 from kfgen.gap.core.random_course import least_usual
+from kfgen.gap.rest import course
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import none_of_their_kind
 from kfgen.gap.words import finding_sentence
@@ -140,6 +141,21 @@ def test_swings_that_keep_no_time_are_no_slow_noise() -> None:
     y = rng.standard_normal(N) + 0.3 * np.sin(2.0 * np.pi * np.cumsum(pace) * DT / 30.0)
     said = none_of_their_kind(Record(T, y), [WHITE], [make("gauss_markov", sigma=0.22, tau=5.0)])
     assert said == "it swings at about 0.037 Hz"
+
+
+def test_noise_that_is_faster_than_a_course_of_usual_length_has_a_longer_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A resonance at 3 Hz of 5 is in ordinate 9830 of 16384: its course has the most points that any has."""
+    rng, n, sizes = np.random.default_rng(15), 4 * N, []
+    t = DT * np.arange(n)
+    monkeypatch.setattr(
+        course, "least_usual", lambda t, own, *rest, law: (sizes.append(own.size), ("", 1.0))[1]
+    )
+    for f, points in ((1.0, (2048, 6144)), (3.0, (8192, 8192))):
+        fast = make("resonance", frequency=f, damping=0.02, rms=1.0)
+        none_of_their_kind(Record(t, rng.standard_normal(n)), [WHITE], [fast])
+        assert points[0] <= sizes[-1] <= points[1]
 
 
 def test_chances_of_courses_are_what_they_say() -> None:

@@ -27,8 +27,10 @@ CHANCE_COURSES = ((199, 0.2), (999, 0.06), (1999, FALSE_ALARM_RATE))
 """Records of the updated model, and the chance of the course among them above which it is usual and no more are drawn."""
 MAX_COURSE_POINTS, LEAST_OVER_SHOWN = 2048, 1.5
 """Of a course that is fast, unless that does not show it: then there are so many over those ordinates."""
-MAX_DRAWN_NUMBERS = 4_000_000
-"""Of all courses together: of long ones fewer are drawn."""
+MOST_COURSE_POINTS = 8192
+"""Of any course."""
+MAX_DRAWN_NUMBERS, LEAST_DRAWN = 4_000_000, 999
+"""Of all courses together: of long ones fewer are drawn, but so many."""
 SHOWN_SHARE = 0.99
 """Of the power of a course."""
 POINTS_OVER_SHOWN = 4
@@ -109,7 +111,7 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     points = max(
         min(POINTS_OVER_SHOWN * last, MAX_COURSE_POINTS), COURSE_POINTS, int(LEAST_OVER_SHOWN * last)
     )
-    points = min(points, n)
+    points = min(points, MOST_COURSE_POINTS, n)
     gain = (own / whole)[: points - 1, None]
 
     def course(ordinates: Array) -> Array:
@@ -136,7 +138,7 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     own_course, every = course(y)[:, 0], np.empty((points, 0))
     words, chance = "", 1.0
     for most, usual in CHANCE_COURSES:
-        more = min(most, MAX_DRAWN_NUMBERS // points) - every.shape[1]
+        more = min(most, max(MAX_DRAWN_NUMBERS // points, LEAST_DRAWN)) - every.shape[1]
         if more > 0:
             every = np.column_stack([every, drawn(more)])
             words, chance = least_usual(t, own_course, every, companions, law=True)
