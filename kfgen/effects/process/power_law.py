@@ -1,11 +1,7 @@
 """Noise whose spectrum falls with a slope of its own, between flicker and a random walk.
 
-Transistors, resistors and traps in silicon seldom give ``1/f`` exactly [1]_, and a record shows three decades of it or less:
-its slope is a number like others, with an interval.
-
-References
-----------
-.. [1] M. S. Keshner, 1/f noise, Proc. IEEE 70(3), 1982, pp. 212-218; the bank of Gauss-Markov processes is his sec. V.
+The slope is a number like others, with an interval. The variances of the bank follow from the integral of
+``x^(slope - 1) / (1 + x^2)`` over all x > 0, which is ``pi / (2 sin(pi slope / 2))``; see ``docs/noise.md``.
 """
 
 from __future__ import annotations
