@@ -13,7 +13,7 @@ from scipy.fft import dct
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 from sensor import Recording
-from strange import STRANGE
+from strange_drifts import STRANGE
 
 DANIELL = 21
 """Ordinates over which the spectrum of a disturbance is averaged to say what it is worth."""

@@ -44,7 +44,7 @@ from noise import (
 )
 from scipy.fft import dct
 from sensor import SENSORS, Sensor, climate
-from strange import STRANGE
+from strange_drifts import STRANGE
 
 Term = tuple[str, Mapping[str, float]]
 """An effect and its numbers in SI."""

@@ -1,4 +1,4 @@
-"""Disturbances that the catalogue does not hold, each with numbers that stay and a course that is drawn anew."""
+"""Disturbances that the catalogue does not hold and that swing, each with numbers that stay and a course that is drawn anew."""
 
 from __future__ import annotations
 
@@ -121,10 +121,61 @@ def _lorenz(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
     return np.asarray(solved.y[0])
 
 
-STRANGE: Mapping[str, Strange] = {
+def _loads(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"stay": n * dt / rng.uniform(10.0, 30.0), "frequency": rng.uniform(800.0, 2400.0) / (n * dt)}
+
+
+def _ripple(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A supply's line, of a load that switches on and off."""
+    on = (np.cumsum(rng.random(n) < dt / v["stay"]) + rng.integers(2)) % 2
+    phase = 2.0 * np.pi * (min(v["frequency"], 0.35 / dt) * dt * np.arange(n) + rng.random())
+    return np.asarray(on * np.sin(phase))
+
+
+def _pace(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"frequency": rng.uniform(100.0, 300.0) / (n * dt)}
+
+
+def _fan(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A fan whose speed wanders by a twentieth, and its second harmonic."""
+    pace = 1.0 + 0.05 * smooth_wander(rng, n, dt, 1.0, 0.03 * n * dt)
+    phase = 2.0 * np.pi * np.cumsum(pace) * dt * v["frequency"]
+    return np.asarray(np.sin(phase) + 0.3 * np.sin(2.0 * phase + 1.0))
+
+
+def _charge(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"charge": n * dt / rng.uniform(25.0, 60.0)}
+
+
+def _sawtooth(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """It charges evenly, and is let go at a height that is drawn anew."""
+    heights = np.exp(0.3 * rng.standard_normal(int(3.0 * n * dt / v["charge"])))
+    ends = np.cumsum(heights * v["charge"])
+    t = np.arange(n) * dt
+    starts = np.concatenate([[0.0], ends])[np.searchsorted(ends, t)]
+    return np.asarray((t - starts) / v["charge"])
+
+
+def _duffing(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A shaken beam between two magnets (Duffing's equation with two wells)."""
+
+    def slope(t: float, s: Array) -> list[float]:
+        return [s[1], s[0] - s[0] ** 3 - 0.3 * s[1] + 0.5 * np.cos(1.2 * t)]
+
+    span, start = 2.0 * n * dt / v["unit"], [rng.random(), 0.0]
+    at = 50.0 + span * np.arange(n) / n
+    solved = solve_ivp(slope, (0.0, span + 50.0), start, t_eval=at, rtol=1e-7)
+    return np.asarray(solved.y[0])
+
+
+SWINGS: Mapping[str, Strange] = {
     "chirp": Strange(_sweep, _chirp, lasting=False),
     "heater_pulses": Strange(_thermostat, _heater),
     "breathing": Strange(_rest, _breathing),
     "knocks": Strange(_rung, _knocks),
     "lorenz": Strange(_turns, _lorenz),
+    "ripple": Strange(_loads, _ripple, smooth=1),
+    "fan": Strange(_pace, _fan),
+    "sawtooth": Strange(_charge, _sawtooth),
+    "duffing": Strange(_turns, _duffing),
 }

@@ -46,6 +46,8 @@ MAX_WHITE_AMPLITUDE_RATIO = 1.15
 """Ratio of the largest to the smallest noise amplitude in a band beyond which it is not white."""
 MIN_SHARE_OF_RIVAL_GAIN = 0.5
 """Gain of the best first point over the gain of slow noise of the same spectrum, at least."""
+MIN_RIVAL_GAIN_NATS = 1.0
+"""Gain of slow noise of the same spectrum [nats] below which no levels are looked for: they would show in it, too."""
 MAX_LOSS_TO_RIVAL_NATS = 3.0
 """Nats by which levels may be worse than slow noise of the same spectrum half-way through the search."""
 RIVAL_GRID_POINTS = 16
@@ -90,8 +92,11 @@ class RandomTelegraph(LinearProcess):
         cells = Cells.of(series)
         if cells.switching.slow.order > MAX_SLOW_STATES or not cells.even:
             return []
+        rival = cells.gauss_markov_gain()
+        if rival < MIN_RIVAL_GAIN_NATS:
+            return []
         starts, quiet = cells.starts(), cells.noise_starts()
-        still, rival = cells.noise_gain(quiet), cells.gauss_markov_gain()
+        still = cells.noise_gain(quiet)
         alone, gains = float(still.max()), cells.gain(starts)
         if starts.size == 0 or float(gains.max()) < alone + max(
             MIN_START_GAIN_NATS, MIN_SHARE_OF_RIVAL_GAIN * rival

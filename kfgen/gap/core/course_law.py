@@ -17,10 +17,6 @@ MIN_CYCLES = 8
 """In a course whose cycles are looked at."""
 CYCLE_WIDTH = 0.3
 """Standard deviation of a cycle's frequency, over the frequency: a thermostat does not keep time."""
-SIZE_WIDTHS = (0.15, 0.3)
-"""The same for the size of cycles: one is wide enough for cycles of any length, the other leaves more noise out."""
-HALF_EVEN = 0.5
-"""Power of its own spectrum by which a course is divided where the size of its cycles is looked at."""
 HARMONIC_WIDTH = 0.6
 """Half the band of a harmonic, over the frequency of the cycles."""
 PEAK_BINS = 5.0
@@ -111,11 +107,10 @@ def _evened(every: Array, power: float) -> Array:
 
 
 def _cycles(points: int) -> list[CourseFigure]:
-    """How well harmonics keep step with the strongest line of a course, and whether its cycles are all of one size.
+    """How well harmonics keep step with the strongest line of a course.
 
     The phase of the line is that of its analytic signal, however its frequency drifts; a harmonic that is part of a shape
-    has a multiple of that phase, and noise of the same spectrum has any. The spectrum is made even first. Its size is
-    that of the same signal: a damped oscillator that noise drives has every size, what keeps itself going has one.
+    has a multiple of that phase, and noise of the same spectrum has any. The spectrum is made even first.
     """
     bins = np.arange(points // 2 + 1)[:, None]
     last = bins.size // HARMONICS[0]
@@ -128,14 +123,14 @@ def _cycles(points: int) -> list[CourseFigure]:
         peaks = gaussian_filter1d(np.abs(X[:last]) ** 2, PEAK_BINS, axis=0)
         return np.asarray(MIN_CYCLES + peaks[MIN_CYCLES:].argmax(axis=0))
 
-    def signal(X: Array, line: NDArray[np.intp], width: float, reach: float) -> Array:
-        near = np.exp(-0.5 * ((bins - line) / (width * line)) ** 2) * (np.abs(bins - line) < reach * line)
+    def signal(X: Array, line: NDArray[np.intp]) -> Array:
+        near = np.exp(-0.5 * ((bins - line) / (CYCLE_WIDTH * line)) ** 2) * (np.abs(bins - line) < 0.5 * line)
         return np.asarray(np.fft.ifft(X * near, points, axis=0))
 
     def in_step(every: Array) -> Array:
         X = _transform(every)
         even, line = _transform(_evened(every, 1.0)), line_of(X)
-        cycle = signal(X, line, CYCLE_WIDTH, 0.5)
+        cycle = signal(X, line)
         step = cycle / np.maximum(np.abs(cycle), 1e-300)
         out = []
         for q in HARMONICS:
@@ -146,17 +141,11 @@ def _cycles(points: int) -> list[CourseFigure]:
             out.append(np.abs(np.sum(even * shape.conj(), axis=0)) / size)
         return np.array(out)
 
-    def evenness(every: Array) -> Array:
-        line, even = line_of(_transform(every)), _transform(_evened(every, HALF_EVEN))
-        powers = [np.abs(signal(even, line, w, 0.9)) ** 2 for w in SIZE_WIDTHS]
-        return np.array([2.0 * np.log(np.mean(p, axis=0)) - np.log(np.mean(p**2, axis=0)) for p in powers])
-
     return [
         CourseFigure(
             largest(in_step, share=False),
             lambda k: f"its cycles have a shape: harmonic {HARMONICS[k]} keeps step with them",
-        ),
-        CourseFigure(strangest(evenness, larger=True), lambda k: "its cycles are all of one size"),
+        )
     ]
 
 

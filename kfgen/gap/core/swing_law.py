@@ -1,0 +1,99 @@
+"""By what law something swings: whether what has the spectrum of a resonance is noise through an oscillator.
+
+The likelihoods of the laws of `kfgen.gap.core.swing` are integrated over their numbers under one prior, so that of true
+resonances the odds of another law exceed x in at most one of x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.gap.core.swing import Swing
+
+Array = NDArray[np.float64]
+
+LIMIT_CYCLE = "it is a limit cycle of steady amplitude (breath, pump, hunting)"
+MODULATED_LINE = "it is a spectral line that comes and goes (a supply)"
+WALK_IN_A_BLOCK_RAD2 = 0.25
+"""Variance of the walk of a limit cycle's phase over one block."""
+START_COUNT = 64
+"""First points of an integral."""
+START_SPREAD = (0.5, 0.4, 0.15)
+"""Standard deviations of the first points: of the frequency in dampings, of the logarithms of damping and size."""
+MODULATED_SPREAD = (0.5, 0.2, 0.3)
+"""The same of a modulated line, whose frequency is known to a part of the inverse record: of damping, size and phase [rad]."""
+REACH_DAMPINGS = 3.0
+"""From the frequency, within which that of a modulated line is looked for."""
+TRIALS_PER_BIN, TRIAL_PHASES = 1.5, 6
+"""Its frequencies in a half cycle over the record, and its phases in half a turn."""
+STEADY_SHARES = (0.0, 0.5)
+"""Of the power of a line that comes and goes: it changes its sign; it is switched on for half the time."""
+
+
+def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, float]:
+    """The likeliest other law of what has the spectrum of a resonance, in words, and how likely it is.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        The record without the resonance in its model, white and of unit variance but for what swings.
+    omega : float
+        Frequency of the resonance [rad per sample].
+    damping : float
+        Its damping ratio.
+    rms : float
+        Its standard deviation, over that of the white noise beside it.
+
+    Returns
+    -------
+    (str, float)
+        The words, and the logarithm of the odds over the resonance, both as likely before [nats].
+    """
+    fade = damping * omega
+    swing = Swing.of(z, omega, max(1, int(WALK_IN_A_BLOCK_RAD2 / (2.0 * fade))))
+    starts = np.random.default_rng(0).standard_normal((START_COUNT, 3)) * START_SPREAD
+    starts += [0.0, np.log(fade), np.log(rms)]
+
+    def log_of(law: Callable[[Array, Array, Array], Array]) -> float:
+        found = integral(lambda x: law(fade * x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2])), starts)
+        assert found is not None
+        return found.log
+
+    lines = [_modulated_line(swing, fade, rms, share) for share in STEADY_SHARES]
+    odds = {
+        LIMIT_CYCLE: log_of(swing.limit_cycle),
+        MODULATED_LINE: float(np.logaddexp.reduce(lines) - np.log(len(lines))),
+    }
+    words = max(odds, key=lambda w: odds[w])
+    return words, odds[words] - log_of(swing.resonance)
+
+
+def _modulated_line(swing: Swing, fade: float, rms: float, steady: float) -> float:
+    """Logarithm of the likelihood of a line of any phase, the frequency in dampings."""
+    reach = REACH_DAMPINGS * fade
+    count = int(np.ceil(2.0 * reach * swing.samples / np.pi * TRIALS_PER_BIN))
+    walk, phase = np.meshgrid(
+        np.linspace(-REACH_DAMPINGS, REACH_DAMPINGS, max(count, 2)),
+        np.arange(TRIAL_PHASES) * np.pi / TRIAL_PHASES,
+    )
+    trials = np.column_stack(
+        [walk.ravel(), np.full(walk.size, np.log(fade)), np.full(walk.size, np.log(rms)), phase.ravel()]
+    )
+
+    def law(x: Array) -> Array:
+        return swing.modulated_line(fade * x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2]), x[:, 3], steady)
+
+    best = trials[int(np.argmax(law(trials)))]
+    spread = (np.pi / (swing.samples * fade * 2.0 * TRIALS_PER_BIN), *MODULATED_SPREAD)
+
+    def of_half_a_turn(x: Array) -> Array:
+        return np.asarray(np.where(np.abs(x[:, 3] - best[3]) < 0.5 * np.pi, law(x), -1e9))
+
+    starts = best + spread * np.random.default_rng(0).standard_normal((START_COUNT, 4))
+    found = integral(of_half_a_turn, starts)
+    assert found is not None
+    return found.log - float(np.log(np.pi))
