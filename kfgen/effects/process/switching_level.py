@@ -15,7 +15,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,16 +110,19 @@ class Switching:
     dt, sd : float
         Length of a cell [s], standard deviation of its white noise [SI].
     slow : Slow
+    levels : ndarray, shape (L,)
+        From their middle, in units of the distance of two; a jump leads to each with the same probability.
     """
 
     mean: Array
     dt: float
     sd: float
     slow: Slow
+    levels: Array = field(default_factory=LEVEL_OFFSETS.copy)
 
     def log_likelihood(self, at: SwitchingParameters) -> Array:
         """Log-likelihood [nats] of each point, shape (p,)."""
-        if self.slow.order:
+        if self.slow.order or self.levels.size != LEVEL_OFFSETS.size:
             return self._run(at)[0]
         levels = LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
         sd = self.sd * at.loud[:, None]
@@ -168,14 +171,14 @@ class Switching:
     def _run(self, at: SwitchingParameters) -> tuple[Array, Array]:
         from scipy.special import ndtri
 
-        H, Phi, levels = self.slow.C, self.slow.Phi, LEVEL_OFFSETS if np.any(at.size) else SINGLE_LEVEL_OFFSET
+        H, Phi, levels = self.slow.C, self.slow.Phi, self.levels if np.any(at.size) else SINGLE_LEVEL_OFFSET
         Q, P = (at.wander[:, None, None] ** 2 * M for M in (self.slow.Q, self.slow.P0))
         count = at.size.size
         R = (self.sd * at.loud)[:, None] ** 2
         x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
         V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
-        half = np.full(count, 0.5)
-        T = chain.transitions(half, at.dwell, self.dt) if levels is LEVEL_OFFSETS else np.ones((count, 1, 1))
+        stay = np.exp(-2.0 * self.dt / at.dwell)[:, None, None]
+        T = stay * np.eye(levels.size) + (1.0 - stay) / levels.size
         shift = at.middle[:, None, None] + at.size[:, None, None] * levels * np.ones((levels.size, 1))
         total, z, slow = np.zeros(count), np.empty(self.mean.size), H.size > 0
         S, ahead = np.broadcast_to(R, p.shape), np.zeros_like(shift)

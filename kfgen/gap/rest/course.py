@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.effect import LinearProcess
 from kfgen.effects.process.periodic import Resonance
+from kfgen.effects.process.telegraph import RandomTelegraph
+from kfgen.gap.core.level_law import MANY_LEVELS, many_levels_log_odds
 from kfgen.gap.core.random_course import COURSE_POINTS, FALSE_ALARM_RATE, least_usual
 from kfgen.gap.core.result import Finding
 from kfgen.gap.core.swing_law import other_law
 from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.evidence import series_of
 from kfgen.gap.rest.explanation import ChannelExplanation
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
@@ -41,7 +44,7 @@ POINTS_OVER_SHOWN = 4
 STEPS_OF_A_POINT = 8
 """Of what is simulated in time."""
 MIN_LOG_ODDS_OF_ANOTHER_LAW = 2.0
-"""Nats over a resonance above which it is said that something swings by another law: of 240 true ones of 10 to 1000 nats six have them."""
+"""Nats above which another law is said: of 240 true resonances of 10 to 1000 nats six have them, of 32 true telegraphs none."""
 
 
 def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> list[Finding]:
@@ -61,8 +64,23 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
         return list(findings)
     if len(search.altering) == 1 and has_course(search.altering[0]):
         record, added = records_of(search.record)[0], (*added, *search.altering)
-    objection = none_of_their_kind(record, known, added)
+    objection = _more_levels(search) or none_of_their_kind(record, known, added)
     return [replace(f, objection=objection) if has_course(f.effect) else f for f in findings]
+
+
+def _more_levels(search: ChannelExplanation) -> str:
+    """Whether the only effect that changes samples is a telegraph that has more levels than two."""
+    telegraphs = [e for e in search.altering if isinstance(e, RandomTelegraph)]
+    if not telegraphs or len(search.altering) > 1:
+        return ""
+    base, assumed = search.base, len(search.effects)
+    base = replace(base, problem=replace(base.problem, record=search.record))
+    fit = base.fit
+    kept = tuple(e for k, e in enumerate(fit.effects) if k < assumed or not has_course(e))
+    free = tuple(key for key in fit.free if key[0] < assumed)
+    own = replace(fit, effects=kept, free=free, point=fit.point[: len(free)])
+    odds = many_levels_log_odds(series_of(base), telegraphs[0], series_of(replace(base, fit=own)))
+    return MANY_LEVELS if odds > MIN_LOG_ODDS_OF_ANOTHER_LAW else ""
 
 
 def own_noise_objection(search: ChannelExplanation) -> str:
