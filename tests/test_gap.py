@@ -237,6 +237,7 @@ def test_a_burst_is_a_gap_and_no_drift() -> None:
     assert not {"temperature", "rate_ramp", "sinusoid", "bias_step"} & set(names(gap))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few")
 def test_what_no_effect_explains_is_unknown() -> None:
     """A line whose frequency moves: the remaining battery fails, whatever was added as a stand-in."""

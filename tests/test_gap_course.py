@@ -150,6 +150,7 @@ def test_noise_that_is_faster_than_a_course_of_usual_length_has_a_longer_one(
     """A resonance at 3 Hz of 5 is in ordinate 9830 of 16384: its course has the most points that any has."""
     rng, n, sizes = np.random.default_rng(15), 4 * N, []
     t = DT * np.arange(n)
+    monkeypatch.setattr(course, "other_law", lambda *asked: ("", 0.0))
     monkeypatch.setattr(
         course, "least_usual", lambda t, own, *rest, law: (sizes.append(own.size), ("", 1.0))[1]
     )

@@ -118,6 +118,7 @@ effects = [ {{ effect = '{"coupling:" + name}', coefficient = "0.1 deg/s" }} ]
         parse_noise(text, "hostile.toml")
 
 
+@pytest.mark.long
 def test_a_column_whose_name_could_be_code_drives_nothing() -> None:
     """All of them at once beside a channel that follows them; of a name that is one see the test above."""
     c = float(np.sqrt(200.0 / np.sum((COURSE - COURSE.mean()) ** 2))) * SD

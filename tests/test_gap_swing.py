@@ -105,14 +105,14 @@ def switched(rng: np.random.Generator, n: int, omega: float, stay: float) -> Arr
 
 
 def test_by_what_law_something_swings() -> None:
-    """Eight of each, of a hundred cycles of 0.9 nats; lines are of one nat in each stretch of 40 samples.
+    """Five of each, of a hundred cycles of 0.9 nats; lines are of one nat in each stretch of 40 samples.
 
     Of 40 breaths, 40 lines and 160 resonances of other seeds 37, 38 and 4 are taken for another law than a resonance.
     """
     n, size, damping = 1024, 0.65, 0.06
     omega = 2.0 * np.pi / 10.0
     found: dict[str, list[str]] = {"breath": [], "line": [], "resonance": []}
-    for seed in range(8):
+    for seed in range(5):
         rng = np.random.default_rng([17, seed])
         white = rng.standard_normal(n)
         for name, swings, zeta in (
@@ -122,9 +122,9 @@ def test_by_what_law_something_swings() -> None:
         ):
             words, odds = other_law(white + size * swings, omega, zeta, size)
             found[name].append(words if odds > MIN_LOG_ODDS_OF_ANOTHER_LAW else "")
-    assert found["breath"].count(LIMIT_CYCLE) >= 5  # fewer in one of a thousand sets of eight
-    assert found["line"].count(MODULATED_LINE) >= 5
-    assert found["resonance"] == [""] * 8
+    assert found["breath"].count(LIMIT_CYCLE) >= 3  # fewer in one of two hundred sets of five
+    assert found["line"].count(MODULATED_LINE) >= 3
+    assert found["resonance"] == [""] * 5
 
 
 def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:

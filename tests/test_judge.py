@@ -35,6 +35,7 @@ def log(size: float, seed: int) -> kf.Log:
     return kf.Log(T, channels, source="log.csv")
 
 
+@pytest.mark.long
 def test_what_is_there_earns_its_place() -> None:
     """8e-3 (V - 3.3 V)^2 against noise: sum of squares / 2 N^2 RATE is hundreds of nats."""
     judged = kf.judge(DECLARED, log(8e-3, 1), ASSUMED, cases=1)

@@ -77,6 +77,10 @@ NAMED_SLOWLY = {
         "supply_voltage",
         "rate_random_walk",
         "random_telegraph",
+        "power_law_noise",
+        "thermal_hysteresis",
+        "bias_instability",
+        "periodic_wave",
     ),
 }
 QUICK_AND_LONG = [pytest.param(s, marks=pytest.mark.long if s.name in NAMED_SLOWLY else []) for s in AT_REST]
