@@ -18,7 +18,7 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core import swing
 from kfgen.gap.core.swing import Swing
-from kfgen.gap.core.swing_law import LIMIT_CYCLE, MODULATED_LINE, other_law
+from kfgen.gap.core.swing_law import LIMIT_CYCLE, MODULATED_LINE, comes_and_goes_log_odds, other_law
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import MIN_LOG_ODDS_OF_ANOTHER_LAW
 from kfgen.identify.evidence.record import Record
@@ -137,3 +137,29 @@ def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:
     assert gap.findings[0].effect.name == "resonance"
     assert gap.findings[0].probability <= 0.9
     assert gap.findings[0].objection == LIMIT_CYCLE
+
+
+@pytest.mark.parametrize("nats", [30.0, 100.0])
+def test_a_line_that_stays_and_one_that_comes_and_goes(nats: float) -> None:
+    """Of 80 lines of other seeds that stay none has odds above 2 nats, of 40 of 100 nats that come and go 39 have."""
+    n, omega = 8192, 0.7
+    size, odds = np.sqrt(4.0 * nats / n), []
+    for seed in range(3):
+        rng = np.random.default_rng([19, seed])
+        white, line = rng.standard_normal(n), size * np.cos(omega * np.arange(n) + 6.28 * rng.random())
+        assert comes_and_goes_log_odds(white + line, omega, size) < MIN_LOG_ODDS_OF_ANOTHER_LAW
+        goes = size / np.sqrt(2.0) * switched(rng, n, omega, n / 15.0)
+        odds.append(comes_and_goes_log_odds(white + goes, omega, 0.7 * size))
+    assert sum(x > MIN_LOG_ODDS_OF_ANOTHER_LAW for x in odds) >= (2 if nats == 100.0 else 0)
+
+
+def test_a_line_that_comes_and_goes_is_no_certain_line() -> None:
+    """A supply's, whose load is switched twelve times: its carrier alone is a line of 16 standard deviations."""
+    rng, n, dt = np.random.default_rng(21), 8192, 0.1
+    y = rng.standard_normal(n) + 0.25 * switched(rng, n, 0.7, n / 12.0)
+    noise = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
+    gap = channel_gap("gyro_x", Record(dt * np.arange(n), y), noise)
+    assert gap.verdict == "unknown_effect"
+    assert gap.findings[0].effect.name in ("sinusoid", "resonance")
+    assert gap.findings[0].objection == MODULATED_LINE
+    assert gap.findings[0].probability <= 0.9

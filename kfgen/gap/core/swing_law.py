@@ -1,4 +1,4 @@
-"""By what law something swings: whether what has the spectrum of a resonance is noise through an oscillator.
+"""By what law something swings: whether a resonance is noise through an oscillator, and whether a spectral line stays.
 
 The likelihoods of the laws of `kfgen.gap.core.swing` are integrated over their numbers under one prior, so that of true
 resonances the odds of another law exceed x in at most one of x.
@@ -26,10 +26,16 @@ START_SPREAD = (0.5, 0.4, 0.15)
 """Standard deviations of the first points: of the frequency in dampings, of the logarithms of damping and size."""
 MODULATED_SPREAD = (0.5, 0.2, 0.3)
 """The same of a modulated line, whose frequency is known to a part of the inverse record: of damping, size and phase [rad]."""
+LINE_SPREAD = (0.5, 0.2, 0.3)
+"""The same of a line that may stay: of its frequency in bins, of the logarithm of its size, of its phase [rad]."""
 REACH_DAMPINGS = 3.0
 """From the frequency, within which that of a modulated line is looked for."""
 TRIALS_PER_BIN, TRIAL_PHASES = 1.5, 6
 """Its frequencies in a half cycle over the record, and its phases in half a turn."""
+BLOCKS_OF_A_LINE = 256
+"""Of a record, in which a spectral line is looked at that may come and go."""
+CHANGES_IN_RECORD = (2.0, 4.0, 8.0, 16.0, 32.0)
+"""Of such a line: lengths of the record over the time in which its amplitude is another."""
 STEADY_SHARES = (0.0, 0.5)
 """Of the power of a line that comes and goes: it changes its sign; it is switched on for half the time."""
 
@@ -70,6 +76,45 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
     }
     words = max(odds, key=lambda w: odds[w])
     return words, odds[words] - log_of(swing.resonance)
+
+
+def comes_and_goes_log_odds(z: Array, omega: float, amplitude: float) -> float:
+    """How likely it is that a spectral line comes and goes, over that it stays, both as likely before.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        The record without the line in its model, white and of unit variance but for the line.
+    omega : float
+        Frequency of the line [rad per sample].
+    amplitude : float
+        Of the line, over the standard deviation of the white noise beside it.
+
+    Returns
+    -------
+    float
+        The logarithm of the odds [nats].
+    """
+    swing = Swing.of(z, omega, max(1, z.size // BLOCKS_OF_A_LINE))
+    rms = amplitude / np.sqrt(2.0)
+    phase = np.arange(2 * TRIAL_PHASES) * np.pi / TRIAL_PHASES
+    zero = np.zeros(phase.size)
+    at = phase[int(np.argmax(swing.modulated_line(zero, zero, zero + rms, phase, 1.0)))]
+    bin_width = np.pi / swing.samples
+    starts = np.random.default_rng(0).standard_normal((START_COUNT, 3)) * LINE_SPREAD + [0.0, np.log(rms), at]
+
+    def log_of(fade: float, steady: float) -> float:
+        found = integral(
+            lambda x: swing.modulated_line(
+                bin_width * x[:, 0], np.full(len(x), fade), np.exp(x[:, 1]), x[:, 2], steady
+            ),
+            starts,
+        )
+        assert found is not None
+        return found.log
+
+    goes = [log_of(k / swing.samples, STEADY_SHARES[1]) for k in CHANGES_IN_RECORD]
+    return float(np.logaddexp.reduce(goes) - np.log(len(goes))) - log_of(0.0, 1.0)
 
 
 def _modulated_line(swing: Swing, fade: float, rms: float, steady: float) -> float:
