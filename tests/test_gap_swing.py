@@ -139,6 +139,13 @@ def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:
     assert gap.findings[0].objection == LIMIT_CYCLE
 
 
+@pytest.mark.parametrize("damping", [1e-9, 2.0])
+def test_a_resonance_of_any_width_is_answered(damping: float) -> None:
+    """One that a file states may be narrower than the record shows, or no peak."""
+    _, odds = other_law(np.random.default_rng(20).standard_normal(400), 0.7, damping, 0.5)
+    assert np.isfinite(odds)
+
+
 @pytest.mark.parametrize("nats", [30.0, 100.0])
 def test_a_line_that_stays_and_one_that_comes_and_goes(nats: float) -> None:
     """Of 80 lines of other seeds that stay none has odds above 2 nats, of 40 of 100 nats that come and go 39 have."""

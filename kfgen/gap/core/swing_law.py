@@ -20,6 +20,8 @@ LIMIT_CYCLE = "it is a limit cycle of steady amplitude (breath, pump, hunting)"
 MODULATED_LINE = "it is a spectral line that comes and goes (a supply)"
 WALK_IN_A_BLOCK_RAD2 = 0.25
 """Variance of the walk of a limit cycle's phase over one block."""
+MIN_BLOCKS = 16
+"""Of a record, however narrow the resonance is that a file states."""
 START_COUNT = 64
 """First points of an integral."""
 START_SPREAD = (0.5, 0.4, 0.15)
@@ -60,7 +62,8 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
         The words, and the logarithm of the odds over the resonance, both as likely before [nats].
     """
     fade = damping * omega
-    swing = Swing.of(z, omega, max(1, int(WALK_IN_A_BLOCK_RAD2 / (2.0 * fade))))
+    size = min(int(WALK_IN_A_BLOCK_RAD2 / (2.0 * fade)), z.size // MIN_BLOCKS)
+    swing = Swing.of(z, omega, max(1, size))
     starts = np.random.default_rng(0).standard_normal((START_COUNT, 3)) * START_SPREAD
     starts += [0.0, np.log(fade), np.log(rms)]
 
