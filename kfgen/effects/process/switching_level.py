@@ -177,8 +177,7 @@ class Switching:
         R = (self.sd * at.loud)[:, None] ** 2
         x, p = np.zeros((count, levels.size, H.size)), np.full((count, levels.size), 1.0 / levels.size)
         V = np.broadcast_to(P[:, None], (count, levels.size, *P.shape[1:]))
-        stay = np.exp(-2.0 * self.dt / at.dwell)[:, None, None]
-        T = stay * np.eye(levels.size) + (1.0 - stay) / levels.size
+        T = chain.redrawn(np.exp(-2.0 * self.dt / at.dwell), np.full((count, levels.size), 1.0 / levels.size))
         shift = at.middle[:, None, None] + at.size[:, None, None] * levels * np.ones((levels.size, 1))
         total, z, slow = np.zeros(count), np.empty(self.mean.size), H.size > 0
         S, ahead = np.broadcast_to(R, p.shape), np.zeros_like(shift)

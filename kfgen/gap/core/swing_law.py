@@ -1,7 +1,7 @@
 """By what law something swings: whether a resonance is noise through an oscillator, and whether a spectral line stays.
 
-The likelihoods of the laws of `kfgen.gap.core.swing` are integrated over their numbers under one prior, so that of true
-resonances the odds of another law exceed x in at most one of x.
+The likelihoods of the laws of `kfgen.gap.core.swing` are integrated over their numbers under one prior and compared. How
+often the odds of another law are large by chance is measured where they are asked for, in `kfgen.gap.rest.course`.
 """
 
 from __future__ import annotations
