@@ -162,7 +162,7 @@ def test_flicker_is_flat_inside_its_band() -> None:
     np.testing.assert_allclose(effect.density(f), 0.09 / (2 * np.pi * f), rtol=0.01)
 
 
-@pytest.mark.parametrize("slope", [1.0, 1.2, 1.5, 1.8])
+@pytest.mark.parametrize("slope", [0.3, 0.5, 0.8, 1.0, 1.2, 1.5, 1.8])
 def test_noise_of_any_slope_has_it_over_all_that_a_record_shows(slope: float) -> None:
     """Density ``B^2 w^-slope`` within 2 % from the lowest ordinate of a record as long as the band to a hundredth of its rate."""
     effect = make("power_law_noise", B=0.3, slope=slope, shortest=0.01, longest=100.0)

@@ -38,6 +38,9 @@ from noise import (
 from scipy.signal import lfilter
 from sensor import Recording
 
+SLOPES = ((0.35, 0.75), (1.25, 1.75))
+"""Of power-law noise."""
+
 Maker = Callable[[Recording, float], Hidden]
 
 
@@ -148,8 +151,8 @@ def bias_instability(r: Recording, X: float) -> Hidden:
 
 
 def power_law_noise(r: Recording, X: float) -> Hidden:
-    """Noise of spectrum ``B^2 w^-slope`` between flicker and a random walk."""
-    p, slope = nats.penalty(r.n, 2), float(r.rng.uniform(1.25, 1.75))
+    """Noise of spectrum ``B^2 w^-slope``, flatter or steeper than flicker."""
+    p, slope = nats.penalty(r.n, 2), float(r.rng.uniform(*r.rng.choice(SLOPES)))
     B = _random(r, power_law_spectrum(r.n, r.dt, 1.0, slope) / r.spectrum, X, p)
     unit = np.sqrt(1.0 / r.dt) * (2.0 * np.pi / r.dt) ** (-0.5 * slope)
     r.added = r.added + B * unit * power(r.rng, r.n, slope)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from case import Array
+from effects import SLOPES
 from noise import middles
 
 Between = tuple[float, float]
@@ -26,8 +27,8 @@ class Laws:
         Fewest periods in the record, and highest frequency over the sampling rate.
     correlation : pair of float or None
         Times of a Gauss-Markov bias [samples] and over the record; None: as the benchmark hides it beside the sensor's own.
-    slope : pair of float
-        Of noise between flicker and a random walk, uniform.
+    slope : tuple of pair of float
+        Of power-law noise, uniform in each.
     frequency, damping : pair of float
         Of a resonance, over the sampling rate, and over the critical one.
     outlier : pair of float
@@ -45,7 +46,7 @@ class Laws:
     place: Between = (0.2, 0.8)
     line: Between = (10.0, 0.4)
     correlation: Between | None = None
-    slope: Between = (1.25, 1.75)
+    slope: tuple[Between, ...] = SLOPES
     frequency: Between = (0.02, 0.3)
     damping: Between = (0.01, 0.08)
     outlier: Between = (2.5, 6.0)
@@ -77,7 +78,7 @@ WIDE = Laws(
     place=(0.01, 0.99),
     line=(1.0, 0.5),
     correlation=(1.0, 1.0 / 3.0),
-    slope=(0.5, 1.9),
+    slope=((0.3, 0.9), (1.1, 1.9)),
     frequency=(0.002, 0.45),
     damping=(2e-3, 0.3),
     outlier=(2.0, 30.0),

@@ -212,7 +212,7 @@ def bias_instability(r: Seen) -> float:
 
 def power_law_noise(r: Seen) -> float:
     """Over its slope."""
-    slopes = np.linspace(*r.laws.slope, 9 * r.laws.finer)
+    slopes = np.concatenate([np.linspace(*between, 9 * r.laws.finer) for between in r.laws.slope])
     return _mean(
         np.array(
             [_random(r, power_law_spectrum(r.n, r.sensor.dt, 1.0, slope), r.worth(2)) for slope in slopes]

@@ -10,7 +10,7 @@ from noise import Array, smooth_wander
 from scipy.fft import dct
 from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 
 Numbers = Mapping[str, float]
 DRAWN = 24
@@ -168,6 +168,27 @@ def _duffing(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
     return np.asarray(solved.y[0])
 
 
+def _band(rng: np.random.Generator, n: int, dt: float) -> Numbers:
+    return {"frequency": float(np.exp(rng.uniform(np.log(0.01), np.log(0.15)))) / dt}
+
+
+def _rumble(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A machine hall: noise of an octave, with steep edges."""
+    sections = butter(4, np.array([v["frequency"], 2.0 * v["frequency"]]) * dt, "band", fs=1.0, output="sos")
+    return np.asarray(sosfilt(sections, rng.standard_normal(2 * n))[n:])
+
+
+def _traffic(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
+    """A floor that rings with a damping of 0.05 while something passes: ten to forty times, some heavier than others."""
+    shape = np.hanning(max(int(n / 100), 4))
+    passes = np.convolve(
+        (rng.random(n) < v["count"] / n) * np.exp(0.7 * rng.standard_normal(n)), shape, "same"
+    )
+    a = np.exp((-0.05 + 1j) * 2.0 * np.pi * v["frequency"] * dt)
+    pushed = passes * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+    return np.asarray(lfilter([1.0], [1.0, -a], pushed).real)
+
+
 SWINGS: Mapping[str, Strange] = {
     "chirp": Strange(_sweep, _chirp, lasting=False),
     "heater_pulses": Strange(_thermostat, _heater),
@@ -178,4 +199,6 @@ SWINGS: Mapping[str, Strange] = {
     "fan": Strange(_pace, _fan),
     "sawtooth": Strange(_charge, _sawtooth),
     "duffing": Strange(_turns, _duffing),
+    "rumble": Strange(_band, _rumble),
+    "traffic": Strange(_rung, _traffic),
 }

@@ -53,13 +53,6 @@ def _rectified(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array
     return np.asarray(_gauss_markov(rng, n, dt, v) ** 2)
 
 
-def _half(rng: np.random.Generator, n: int, dt: float, v: Numbers) -> Array:
-    """Noise whose density falls with the root of the frequency: between white and flicker."""
-    w = np.fft.rfftfreq(2 * n)[1:]
-    X = (rng.standard_normal(w.size) + 1j * rng.standard_normal(w.size)) * w**-0.25
-    return np.asarray(np.fft.irfft(np.concatenate([[0.0], X]))[:n])
-
-
 STRANGE: Mapping[str, Strange] = {
     **SWINGS,
     "relaxations": Strange(_times(100.0, 300.0), _relaxations),
@@ -67,5 +60,4 @@ STRANGE: Mapping[str, Strange] = {
     "staircase": Strange(_times(8.0, 20.0), _staircase),
     "gusts": Strange(_times(60.0, 200.0), _gusts),
     "rectified": Strange(_times(60.0, 200.0), _rectified),
-    "noise_of_half_a_slope": Strange(_times(1.0, 2.0), _half),
 }

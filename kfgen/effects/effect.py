@@ -139,6 +139,16 @@ class Effect:
         """The largest value [SI] of a parameter that the ADC grid of the samples allows; infinite where it says nothing."""
         return math.inf
 
+    @classmethod
+    def ranges(cls, name: str) -> tuple[tuple[float, float], ...]:
+        """Ranges [SI] in one of which a parameter is looked for, in order; none where the record alone says where."""
+        return ()
+
+    def range_of(self, name: str) -> tuple[float, float] | None:
+        """Of `ranges`, the one in which its value is, or which is nearest."""
+        value = float(getattr(self, name))
+        return min(self.ranges(name), key=lambda r: max(r[0] - value, value - r[1]), default=None)
+
     def rarer_by_nats(self) -> float:
         """By how many nats it is rarer than others, before any data: that of its class, unless its values say more."""
         return self.prior_penalty_nats

@@ -198,7 +198,7 @@ def test_starts_of_a_fit_are_read_off_the_allan_deviation() -> None:
     (walk,) = classes["rate_random_walk"].starts(LOOK)  # type: ignore[arg-type]
     assert pytest.approx(2.0 * math.sqrt(3.0 / 20.0)) == walk.K  # type: ignore[attr-defined]
     (flicker,) = classes["bias_instability"].starts(LOOK)  # type: ignore[arg-type]
-    assert (flicker.B, flicker.shortest, flicker.longest) == (1.0, 2.5, 400.0)  # type: ignore[attr-defined]
+    assert (flicker.B, flicker.shortest, flicker.longest) == (1.0, 0.25, 400.0)  # type: ignore[attr-defined]
     slow = classes["gauss_markov"].starts(LOOK)  # type: ignore[arg-type]
     assert [e.tau for e in slow] == pytest.approx(5.0 * 8.0 ** (np.arange(4) / 3.0))  # type: ignore[attr-defined]
     assert slow[0].sigma == pytest.approx((1.0 + 3.0 / 18.0) / 0.6)  # type: ignore[attr-defined]
@@ -240,7 +240,7 @@ def test_a_bank_of_flicker_in_closed_form() -> None:
 
 
 def test_a_bank_of_any_slope_in_closed_form() -> None:
-    """Of slope 1 the flicker of the same B and a slow process; of slope 1.5 variances go with the root of the time."""
+    """Of slope 1 the flicker of the same B, a slow process and white noise; of 1.5 variances go with the root of the time."""
     band = {"shortest": 2.0, "longest": 1000.0}
     flicker = make("bias_instability", B=3.0, **band).form()
     even = make("power_law_noise", B=3.0, slope=1.0, **band).form()
@@ -250,6 +250,7 @@ def test_a_bank_of_any_slope_in_closed_form() -> None:
     assert -1.0 / A[6, 6] == pytest.approx(1e5)
     ratio = 500.0**0.2
     assert W[6, 6] == pytest.approx(2.0 * 9.0 / math.pi / (1000.0 * math.sqrt(ratio)))
+    assert pytest.approx(2.0 * 9.0 / math.pi * 2.0 / math.sqrt(ratio)) == even.V
     assert [s.name for s in even.states] == [f"power_law{i}" for i in range(7)]
     steep = make("power_law_noise", B=2.0, slope=1.5, **band).form()
     variances = -0.5 * np.diag(np.array(steep.W, float)) / np.diag(np.array(steep.A, float))

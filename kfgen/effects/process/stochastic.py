@@ -333,7 +333,7 @@ class BiasInstability(OfABand, LinearProcess):
     @classmethod
     def starts(cls, look: Look) -> list[Self]:
         """The floor of the Allan deviation, over the band that the record can show."""
-        return [cls(float(look.deviation.min()), 10.0 * look.dt, look.duration)]
+        return [cls(float(look.deviation.min()), look.dt, look.duration)]
 
     def form(self, drive: Mapping[str, Any] | None = None) -> LinearSystem:
         """A diagonal bank of Gauss-Markov processes."""

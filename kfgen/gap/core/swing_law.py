@@ -7,17 +7,23 @@ often the odds of another law are large by chance is measured where they are ask
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.series import log_mean
+from kfgen.gap.core.knocks import knocked
 from kfgen.gap.core.swing import Swing
 
 Array = NDArray[np.float64]
 
 LIMIT_CYCLE = "it is a limit cycle of steady amplitude (breath, pump, hunting)"
+KNOCKS = "it is knocked now and then and rings down (shocks)"
 MODULATED_LINE = "it is a spectral line that comes and goes (a supply)"
+KNOCKS_IN_A_FADE = (0.1, 0.6)
+"""Mean numbers of knocks in the time in which a swing fades."""
 WALK_IN_A_BLOCK_RAD2 = 0.25
 """Variance of the walk of a limit cycle's phase over one block."""
 MIN_BLOCKS = 16
@@ -73,9 +79,11 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
         return found.log
 
     lines = [_modulated_line(swing, fade, rms, share) for share in STEADY_SHARES]
+    knocks = [log_of(partial(knocked, swing, rate=rate)) for rate in KNOCKS_IN_A_FADE]
     odds = {
         LIMIT_CYCLE: log_of(swing.limit_cycle),
-        MODULATED_LINE: float(np.logaddexp.reduce(lines) - np.log(len(lines))),
+        KNOCKS: log_mean(np.array(knocks)),
+        MODULATED_LINE: log_mean(np.array(lines)),
     }
     words = max(odds, key=lambda w: odds[w])
     return words, odds[words] - log_of(swing.resonance)
@@ -117,7 +125,7 @@ def comes_and_goes_log_odds(z: Array, omega: float, amplitude: float) -> float:
         return found.log
 
     goes = [log_of(k / swing.samples, STEADY_SHARES[1]) for k in CHANGES_IN_RECORD]
-    return float(np.logaddexp.reduce(goes) - np.log(len(goes))) - log_of(0.0, 1.0)
+    return log_mean(np.array(goes)) - log_of(0.0, 1.0)
 
 
 def _modulated_line(swing: Swing, fade: float, rms: float, steady: float) -> float:

@@ -216,7 +216,7 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
 def additions(
     base: Candidate, series: WhiteSeries, without: frozenset[str] = frozenset()
 ) -> list[list[Detection]]:
-    """The starts of every effect of the catalogue that could be added.
+    """The starts of every effect of the catalogue that could be added, apart those of another range of its numbers.
 
     Parameters
     ----------
@@ -234,11 +234,21 @@ def additions(
         for name, cls in catalogue().items()
         if (cls.repeatable and name not in without) or name not in present
     ]
-    return [starts for starts in shown if starts and (starts[0].effect.repeatable or _new(starts, present))]
+    new = [starts for starts in shown if starts and (starts[0].effect.repeatable or _new(starts, present))]
+    return [part for starts in new for part in _by_range(starts)]
 
 
 def _new(starts: Sequence[Detection], present: frozenset[str] | set[str]) -> bool:
     return starts[0].effect.name not in present
+
+
+def _by_range(starts: Sequence[Detection]) -> list[list[Detection]]:
+    """Apart where a number of theirs is looked for in another of its declared ranges."""
+    parts: dict[tuple[tuple[float, float] | None, ...], list[Detection]] = {}
+    for start in starts:
+        ranges = tuple(start.effect.range_of(p.name) for p in start.effect.searched())
+        parts.setdefault(ranges, []).append(start)
+    return list(parts.values())
 
 
 def _retuned(base: Candidate, reference: float) -> Candidate:

@@ -189,13 +189,15 @@ class ChannelExplanation:
         """
         below, shares = self.base, probabilities(ranked)
         known = below.fit.effects if addition.changes_samples else addition.fit.effects
-        near = [
-            c
-            for c in ranked
-            if shares[c.label] > CONFUSION_SET_MIN_PROBABILITY and c is not addition and not c.changes_samples
-        ]
+        near: dict[Label, Candidate] = {}
+        for c in ranked:  # of a name that has several ranges of its numbers the best
+            if shares[c.label] > CONFUSION_SET_MIN_PROBABILITY and not c.changes_samples:
+                near.setdefault(c.label, c)
+        near.pop(addition.label, None)
         others = (
-            () if addition.changes_samples else tuple(distinguishability(addition, c, below) for c in near)
+            ()
+            if addition.changes_samples
+            else tuple(distinguishability(addition, c, below) for c in near.values())
         )
         if not addition.changes_samples:
             more = log_evidence(addition.problem, addition.fit) - self._base_evidence

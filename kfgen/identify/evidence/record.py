@@ -40,8 +40,6 @@ MIN_TIME_IN_STEPS = 10.0
 """Steps of the shortest time that is searched: a faster process takes its share of the white noise."""
 MIN_CORNER_OVER_RATE = 0.005
 """Of the sampling rate: the lowest corner that is searched. Above the rate itself a low-pass does nothing."""
-MIN_SLOPE, MAX_SLOPE = 1.2, 1.8
-"""Of a spectrum in the logarithm, that are searched: what is flatter is flicker, what is steeper a random walk."""
 MAX_SAMPLES_OF_ANY_LENGTH = 10_000
 """Of which a transform is quick enough whatever their number is."""
 MAX_KEPT_LIKELIHOODS = 8
@@ -190,8 +188,6 @@ class Evidence(ABC):
             return float(np.log(MIN_CORNER_OVER_RATE / self.step)), float(np.log(1.0 / self.step))
         if kind == "ratio":
             return float(np.log(1e-3)), float(np.log(0.4))
-        if kind == "slope":
-            return float(np.log(MIN_SLOPE)), float(np.log(MAX_SLOPE))
         if kind == "width":
             return float(np.log(1e-6)), float(np.log(1e6))
         scale = self.scale or 1.0

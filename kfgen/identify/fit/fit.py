@@ -46,8 +46,6 @@ MAX_TIME_OVER_RECORD = 0.5
 """Of the record: the longest time that is fitted."""
 PRIOR_REACH_DEVIATIONS = 3.0
 """Standard deviations about an assumed number that a fit may go to, whatever the record can show."""
-LOG_SLOPES = (float(np.log(0.3)), float(np.log(1.99)))
-"""Of slopes of a spectrum: nearly white, and nearly a random walk."""
 LOG_STEP_OF_DERIVATIVE = 1e-4
 """Step in a logarithm over which a likelihood is differentiated where it has no slope of its own."""
 
@@ -125,8 +123,12 @@ class Problem:
     def box(self, key: Key) -> tuple[float, float]:
         """Logarithms between which a parameter is looked for."""
         i, name = key
-        kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
-        lo, hi = self.record.box(kind, *self.times.get(i, (MAX_TIME_OVER_RECORD, MIN_TIME_IN_STEPS)))
+        declared = self.effects[i].range_of(name)
+        if declared is None:
+            kind = {p.name: p.kind for p in self.effects[i].parameters()}[name]
+            lo, hi = self.record.box(kind, *self.times.get(i, (MAX_TIME_OVER_RECORD, MIN_TIME_IN_STEPS)))
+        else:
+            lo, hi = np.log(declared).tolist()
         hi = max(min(hi, self.ceiling(key)), lo)
         prior = self.priors.get(key)
         if prior is None:
@@ -135,9 +137,9 @@ class Problem:
         return min(lo, prior.mean - reach), max(hi, prior.mean + reach)
 
     def reach(self, key: Key) -> tuple[float, float]:
-        """Logarithms between which the ends of an interval are looked for: the box, and of a slope all that it may be."""
-        kind = {p.name: p.kind for p in self.effects[key[0]].parameters()}[key[1]]
-        return LOG_SLOPES if kind == "slope" else self.box(key)
+        """Logarithms between which the ends of an interval are looked for: the box, or from the first of declared ranges on."""
+        ranges = self.effects[key[0]].ranges(key[1])
+        return (float(np.log(ranges[0][0])), self.ceiling(key)) if ranges else self.box(key)
 
     def ceiling(self, key: Key) -> float:
         """Logarithm of the largest value of a parameter that the ADC grid of the samples allows."""
