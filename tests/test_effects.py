@@ -399,39 +399,39 @@ UNSAID = {"sinusoid": ("phase",)}
 """The phase of a line says nothing without the time of the first sample."""
 
 
-@pytest.mark.parametrize("unit", ["deg/s", "mg", "uT", "g/16384"])
 @pytest.mark.parametrize("name", NAMES)
-def test_rows_and_sentences_say_every_parameter_with_its_unit(name: str, unit: str) -> None:
+def test_rows_and_sentences_say_every_parameter_with_its_unit(name: str) -> None:
     effect = EXAMPLES[name]
-    row, words = effect.row(unit), effect.sentence("gyro_q", unit)
-    assert list(row) == [p.name for p in effect.parameters()]
-    assert words.startswith("gyro_q ")
-    assert "{" not in words
-    for p in effect.parameters():
-        value, text = row[p.name]
-        si = parse_unit(unit_of(p, parse_unit(unit).si))
-        assert parse_unit(text).same_dimension(si)
-        assert to_si(value, text) == pytest.approx(float(getattr(effect, p.name)), rel=1e-12)
-        if p.kind != "setting" and p.name not in UNSAID.get(name, ()):
-            assert f"{value:.3g} {text}".strip() in words
+    for unit in ("deg/s", "mg", "uT", "g/16384"):
+        row, words = effect.row(unit), effect.sentence("gyro_q", unit)
+        assert list(row) == [p.name for p in effect.parameters()]
+        assert words.startswith("gyro_q ")
+        assert "{" not in words
+        for p in effect.parameters():
+            value, text = row[p.name]
+            si = parse_unit(unit_of(p, parse_unit(unit).si))
+            assert parse_unit(text).same_dimension(si)
+            assert to_si(value, text) == pytest.approx(float(getattr(effect, p.name)), rel=1e-12)
+            if p.kind != "setting" and p.name not in UNSAID.get(name, ()):
+                assert f"{value:.3g} {text}".strip() in words
 
 
-@pytest.mark.parametrize("unit", ["deg/s", "mg", "g/16384", "degC"])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_written_entry_is_read_back(name: str, unit: str, tmp_path: Path) -> None:
+def test_a_written_entry_is_read_back(name: str, tmp_path: Path) -> None:
     effect = EXAMPLES[name]
     sizes = {
         p.name: (0.5 * abs(v), 2.0 * abs(v)) for p in effect.estimated() if (v := getattr(effect, p.name))
     }
     path = tmp_path / "noise.toml"
-    write_noise(NoiseModel({"ch": ChannelNoise(unit, (Term(effect, sizes),))}), path)
-    channel = read_noise(path).channel("ch")
-    (back,) = channel.terms
-    assert type(back.effect) is type(effect)
-    assert channel.unit == unit
-    for p in effect.parameters():
-        assert getattr(back.effect, p.name) == pytest.approx(getattr(effect, p.name), rel=1e-8)
-    assert {k: pytest.approx(v, rel=1e-8) for k, v in back.ci95.items()} == sizes
+    for unit in ("deg/s", "mg", "g/16384", "degC"):
+        write_noise(NoiseModel({"ch": ChannelNoise(unit, (Term(effect, sizes),))}), path)
+        channel = read_noise(path).channel("ch")
+        (back,) = channel.terms
+        assert type(back.effect) is type(effect)
+        assert channel.unit == unit
+        for p in effect.parameters():
+            assert getattr(back.effect, p.name) == pytest.approx(getattr(effect, p.name), rel=1e-8)
+        assert {k: pytest.approx(v, rel=1e-8) for k, v in back.ci95.items()} == sizes
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -143,12 +143,12 @@ def test_a_model_is_written_and_read_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(catalogue()))
-@pytest.mark.parametrize("unit", ["deg/s", "g/16384", "m/s^2", "0.01*deg/s", "degC", "1", ""])
-def test_every_effect_survives_in_every_kind_of_unit(name: str, unit: str) -> None:
+def test_every_effect_survives_in_every_kind_of_unit(name: str) -> None:
     effect = make(name, **{p.name: 0.375 + k for k, p in enumerate(catalogue()[name].parameters())})
-    (again,) = parse_noise(noise_text(model(effect, unit=unit)), "n.toml").channel("gyro_x").effects
-    for p in effect.parameters():
-        assert getattr(again, p.name) == pytest.approx(getattr(effect, p.name), rel=1e-6)
+    for unit in ("deg/s", "g/16384", "m/s^2", "0.01*deg/s", "degC", "1", ""):
+        (again,) = parse_noise(noise_text(model(effect, unit=unit)), "n.toml").channel("gyro_x").effects
+        for p in effect.parameters():
+            assert getattr(again, p.name) == pytest.approx(getattr(effect, p.name), rel=1e-6)
 
 
 def test_only_the_file_is_left_in_the_folder(tmp_path: Path) -> None:

@@ -11,10 +11,9 @@ import io
 import re
 import tokenize
 from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import groupby
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = (
@@ -163,24 +162,31 @@ def banned_in(names: Iterable[str], where: str) -> list[str]:
     return [f"{n} -> {BANNED_NAMES[w]}" for n, w in wrong if w in BANNED_NAMES]
 
 
-@pytest.mark.parametrize("path", CODE, ids=name_of)
-def test_texts_of_the_code(path: Path) -> None:
-    where = name_of(path)
-    assert [f"line {line}: {word}" for line, text in texts(path) for word in found(text, where)] == []
+def test_texts_of_the_code() -> None:
+    assert [
+        f"{where}, line {line}: {word}"
+        for path in CODE
+        for where in [name_of(path)]
+        for line, text in texts(path)
+        for word in found(text, where)
+    ] == []
 
 
-@pytest.mark.parametrize("path", CODE, ids=name_of)
-def test_names_of_the_code(path: Path) -> None:
+def test_names_of_the_code() -> None:
     """Names that it uses, those of other modules too, and its own."""
-    where = name_of(path)
-    names = [t.string for t in tokens(path.read_text(encoding="utf-8")) if t.type == tokenize.NAME]
-    assert banned_in([*names, where], where) == []
+    wrong = {}
+    for path in CODE:
+        where = name_of(path)
+        names = [t.string for t in tokens(path.read_text(encoding="utf-8")) if t.type == tokenize.NAME]
+        wrong[where] = banned_in([*names, where], where)
+    assert {where: words for where, words in wrong.items() if words} == {}
 
 
-@pytest.mark.parametrize("path", PAGES, ids=name_of)
-def test_pages(path: Path) -> None:
-    assert found(prose(path), name_of(path)) == []
-    assert banned_in([name_of(path)], name_of(path)) == []
+def test_pages() -> None:
+    wrong = {
+        where: [*found(prose(p), where), *banned_in([where], where)] for p in PAGES for where in [name_of(p)]
+    }
+    assert {where: words for where, words in wrong.items() if words} == {}
 
 
 def test_a_banned_word_is_found() -> None:
@@ -214,12 +220,13 @@ def functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef]]:
         if isinstance(node, ast.FunctionDef):
             yield node.name, node
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            inherited = {name for b in node.bases for name in METHODS.get(ast.unparse(b), ())}
+            inherited = {name for b in node.bases for name in _methods().get(ast.unparse(b), ())}
             for part in node.body:
                 if isinstance(part, ast.FunctionDef) and part.name not in inherited:
                     yield f"{node.name}.{part.name}", part
 
 
+@cache
 def _methods() -> dict[str, set[str]]:
     """Names of the methods of each class of the package, with those of its bases."""
     own: dict[str, set[str]] = {}
@@ -238,14 +245,10 @@ def _methods() -> dict[str, set[str]]:
     return {name: every(name) for name in own}
 
 
-METHODS = _methods()
-
-
-@pytest.mark.parametrize("path", PACKAGE, ids=lambda p: str(p.relative_to(ROOT / "kfgen")))
-def test_functions_say_what_they_take_and_give(path: Path) -> None:
+def test_functions_say_what_they_take_and_give() -> None:
     """A public function of two or more arguments names each under Parameters, and what it returns."""
     silent = []
-    for name, f in functions(path):
+    for path, name, f in ((name_of(p), *of) for p in PACKAGE for of in functions(p)):
         arguments = [
             a.arg
             for a in (*f.args.posonlyargs, *f.args.args, *f.args.kwonlyargs)
@@ -254,9 +257,11 @@ def test_functions_say_what_they_take_and_give(path: Path) -> None:
         if f.name.startswith("_") or len(arguments) < 2:
             continue
         said = (ast.get_docstring(f) or "").partition("Parameters\n---")[2]
-        silent += [f"{name}: {a}" for a in arguments if not re.search(rf"^(\w+, )*{a}(, \w+)* :", said, re.M)]
+        silent += [
+            f"{path}: {name}: {a}" for a in arguments if not re.search(rf"^(\w+, )*{a}(, \w+)* :", said, re.M)
+        ]
         if f.returns is not None and ast.unparse(f.returns) != "None" and "Returns\n---" not in said:
-            silent.append(f"{name}: what it returns")
+            silent.append(f"{path}: {name}: what it returns")
     assert silent == []
 
 
@@ -292,10 +297,9 @@ def sentences(path: Path) -> list[str]:
     return out
 
 
-@pytest.mark.parametrize("path", SAYING, ids=name_of)
-def test_sentences_stand_in_one_place_of_a_room(path: Path) -> None:
+def test_sentences_stand_in_one_place_of_a_room() -> None:
     """In its `words`, not between formulas."""
-    assert sentences(path) == []
+    assert {name_of(path): out for path in SAYING if (out := sentences(path))} == {}
 
 
 def test_a_sentence_out_of_place_is_found(tmp_path: Path) -> None:
@@ -387,14 +391,16 @@ VAGUE = frozenset(
 """Names of constants that say neither what is counted nor in which unit."""
 
 
-@pytest.mark.parametrize("path", PACKAGE, ids=lambda p: str(p.relative_to(ROOT / "kfgen")))
-def test_constants_say_their_quantity(path: Path) -> None:
-    names = {
-        t.id.lstrip("_")
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
-        if isinstance(node, ast.Assign | ast.AnnAssign)
-        for t in (node.targets if isinstance(node, ast.Assign) else [node.target])
-        if isinstance(t, ast.Name) and t.id.isupper()
-    }
-    # The interface of a consumer asks for a text RATE.
-    assert names & VAGUE <= ({"RATE"} if "consumers" in path.parts else set())
+def test_constants_say_their_quantity() -> None:
+    vague = {}
+    for path in PACKAGE:
+        names = {
+            t.id.lstrip("_")
+            for node in ast.parse(path.read_text(encoding="utf-8")).body
+            if isinstance(node, ast.Assign | ast.AnnAssign)
+            for t in (node.targets if isinstance(node, ast.Assign) else [node.target])
+            if isinstance(t, ast.Name) and t.id.isupper()
+        }
+        # The interface of a consumer asks for a text RATE.
+        vague[name_of(path)] = names & VAGUE - ({"RATE"} if "consumers" in path.parts else set())
+    assert {where: names for where, names in vague.items() if names} == {}
