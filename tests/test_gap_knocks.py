@@ -16,7 +16,7 @@ from kfgen.gap.core.knocks import knocked
 from kfgen.gap.core.swing import Swing
 from kfgen.gap.core.swing_law import KNOCKS, other_law
 from kfgen.gap.rest.channel_gap import channel_gap
-from kfgen.gap.rest.course import MIN_LOG_ODDS_OF_ANOTHER_LAW
+from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def test_knocks_are_no_resonance() -> None:
         z = rng.standard_normal(n) + size * rung(rng, n, frequency, 20.0)
         words, odds = other_law(z, omega, 1.0 / (6.0 * np.pi), size)
         assert words == KNOCKS
-        assert odds > MIN_LOG_ODDS_OF_ANOTHER_LAW
+        assert odds > LOG_ODDS_OF_ITS_OWN_LAW
 
 
 def test_knocks_are_no_certain_resonance() -> None:

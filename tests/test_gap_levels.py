@@ -18,7 +18,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
 from kfgen.gap.core.level_law import MANY_LEVELS, many_levels_log_odds
 from kfgen.gap.rest.channel_gap import as_written, channel_gap, series_of
-from kfgen.gap.rest.course import MIN_LOG_ODDS_OF_ANOTHER_LAW
+from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def test_two_levels_and_many(size: float) -> None:
             for y in (telegraph.simulate(DT * np.arange(N), rng), size * any_level(rng, 15.0))
         ]
         assert odds[0] < 0.0
-        assert odds[1] > MIN_LOG_ODDS_OF_ANOTHER_LAW
+        assert odds[1] > LOG_ODDS_OF_ITS_OWN_LAW
 
 
 def test_a_bias_of_many_levels_is_no_certain_telegraph() -> None:

@@ -18,8 +18,9 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core import swing
 from kfgen.gap.core.swing import Swing
 from kfgen.gap.core.swing_law import LIMIT_CYCLE, MODULATED_LINE, comes_and_goes_log_odds, other_law
+from kfgen.gap.rest import course
 from kfgen.gap.rest.channel_gap import channel_gap
-from kfgen.gap.rest.course import MIN_LOG_ODDS_OF_ANOTHER_LAW
+from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW, OtherLaw
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -120,7 +121,7 @@ def test_by_what_law_something_swings() -> None:
             ("resonance", driven(rng, n, omega, damping * omega), damping),
         ):
             words, odds = other_law(white + size * swings, omega, zeta, size)
-            found[name].append(words if odds > MIN_LOG_ODDS_OF_ANOTHER_LAW else "")
+            found[name].append(words if odds > LOG_ODDS_OF_ITS_OWN_LAW else "")
     assert found["breath"].count(LIMIT_CYCLE) >= 3  # fewer in one of a thousand sets of five
     assert found["line"].count(MODULATED_LINE) >= 3
     assert found["resonance"] == [""] * 5
@@ -138,6 +139,30 @@ def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:
     assert gap.findings[0].objection == LIMIT_CYCLE
 
 
+def test_a_name_is_as_probable_as_its_law() -> None:
+    """At even likelihoods the named law has odds of e^2; what is likelier by e^2 is said instead."""
+    even, doubtful, other = (OtherLaw.seen(LIMIT_CYCLE, x) for x in (0.0, 1.9, 2.1))
+    assert OtherLaw().own_probability == 1.0
+    assert even.own_probability == pytest.approx(1.0 / (1.0 + np.exp(-2.0)))
+    assert 0.5 < doubtful.own_probability < 0.53
+    assert (even.objection, doubtful.objection, other.objection) == ("", "", LIMIT_CYCLE)
+
+
+def test_a_doubtful_law_makes_a_name_less_probable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A resonance that is hardly likelier than a limit cycle was once one at 100 %."""
+    rng, n, dt = np.random.default_rng(22), 2048, 0.1
+    y = rng.standard_normal(n) + 0.5 * driven(rng, n, 0.6, 0.03)
+    record = Record(dt * np.arange(n), y)
+    noise = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
+    (sure,) = channel_gap("gyro_x", record, noise).findings
+    monkeypatch.setattr(course, "other_law", lambda *_: (LIMIT_CYCLE, 1.5))
+    (doubtful,) = channel_gap("gyro_x", record, noise).findings
+    assert sure.effect.name == doubtful.effect.name == "resonance"
+    assert sure.probability > 0.97
+    assert doubtful.probability == pytest.approx(1.0 / (1.0 + np.exp(-0.5)), abs=1e-3)
+    assert doubtful.objection == ""
+
+
 @pytest.mark.parametrize("damping", [1e-9, 2.0])
 def test_a_resonance_of_any_width_is_answered(damping: float) -> None:
     """One that a file states may be narrower than the record shows, or no peak."""
@@ -152,10 +177,10 @@ def test_a_line_that_stays_and_one_that_comes_and_goes() -> None:
     for seed in range(3):
         rng = np.random.default_rng([19, seed])
         white, line = rng.standard_normal(n), size * np.cos(omega * np.arange(n) + 6.28 * rng.random())
-        assert comes_and_goes_log_odds(white + line, omega, size) < MIN_LOG_ODDS_OF_ANOTHER_LAW
+        assert comes_and_goes_log_odds(white + line, omega, size) < LOG_ODDS_OF_ITS_OWN_LAW
         goes = size / np.sqrt(2.0) * switched(rng, n, omega, n / 15.0)
         odds.append(comes_and_goes_log_odds(white + goes, omega, 0.7 * size))
-    assert sum(x > MIN_LOG_ODDS_OF_ANOTHER_LAW for x in odds) >= 2
+    assert sum(x > LOG_ODDS_OF_ITS_OWN_LAW for x in odds) >= 2
 
 
 def test_a_line_that_comes_and_goes_is_no_certain_line() -> None:

@@ -8,7 +8,7 @@ ordinate by ordinate of the cosine transform; it is compared with courses of rec
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,13 +43,44 @@ POINTS_OVER_SHOWN = 4
 """Ordinates over those that have this share: what is fast says most of a law."""
 STEPS_OF_A_POINT = 8
 """Of what is simulated in time."""
-MIN_LOG_ODDS_OF_ANOTHER_LAW = 2.0
-"""Nats above which another law is said: of 240 true resonances of 10 to 1000 nats six have them, of 32 true telegraphs none, of
-160 true lines four (all of 10 nats)."""
+LOG_ODDS_OF_ITS_OWN_LAW = 2.0
+"""Of what an effect is named, over other laws of its spectrum, before the record is seen [nats]. A likelihood that is so much
+larger makes another law likelier: of 240 true resonances of 10 to 1000 nats six have it, of 32 true telegraphs none, of 160
+true lines four (all of 10 nats)."""
+
+
+@dataclass(frozen=True)
+class OtherLaw:
+    """What an effect may be that has its spectrum.
+
+    Parameters
+    ----------
+    words : str
+    log_odds : float
+        Over its own law, after the record was seen [nats].
+    """
+
+    words: str = ""
+    log_odds: float = -np.inf
+
+    @staticmethod
+    def seen(words: str, log_likelihood_ratio: float) -> OtherLaw:
+        """With what was believed before."""
+        return OtherLaw(words, log_likelihood_ratio - LOG_ODDS_OF_ITS_OWN_LAW)
+
+    @property
+    def objection(self) -> str:
+        """The words, where it is likelier than the effect's own."""
+        return self.words if self.log_odds > 0.0 else ""
+
+    @property
+    def own_probability(self) -> float:
+        """Of the effect's own law; a stand-in for another law keeps its share among what has a name."""
+        return 1.0 if self.objection else float(1.0 / (1.0 + np.exp(self.log_odds)))
 
 
 def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> list[Finding]:
-    """The findings, those that are noise of a kind with what speaks against the courses that they took together.
+    """The findings, with what speaks against the courses that they took together, as probable as their laws are.
 
     Parameters
     ----------
@@ -65,22 +96,30 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
         return list(findings)
     if len(search.altering) == 1 and has_course(search.altering[0]):
         record, added = records_of(search.record)[0], (*added, *search.altering)
-    objection = _more_levels(search) or none_of_their_kind(record, known, added)
-    said = [replace(f, objection=objection) if has_course(f.effect) else f for f in findings]
     every = [*known, *added]
+    laws = [
+        _more_levels(search) if isinstance(f.effect, RandomTelegraph) else _other_law(record, every, f.effect)
+        for f in findings
+    ]
+    said = next(
+        (law.objection for law, f in zip(laws, findings) if law.objection and has_course(f.effect)), ""
+    )
+    objection = said or none_of_their_kind(record, known, added)
     return [
-        replace(f, objection=MODULATED_LINE)
-        if isinstance(f.effect, Sinusoid) and _comes_and_goes(record, every, f.effect)
-        else f
-        for f in said
+        replace(
+            f,
+            probability=f.probability * law.own_probability,
+            objection=objection if has_course(f.effect) else law.objection,
+        )
+        for law, f in zip(laws, findings)
     ]
 
 
-def _more_levels(search: ChannelExplanation) -> str:
+def _more_levels(search: ChannelExplanation) -> OtherLaw:
     """Whether the only effect that changes samples is a telegraph that has more levels than two."""
     telegraphs = [e for e in search.altering if isinstance(e, RandomTelegraph)]
     if not telegraphs or len(search.altering) > 1:
-        return ""
+        return OtherLaw()
     base, assumed = search.base, len(search.effects)
     base = replace(base, problem=replace(base.problem, record=search.record))
     fit = base.fit
@@ -88,7 +127,7 @@ def _more_levels(search: ChannelExplanation) -> str:
     free = tuple(key for key in fit.free if key[0] < assumed)
     own = replace(fit, effects=kept, free=free, point=fit.point[: len(free)])
     odds = many_levels_log_odds(series_of(base), telegraphs[0], series_of(replace(base, fit=own)))
-    return MANY_LEVELS if odds > MIN_LOG_ODDS_OF_ANOTHER_LAW else ""
+    return OtherLaw.seen(MANY_LEVELS, odds)
 
 
 def own_noise_objection(search: ChannelExplanation) -> str:
@@ -106,9 +145,9 @@ def own_noise_objection(search: ChannelExplanation) -> str:
     if more:
         return ""
     own, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
-    return none_of_their_kind(
-        record, [*(e for e in own if not has_course(e)), *added], [e for e in own if has_course(e)]
-    )
+    slow, others = [e for e in own if has_course(e)], [*(e for e in own if not has_course(e)), *added]
+    laws = (_other_law(record, [*others, *slow], e).objection for e in slow)
+    return next((words for words in laws if words), "") or none_of_their_kind(record, others, slow)
 
 
 def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[Effect]) -> str:
@@ -127,10 +166,6 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     slow = [e for e in added if has_course(e)]
     if not slow:
         return ""
-    for e in slow:
-        law = _another_law(record, effects, e) if isinstance(e, Resonance) else ""
-        if law:
-            return law
     n, dt = record.n, record.dt / record.averaged
     omega: Array = np.asarray(np.arange(1, n) * (np.pi / n), dtype=np.float64)
     filters = [e for e in effects if e.is_filter]
@@ -182,23 +217,17 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     return words
 
 
-def _another_law(record: Record, effects: Sequence[Effect], resonance: Resonance) -> str:
-    """By what other law than that of a resonance beside the other effects of a model something swings; empty where by none."""
-    z, omega, white = _without(record, effects, resonance)
-    rms = float(resonance.rms) / white
-    if not (0.0 < omega < np.pi and 0.0 < rms < np.inf):
-        return ""
-    words, odds = other_law(z, omega, float(resonance.damping), rms)
-    return words if odds > MIN_LOG_ODDS_OF_ANOTHER_LAW else ""
-
-
-def _comes_and_goes(record: Record, effects: Sequence[Effect], line: Sinusoid) -> bool:
-    """Whether a spectral line is not there all the time."""
-    z, omega, white = _without(record, effects, line)
-    amplitude = float(line.amplitude) / white
-    if not (0.0 < omega < np.pi and 0.0 < amplitude < np.inf):
-        return False
-    return comes_and_goes_log_odds(z, omega, amplitude) > MIN_LOG_ODDS_OF_ANOTHER_LAW
+def _other_law(record: Record, effects: Sequence[Effect], effect: Effect) -> OtherLaw:
+    """By what other law something swings beside the other effects of a model; by none where it does not swing."""
+    if not isinstance(effect, Resonance | Sinusoid):
+        return OtherLaw()
+    z, omega, white = _without(record, effects, effect)
+    size = float(effect.rms if isinstance(effect, Resonance) else effect.amplitude) / white
+    if not (0.0 < omega < np.pi and 0.0 < size < np.inf):
+        return OtherLaw()
+    if isinstance(effect, Resonance):
+        return OtherLaw.seen(*other_law(z, omega, float(effect.damping), size))
+    return OtherLaw.seen(MODULATED_LINE, comes_and_goes_log_odds(z, omega, size))
 
 
 def _without(
