@@ -232,7 +232,9 @@ def searched(start: E, limits: SearchLimits) -> E:
     """
     free = grown(start, limits)
     again = None if search_is_over() else free.absorbers_last()
-    shapes = settled(grown(again, limits), limits) if again is not None else free
+    if again is None:
+        return settled(free, limits)
+    shapes = settled(grown(again, limits), limits)
     shaped = grown(shapes.with_absorbers(), limits) if shapes.chosen else free
     if set(labels(shaped)) == set(labels(free)):
         return settled(free, limits)

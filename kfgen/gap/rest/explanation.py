@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from kfgen.core.recent_results import RecentResults
 from kfgen.core.time_budget import search_is_over
 from kfgen.effects import Effect, catalogue
 from kfgen.gap.core.search import Chosen, Contest, Label, Refused, probabilities, worth
@@ -64,6 +65,11 @@ def search_limits(channels: int = 1) -> SearchLimits:
     return SearchLimits(max_effects=8, min_first_evidence_nats=MIN_FIRST_EVIDENCE_NATS + math.log(channels))
 
 
+MAX_KEPT_COMPARISONS = 8
+"""Of one search."""
+Compared = RecentResults[tuple[tuple[object, ...], list[Candidate]]]
+
+
 @dataclass(frozen=True)
 class ChannelExplanation:
     """A record against what is assumed about it, and what was added so far.
@@ -84,6 +90,8 @@ class ChannelExplanation:
         Effects that are kept back until those are found which are not.
     refused : tuple of Refused
         What was not added in spite of its evidence.
+    compared : RecentResults
+        What was compared before in one search, which comes back to the same explanation by several ways.
     """
 
     record: Evidence
@@ -94,6 +102,9 @@ class ChannelExplanation:
     known: tuple[Effect, ...] = ()
     waiting: frozenset[str] = field(default_factory=frozenset)
     refused: tuple[Refused, ...] = ()
+    compared: Compared = field(
+        default_factory=lambda: RecentResults(MAX_KEPT_COMPARISONS), compare=False, repr=False
+    )
 
     @property
     def added(self) -> tuple[Effect, ...]:
@@ -166,7 +177,11 @@ class ChannelExplanation:
     def every_candidate(self) -> list[Candidate]:
         """All that the record allows, by evidence, the best first."""
         used = {e.name for e in self.altering} | ({RETUNE} if self.is_retuned else set())
-        return candidates(self.base, frozenset(used) | self.without)
+        without = frozenset(used) | self.without
+        # These are kept beside the result, that no other object has the identity of one of them.
+        made_of = (self.record, self.priors, *self.chosen)
+        key = (tuple(map(id, made_of)), self.effects, self.known, without)
+        return self.compared.recalled(key, lambda: (made_of, candidates(self.base, without)))[1]
 
     def objection(self, addition: Candidate, likelier: Sequence[Candidate]) -> str:
         """Why an addition is not to be added, see `kfgen.gap.rest.proof`; shapes resemble shapes, and noise noise."""
