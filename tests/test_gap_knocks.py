@@ -81,8 +81,8 @@ def test_knocks_are_no_resonance() -> None:
 
 
 def test_knocks_are_no_certain_resonance() -> None:
-    rng, n, dt = np.random.default_rng(24), 8192, 0.01
-    y = rng.standard_normal(n) + 0.25 * rung(rng, n, 0.05, 30.0)
+    rng, n, dt = np.random.default_rng(24), 4096, 0.01
+    y = rng.standard_normal(n) + 0.3 * rung(rng, n, 0.05, 20.0)
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
     gap = channel_gap("gyro_x", Record(dt * np.arange(n), y), noise)
     assert gap.verdict == "unknown_effect"

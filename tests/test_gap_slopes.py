@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, make
@@ -33,7 +34,7 @@ def gap_of(record: Record) -> Gap:
     return channel_gap("gyro_z", record, ChannelNoise("rad/s", (Term(make("white_noise", N=0.1)),)))
 
 
-@pytest.mark.parametrize(("slope", "size"), [(0.5, 0.1), (1.5, 0.05)])
+@pytest.mark.parametrize(("slope", "size"), in_part([(0.5, 0.1), (1.5, 0.05)]))
 def test_noise_of_a_slope_is_named_with_it(slope: float, size: float) -> None:
     """Of several hundred nats. Noise of half a slope was once a Gauss-Markov bias, at 100 %."""
     gap = gap_of(sloped(1, slope, size=size))

@@ -105,14 +105,14 @@ def switched(rng: np.random.Generator, n: int, omega: float, stay: float) -> Arr
 
 
 def test_by_what_law_something_swings() -> None:
-    """Five of each, of a hundred cycles of 0.9 nats; lines are of one nat in each stretch of 40 samples.
+    """Three of each, of a hundred cycles of 0.9 nats; lines are of one nat in each stretch of 40 samples.
 
     Of 40 of other seeds 38 breaths, 40 lines and no resonance are taken for another law than a resonance.
     """
     n, size, damping = 1024, 0.65, 0.06
     omega = 2.0 * np.pi / 10.0
     found: dict[str, list[str]] = {"breath": [], "line": [], "resonance": []}
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng([17, seed])
         white = rng.standard_normal(n)
         for name, swings, zeta in (
@@ -122,9 +122,9 @@ def test_by_what_law_something_swings() -> None:
         ):
             words, odds = other_law(white + size * swings, omega, zeta, size)
             found[name].append(words if odds > LOG_ODDS_OF_ITS_OWN_LAW else "")
-    assert found["breath"].count(LIMIT_CYCLE) >= 3  # fewer in one of a thousand sets of five
-    assert found["line"].count(MODULATED_LINE) >= 3
-    assert found["resonance"] == [""] * 5
+    assert found["breath"].count(LIMIT_CYCLE) >= 2  # fewer in one of a hundred sets of three
+    assert found["line"].count(MODULATED_LINE) >= 2
+    assert found["resonance"] == [""] * 3
 
 
 def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:
@@ -150,8 +150,8 @@ def test_a_name_is_as_probable_as_its_law() -> None:
 
 def test_a_doubtful_law_makes_a_name_less_probable(monkeypatch: pytest.MonkeyPatch) -> None:
     """A resonance that is hardly likelier than a limit cycle was once one at 100 %."""
-    rng, n, dt = np.random.default_rng(22), 2048, 0.1
-    y = rng.standard_normal(n) + 0.5 * driven(rng, n, 0.6, 0.03)
+    rng, n, dt = np.random.default_rng(22), 1024, 0.1
+    y = rng.standard_normal(n) + 0.7 * driven(rng, n, 0.6, 0.03)
     record = Record(dt * np.arange(n), y)
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
     (sure,) = channel_gap("gyro_x", record, noise).findings
