@@ -6,7 +6,7 @@ it goes on, or a knock begins it again.
 
 References
 ----------
-.. [1] S.-Z. Yu, Hidden semi-Markov models, Artificial Intelligence 174(2), 2010, sec. 2.2.
+.. [1] S.-Z. Yu, Hidden semi-Markov models, Artificial Intelligence 174(2), 2010.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ FADES_FOLLOWED = 2.0
 """Time constants for which a knock is followed: then a fiftieth of its power is left."""
 MIN_FOLLOWED_BLOCKS, MAX_FOLLOWED_BLOCKS = 4, 64
 """In which a knock is followed."""
-LONGEST_LOG_STEP = 60.0
-"""Of the likelihood of one block, that no number overflows."""
+MAX_BLOCK_NATS = 60.0
+"""By which one block may change a likelihood, that no number overflows."""
 
 
 def knocked(swing: Swing, walk: Array, damping: Array, rms: Array, rate: float) -> Array:
@@ -77,7 +77,7 @@ def knocked(swing: Swing, walk: Array, damping: Array, rms: Array, rate: float) 
         log_e = 0.5 * (tight * np.abs(g) ** 2 - (uneven.conj() * g**2).real) / det - 0.5 * np.log(
             det / power**2
         )
-        seen = share * np.exp(np.minimum(log_e - before, LONGEST_LOG_STEP))
+        seen = share * np.exp(np.minimum(log_e - before, MAX_BLOCK_NATS))
         before = log_e
         total = quiet + seen.sum(axis=1)
         value += np.log(total)
