@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.effects.process.population_monte_carlo import integral
 from kfgen.effects.series import log_mean
+from kfgen.gap.core.band import BAND, band_log_odds
 from kfgen.gap.core.knocks import knocked
 from kfgen.gap.core.swing import Swing
 
@@ -78,15 +79,17 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
         assert found is not None
         return found.log
 
+    own = log_of(swing.resonance)
     lines = [_modulated_line(swing, fade, rms, share) for share in STEADY_SHARES]
     knocks = [log_of(partial(knocked, swing, rate=rate)) for rate in KNOCKS_IN_A_FADE]
     odds = {
-        LIMIT_CYCLE: log_of(swing.limit_cycle),
-        KNOCKS: log_mean(np.array(knocks)),
-        MODULATED_LINE: log_mean(np.array(lines)),
+        LIMIT_CYCLE: log_of(swing.limit_cycle) - own,
+        KNOCKS: log_mean(np.array(knocks)) - own,
+        MODULATED_LINE: log_mean(np.array(lines)) - own,
+        BAND: band_log_odds(z, omega, damping, rms),
     }
     words = max(odds, key=lambda w: odds[w])
-    return words, odds[words] - log_of(swing.resonance)
+    return words, odds[words]
 
 
 def comes_and_goes_log_odds(z: Array, omega: float, amplitude: float) -> float:

@@ -65,7 +65,7 @@ class OtherLaw:
 
     @staticmethod
     def seen(words: str, log_likelihood_ratio: float) -> OtherLaw:
-        """With what was believed before."""
+        """With the odds before the record was seen."""
         return OtherLaw(words, log_likelihood_ratio - LOG_ODDS_OF_ITS_OWN_LAW)
 
     @property
