@@ -95,7 +95,9 @@ class ThermalHysteresis(Effect):
     coefficient: Any = parameter("U/K", "signed")
 
     name: ClassVar[str] = "thermal_hysteresis"
-    prior_penalty_nats: ClassVar[float] = 1.0
+    prior_penalty_nats: ClassVar[float] = (
+        2.0  # most sensors go with the temperature: a hysteresis of any width bends to fit a drift or a step
+    )
     title: ClassVar[str] = "thermal hysteresis"
     separating_experiment: ClassVar[str] = "the same temperatures passed at two speeds, up and down"
     sentence_template: ClassVar[str] = (
