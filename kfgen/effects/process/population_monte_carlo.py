@@ -98,6 +98,27 @@ def integral(
     return Integral(top + float(np.log(np.mean(np.exp(every - top)))), mean, covariance)
 
 
+def log_integral_about(log_f: Callable[[Array], Array], middle: Array, spread: Array) -> float:
+    """The logarithm of the integral of ``exp(log_f)``, looked for from points about a middle.
+
+    Parameters
+    ----------
+    log_f : callable
+        As for `integral`.
+    middle, spread : ndarray, shape (k,)
+        Mean and standard deviations of the first points.
+
+    Returns
+    -------
+    float
+        [nats].
+    """
+    drawn = np.random.default_rng(0).standard_normal((DRAWS_PER_ROUND, middle.size))
+    found = integral(log_f, middle + spread * drawn)
+    assert found is not None
+    return found.log
+
+
 def _law(points: Array, w: Array) -> tuple[Array, Array]:
     """Mean and covariance of points under weights that are evened until enough of them count."""
     k, heat = points.shape[1], 1.0

@@ -15,20 +15,21 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.process.periodic import Resonance
+from kfgen.effects.process.population_monte_carlo import log_integral_about
 
 Array = NDArray[np.float64]
 
 BAND = "it is noise of a band with edges (a machine hall)"
-START_COUNT = 64
-"""First points of an integral."""
-SPREAD_OF_A_RESONANCE = (0.5, 0.4, 0.15)
-"""Standard deviations of the first points: of the frequency in dampings, of the logarithms of damping and size."""
 TRIAL_WIDTHS = (1.0, 2.0, 4.0, 8.0)
 """Of bands, in dampings of the resonance, and as many places about its frequency: where the integral starts."""
 TRIAL_PLACES = 33
-SPREAD_OF_A_BAND = (0.3, 0.3, 0.15)
+SPREAD_OF_A_BAND = np.array([0.3, 0.3, 0.15])
 """Standard deviations of the first points: of the middle in dampings, of the logarithms of width and size."""
+SPREAD_OF_A_RESONANCE = np.array([0.5, 0.4, 0.15])
+"""The same of a resonance: of its frequency in dampings, of the logarithms of damping and size."""
+IMPOSSIBLE_NATS = -1e9
+"""Log-likelihood of a frequency that is none."""
 
 
 def band_log_odds(z: Array, omega: float, damping: float, rms: float) -> float:
@@ -53,16 +54,20 @@ def band_log_odds(z: Array, omega: float, damping: float, rms: float) -> float:
     from scipy.fft import dct
 
     power = np.square(dct(z, norm="ortho")[1:])
-    w = np.arange(1, z.size) * (np.pi / z.size)
+    w: Array = np.asarray(np.arange(1, z.size) * (np.pi / z.size), dtype=np.float64)
     below = np.concatenate([[0.0], np.cumsum(power)])
     fade = damping * omega
 
+    def log_of_one(offset: float, log_fade: float, log_rms: float) -> float:
+        at = omega + fade * offset
+        if at <= 0.0:
+            return IMPOSSIBLE_NATS
+        own = Resonance(at / (2.0 * np.pi), np.exp(log_fade) / at, np.exp(log_rms))
+        S = own.sampled_density(w, 1.0)
+        return float(-0.5 * np.sum(np.log1p(S) - power * S / (1.0 + S)))
+
     def resonance(x: Array) -> Array:
-        at = omega + fade * x[:, :1]
-        width = 2.0 * np.exp(x[:, 1:2]) * w
-        S = 1.0 / ((at**2 - w**2) ** 2 + width**2)
-        S *= np.exp(2.0 * x[:, 2:]) / S.mean(axis=1)[:, None]
-        return np.asarray(-0.5 * np.sum(np.log1p(S) - power * S / (1.0 + S), axis=1))
+        return np.array([log_of_one(*row) for row in x.tolist()])
 
     def band(x: Array) -> Array:
         half = 0.5 * np.exp(x[:, 1])
@@ -75,9 +80,8 @@ def band_log_odds(z: Array, omega: float, damping: float, rms: float) -> float:
         return np.asarray(-0.5 * (count * np.log1p(S) - seen * S / (1.0 + S)))
 
     own = np.array([0.0, np.log(fade), np.log(rms)])
-    return _log_integral(band, _best_band(band, own), SPREAD_OF_A_BAND) - _log_integral(
-        resonance, own, SPREAD_OF_A_RESONANCE
-    )
+    of_a_band = log_integral_about(band, _best_band(band, own), SPREAD_OF_A_BAND)
+    return of_a_band - log_integral_about(resonance, own, SPREAD_OF_A_RESONANCE)
 
 
 def _best_band(band: Callable[[Array], Array], own: Array) -> Array:
@@ -90,10 +94,3 @@ def _best_band(band: Callable[[Array], Array], own: Array) -> Array:
         ]
     )
     return np.asarray(trials[int(np.argmax(band(trials)))])
-
-
-def _log_integral(law: Callable[[Array], Array], at: Array, spread: tuple[float, ...]) -> float:
-    starts = at + spread * np.random.default_rng(0).standard_normal((START_COUNT, at.size))
-    found = integral(law, starts)
-    assert found is not None
-    return found.log

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.process.population_monte_carlo import log_integral_about
 from kfgen.effects.process.telegraph import MIDDLE_SD_OVER_SIZE, Cells, RandomTelegraph
 from kfgen.effects.series import WhiteSeries
 
@@ -16,8 +16,6 @@ Array = NDArray[np.float64]
 MANY_LEVELS = "it has more than two levels"
 LEVEL_COUNT = 6
 """Of many: as far apart as the quantiles of a normal law."""
-START_COUNT = 48
-"""First points of the integrals."""
 START_SD_OF_LOG = (0.2, 0.4)
 """Standard deviations of their logarithms of size and dwell time."""
 
@@ -54,7 +52,6 @@ def _log_likelihood(cells: Cells, telegraph: RandomTelegraph) -> float:
     middle = MIDDLE_SD_OVER_SIZE * float(telegraph.size) / cells.still
     at = np.concatenate([np.log([float(telegraph.size), float(telegraph.dwell)]), cells.noise])
     spread = np.array([*START_SD_OF_LOG, middle, *cells.deviation[1:]])
-    starts = np.asarray(at + spread * np.random.default_rng(0).standard_normal((START_COUNT, at.size)))
-    found = integral(cells.gain, starts)
-    assert found is not None
-    return found.log + float(np.log(cells.still))  # the middle is in units of it
+    return log_integral_about(cells.gain, at, spread) + float(
+        np.log(cells.still)
+    )  # the middle is in units of it

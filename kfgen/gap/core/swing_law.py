@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects.process.population_monte_carlo import integral
+from kfgen.effects.process.population_monte_carlo import log_integral_about
 from kfgen.effects.series import log_mean
-from kfgen.gap.core.band import BAND, band_log_odds
+from kfgen.gap.core.band import BAND, SPREAD_OF_A_RESONANCE, band_log_odds
 from kfgen.gap.core.knocks import knocked
 from kfgen.gap.core.swing import Swing
 
@@ -29,13 +29,9 @@ WALK_IN_A_BLOCK_RAD2 = 0.25
 """Variance of the walk of a limit cycle's phase over one block."""
 MIN_BLOCKS = 16
 """Of a record, however narrow the resonance is that a file states."""
-START_COUNT = 64
-"""First points of an integral."""
-START_SPREAD = (0.5, 0.4, 0.15)
-"""Standard deviations of the first points: of the frequency in dampings, of the logarithms of damping and size."""
 MODULATED_SPREAD = (0.5, 0.2, 0.3)
 """The same of a modulated line, whose frequency is known to a part of the inverse record: of damping, size and phase [rad]."""
-LINE_SPREAD = (0.5, 0.2, 0.3)
+LINE_SPREAD = np.array([0.5, 0.2, 0.3])
 """The same of a line that may stay: of its frequency in bins, of the logarithm of its size, of its phase [rad]."""
 REACH_DAMPINGS = 3.0
 """From the frequency, within which that of a modulated line is looked for."""
@@ -71,13 +67,12 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
     fade = damping * omega
     size = min(int(WALK_IN_A_BLOCK_RAD2 / (2.0 * fade)), z.size // MIN_BLOCKS)
     swing = Swing.of(z, omega, max(1, size))
-    starts = np.random.default_rng(0).standard_normal((START_COUNT, 3)) * START_SPREAD
-    starts += [0.0, np.log(fade), np.log(rms)]
+    middle = np.array([0.0, np.log(fade), np.log(rms)])
 
     def log_of(law: Callable[[Array, Array, Array], Array]) -> float:
-        found = integral(lambda x: law(fade * x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2])), starts)
-        assert found is not None
-        return found.log
+        return log_integral_about(
+            lambda x: law(fade * x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2])), middle, SPREAD_OF_A_RESONANCE
+        )
 
     own = log_of(swing.resonance)
     lines = [_modulated_line(swing, fade, rms, share) for share in STEADY_SHARES]
@@ -115,17 +110,16 @@ def comes_and_goes_log_odds(z: Array, omega: float, amplitude: float) -> float:
     zero = np.zeros(phase.size)
     at = phase[int(np.argmax(swing.modulated_line(zero, zero, zero + rms, phase, 1.0)))]
     bin_width = np.pi / swing.samples
-    starts = np.random.default_rng(0).standard_normal((START_COUNT, 3)) * LINE_SPREAD + [0.0, np.log(rms), at]
+    middle = np.array([0.0, np.log(rms), at])
 
     def log_of(fade: float, steady: float) -> float:
-        found = integral(
+        return log_integral_about(
             lambda x: swing.modulated_line(
                 bin_width * x[:, 0], np.full(len(x), fade), np.exp(x[:, 1]), x[:, 2], steady
             ),
-            starts,
+            middle,
+            LINE_SPREAD,
         )
-        assert found is not None
-        return found.log
 
     goes = [log_of(k / swing.samples, STEADY_SHARES[1]) for k in CHANGES_IN_RECORD]
     return log_mean(np.array(goes)) - log_of(0.0, 1.0)
@@ -147,12 +141,9 @@ def _modulated_line(swing: Swing, fade: float, rms: float, steady: float) -> flo
         return swing.modulated_line(fade * x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2]), x[:, 3], steady)
 
     best = trials[int(np.argmax(law(trials)))]
-    spread = (np.pi / (swing.samples * fade * 2.0 * TRIALS_PER_BIN), *MODULATED_SPREAD)
+    spread = np.array([np.pi / (swing.samples * fade * 2.0 * TRIALS_PER_BIN), *MODULATED_SPREAD])
 
     def of_half_a_turn(x: Array) -> Array:
         return np.asarray(np.where(np.abs(x[:, 3] - best[3]) < 0.5 * np.pi, law(x), -1e9))
 
-    starts = best + spread * np.random.default_rng(0).standard_normal((START_COUNT, 4))
-    found = integral(of_half_a_turn, starts)
-    assert found is not None
-    return found.log - float(np.log(np.pi))
+    return log_integral_about(of_half_a_turn, best, spread) - float(np.log(np.pi))

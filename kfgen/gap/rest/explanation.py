@@ -52,6 +52,8 @@ MIN_SHARE_OF_SLOW_NOISE = 0.45
 """Evidence of a shape over that of slow noise, below which no more shapes are added without it."""
 SHAPE_MIN_PROBABILITY = 1e-12
 """Probability of a shape beside slow noise below which it is not followed."""
+MAX_KEPT_COMPARISONS = 8
+"""Of one search."""
 
 
 def search_limits(channels: int = 1) -> SearchLimits:
@@ -65,8 +67,6 @@ def search_limits(channels: int = 1) -> SearchLimits:
     return SearchLimits(max_effects=8, min_first_evidence_nats=MIN_FIRST_EVIDENCE_NATS + math.log(channels))
 
 
-MAX_KEPT_COMPARISONS = 8
-"""Of one search."""
 Compared = RecentResults[tuple[tuple[object, ...], list[Candidate]]]
 
 
