@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from kfgen.core.errors import InputError
 from kfgen.effects import make
+from kfgen.effects.faults.samples import runs
 from kfgen.effects.noise_model import ChannelNoise, Term
+from kfgen.effects.series import RawSamples
+from kfgen.gap.rest.bad_samples import invalid_samples
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.even_record import regular
@@ -72,6 +77,37 @@ def test_values_on_an_adc_grid_are_no_stretch() -> None:
     gap, said = gap_of(np.round(noise(1) / 0.08) * 0.08)
     assert not said
     assert "stuck" not in [f.effect.name for f in gap.findings]
+
+
+def test_a_value_that_a_sensor_often_has_is_no_stretch() -> None:
+    """A slow rate of a tenth of a degree that is zero below half of that: zeros come in rows, some of them long.
+
+    A channel that stands still for 60 samples at another value does so once, and is stuck.
+    """
+    rng = np.random.default_rng(30)
+    a = 0.7
+    x = lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], rng.standard_normal(N))
+    y = np.where(np.abs(x) < 1.0, 0.0, x)
+    raw = RawSamples(T, y, 1.0)
+    assert max(runs(y)[1]) >= 12
+    assert not invalid_samples(raw)[0].any()
+    y = y.copy()
+    y[5000:5060] = 1.234
+    invalid, (found,) = invalid_samples(RawSamples(T, y, 1.0))
+    assert found.effect.name == "stuck"
+    assert np.flatnonzero(invalid).tolist() == list(range(5000, 5060))
+
+
+def test_a_model_whose_white_noise_is_hidden_is_compared() -> None:
+    """`identify` writes N = 4e-10 where a Gauss-Markov bias hides it; it was refused as a log of another sensor."""
+    rng = np.random.default_rng(32)
+    a = np.exp(-DT / 0.15)
+    x = 0.4 * lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], rng.standard_normal(N))
+    hidden = (make("white_noise", N=4e-10), make("gauss_markov", sigma=0.4, tau=0.15))
+    _, _, said = regular(Log(T, {"gyro_x": Channel.of(x, "rad/s")}), "gyro_x", hidden)
+    assert said == []
+    with pytest.raises(InputError, match="times what the model says"):
+        regular(Log(T, {"gyro_x": Channel.of(1e8 * x, "rad/s")}), "gyro_x", hidden)
 
 
 def test_noise_that_leans_is_unknown() -> None:

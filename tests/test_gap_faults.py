@@ -157,8 +157,19 @@ def slow(seed: int) -> Array:
     return x
 
 
+def calibrated(seed: int) -> Array:
+    """Codes of three axes, mixed by a calibration and rounded again: values recur, and lie on no grid."""
+    codes = np.round(np.random.default_rng([seed, 53]).standard_normal((3, N)) / 0.12)
+    return np.asarray(np.round(0.12 * (codes[0] + 0.013 * codes[1] - 0.008 * codes[2]), 3))
+
+
 SOUND: dict[str, Callable[[int], Array]] = {
     "white": white,
+    "calibrated": calibrated,
+    "low-passed, calibrated": lambda s: np.round(
+        0.12 * np.convolve(np.round(1.3 * white(s, N + 2) / 0.12), [0.3, 0.5, 0.3], "valid"), 3
+    ),
+    "rounded twice": lambda s: 0.01 * np.round(0.0488 * np.round(white(s) / 0.0488) / 0.01),
     "slow": lambda s: white(s) + 3.0 * slow(s),
     "ADC grid": lambda s: 0.1 * np.round(white(s) / 0.1),
     "wide ADC grid": lambda s: 0.5 * np.round((white(s) + 2.0) / 0.5),
@@ -174,6 +185,17 @@ def test_sound_samples_have_no_fault(name: str) -> None:
     for seed in range(20):
         found = spotted_in(Record(T, SOUND[name](seed)), assumed())
         assert [f.effect.name for f in found] == [], seed
+
+
+def test_samples_that_repeat_are_seen_on_a_blurred_grid() -> None:
+    """Every fourth; of the values of neighbours 4 % are equal by chance."""
+    y, rng = calibrated(7), np.random.default_rng(8)
+    hit = rng.random(N) < 0.25
+    hit[0] = False
+    y = y[np.maximum.accumulate(np.where(hit, 0, np.arange(N)))]
+    (found,) = spotted_in(Record(T, y), assumed())
+    assert found.effect.name == "repeated_samples"
+    assert found.effect.share == pytest.approx(0.25, abs=0.03)  # type: ignore[attr-defined]
 
 
 def test_every_fault_has_its_test() -> None:

@@ -184,6 +184,8 @@ def middle95(at: Array, w: Array) -> tuple[float, float]:
     return float(at[lo]), float(at[min(hi, at.size - 1)])
 
 
+MIN_VALUES_ROUNDED_TWICE = 16
+"""Distinct ones, from which a grid is told that rounding has made uneven: by chance none of 20,000 sets of so many."""
 ADC_SAMPLES = 50_000
 """Samples that are looked at for an ADC grid."""
 SWIFT = 6.0
@@ -238,7 +240,22 @@ def adc_step(y: Array) -> float:
     steps = np.diff(values)
     step = float(steps.min())
     off = np.abs(steps / step - np.round(steps / step))
-    return step if float(np.mean(off < 0.05)) > 0.95 else 0.0
+    return step if float(np.mean(off < 0.05)) > 0.95 else _twice_rounded_step(values)
+
+
+def _twice_rounded_step(values: Array) -> float:
+    """Step of a grid whose values were rounded again, as to three digits of another unit; zero for none.
+
+    Values that lie anywhere are within a quarter of a step of some grid as often as not.
+    """
+    steps = np.diff(values)
+    whole = np.round(steps / float(np.median(steps)))
+    if values.size < MIN_VALUES_ROUNDED_TWICE or float(np.mean(whole == 0.0)) > 0.05:
+        return 0.0
+    code = np.concatenate([[0.0], np.cumsum(whole)])
+    step, first = np.polyfit(code, values, 1)
+    off = np.abs(values - first - step * code) / step
+    return float(step) if float(np.mean(off < 0.25)) > 0.95 else 0.0
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,10 @@ that repeats. Noise that is not Gaussian has as much at two and three samples' d
 have not: both excesses must be beyond chance. Their variance is that of sums over blocks, since equal neighbours of
 coloured noise come in rows. Heavy tails or bursts of noise that a sensor has low-passed on a coarse grid can still pass
 for repeats.
+
+Samples that lie on no grid may still lie on a grid that a calibration has blurred, which mixes the codes of three axes
+and rounds again: values then recur. Two samples far apart are equal as often, over those that are nearly equal, as
+two neighbours are by chance.
 """
 
 from __future__ import annotations
@@ -35,6 +39,12 @@ MIN_DIFFERENCES_BEYOND_ONE_STEP = 25.0
 """Without so many of two steps of the grid or more the noise between neighbours is not known."""
 SAME_SPREAD = 0.1
 """Relative difference of standard deviations that are taken for the same."""
+LAGS_AFAR = (16, 17, 18, 19)
+"""Samples' distances at which values of no grid are equal by chance alone, and held ones of a slower clock are over."""
+NEARLY_EQUAL_SHARE = 0.2
+"""Of neighbours that differ, the share that is nearly equal."""
+MIN_EXCESS_OVER_CHANCE = 1.0
+"""Of a blurred grid: what blurs it are the codes of other axes, which neighbours share more often than samples far apart."""
 MAX_REACH_STEPS = 4096
 """Steps of the grid that are looked at: beyond, chance makes no two samples equal."""
 
@@ -74,17 +84,21 @@ def repeated_share(y: Array, step: float) -> float:
     """
     from scipy.stats import t
 
-    near = _excess(_differences(y, 1, step), step > 0.0)
+    limit = float(t.isf(FALSE_ALARM_PER_RECORD, BLOCKS - 1))
+    if step <= 0.0:
+        one = _excess_of_no_grid(y)
+        least = max(limit * _deviation(one.influence), MIN_EXCESS_OVER_CHANCE * one.chance)
+        return one.share if one.share >= least else 0.0
+    near = _excess(_differences(y, 1, step))
     if near is None or near.share <= 0.0:
         return 0.0
-    limit = float(t.isf(FALSE_ALARM_PER_RECORD, BLOCKS - 1))
     if near.share < limit * _deviation(near.influence):
         return 0.0
     usual = _typical(_differences(y, 1, step))
     beside = []
     for lag in LAGS_BESIDE:
         coarser = int(np.ceil(_typical(_differences(y, lag, step)) / usual - SAME_SPREAD))
-        far = _excess(_differences(y, lag, step, max(coarser, 1)), step > 0.0)
+        far = _excess(_differences(y, lag, step, max(coarser, 1)))
         if far is None:
             return 0.0
         beside.append(far)
@@ -120,9 +134,7 @@ def rounded_normal(k: Array, s: float) -> Array:
 
 
 def _differences(y: Array, lag: int, step: float, coarser: int = 1) -> Codes:
-    """Absolute differences in steps of a grid so many times as coarse, shape (n - lag,); of no grid zero or one."""
-    if step <= 0.0:
-        return np.asarray(y[lag:] != y[:-lag], dtype=np.int64)
+    """Absolute differences in steps of a grid so many times as coarse, shape (n - lag,)."""
     code = np.rint((y - y[0]) / step).astype(np.int64) // coarser
     return np.asarray(np.abs(code[lag:] - code[:-lag]), dtype=np.int64)
 
@@ -132,7 +144,33 @@ def _typical(d: Codes) -> float:
     return float(np.sqrt(np.mean(np.minimum(d, 4 * (1 + int(np.quantile(d, 0.75)))).astype(np.float64) ** 2)))
 
 
-def _excess(d: Codes, on_grid: bool) -> Excess | None:
+def _excess_of_no_grid(y: Array) -> Excess:
+    """Equal neighbours beyond those that recur by chance; the commonest value, which a dead zone holds, is left out."""
+    values, count = np.unique(y, return_counts=True)
+    common = y == values[int(np.argmax(count))]
+    last = y.size - max(LAGS_AFAR)
+    width = 0.0
+
+    def pairs(lag: int) -> tuple[Array, Array]:
+        d = np.abs(y[lag : lag + last] - y[:last])
+        looked = ~(common[lag : lag + last] | common[:last])
+        return np.asarray(looked & (d == 0.0), float), np.asarray(looked & (d > 0.0) & (d <= width), float)
+
+    moved = np.abs(np.diff(y))
+    moved = moved[moved > 0.0]
+    width = float(np.quantile(moved, NEARLY_EQUAL_SHARE)) if moved.size else 0.0
+    equal, close = pairs(1)
+    afar = [pairs(lag) for lag in LAGS_AFAR]
+    equal_afar, close_afar = (np.mean([pair[k] for pair in afar], axis=0) for k in (0, 1))
+    among = max(float(close_afar.sum()), 1.0)
+    ratio, weight = float(equal_afar.sum()) / among, float(close.sum()) / among
+    chance = ratio * float(close.sum())
+    away = max(last - chance, 1.0)
+    each = equal - ratio * close - weight * (equal_afar - ratio * close_afar)
+    return Excess((float(equal.sum()) - chance) / away, chance / last, each / away)
+
+
+def _excess(d: Codes) -> Excess | None:
     """Zeros among differences beyond chance; None where the noise between samples is too small to say that."""
     is_zero = (d == 0).astype(np.float64)
     moved = d[d > 0]
@@ -140,7 +178,7 @@ def _excess(d: Codes, on_grid: bool) -> Excess | None:
         return None
     middle = float(np.median(moved))
     reach = int(np.ceil(REACH_SIGMAS * max(middle / 0.6745, 1.0)))
-    if not on_grid or reach > MAX_REACH_STEPS:
+    if reach > MAX_REACH_STEPS:
         return Excess(float(is_zero.mean()), 0.0, is_zero / d.size)
     inside = (d > 0) & (d <= reach)
     k = np.arange(1, reach + 1, dtype=np.float64)

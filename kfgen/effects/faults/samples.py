@@ -30,6 +30,8 @@ MIN_CLIPPED_SHARE = 0.004
 """Share of the samples at one end of the range above which they are clipped."""
 MIN_JITTER_PERIODS = 0.02
 """Root mean square error of the time steps, in sampling periods, above which jitter is reported."""
+MAX_WIDER_THAN_ZEROS = 3.0
+"""Median of values that are not zero over that of the noise of which so many would be inside a dead zone."""
 MIN_COARSE_STEP_SIGMAS = 1.0
 """Step of the ADC grid, in standard deviations of the assumed noise, above which it is coarse."""
 MIN_INTEGRATED_STEP_RATIO = 1.04
@@ -303,7 +305,18 @@ class DeadZone(Fault):
         ):  # the ADC grid itself; or zeros that were put in
             return None
         next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
-        return DetectedFault(cls(width), share * raw.n, spoils=True) if share > 0.2 * next_to else None
+        if share <= 0.2 * next_to or cls._is_narrow(width, share, away):
+            return None
+        return DetectedFault(cls(width), share * raw.n, spoils=True)
+
+    @staticmethod
+    def _is_narrow(width: float, share: float, away: Array) -> bool:
+        """Whether so many zeros are no dead zone: normal noise with them inside would be far smaller than the rest is."""
+        from scipy.special import ndtri
+
+        sigma = width / float(ndtri(0.5 + 0.5 * share))
+        middle = sigma * float(ndtri(1.0 - 0.25 * (1.0 - share)))
+        return float(np.median(away)) > MAX_WIDER_THAN_ZEROS * middle
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """By what law something swings: whether a resonance is noise through an oscillator, and whether a spectral line stays.
 
-The likelihoods of the laws of `kfgen.gap.core.swing` are integrated over their numbers under one prior and compared. How
-often the odds of another law are large by chance is measured where they are asked for, in `kfgen.gap.rest.course`.
+The likelihoods of the laws of `kfgen.gap.core.swing` are integrated over their numbers under one prior and compared; the
+other laws share one probability, so that each more of them is not a further chance to be wrong. How often their odds are
+large by chance is measured where they are asked for, in `kfgen.gap.rest.course`.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ STEADY_SHARES = (0.0, 0.5)
 
 
 def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, float]:
-    """The likeliest other law of what has the spectrum of a resonance, in words, and how likely it is.
+    """Whether what has the spectrum of a resonance has one of the other laws: the likeliest, and how likely they all are.
 
     Parameters
     ----------
@@ -62,7 +63,8 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
     Returns
     -------
     (str, float)
-        The words, and the logarithm of the odds over the resonance, both as likely before [nats].
+        The words of the likeliest, and the logarithm of the odds of all of them, each as likely as the others, over the
+        resonance, which is as likely before as they are together [nats].
     """
     fade = damping * omega
     size = min(int(WALK_IN_A_BLOCK_RAD2 / (2.0 * fade)), z.size // MIN_BLOCKS)
@@ -83,8 +85,7 @@ def other_law(z: Array, omega: float, damping: float, rms: float) -> tuple[str, 
         MODULATED_LINE: log_mean(np.array(lines)) - own,
         BAND: band_log_odds(z, omega, damping, rms),
     }
-    words = max(odds, key=lambda w: odds[w])
-    return words, odds[words]
+    return max(odds, key=lambda w: odds[w]), log_mean(np.array([*odds.values()]))
 
 
 def comes_and_goes_log_odds(z: Array, omega: float, amplitude: float) -> float:

@@ -103,4 +103,5 @@ def words_of(name: str, t: Array, invalid: Mask, found: Sequence[DetectedFault])
     if not invalid.any():
         return []
     first, last = t[invalid][[0, -1]].tolist()
-    return [no_measurements(int(invalid.sum()), name, (first, last), [f.effect.title for f in found])]
+    kinds = list(dict.fromkeys(f.effect.title for f in found))
+    return [no_measurements(int(invalid.sum()), name, (first, last), kinds)]

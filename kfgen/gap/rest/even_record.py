@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import moment
 from kfgen.core.sampling_period import usual_period
-from kfgen.effects import Effect
+from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS
 from kfgen.effects.series import DetectedFault, RawSamples, periods
 from kfgen.gap.core.completion import Completion
@@ -31,6 +31,8 @@ MAX_MISSING_SHARE = 0.5
 """Share of the samples that may be missing."""
 MIN_MEAN_WINDOW_SAMPLES = 512
 """Samples at least of the mean about which missing ones are drawn."""
+STEP_FREQUENCIES = 2048
+"""At which the spectrum of steps between neighbours is summed."""
 MAX_STEP_ERROR_PERIODS = 0.35
 """Of a period: root mean square of the steps' error beyond which there is no period."""
 
@@ -80,7 +82,7 @@ def regular(
         )
     _refuse_noise_free(log, name)
     dt = usual_period(stamps)
-    _refuse_far(log, name, y[good], assumed_sd(assumed, dt))
+    _refuse_far(log, name, y[good], _step_sd(assumed, dt))
     steps = periods(stamps, dt)
     error = float(np.sqrt(np.mean((np.diff(stamps) / dt - steps) ** 2)))
     count = int(steps.sum()) + 1
@@ -119,6 +121,16 @@ def _refuse_noise_free(log: Log, name: str) -> None:
         refuse_noise_free(log.channel(name).values)
     except InputError as error:
         raise InputError(error.what, where=f"{log.source}: channel {name}", remedy=error.remedy) from None
+
+
+def _step_sd(assumed: Sequence[Effect], dt: float) -> float:
+    """Standard deviation of a step between neighbours, of all of the noise: its white part alone may be hidden [SI]."""
+    random = [e for e in assumed if not e.coefficients()]
+    if not random:
+        return 0.0
+    omega = np.pi * (np.arange(STEP_FREQUENCIES) + 0.5) / STEP_FREQUENCIES
+    S = sampled_spectrum(random, omega, dt, 1, STEP_FREQUENCIES)
+    return float(np.sqrt(np.mean(4.0 * np.sin(0.5 * omega) ** 2 * S)))
 
 
 def _refuse_far(log: Log, name: str, y: Array, assumed: float) -> None:

@@ -27,6 +27,8 @@ MAX_RUN_PROBABILITY = 1e-6
 """Chance in a whole record of a run of equal samples that is none."""
 MIN_RUN_SAMPLES = 16
 """Samples of such a run at least."""
+MIN_OTHER_RUNS = 25
+"""Of a value, from which it is known how often the next sample has it again."""
 
 
 def spotted_in(
@@ -160,21 +162,36 @@ def stuck_spans(y: Array, assumed: float) -> list[tuple[int, int]]:
 def standing(y: Array, chance: float, least: int, often: int) -> list[tuple[int, int]]:
     """Runs of equal samples, shape (n,), that chance does not give, first and end: of `least` samples at least.
 
+    A value at which the sensor often stays, as in its dead zone, is no sign of a stuck channel.
+
     Parameters
     ----------
     y : ndarray, shape (n,)
     chance : float
-        That a sample equals the one before it.
+        That a sample equals the one before it; of a value that has many shorter runs it is taken from these.
     least : int
     often : int
         Runs at one end of the range that are a limit.
     """
     first, length = runs(y)
-    longest = 1.0 + np.log(MAX_RUN_PROBABILITY / y.size) / np.log(max(chance, 1e-12))
+
+    def longest(p: float) -> float:
+        return float(1.0 + np.log(MAX_RUN_PROBABILITY / y.size) / np.log(max(p, 1e-12)))
+
     ends = (float(y.min()), float(y.max()))
     limits = [v for v in ends if np.sum(y[first] == v) >= often and np.ptp(y) > 0.0]
-    spans = zip(first.tolist(), length.tolist())
-    return [(a, a + k) for a, k in spans if k >= max(longest, least, 2) and y[a] not in limits]
+    long = length >= max(longest(chance), least, 2)
+    spans = zip(first[long].tolist(), length[long].tolist())
+    stays = {v: _stays(length[~long & (y[first] == v)]) for v in set(y[first[long]].tolist())}
+    return [(a, a + k) for a, k in spans if y[a] not in limits and k >= longest(stays[float(y[a])])]
+
+
+def _stays(length: NDArray[np.intp]) -> float:
+    """Chance that a sample equals the one before it, the larger of at first and after one that did; 0 for few runs."""
+    again = length[length > 1]
+    if again.size < MIN_OTHER_RUNS:
+        return 0.0
+    return float(min(max((again - 2.0).sum() / (again - 1.0).sum(), again.size / length.size), 0.95))
 
 
 def fault_finding(fault: DetectedFault, channel: str, record: Record, unit: str) -> Finding:
