@@ -82,7 +82,7 @@ def test_values_on_an_adc_grid_are_no_stretch() -> None:
 def test_a_value_that_a_sensor_often_has_is_no_stretch() -> None:
     """A slow rate of a tenth of a degree that is zero below half of that: zeros come in rows, some of them long.
 
-    A channel that stands still for 60 samples at another value does so once, and is stuck.
+    A channel that is stuck for 60 samples at another value is so once.
     """
     rng = np.random.default_rng(30)
     a = 0.7

@@ -63,6 +63,15 @@ def test_shared_noise_is_named_once(rho: float) -> None:
         assert [e.name for e in g.updated.effects] == ["white_noise", "cross_axis_noise"]
 
 
+def test_beside_misfit_shared_noise_is_not_certain(quiet: ChannelGap) -> None:
+    """A table that shakes all axes was noise that they share at more than 99.9 %."""
+    gaps = answers(quiet, pair(0.6, 2))
+    gaps["gyro_x"] = replace(gaps["gyro_x"], verdict="unknown_effect")
+    out = with_pairs(gaps)["gyro_x"]
+    assert out.verdict == "unknown_effect"
+    assert [f.probability for f in out.findings] == [0.9]
+
+
 def test_only_the_pair_that_shares_is_named(quiet: ChannelGap) -> None:
     x, y = pair(0.3, 3)
     out = with_pairs(answers(quiet, np.array([x, pair(0.0, 4)[0], y])))

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from kfgen.effects import make
+from kfgen.gap.core import search
 from kfgen.gap.core.search import (
     NO_EFFECT,
     Chosen,
@@ -279,6 +280,14 @@ def test_what_loses_on_unseen_data_is_not_added_and_is_remembered() -> None:
         ("wrong", 20.0, "it loses"),
     ][-1:]
     assert found.chosen[0].probabilities.keys() == {NO_EFFECT, ("right", "")}
+
+
+def test_what_time_left_unproven_is_not_added_to_what_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a log of nine channels a third effect, added as time ended, left twice the mismatch that there was before."""
+    table = Table({"a": "a", "b": "b"}, {"a": 30.0, "b": 20.0})
+    over = iter([False, False, True])  # as the second is ranked
+    monkeypatch.setattr(search, "search_is_over", lambda: next(over))
+    assert names(grown(table, LIMITS)) == ["a"]
 
 
 def test_what_is_added_after_all_is_not_said_to_be_refused() -> None:

@@ -75,6 +75,22 @@ def test_columns_by_their_usual_names(tmp_path: Path, kind: str) -> None:
     assert any("gyro: no unit is stated, rad/s is assumed" in w for w in log.warnings)
 
 
+def test_a_gyro_that_reads_thousands_is_in_degrees(tmp_path: Path) -> None:
+    """Of a foot, too short to tell by gravity; no gyro measures 1,500 rad/s."""
+    fast = {f"g{a}": 1500.0 * np.sin(0.7 * T + k) for k, a in enumerate("xyz")}
+    log = read_log(written("jsonl", tmp_path, COLUMNS | fast))
+    assert log.values("gyro_x") == pytest.approx(np.deg2rad(fast["gx"]))
+    assert any("gyro: no unit is stated, deg/s is assumed" in w for w in log.warnings)
+
+
+def test_a_reference_and_columns_without_a_channel(tmp_path: Path) -> None:
+    """The attitude is read as `ref_qw`, too; what is not read is said."""
+    more = {f"ref_q{a}": np.full(N, float(a == "w")) for a in "wxyz"} | {"battery_state": np.ones(N)}
+    log = read_log(written("jsonl", tmp_path, COLUMNS | more))
+    assert log.values("ref_q_w") == pytest.approx(np.ones(N))
+    assert "battery_state: the names say no channel; map what is wanted with --columns" in log.warnings
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_units_that_cannot_be_known_are_asked_for(tmp_path: Path, kind: str) -> None:
     """In units of gravity the accelerometer is known by its size; the gyro may be in degrees."""

@@ -24,6 +24,7 @@ from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Comparison
 from kfgen.gap.flight.noise.noise_file import as_given, assumed_noise, with_sizes
 from kfgen.gap.motion.filter_scene import filter_scene
 from kfgen.gap.motion.known_length import norm_scene
+from kfgen.gap.motion.longest_rest import longest_rest
 from kfgen.gap.motion.missing_rows import with_missing
 from kfgen.gap.motion.motion_scene import motion_scene
 from kfgen.gap.motion.scene import MotionScene
@@ -39,7 +40,6 @@ from kfgen.gap.scene.scene_gap import SceneGap, UnitOf, scene_gap
 from kfgen.gap.updated_noise import rescaled, with_findings
 from kfgen.gap.words import compared_at, refused_sentence
 from kfgen.identify.screening.motion import motion_in
-from kfgen.identify.words import COUNTS_AS_NOISE
 from kfgen.log.log import Log, StoredLog
 from kfgen.log.readers import log_of, read_long
 from kfgen.model.build import build, filter_file
@@ -126,7 +126,9 @@ def _found(
     if how := motion_in(data[0], names):
         if isinstance(assumed, FilterModel):
             raise _unaided(assumed, data[0], f"the sensors moved ({how}), and the log has no reference")
-        warnings.append(COUNTS_AS_NOISE.format(how=how))
+        rest, said = longest_rest(data[0], how)
+        data = [rest]
+        warnings.append(said)
     if data[0].n > MAX_SAMPLES_AT_FULL_RATE:
         long = LongLog.of_log(data[0], {n: noise.channel(n) for n in names})
         return long_at_rest(noise, long, names, others, warnings)

@@ -265,6 +265,8 @@ def grown(explanation: E, limits: SearchLimits) -> E:
         together = limits.first_counts_rivals and not explanation.chosen
         best = asked - TIE_NATS if together else asked
         explanation, ranked = proven(explanation, explanation.ranked(), best)
+        if explanation.chosen and search_is_over():  # it was not held against data that its fit did not see
+            break
         if not ranked or ranked[0].gain < best or (together and of_all(ranked) < asked):
             break
         explanation = explanation.merged(ranked[0]) or explanation.plus(ranked[0], ranked)

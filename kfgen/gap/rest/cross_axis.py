@@ -17,7 +17,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.effects.samples.cross_axis import CrossAxisNoise
 from kfgen.effects.series import OF_A_COEFFICIENT
 from kfgen.gap.core.battery import Test
-from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Finding
+from kfgen.gap.core.result import EFFECTS_FOUND, NO_GAP, Finding, beside_misfit
 from kfgen.gap.core.search import NO_EFFECT
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.explanation import search_limits
@@ -73,6 +73,7 @@ def _with(g: ChannelGap, r: float, sd: float, evidence: float, *, named: bool) -
     )
     finding = Finding(effect, g.channel, g.unit, ci95, 1.0 - none, evidence, ((*NO_EFFECT, none),), test=test)
     verdict = EFFECTS_FOUND if g.verdict == NO_GAP else g.verdict
+    found = (finding,) if verdict == EFFECTS_FOUND else beside_misfit([finding])
     return replace(
-        g, verdict=verdict, findings=(*g.findings, finding), updated=updated, before=(test, *g.before)
+        g, verdict=verdict, findings=(*g.findings, *found), updated=updated, before=(test, *g.before)
     )

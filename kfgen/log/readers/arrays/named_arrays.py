@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.channel_names import some_of
 from kfgen.core.errors import InputError
 from kfgen.core.units import parse_unit
 from kfgen.log.readers.arrays import array_names
@@ -29,7 +30,7 @@ Array = NDArray[np.float64]
 MOST_VALUES = 500_000_000
 """Numbers in a file beyond which it is refused: 4 GB."""
 _BRACKET = re.compile(r"(.*?)\s*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")
-_ATTITUDE = re.compile(r"(?:.*/)?(?:opt|ref)_(?:quat|q)_([wxyz])")
+_ATTITUDE = re.compile(r"(?:.*/)?(?:opt|ref)_(?:quat|q)_?([wxyz])")
 """Names of an attitude that another instrument measured."""
 _GUESSES = {
     "accel": (("m/s^2", 5.0, 20.0), ("g", 0.5, 2.0)),
@@ -37,6 +38,8 @@ _GUESSES = {
 }
 """Units by the median length of a triad, between two limits."""
 _MILLIGAUSS = "mG"
+MAX_RATE_RAD_S = 100.0
+"""Beyond what gyros of any kind measure: a larger reading is in degrees [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -189,6 +192,7 @@ def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str])
     units: dict[str, dict[str, tuple[Array, str]]] = {}
     singles: dict[str, TableColumn] = {}
     attitude: dict[str, Array] = {}
+    unread: list[str] = []
     for name, array in group.items():
         axis, single = array_names.axis_of(name), array_names.single(name)
         quaternion = _ATTITUDE.fullmatch(name.lower())
@@ -201,6 +205,10 @@ def _channels(group: Mapping[str, Named], t: Array, text: str, words: list[str])
             attitude[quaternion.group(1)] = array.values
         elif array.unit is not None and _is_unit(array.unit) and not array_names.is_time(name):
             singles[name] = TableColumn(array.values, array.unit)
+        elif not array_names.is_time(name):
+            unread.append(name)
+    if unread and (units or singles or attitude):
+        words.append(f"{some_of(unread)}: the names say no channel; map what is wanted with --columns")
     if set(attitude) == set("wxyz"):
         q = np.stack([attitude[axis] for axis in "wxyz"])
         q = ned_attitude(q) if "ENU" in text else q
@@ -242,14 +250,19 @@ def _triad(
 
 
 def _guessed(sensor: str, units: Mapping[str, Mapping[str, tuple[Array, str]]], t: Array) -> str:
-    """The unit of a triad by its size; that of a gyro by how gravity turns, or where the accelerometer's is SI; else empty."""
+    """The unit of a triad by its size; that of a gyro by how gravity turns, or where the accelerometer's is SI, unless no
+    gyro reads as much in it; else empty.
+    """
     axes, beside = units[sensor], units.get("accel", {})
     if sensor == "gyro":
         turned = _by_gravity(axes, beside, t) if len(axes) == len(beside) == 3 else ""
         si = beside and (
             _guessed("accel", units, t) == "m/s^2" or all(u == "m/s^2" for _, u in beside.values())
         )
-        return turned or ("rad/s" if si else "")
+        fast = any(
+            np.max(np.abs(v), initial=0.0, where=np.isfinite(v)) > MAX_RATE_RAD_S for v, _ in axes.values()
+        )
+        return turned or (("deg/s" if fast else "rad/s") if si else "")
     if sensor not in _GUESSES or len(axes) != 3:
         return ""
     size = float(np.nanmedian(np.sqrt(sum(v**2 for v, _ in axes.values()))))

@@ -1,0 +1,52 @@
+"""A log whose sensors moved, without a reference, is compared with a model of their noise where they were at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kfgen.core.errors import InputError
+from kfgen.effects import make
+from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term
+from kfgen.gap.find_gap import find_gap
+from kfgen.log.log import Channel, Log
+
+Array = NDArray[np.float64]
+
+DT, N, GRAVITY = 0.02, 6000, 9.80665
+T = DT * np.arange(N)
+SD = 0.002
+NOISE = NoiseModel(
+    {f"gyro_{a}": ChannelNoise("rad/s", (Term(make("white_noise", N=SD * np.sqrt(DT))),)) for a in "xyz"}
+)
+
+
+def carried(rests: tuple[tuple[float, float], ...]) -> Log:
+    """A body that is rocked by hand about x by up to 40 degrees, but for its rests [s]."""
+    rng = np.random.default_rng(71)
+    moves = np.ones(N)
+    for begin, end in rests:
+        moves[int(begin / DT) : int(end / DT)] = 0.0
+    rate = moves * (0.7 * np.sin(1.1 * T) + 0.3 * np.sin(3.1 * T))
+    angle = np.cumsum(rate) * DT
+    turned = {"x": 0.0 * T, "y": -GRAVITY * np.sin(angle), "z": -GRAVITY * np.cos(angle)}
+    gyro = {f"gyro_{a}": (rate if a == "x" else 0.0 * T) + SD * rng.standard_normal(N) for a in "xyz"}
+    accel = {f"accel_{a}": turned[a] + 0.02 * rng.standard_normal(N) for a in "xyz"}
+    channels = {n: Channel.of(y, "rad/s") for n, y in gyro.items()}
+    return Log(T, channels | {n: Channel.of(y, "m/s^2") for n, y in accel.items()})
+
+
+def test_the_longest_rest_is_compared() -> None:
+    """All of it gave intermittent noise, steps of its level, and noise that the axes share, at 90 to 99.9 %."""
+    found = find_gap(carried(((0.0, 15.0), (60.0, 90.0))), NOISE)
+    assert [c.verdict for c in found.comparisons] == ["no_gap"] * 3
+    (words,) = [w for w in found.warnings if "longest rest" in w]
+    begin, end = (float(x) for x in words.split("longest rest, ")[1].split(" s")[0].split(" to "))
+    assert (begin, end) == pytest.approx((60.0, 90.0), abs=1.0)
+
+
+def test_motion_without_a_rest_is_refused() -> None:
+    with pytest.raises(InputError, match="without a rest of 10 s") as refused:
+        find_gap(carried(((0.0, 5.0),)), NOISE)
+    assert "reference" in refused.value.remedy
