@@ -336,3 +336,13 @@ def test_units_in_parentheses_behind_names(tmp_path: Path) -> None:
     log = read_log(timed)
     assert log.dt == pytest.approx(0.01)
     assert any("'Packet number'" in w for w in log.warnings)
+
+
+@pytest.mark.parametrize("head", ["time,ch0", "time,ch0 [g]"])
+def test_a_column_of_time_is_mapped_by_its_own_name(tmp_path: Path, head: str) -> None:
+    """It was read as t, and said to be missing where it was mapped."""
+    path = tmp_path / "a.csv"
+    path.write_text(head + "\n" + "".join(f"{0.01 * k:.2f},{k % 7}\n" for k in range(50)))
+    log = read_log(path, columns="t=time [s], accel_x=ch0 [m/s^2]")
+    assert log.t == pytest.approx(0.01 * np.arange(50))
+    assert log.values("accel_x")[:3] == pytest.approx([0.0, 1.0, 2.0])

@@ -64,7 +64,7 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     if (behind := _with_units_behind_names(table, columns)) is not None:
         return behind
     if any(c.unit is not None and not array_names.is_time(k) for k, c in columns.items()):
-        return replace(table, columns=_timed(columns), others={**table.others, **words})
+        return replace(table, columns=_timed(columns), others={**table.others, **table.columns, **words})
     if all(c.values.size < 2 for c in columns.values()):
         return replace(table, columns=columns)
     found = table_of(
@@ -72,7 +72,9 @@ def foreign(table: LogTable, words: Mapping[str, TableColumn]) -> LogTable:
     )
     known = {k: c for k, c in found.columns.items() if k != "t"}
     if not known or set(known) <= set(columns):
-        return replace(table, columns=_timed(columns), others=words, hint=_of_names(columns))
+        return replace(
+            table, columns=_timed(columns), others={**table.columns, **words}, hint=_of_names(columns)
+        )
     same = (
         len(found.columns["t"].values) == len(next(iter(columns.values())).values)
         if "t" in found.columns
