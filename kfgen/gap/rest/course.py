@@ -44,9 +44,9 @@ POINTS_OVER_SHOWN = 4
 STEPS_OF_A_POINT = 8
 """Of what is simulated in time."""
 LOG_ODDS_OF_ITS_OWN_LAW = 2.0
-"""Of what an effect is named, over other laws of its spectrum, before the record is seen [nats]. A likelihood that is so much
-larger makes another law likelier: of 240 true resonances of 10 to 1000 nats 18 have it (16 of 10 or 30 nats, none of 1000),
-of 32 true telegraphs none, of 160 true lines four (all of 10 nats)."""
+"""Of what an effect is named, over all other laws of its spectrum, before the record is seen [nats]. A likelihood that is so
+much larger makes these likelier: of 240 true resonances of 10 to 1000 nats 4 have it (3 of 10 or 30 nats, none of 1000), of
+32 true telegraphs none, of 160 true lines four (all of 10 nats)."""
 
 
 @dataclass(frozen=True)
