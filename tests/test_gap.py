@@ -125,7 +125,7 @@ SEEDS = [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", in_part(HIDDEN, 2))
+@pytest.mark.parametrize("name", in_part(HIDDEN))
 def test_a_strong_effect_is_named_and_closes_the_gap(name: str, seed: int) -> None:
     hidden, truth, assumed = HIDDEN[name]
     rng = np.random.default_rng([seed, 7])
@@ -262,7 +262,7 @@ def test_a_line_is_localised_in_its_band() -> None:
 # The structure is right and a number is wrong.
 
 
-@pytest.mark.parametrize("factor", [1.5, 1 / 1.5])
+@pytest.mark.parametrize("factor", in_part([1.5, 1 / 1.5]))
 def test_a_wrong_number_is_retuned_and_no_effect_invented(factor: float) -> None:
     rng = np.random.default_rng(40)
     gap = gap_of(white(rng), model_white(float(WHITE) * factor), thermometer(rng))
@@ -276,7 +276,7 @@ def test_a_wrong_number_is_retuned_and_no_effect_invented(factor: float) -> None
     assert pytest.approx(float(WHITE), rel=4 / np.sqrt(2 * N_SAMPLES)) == term.effect.N
 
 
-@pytest.mark.parametrize("factor", [1.5, 1 / 1.5])
+@pytest.mark.parametrize("factor", in_part([1.5, 1 / 1.5]))
 def test_the_gap_of_a_wrong_number_is_shown_before_and_closes(factor: float) -> None:
     """Before: power over expectation is factor^-2 in every band, by the numbers that were assumed."""
     rng = np.random.default_rng(40)

@@ -90,7 +90,7 @@ def gap_of(record: Record, *more: Effect) -> ChannelGap:
     return channel_gap("gyro_x", record, ChannelNoise("rad/s", tuple(Term(e) for e in (WHITE, *more))))
 
 
-@pytest.mark.parametrize("name", in_part(EVENTS, 2))
+@pytest.mark.parametrize("name", in_part(EVENTS))
 def test_an_event_is_named_with_its_numbers(name: str) -> None:
     _, truth, unseen = EVENTS[name]
     gap = gap_of(record_of(name))

@@ -46,7 +46,7 @@ def gap_of(part: Array, seed: int, **drive: Array) -> ChannelGap:
 
 @pytest.mark.parametrize(
     ("channel", "name", "course"),
-    [("temperature", "thermal_lag", 300.0 + CYCLE), ("load", "lagged:load", LOAD)],
+    in_part([("temperature", "thermal_lag", 300.0 + CYCLE), ("load", "lagged:load", LOAD)]),
 )
 def test_a_lag_behind_a_driver_is_named_with_its_time(channel: str, name: str, course: Array) -> None:
     gap = gap_of(worth(behind(course, 25.0), 150.0), 1, **{channel: course})

@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from in_part import in_part
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -46,7 +47,7 @@ def test_likelihood_of_three_levels_is_the_sum_over_all_histories() -> None:
     assert switching.log_likelihood(at) == pytest.approx([np.log(wanted)], rel=1e-9)
 
 
-@pytest.mark.parametrize("size", [0.6, 1.0])
+@pytest.mark.parametrize("size", in_part([0.6, 1.0]))
 def test_two_levels_and_many(size: float) -> None:
     for seed in range(2):
         rng = np.random.default_rng([18, seed])

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.signal import lfilter
 
 from kfgen.core.errors import InputError
@@ -130,7 +131,7 @@ def test_a_drift_whose_beginning_looks_like_a_ramp_is_named_by_all_of_the_log() 
 
 
 @pytest.mark.usefixtures("short_memory")
-@pytest.mark.parametrize("stored", [True, False])
+@pytest.mark.parametrize("stored", in_part([True, False]))
 def test_a_step_after_the_beginning_is_found_at_its_time_and_in_its_size(
     tmp_path: Path, stored: bool
 ) -> None:

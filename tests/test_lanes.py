@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import pytest
+from in_part import in_part
 from scipy.spatial.transform import Rotation
 
 from kfgen.emit.reference import Machine
@@ -54,7 +55,7 @@ def turned(values: dict[str, float]) -> Rotation:
     return Rotation.from_quat([values[n] for n in QUATERNION], scalar_first=True)
 
 
-@pytest.mark.parametrize("form", ["ud", "p"])
+@pytest.mark.parametrize("form", in_part(["ud", "p"]))
 def test_a_reset_tells_what_it_moved_and_a_calm_filter_tells_nothing(form: str) -> None:
     machine = started(form)
     start = jumps(machine)
