@@ -166,6 +166,9 @@ def calibrated(seed: int) -> Array:
 SOUND: dict[str, Callable[[int], Array]] = {
     "white": white,
     "calibrated": calibrated,
+    "coarse, calibrated": lambda s: np.round(
+        np.round(white(s) / 0.9) * 0.87 + np.round(white(s + 100) / 0.9) * 0.24, 3
+    ),
     "low-passed, calibrated": lambda s: np.round(
         0.12 * np.convolve(np.round(1.3 * white(s, N + 2) / 0.12), [0.3, 0.5, 0.3], "valid"), 3
     ),

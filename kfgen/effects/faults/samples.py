@@ -30,6 +30,8 @@ MIN_CLIPPED_SHARE = 0.004
 """Share of the samples at one end of the range above which they are clipped."""
 MIN_JITTER_PERIODS = 0.02
 """Root mean square error of the time steps, in sampling periods, above which jitter is reported."""
+MAX_OF_ZEROS = 0.05
+"""How often another value may come beside the zeros of a dead zone, if the grid of the samples does not explain it."""
 MAX_WIDER_THAN_ZEROS = 3.0
 """Median of values that are not zero over that of the noise of which so many would be inside a dead zone."""
 MIN_COARSE_STEP_SIGMAS = 1.0
@@ -306,6 +308,10 @@ class DeadZone(Fault):
             return None
         next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
         if share <= 0.2 * next_to or cls._is_narrow(width, share, away):
+            return None
+        # Where other values recur, too, oftener than on its grid, zero is one code of a coarse ADC whose axes were mixed.
+        commonest = int(np.unique(away, return_counts=True)[1].max()) / raw.n
+        if commonest > max(MAX_OF_ZEROS * share, 2.0 * raw.adc_step / max(raw.noise, 1e-300)):
             return None
         return DetectedFault(cls(width), share * raw.n, spoils=True)
 
