@@ -38,7 +38,7 @@ def carried(rests: tuple[tuple[float, float], ...]) -> Log:
 
 
 def test_the_longest_rest_is_compared() -> None:
-    """All of it gave intermittent noise, steps of its level, and noise that the axes share, at 90 to 99.9 %."""
+    """All of a recording of such a motion gave intermittent noise, steps of its level, and noise that the axes share, at 90 to 99.9 %."""
     found = find_gap(carried(((0.0, 15.0), (60.0, 90.0))), NOISE)
     assert [c.verdict for c in found.comparisons] == ["no_gap"] * 3
     (words,) = [w for w in found.warnings if "longest rest" in w]

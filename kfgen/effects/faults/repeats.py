@@ -43,7 +43,7 @@ LAGS_AFAR = (16, 17, 18, 19)
 """Samples' distances at which values of no grid are equal by chance alone, and held ones of a slower clock are over."""
 NEARLY_EQUAL_SHARE = 0.2
 """Of neighbours that differ, the share that is nearly equal."""
-MIN_EXCESS_OVER_CHANCE = 1.0
+MIN_EXCESS_OVER_CHANCE = 2.0
 """Of a blurred grid: what blurs it are the codes of other axes, which neighbours share more often than samples far apart."""
 MAX_REACH_STEPS = 4096
 """Steps of the grid that are looked at: beyond, chance makes no two samples equal."""

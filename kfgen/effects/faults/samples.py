@@ -32,8 +32,6 @@ MIN_JITTER_PERIODS = 0.02
 """Root mean square error of the time steps, in sampling periods, above which jitter is reported."""
 MAX_OF_ZEROS = 0.05
 """How often another value may come beside the zeros of a dead zone, if the grid of the samples does not explain it."""
-MAX_WIDER_THAN_ZEROS = 3.0
-"""Median of values that are not zero over that of the noise of which so many would be inside a dead zone."""
 MIN_COARSE_STEP_SIGMAS = 1.0
 """Step of the ADC grid, in standard deviations of the assumed noise, above which it is coarse."""
 MIN_INTEGRATED_STEP_RATIO = 1.04
@@ -307,22 +305,13 @@ class DeadZone(Fault):
         ):  # the ADC grid itself; or zeros that were put in
             return None
         next_to = float(np.mean((away >= width) & (away < 2.0 * width)))
-        if share <= 0.2 * next_to or cls._is_narrow(width, share, away):
+        if share <= 0.2 * next_to:
             return None
         # Where other values recur, too, oftener than on its grid, zero is one code of a coarse ADC whose axes were mixed.
         commonest = int(np.unique(away, return_counts=True)[1].max()) / raw.n
         if commonest > max(MAX_OF_ZEROS * share, 2.0 * raw.adc_step / max(raw.noise, 1e-300)):
             return None
         return DetectedFault(cls(width), share * raw.n, spoils=True)
-
-    @staticmethod
-    def _is_narrow(width: float, share: float, away: Array) -> bool:
-        """Whether so many zeros are no dead zone: normal noise with them inside would be far smaller than the rest is."""
-        from scipy.special import ndtri
-
-        sigma = width / float(ndtri(0.5 + 0.5 * share))
-        middle = sigma * float(ndtri(1.0 - 0.25 * (1.0 - share)))
-        return float(np.median(away)) > MAX_WIDER_THAN_ZEROS * middle
 
 
 @dataclass(frozen=True)
