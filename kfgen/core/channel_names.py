@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 AXES = "xyz"
 GROUPS = {"imu": ("gyro", "accel")}
@@ -10,6 +11,8 @@ GROUPS = {"imu": ("gyro", "accel")}
 
 MAX_NAMES_SAID = 20
 """Names that a message lists."""
+MAX_KEPT_NAMES = 4096
+"""Pairs of a place and a channel whose answer is kept: fits ask a million times."""
 
 
 def some_of(names: Iterable[str]) -> str:
@@ -19,6 +22,7 @@ def some_of(names: Iterable[str]) -> str:
     return ", ".join(every[:MAX_NAMES_SAID]) + (f" and {others} others" if others > 0 else "")
 
 
+@lru_cache(MAX_KEPT_NAMES)
 def acts_on(where: str, channel: str) -> bool:
     """Whether a place, a channel or a sensor by the beginning of its channels' names, holds a channel.
 

@@ -82,8 +82,9 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     norm = float(np.abs(A).sum(axis=1).max()) * dt
     if not np.isfinite(norm).all():
         return (np.full((*dt.shape, n, n), np.nan),) * 2
-    if n == 1:
-        return _of_one_state(A[0, 0] * dt, W[0, 0] * dt)
+    own = np.diagonal(A)
+    if np.count_nonzero(A) == np.count_nonzero(own):
+        return _of_own_states(own * dt[..., None], W * dt[..., None, None])
     doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
     Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
@@ -94,11 +95,15 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     return Phi, 0.5 * (Qd + np.swapaxes(Qd, -1, -2))
 
 
-def _of_one_state(decay: Array, driven: Array) -> tuple[Array, Array]:
-    """The same in closed form, ``exp(A h)`` and ``W h (exp(2 A h) - 1) / 2 A h``, each of shape (..., 1, 1)."""
-    twice = np.where(decay == 0.0, 1.0, 2.0 * decay)
-    share = np.where(decay == 0.0, 1.0, np.expm1(twice) / twice)
-    return np.exp(decay)[..., None, None], (driven * share)[..., None, None]
+def _of_own_states(decay: Array, driven: Array) -> tuple[Array, Array]:
+    """The same in closed form where no state drives another.
+
+    ``exp(a_i h)`` and ``W_ik h (exp((a_i + a_k) h) - 1) / (a_i + a_k) h``, from ``a_i h``, shape (..., n), and ``W h``.
+    """
+    both = decay[..., :, None] + decay[..., None, :]
+    constant = both == 0.0
+    share = np.where(constant, 1.0, np.expm1(both) / np.where(constant, 1.0, both))
+    return np.exp(decay)[..., None] * np.eye(decay.shape[-1]), driven * share
 
 
 def _terms(norm: float) -> int:

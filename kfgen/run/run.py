@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import ModuleType
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import kfgen
 from kfgen.core.numbers import quantity
+from kfgen.core.recent_results import RecentResults
 from kfgen.core.result import Result, ShortTable
 from kfgen.emit.align import Alignment
 from kfgen.emit.routines import Program
@@ -33,6 +34,9 @@ from kfgen.run.track import LevelAxes, Track, logged_tracks, track
 from kfgen.run.words import assumes_exact_field, beyond_gate, consistency
 
 Array = NDArray[np.float64]
+
+MODULES = RecentResults[ModuleType](8)
+"""Emitted modules by their program: a gap plays the same filter many times."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -187,8 +191,9 @@ class FilterRun(Result):
 
 
 def load(program: Program) -> ModuleType:
-    """The emitted filterpy module, imported from a scratch folder."""
-    return loaded(module(program))
+    """The emitted filterpy module, imported from a scratch folder; the last few are kept."""
+    options = (getattr(program, f.name) for f in fields(program) if f.name != "discrete")
+    return MODULES.recalled((program.discrete.hash, *options), lambda: loaded(module(program)))
 
 
 def program_over(model: ModelSource, log: Log, noise: NoiseSource | None = None) -> Program:
@@ -299,7 +304,7 @@ def _played(calls: FilterCalls, wrap: Callable[[type[Any]], type[Any]] | None, a
     for k in range(log.n):
         for call in calls.updates(k):
             make(call)
-        estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(np.diag(kf.P), 0.0))
+        estimate[k], deviation[k] = kf.nominal, np.sqrt(np.maximum(kf.P.diagonal(), 0.0))
         for call in calls.steps(k):
             make(call)
     channels = {s.name: s.channels for s in program.discrete.model.sensors}

@@ -239,10 +239,16 @@ def _harmonic_sums(series: WhiteSeries, f: float, count: int) -> tuple[Complex, 
 
 def _scores(template: Array, D: Complex, n: int) -> Array:
     """Sizes in standard deviations by shape and centre, shape (m, `TRIAL_CENTRES`)."""
-    k = np.arange(1, D.size + 1)
-    turned = D[:, None] * np.exp(2j * np.pi * np.outer(k, np.arange(TRIAL_CENTRES) / TRIAL_CENTRES))
+    turned = (D[:, None] * _turns(D.size)).real
     norm = np.sqrt(0.5 * n * np.sum(template**2, axis=1))
-    return np.asarray((template @ turned).real / np.maximum(norm, 1e-300)[:, None])
+    return np.asarray(template @ turned / np.maximum(norm, 1e-300)[:, None])
+
+
+@cache
+def _turns(count: int) -> Complex:
+    """Of harmonics, from the first on, by the centres that are tried, shape (count, `TRIAL_CENTRES`)."""
+    k = np.arange(1, count + 1)
+    return np.asarray(np.exp(2j * np.pi * np.outer(k, np.arange(TRIAL_CENTRES) / TRIAL_CENTRES)))
 
 
 def _refined(series: WhiteSeries, wave: PeriodicWave, average: float) -> Detection:

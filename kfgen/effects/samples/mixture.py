@@ -20,6 +20,8 @@ HISTOGRAM_BINS = 3000
 """Bins up to six standard deviations."""
 MIN_OUTLIERS_EXPECTED = 0.5
 """Samples of the wide law on average below which there is none."""
+LOG_LEVEL_RANGE = (-float(np.log(1e3)), float(np.log(1e3)))
+"""Range of the logarithm of the narrow law's standard deviation over that of the series."""
 LOG_SHARE_RANGE = (float(np.log(1e-6)), float(np.log(0.3)))
 """Range of the logarithm of the share: a log-uniform prior."""
 LOG_KAPPA_RANGE = (float(np.log(1.3)), float(np.log(1e3)))
@@ -84,6 +86,18 @@ class Mixture:
         def normal(log_level: float) -> Array:
             return np.asarray(-0.5 * square * np.exp(-2.0 * log_level) - log_level)
 
+        def slope_of_one(p: Any) -> Array:
+            falls = square * np.exp(-2.0 * float(p[0])) - 1.0
+            return np.array([(p[0] - mean) / sd**2 - count @ falls])
+
+        def slope_of_two(p: Any) -> Array:
+            share = float(np.exp(p[1]))
+            narrow, wide = normal(float(p[0])), normal(float(p[0] + p[2]))
+            wider = 1.0 / (1.0 + np.exp(np.clip(narrow - wide + np.log1p(-share) - p[1], -700.0, 700.0)))
+            inner, outer = (square * np.exp(-2.0 * float(level)) - 1.0 for level in (p[0], p[0] + p[2]))
+            by_level = (p[0] - mean) / sd**2 - count @ (inner + wider * (outer - inner))
+            return np.array([by_level, -count @ (wider - share) / (1.0 - share), -count @ (wider * outer)])
+
         def one(p: Any) -> float:
             return -float(count @ normal(float(p[0]))) + 0.5 * ((float(p[0]) - mean) / sd) ** 2
 
@@ -97,13 +111,13 @@ class Mixture:
             )
             return float(-(count @ both) + 0.5 * ((p[0] - mean) / sd) ** 2 + 1e3 * outside)
 
-        base = minimize(one, [0.0], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-7})
+        how = {"method": "L-BFGS-B", "options": {"ftol": 1e-14, "gtol": 1e-6}}
+        base = minimize(one, [0.0], jac=slope_of_one, bounds=[LOG_LEVEL_RANGE], **how)
+        box = [LOG_LEVEL_RANGE, LOG_SHARE_RANGE, LOG_KAPPA_RANGE]
         best = None
         for kappa in (2.0, 4.0, 12.0):
             start = [0.0, np.log(max(float(np.mean(size > 2.0 * kappa)), 2.0 / z.size, 1e-5)), np.log(kappa)]
-            found = minimize(
-                two, start, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-6, "maxiter": 600}
-            )
+            found = minimize(two, start, jac=slope_of_two, bounds=box, **how)
             if best is None or found.fun < best.fun:
                 best = found
         assert best is not None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ MIN_HALF_WIDTH_OVER_FREQUENCY = 1e-6
 """A peak that is not damped is taken to be as wide as this."""
 BINS_PER_HALF_WIDTH = 8
 """Bins in the half width of a peak, and in the distance to it farther away."""
+MAX_KEPT_EFFECTS = 1024
+"""Effects whose oscillations are kept: a fit asks for them again and again."""
 GRID_IN_HALF_WIDTHS = np.concatenate([[0.0], np.geomspace(0.05, 1e3, 60)])
 """Where a density that is interpolated is computed, on both sides of a peak."""
 
@@ -59,17 +62,18 @@ def spectral_peaks(effects: Sequence[Effect]) -> tuple[SpectralPeak, ...]:
     return tuple(peak for e in effects if not e.coefficients() for peak in oscillations(e))
 
 
-def oscillations(effect: Effect) -> list[SpectralPeak]:
+@lru_cache(MAX_KEPT_EFFECTS)
+def oscillations(effect: Effect) -> tuple[SpectralPeak, ...]:
     """The frequencies at which an effect, random or not, oscillates, with their half widths."""
     form = effect.form()
     if form.order < 2 or not any(_is_coupled(form.A, i, k) for i in range(form.order) for k in range(i)):
-        return []
+        return ()
     found = []
     for value in np.linalg.eigvals(np.array(form.A, dtype=np.float64)):
         f, half = value.imag / (2.0 * np.pi), abs(value.real) / (2.0 * np.pi)
         if f > 0.0 and half < MAX_HALF_WIDTH_OVER_FREQUENCY * f:
             found.append(SpectralPeak(float(f), float(max(half, MIN_HALF_WIDTH_OVER_FREQUENCY * f))))
-    return found
+    return tuple(found)
 
 
 def _is_coupled(A: tuple[tuple[object, ...], ...], i: int, k: int) -> bool:

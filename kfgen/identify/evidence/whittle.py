@@ -128,14 +128,19 @@ class Ordinates:
         See `kfgen.identify.evidence.record.Likelihood`.
         """
         S = self.density(effects)
-        weighted = np.tensordot(1.0 / S, self.gram, 1)
+        weighted = self._weighted(S)
         theta, covariance, quadratic = least_squares(weighted, coefficients)
         return SpectralFit(-0.5 * float(self.count @ np.log(S) + quadratic), theta, covariance)
+
+    def _weighted(self, S: Array) -> Array:
+        """Products of the record and the regressors over the density, summed, shape (1 + r, 1 + r)."""
+        k = self.gram.shape[1]
+        return np.asarray((1.0 / S) @ self.gram.reshape(-1, k * k)).reshape(k, k)
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of ``ln L`` in logarithms, the coefficients at their best. See `Likelihood`."""
         S = self.density(effects)
-        theta = least_squares(np.tensordot(1.0 / S, self.gram, 1))[0]
+        theta = least_squares(self._weighted(S))[0]
         sensitivity = 0.5 * (residual_power(self, theta) / S - self.count) / S
         return self._shapes.slopes(effects, keys) @ sensitivity
 
@@ -313,7 +318,7 @@ def residual_power(data: Ordinates, coefficients: Array) -> Array:
         Of the regressors.
     """
     c = np.concatenate([[1.0], -coefficients])
-    return np.asarray(np.einsum("i,mij,j->m", c, data.gram, c))
+    return np.asarray((data.gram @ c) @ c)
 
 
 def residual_ratio(data: Ordinates, effects: Sequence[Effect], coefficients: Array) -> Array:

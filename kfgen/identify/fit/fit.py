@@ -22,11 +22,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.recent_results import RecentResults
 from kfgen.core.time_budget import fit_is_over
 from kfgen.effects import Effect
 from kfgen.identify.evidence.likelihood import Likelihood
 from kfgen.identify.evidence.record import MIN_TIME_IN_STEPS, Evidence
-from kfgen.identify.evidence.shapes import Key
+from kfgen.identify.evidence.shapes import RECENT, Key
 from kfgen.identify.evidence.whittle import SpectralFit
 
 Array = NDArray[np.float64]
@@ -158,10 +159,30 @@ class Problem:
             effects[i] = replace(effects[i], **{name: float(np.exp(value))})
         return tuple(effects)
 
+    @cached_property
+    def _recent(self) -> RecentResults[tuple[tuple[Effect, ...], Likelihood]]:
+        """A fit asks for the value, the slope and the information at one point."""
+        return RecentResults(RECENT)
+
+    def measured(self, point: Array) -> tuple[tuple[Effect, ...], Likelihood]:
+        """The effects with these logarithms as values, and their likelihood.
+
+        Parameters
+        ----------
+        point : ndarray, shape (k,)
+            Logarithms of the free parameters.
+        """
+
+        def compute() -> tuple[tuple[Effect, ...], Likelihood]:
+            effects = self.at(point)
+            return effects, self.data(effects)
+
+        return self._recent.recalled(point.tobytes(), compute)
+
     def objective(self, point: Array) -> float:
         """Minus log-likelihood minus log prior."""
-        effects = self.at(point)
-        value = self.data(effects).log_likelihood(effects).value
+        effects, data = self.measured(point)
+        value = data.log_likelihood(effects).value
         for key, prior in self.priors.items():
             if key in self.free:
                 value += prior.log_density(float(point[self.free.index(key)]))
@@ -169,8 +190,8 @@ class Problem:
 
     def gradient(self, point: Array) -> Array:
         """Derivative of `objective`; the coefficients of regressors stand at their best."""
-        effects = self.at(point)
-        g = -self.data(effects).slope(effects, self.free)
+        effects, data = self.measured(point)
+        g = -data.slope(effects, self.free)
         for k, (i, _) in enumerate(self.free):
             if effects[i].coefficients():  # the shape of a regressor
                 up, down = (
@@ -186,8 +207,8 @@ class Problem:
 
     def information(self, point: Array) -> Array:
         """Expected second derivative of `objective`, shape (k, k)."""
-        effects = self.at(point)
-        J = self.data(effects).information(effects, self.free)
+        effects, data = self.measured(point)
+        J = data.information(effects, self.free)
         for k, key in enumerate(self.free):
             if effects[key[0]].coefficients():
                 J[k, k] = self._sharpness(point, k)
@@ -247,8 +268,8 @@ def as_it_stands(problem: Problem) -> Fit:
 
 
 def _fit_at(problem: Problem, point: Array) -> Fit:
-    effects = problem.at(point)
-    likelihood = problem.data(effects).log_likelihood(effects)
+    effects, data = problem.measured(point)
+    likelihood = data.log_likelihood(effects)
     effects = _with_coefficients(effects, likelihood.coefficients)
     return Fit(effects, -problem.objective(point), likelihood, problem.free, point)
 
