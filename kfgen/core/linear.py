@@ -88,10 +88,13 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
     Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
+    fewest = int(doublings.min(initial=int(doublings.max(initial=0))))
     for k in range(int(doublings.max(initial=0))):
-        more = (doublings > k)[..., None, None]
-        Qd = np.where(more, Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Qd)
-        Phi = np.where(more, Phi @ Phi, Phi)
+        twice = Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Phi @ Phi
+        if k >= fewest:  # some steps have all of theirs
+            more = (doublings > k)[..., None, None]
+            twice = np.where(more, twice[0], Qd), np.where(more, twice[1], Phi)
+        Qd, Phi = twice
     return Phi, 0.5 * (Qd + np.swapaxes(Qd, -1, -2))
 
 

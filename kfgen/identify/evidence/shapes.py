@@ -13,8 +13,8 @@ from kfgen.effects import Effect
 
 Array = NDArray[np.float64]
 
-LOG_STEP_OF_DERIVATIVE = 1e-5
-"""Step in a logarithm over which a density is differentiated."""
+LOG_STEP_OF_SLOPE = 1e-6
+"""Step in a logarithm over which a density is differentiated, to one side: half of it is the shift of a maximum."""
 RECENT = 4
 """Points of a fit whose densities and slopes are kept."""
 MAX_KEPT_SHAPES = 512
@@ -99,11 +99,8 @@ class Shapes:
     def _difference(self, effect: Effect, name: str, effects: Sequence[Effect]) -> Array | float:
         """Derivative of what is passed in a number of one that filters."""
         others = [e for e in effects if e.is_filter and e is not effect]
-        up, down = (
-            self.factor([*others, effect.shifted(name, h)])
-            for h in (LOG_STEP_OF_DERIVATIVE, -LOG_STEP_OF_DERIVATIVE)
-        )
-        return (up - down) / (2.0 * LOG_STEP_OF_DERIVATIVE)
+        moved = self.factor([*others, effect.shifted(name, LOG_STEP_OF_SLOPE)])
+        return (moved - self.factor(effects)) / LOG_STEP_OF_SLOPE
 
     def _slope(self, effect: Effect, name: str) -> Array:
         if effect.coefficients():  # the shape of a regressor
@@ -111,7 +108,5 @@ class Shapes:
         sizes = effect.sizes()
         if sizes == (name,):
             return 2.0 * self.of(effect)
-        up, down = (
-            self.of(effect.shifted(name, h)) for h in (LOG_STEP_OF_DERIVATIVE, -LOG_STEP_OF_DERIVATIVE)
-        )
-        return np.asarray((up - down) / (2.0 * LOG_STEP_OF_DERIVATIVE))
+        moved = self.of(effect.shifted(name, LOG_STEP_OF_SLOPE))
+        return np.asarray((moved - self.of(effect)) / LOG_STEP_OF_SLOPE)
