@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfilt
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core.band import BAND, band_log_odds
+from kfgen.gap.core.thresholds import MAX_PROBABILITY_OF_STAND_IN
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW
 from kfgen.identify.evidence.record import Record
@@ -55,4 +56,4 @@ def test_noise_of_a_band_is_no_certain_resonance() -> None:
     assert gap.verdict == "unknown_effect"
     assert gap.findings[0].effect.name == "resonance"
     assert gap.findings[0].objection == BAND
-    assert gap.findings[0].probability <= 0.9
+    assert gap.findings[0].probability <= MAX_PROBABILITY_OF_STAND_IN

@@ -17,6 +17,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core import course_law
 from kfgen.gap.core.course_figure import strangest
 from kfgen.gap.core.random_course import least_usual
+from kfgen.gap.core.thresholds import MAX_PROBABILITY_OF_STAND_IN
 from kfgen.gap.rest import course
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import none_of_their_kind
@@ -87,7 +88,7 @@ def test_chaos_is_a_stand_in_and_no_certain_resonance() -> None:
     gap = channel_gap("gyro_x", Record(t, y), ChannelNoise("rad/s", (Term(WHITE),)))
     assert gap.verdict == "unknown_effect"
     assert gap.findings
-    assert max(f.probability for f in gap.findings) <= 0.9
+    assert max(f.probability for f in gap.findings) <= MAX_PROBABILITY_OF_STAND_IN
     assert "stands in for something else" in finding_sentence(gap, gap.findings[0])
 
 

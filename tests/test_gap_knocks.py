@@ -15,6 +15,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core.knocks import knocked
 from kfgen.gap.core.swing import Swing
 from kfgen.gap.core.swing_law import KNOCKS, other_law
+from kfgen.gap.core.thresholds import MAX_PROBABILITY_OF_STAND_IN
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW
 from kfgen.identify.evidence.record import Record
@@ -86,5 +87,5 @@ def test_knocks_are_no_certain_resonance() -> None:
     noise = ChannelNoise("rad/s", (Term(make("white_noise", N=np.sqrt(dt))),))
     gap = channel_gap("gyro_x", Record(dt * np.arange(n), y), noise)
     assert gap.verdict == "unknown_effect"
-    assert gap.findings[0].probability <= 0.9
+    assert gap.findings[0].probability <= MAX_PROBABILITY_OF_STAND_IN
     assert gap.findings[0].objection == KNOCKS

@@ -18,6 +18,7 @@ from kfgen.effects.noise_model import ChannelNoise, Term
 from kfgen.gap.core import swing
 from kfgen.gap.core.swing import Swing
 from kfgen.gap.core.swing_law import LIMIT_CYCLE, MODULATED_LINE, comes_and_goes_log_odds, other_law
+from kfgen.gap.core.thresholds import MAX_PROBABILITY_OF_STAND_IN
 from kfgen.gap.rest import course
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.course import LOG_ODDS_OF_ITS_OWN_LAW, OtherLaw
@@ -135,7 +136,7 @@ def test_a_breath_is_a_stand_in_and_no_certain_resonance() -> None:
     gap = channel_gap("gyro_x", Record(dt * np.arange(1200), y), noise)
     assert gap.verdict == "unknown_effect"
     assert gap.findings[0].effect.name == "resonance"
-    assert gap.findings[0].probability <= 0.9
+    assert gap.findings[0].probability <= MAX_PROBABILITY_OF_STAND_IN
     assert gap.findings[0].objection == LIMIT_CYCLE
 
 
@@ -190,4 +191,4 @@ def test_a_line_that_comes_and_goes_is_no_certain_line() -> None:
     assert gap.verdict == "unknown_effect"
     assert gap.findings[0].effect.name in ("sinusoid", "resonance")
     assert gap.findings[0].objection == MODULATED_LINE
-    assert gap.findings[0].probability <= 0.9
+    assert gap.findings[0].probability <= MAX_PROBABILITY_OF_STAND_IN

@@ -127,11 +127,12 @@ def finding_sentence(c: Comparison, f: Finding) -> str:
         others = dict.fromkeys(f"{name} of {where}" for name, where, _ in f.alternatives)
         others.pop(f"{f.name} of {f.where}", None)
         return f"{words}. Just as well it is {' or '.join(others)}" if others else words
-    words = (
-        f"{_what(f)}{_in_unknown_field(c, f)}. It is {percent(f.probability)} probable among all candidates"
+    words = f"{_what(f)}{_in_unknown_field(c, f)}. It is "
+    words += (
+        f"the likeliest of all candidates, but it {_stands_in(f.objection)}"
+        if f.objection
+        else f"{percent(f.probability)} probable among all candidates"
     )
-    if f.objection:
-        words += f"; it {_stands_in(f.objection)}"
     if f.nothing_probability > NOTHING_MIN_PROBABILITY:
         words += f", that nothing is missing {percent(f.nothing_probability)}"
     if f.test is not None:

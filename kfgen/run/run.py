@@ -36,7 +36,7 @@ from kfgen.run.words import assumes_exact_field, beyond_gate, consistency
 Array = NDArray[np.float64]
 
 MODULES = RecentResults[ModuleType](8)
-"""Emitted modules by their program: a gap plays the same filter many times."""
+"""Emitted modules by their program: a search runs the same filter over a log many times."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -70,61 +70,20 @@ class Mixture:
         """
         from scipy.optimize import minimize
 
-        size = np.abs(z)
-        top = float(size.max())
-        edges = np.unique(
-            np.concatenate(
-                [np.linspace(0.0, 6.0, HISTOGRAM_BINS), np.geomspace(6.0, max(top, 6.1) * 1.01, 300)]
-            )
-        )
-        count = np.histogram(size, edges)[0].astype(float)
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        some = count > 0.0
-        count, square = count[some], middle[some] ** 2
-        mean, sd = level_prior
-
-        def normal(log_level: float) -> Array:
-            return np.asarray(-0.5 * square * np.exp(-2.0 * log_level) - log_level)
-
-        def slope_of_one(p: Any) -> Array:
-            falls = square * np.exp(-2.0 * float(p[0])) - 1.0
-            return np.array([(p[0] - mean) / sd**2 - count @ falls])
-
-        def slope_of_two(p: Any) -> Array:
-            share = float(np.exp(p[1]))
-            narrow, wide = normal(float(p[0])), normal(float(p[0] + p[2]))
-            wider = 1.0 / (1.0 + np.exp(np.clip(narrow - wide + np.log1p(-share) - p[1], -700.0, 700.0)))
-            inner, outer = (square * np.exp(-2.0 * float(level)) - 1.0 for level in (p[0], p[0] + p[2]))
-            by_level = (p[0] - mean) / sd**2 - count @ (inner + wider * (outer - inner))
-            return np.array([by_level, -count @ (wider - share) / (1.0 - share), -count @ (wider * outer)])
-
-        def one(p: Any) -> float:
-            return -float(count @ normal(float(p[0]))) + 0.5 * ((float(p[0]) - mean) / sd) ** 2
-
-        def two(p: Any) -> float:
-            share = float(np.exp(np.clip(p[1], *LOG_SHARE_RANGE)))
-            narrow, wide = normal(float(p[0])), normal(float(p[0] + p[2]))
-            both = np.logaddexp(float(np.log1p(-share)) + narrow, float(np.log(share)) + wide)
-            outside = sum(
-                max(0.0, lo - v) + max(0.0, v - hi)
-                for v, (lo, hi) in ((p[1], LOG_SHARE_RANGE), (p[2], LOG_KAPPA_RANGE))
-            )
-            return float(-(count @ both) + 0.5 * ((p[0] - mean) / sd) ** 2 + 1e3 * outside)
-
+        law = _Histogram.of(z, level_prior)
         how = {"method": "L-BFGS-B", "options": {"ftol": 1e-14, "gtol": 1e-6}}
-        base = minimize(one, [0.0], jac=slope_of_one, bounds=[LOG_LEVEL_RANGE], **how)
+        base = minimize(law.one, [0.0], jac=law.slope_of_one, bounds=[LOG_LEVEL_RANGE], **how)
         box = [LOG_LEVEL_RANGE, LOG_SHARE_RANGE, LOG_KAPPA_RANGE]
-        best = None
+        found = []
         for kappa in (2.0, 4.0, 12.0):
-            start = [0.0, np.log(max(float(np.mean(size > 2.0 * kappa)), 2.0 / z.size, 1e-5)), np.log(kappa)]
-            found = minimize(two, start, jac=slope_of_two, bounds=box, **how)
-            if best is None or found.fun < best.fun:
-                best = found
-        assert best is not None
+            beyond = float(np.mean(np.abs(z) > 2.0 * kappa))
+            start = [0.0, np.log(max(beyond, 2.0 / z.size, 1e-5)), np.log(kappa)]
+            found.append(minimize(law.two, start, jac=law.slope_of_two, bounds=box, **how))
+        best = min(found, key=lambda f: float(f.fun))
         share, kappa = float(np.exp(best.x[1])), float(np.exp(best.x[2]))
         if best.fun >= base.fun or share * z.size < MIN_OUTLIERS_EXPECTED:
             return None
-        H, H0 = _second(two, best.x), _second(one, base.x)
+        H, H0 = _second(law.two, best.x), _second(law.one, base.x)
         values = np.maximum(np.linalg.eigvalsh(H), 1e-2)
         gain = float(base.fun - best.fun) + np.log(2.0 * np.pi) - 0.5 * float(np.log(values).sum())
         gain += 0.5 * float(np.log(max(float(H0[0, 0]), 1e-2)))
@@ -133,6 +92,68 @@ class Mixture:
         )
         spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True))))
         return Mixture(float(np.exp(best.x[0])), share, kappa, float(gain), spread)
+
+
+@dataclass(frozen=True)
+class _Histogram:
+    """Counts of squares, and minus the logarithm of their probability under one law and under two, with the slopes."""
+
+    count: Array
+    square: Array
+    mean: float
+    sd: float
+
+    @staticmethod
+    def of(z: Array, level_prior: tuple[float, float]) -> _Histogram:
+        """Of a series of about unit standard deviation."""
+        size = np.abs(z)
+        top = max(float(size.max()), 6.1) * 1.01
+        edges = np.unique(
+            np.concatenate([np.linspace(0.0, 6.0, HISTOGRAM_BINS), np.geomspace(6.0, top, 300)])
+        )
+        count = np.histogram(size, edges)[0].astype(float)
+        some = count > 0.0
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        return _Histogram(count[some], middle[some] ** 2, *level_prior)
+
+    def _normal(self, log_level: float) -> Array:
+        return np.asarray(-0.5 * self.square * np.exp(-2.0 * log_level) - log_level)
+
+    def _falls(self, log_level: float) -> Array:
+        return np.asarray(self.square * np.exp(-2.0 * log_level) - 1.0)
+
+    def one(self, p: Any) -> float:
+        """Of the logarithm of the level."""
+        level = float(p[0])
+        return -float(self.count @ self._normal(level)) + 0.5 * ((level - self.mean) / self.sd) ** 2
+
+    def slope_of_one(self, p: Any) -> Array:
+        """Its derivative."""
+        level = float(p[0])
+        return np.array([(level - self.mean) / self.sd**2 - self.count @ self._falls(level)])
+
+    def two(self, p: Any) -> float:
+        """Of the logarithms of level, share and kappa; steep outside of their ranges."""
+        share = float(np.exp(np.clip(p[1], *LOG_SHARE_RANGE)))
+        narrow, wide = self._normal(float(p[0])), self._normal(float(p[0] + p[2]))
+        both = np.logaddexp(float(np.log1p(-share)) + narrow, float(np.log(share)) + wide)
+        outside = sum(
+            max(0.0, lo - v) + max(0.0, v - hi)
+            for v, (lo, hi) in ((p[1], LOG_SHARE_RANGE), (p[2], LOG_KAPPA_RANGE))
+        )
+        prior = 0.5 * ((p[0] - self.mean) / self.sd) ** 2
+        return float(-(self.count @ both) + prior + 1e3 * outside)
+
+    def slope_of_two(self, p: Any) -> Array:
+        """Its derivatives inside the ranges."""
+        share = float(np.exp(p[1]))
+        narrow, wide = self._normal(float(p[0])), self._normal(float(p[0] + p[2]))
+        ratio = np.clip(narrow - wide + np.log1p(-share) - p[1], -700.0, 700.0)
+        wider = 1.0 / (1.0 + np.exp(ratio))
+        inner, outer = self._falls(float(p[0])), self._falls(float(p[0] + p[2]))
+        by_level = (p[0] - self.mean) / self.sd**2 - self.count @ (inner + wider * (outer - inner))
+        by_share = -self.count @ (wider - share) / (1.0 - share)
+        return np.array([by_level, by_share, -self.count @ (wider * outer)])
 
 
 def _second(f: Callable[[Any], float], x: Array, step: float = 1e-3) -> Array:

@@ -7,7 +7,8 @@ sample is the gap, its floor zero. The stretch suits the effect. Noise, which ha
 judged on every third of the record by a fit to the other two: all samples testify, and chance moves the
 share that closed least. Ramps and lines are judged on the tail; every other block serves for what happens
 once or is over before the tail, the extreme third of its driver for what is driven. There the
-coefficients are fitted to the rest, and the bands are those of the white series in each held-out block.
+coefficients are fitted to the rest, and the bands are those of the white series in each held-out block: that
+of the assumed model as it is written, and that of the updated one.
 
 References
 ----------
@@ -76,7 +77,7 @@ def held_out_gap(raw: Record, clean: Record, written: Sequence[Effect], updated:
     shapes = [e for e in updated.effects if e.coefficients()]
     blocked = [e for e in shapes if e.driver or (e.repeatable and not is_line(e)) or _is_over(e, clean)]
     if blocked:
-        return _masked(clean, updated, blocked)
+        return _masked(raw, clean, written, updated, blocked)
     if not shapes:
         return _folded(raw, clean, written, updated)
     return _tail(raw, clean, written, updated)
@@ -162,8 +163,10 @@ def divergence(r0: Array, r1: Array, m: Array, held_out: str) -> Gap:
     return Gap(lost0 / n, lost1 / n, closed, (min(lo, closed), max(hi, closed)), held_out)
 
 
-def _masked(clean: Record, updated: Problem, blocked: Sequence[Effect]) -> Gap:
-    """Shapes fitted to one part of the white series, and judged on the other."""
+def _masked(
+    raw: Record, clean: Record, written: Sequence[Effect], updated: Problem, blocked: Sequence[Effect]
+) -> Gap:
+    """Shapes fitted to one part of the series that the updated noise makes white, and judged on the other."""
     fit: Fit = maximise(updated)
     others = [e for e in fit.effects if e.coefficients() and e.name not in {b.name for b in blocked}]
     shapes = [e for e in fit.effects if e.coefficients() and e not in others]
@@ -173,7 +176,7 @@ def _masked(clean: Record, updated: Problem, blocked: Sequence[Effect]) -> Gap:
     unseen, words = _unseen(clean, shapes)
     scale = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
     theta = np.linalg.lstsq(B[~unseen] / scale, z[~unseen], rcond=1e-12)[0] / scale
-    r0, m = _block_ratios(z, unseen)
+    r0, m = _block_ratios(Whitener.on(raw, written).series(raw.y), unseen)
     r1, _ = _block_ratios(z - B @ theta, unseen)
     return divergence(r0, r1, m, words)
 

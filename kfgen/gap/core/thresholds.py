@@ -16,6 +16,9 @@ TIE_NATS = 1.0
 """Evidence by which another name must be better to take the place of the one that stands."""
 MAX_PROBABILITY_BESIDE_MISFIT = 0.9
 """Of an effect in a model that still leaves more than noise: its likelihood is not the truth then."""
+MAX_PROBABILITY_OF_STAND_IN = 0.2
+"""Of an effect whose course is none of its kind: in 899 records of effects of the catalogue 9 of 13 such names were right, in
+299 of what it does not hold none of 227; where one record of twenty is of the latter a fifth of them is right."""
 DETECTION_LIMIT_NATS = 8.0
 """Expected gain of log-likelihood of an effect that is named at its detection limit."""
 CONFUSION_SET_MIN_PROBABILITY = 0.14

@@ -108,7 +108,8 @@ def channel_gap(
     if any(f.spoils for f in faults):
         return spoilt(channel, record, noise, faults)
     at = prepared(record, noise)
-    raw, random, search = at.raw, at.random, searched(at.search, search_limits(channels))
+    raw, random = at.raw, at.random
+    search = searched(at.search, search_limits(channels)).without_vanished()
     before = tests_of(channel, as_written(raw, random.effects))
     base = search.base
     clean, after = cast(Record, base.problem.record), tests_of(channel, base)

@@ -66,8 +66,9 @@ def _nested(search: ChannelExplanation, effects: Sequence[Effect]) -> float:
             continue
         both = [*known, none]
         zeros = np.zeros(len(none.coefficients()))
-        value = search.record.likelihood(both).log_likelihood(both, zeros).value
-        worst = max(worst, abs(value - base))
+        data = search.record.likelihood(both)
+        alone = base if none.coefficients() else data.log_likelihood(known, zeros).value  # in the same bins
+        worst = max(worst, abs(data.log_likelihood(both, zeros).value - alone))
     return worst
 
 

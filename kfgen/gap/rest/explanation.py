@@ -52,6 +52,8 @@ MIN_SHARE_OF_SLOW_NOISE = 0.45
 """Evidence of a shape over that of slow noise, below which no more shapes are added without it."""
 SHAPE_MIN_PROBABILITY = 1e-12
 """Probability of a shape beside slow noise below which it is not followed."""
+MIN_NATS_OF_NOISE = 0.5
+"""Likelihood that a spectrum loses without a noise, the others as they are, below which that noise is not there [nats]."""
 MAX_KEPT_COMPARISONS = 8
 """Of one search."""
 
@@ -224,6 +226,20 @@ class ChannelExplanation:
         place = self._place(index)
         known = self.known[:place] + self.known[place + _is_summed(self.chosen[index]) :]
         return replace(self, chosen=self.chosen[:index] + self.chosen[index + 1 :], known=known)
+
+    def without_vanished(self) -> ChannelExplanation:
+        """Without noise of which later additions left nothing: where time ended it was not put to the test again."""
+        fitted = self.base.fit.effects
+        data = self.record.likelihood(fitted)
+        value = data.log_likelihood(fitted).value
+        for index in reversed(range(len(self.chosen))):
+            place = self._place(index)
+            if not _is_summed(self.chosen[index]) or fitted[place].coefficients():
+                continue
+            others = (*fitted[:place], *fitted[place + 1 :])
+            if value - data.log_likelihood(others).value < MIN_NATS_OF_NOISE:
+                return self.less(index).without_vanished()
+        return self
 
     def moved(self, index: int) -> ChannelExplanation:
         """With the last effect put at `index`."""

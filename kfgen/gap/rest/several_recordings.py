@@ -136,7 +136,7 @@ def _of_all(
     passing = frozenset(name for name, cls in catalogue().items() if not lasts(cls))
     start = replace(at.search, record=joint, without=at.search.without | passing)
     before = tests_of(channel, as_written(joint, at.random.effects))
-    search = searched(start, search_limits(channels))
+    search = searched(start, search_limits(channels)).without_vanished()
     base = search.base
     after = tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, at.random.effects)
