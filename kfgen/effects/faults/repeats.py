@@ -10,7 +10,8 @@ for repeats.
 
 Samples that lie on no grid may still lie on a grid that a calibration has blurred, which mixes the codes of three axes
 and rounds again: values then recur. Two samples far apart are equal as often, over those that are nearly equal, as
-two neighbours are by chance.
+two neighbours are by chance. Where a drift was subtracted behind the converter they are equal but for what the mean
+moves meanwhile: neighbours must be equal beyond chance whatever of that is allowed for.
 """
 
 from __future__ import annotations
@@ -45,6 +46,16 @@ NEARLY_EQUAL_SHARE = 0.2
 """Of neighbours that differ, the share that is nearly equal."""
 MIN_EXCESS_OVER_CHANCE = 2.0
 """Of a blurred grid: what blurs it are the codes of other axes, which neighbours share more often than samples far apart."""
+MAX_CHANCE_OF_NO_GRID = 0.01
+"""Of two equal neighbours, below which the grid is as good as none; it may be that of a drift behind the converter."""
+MAX_CHANCE_OVER_LAW = 3.0
+"""Of two samples far apart that are equal, over what the grid allows: beyond, codes of a coarser grid were moved."""
+MEANS_OVER_MEDIAN = 1.5
+"""Of the mean's movement where it is fast, over the usual one."""
+MAX_DRIFT_SHARE = 0.05
+"""Of a usual change between neighbours: a mean that moves more within the distances leaves no values that recur."""
+DRIFTS_TRIED = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""Over the largest, which is that of noise where nothing drifts."""
 MAX_REACH_STEPS = 4096
 """Steps of the grid that are looked at: beyond, chance makes no two samples equal."""
 
@@ -85,15 +96,14 @@ def repeated_share(y: Array, step: float) -> float:
     from scipy.stats import t
 
     limit = float(t.isf(FALSE_ALARM_PER_RECORD, BLOCKS - 1))
-    if step <= 0.0:
-        one = _excess_of_no_grid(y)
-        least = max(limit * _deviation(one.influence), MIN_EXCESS_OVER_CHANCE * one.chance)
-        return one.share if one.share >= least else 0.0
-    near = _excess(_differences(y, 1, step))
-    if near is None or near.share <= 0.0:
+    near = _excess(_differences(y, 1, step)) if step > 0.0 else Excess(1.0, 0.0, np.ones(1))
+    if near is None or near.share < limit * _deviation(near.influence) or near.share <= 0.0:
         return 0.0
-    if near.share < limit * _deviation(near.influence):
-        return 0.0
+    if (
+        near.chance < MAX_CHANCE_OF_NO_GRID
+        or _excess_of_no_grid(y, 0.0).chance > MAX_CHANCE_OVER_LAW * near.chance
+    ):
+        return _share_of_no_grid(y, limit)
     usual = _typical(_differences(y, 1, step))
     beside = []
     for lag in LAGS_BESIDE:
@@ -144,21 +154,39 @@ def _typical(d: Codes) -> float:
     return float(np.sqrt(np.mean(np.minimum(d, 4 * (1 + int(np.quantile(d, 0.75)))).astype(np.float64) ** 2)))
 
 
-def _excess_of_no_grid(y: Array) -> Excess:
-    """Equal neighbours beyond those that recur by chance; the commonest value, which a dead zone holds, is left out."""
+def _share_of_no_grid(y: Array, limit: float) -> float:
+    """The share that repeats beyond chance, whatever neighbours differ by that a drift behind the converter moved."""
+    usual = float(np.median(np.abs(np.diff(y))))
+    most = min(MEANS_OVER_MEDIAN * _movement(y) * max(LAGS_AFAR), MAX_DRIFT_SHARE * usual)
+    found = []
+    for same in (0.0, *(most * np.array(DRIFTS_TRIED))):
+        one = _excess_of_no_grid(y, float(same))
+        least = max(limit * _deviation(one.influence), MIN_EXCESS_OVER_CHANCE * one.chance)
+        found.append(one.share if one.share >= least else 0.0)
+    return min(found)
+
+
+def _movement(y: Array) -> float:
+    """How far the mean moves in a sample, by means of blocks."""
+    size = max(y.size // BLOCKS, 1)
+    means = y[: y.size // size * size].reshape(-1, size).mean(axis=1)
+    return float(np.median(np.abs(np.diff(means)))) / size if means.size > 1 else 0.0
+
+
+def _excess_of_no_grid(y: Array, same: float) -> Excess:
+    """Neighbours equal within `same` beyond those by chance; the commonest value, which a dead zone holds, is left out."""
     values, count = np.unique(y, return_counts=True)
     common = y == values[int(np.argmax(count))]
     last = y.size - max(LAGS_AFAR)
-    width = 0.0
+    moved = np.abs(np.diff(y))
+    moved = moved[moved > same]
+    width = float(np.quantile(moved, NEARLY_EQUAL_SHARE)) if moved.size else same
 
     def pairs(lag: int) -> tuple[Array, Array]:
         d = np.abs(y[lag : lag + last] - y[:last])
         looked = ~(common[lag : lag + last] | common[:last])
-        return np.asarray(looked & (d == 0.0), float), np.asarray(looked & (d > 0.0) & (d <= width), float)
+        return np.asarray(looked & (d <= same), float), np.asarray(looked & (d > same) & (d <= width), float)
 
-    moved = np.abs(np.diff(y))
-    moved = moved[moved > 0.0]
-    width = float(np.quantile(moved, NEARLY_EQUAL_SHARE)) if moved.size else 0.0
     equal, close = pairs(1)
     afar = [pairs(lag) for lag in LAGS_AFAR]
     equal_afar, close_afar = (np.mean([pair[k] for pair in afar], axis=0) for k in (0, 1))
