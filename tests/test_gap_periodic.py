@@ -65,6 +65,7 @@ def test_a_line_is_named_with_its_numbers(frequency: float) -> None:
         assert 0.5 * (hi - lo) == pytest.approx(1.96 * sd[name], rel=0.1)
 
 
+@pytest.mark.long  # in every run: an assumed line beside one that is not
 def test_two_lines_are_two() -> None:
     gap = gap_of(noise(2) + line(0.2, 0.7321, 1.0) + line(0.15, 1.9, -2.0))
     found = sorted((f.effect for f in gap.findings), key=lambda e: e.frequency)  # type: ignore[attr-defined]
@@ -99,9 +100,8 @@ def resonant(frequency: float, damping: float, rms: float, seed: int) -> Array:
     return out
 
 
-@pytest.mark.parametrize(
-    ("frequency", "damping", "rms"), [(1.0, 0.02, 0.5), pytest.param(2.2, 0.1, 0.7, marks=pytest.mark.long)]
-)
+@pytest.mark.long  # in every run: tests/laws/test_effects_at_rest.py
+@pytest.mark.parametrize(("frequency", "damping", "rms"), [(1.0, 0.02, 0.5), (2.2, 0.1, 0.7)])
 def test_a_resonance_is_named_with_its_numbers(frequency: float, damping: float, rms: float) -> None:
     gap = gap_of(noise(4) + resonant(frequency, damping, rms, 1))
     assert [f.effect.name for f in gap.findings] == ["resonance"]
