@@ -13,7 +13,7 @@ from kfgen.effects.process.power_law import PowerLawNoise
 from kfgen.gap.core.result import Gap
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.fit.fit import Problem
+from kfgen.identify.fit.fit import Prior, Problem
 
 Array = NDArray[np.float64]
 
@@ -59,3 +59,11 @@ def test_a_slope_is_looked_for_in_the_range_of_its_start(start: float, between: 
     problem = Problem(sloped(3, 1.0, n=200), effects)
     assert np.exp(problem.box((0, "slope"))) == pytest.approx(between)
     assert np.exp(problem.reach((0, "slope"))) == pytest.approx((0.3, 1.99))
+
+
+@pytest.mark.parametrize("slope", [0.5, 1.42, 1.995])
+def test_a_wide_interval_of_a_slope_ends_where_noise_is_a_walk(slope: float) -> None:
+    """A file that states 0.56 to 1.99: a fit that went beyond 2 had ended the command with an error."""
+    wide = {(0, "slope"): Prior(np.log(slope), 0.33)}
+    lo, hi = np.exp(Problem(sloped(3, 1.0, n=200), (PowerLawNoise(1.0, slope),), wide).box((0, "slope")))
+    assert 0.0 < lo < slope <= hi <= max(slope, 1.99)

@@ -135,7 +135,8 @@ class Problem:
         if prior is None:
             return lo, hi
         reach = PRIOR_REACH_DEVIATIONS * prior.deviation
-        return min(lo, prior.mean - reach), max(hi, prior.mean + reach)
+        most = max(self.ceiling(key), prior.mean)  # however wide the interval that a file states
+        return min(lo, prior.mean - reach), max(hi, min(prior.mean + reach, most))
 
     def reach(self, key: Key) -> tuple[float, float]:
         """Logarithms between which the ends of an interval are looked for: the box, or from the first of declared ranges on."""
