@@ -81,6 +81,7 @@ def test_knocks_are_no_resonance() -> None:
         assert odds > LOG_ODDS_OF_ITS_OWN_LAW
 
 
+@pytest.mark.long  # in every run: a breath, and the likelihoods of knocks
 def test_knocks_are_no_certain_resonance() -> None:
     rng, n, dt = np.random.default_rng(24), 4096, 0.01
     y = rng.standard_normal(n) + 0.3 * rung(rng, n, 0.05, 20.0)

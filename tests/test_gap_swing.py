@@ -182,6 +182,7 @@ def test_a_line_that_stays_and_one_that_comes_and_goes() -> None:
     assert sum(x > LOG_ODDS_OF_ITS_OWN_LAW for x in odds) >= 2
 
 
+@pytest.mark.long  # in every run: a breath, and by what law something swings
 def test_a_line_that_comes_and_goes_is_no_certain_line() -> None:
     """A supply's, whose load is switched twelve times: its carrier alone is a line of 16 standard deviations."""
     rng, n, dt = np.random.default_rng(21), 8192, 0.1

@@ -61,12 +61,6 @@ SAME_ANSWER: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("kfgen/effects/process/stochastic.py", "bracket=(1.0, 2.0, 4.0), tol=1e-10", "", START),
     ("kfgen/identify/evidence/whittle.py", "overwrite_x=True", "True -> False", COST),
-    (
-        "kfgen/identify/evidence/whittle.py",
-        "theta = least_squares(np.tensordot(1.0 / S, self.gram, 1))[0]",
-        "1.0 -> 2.0",
-        "a common factor of all products leaves the coefficients",
-    ),
     ("kfgen/identify/evidence/whittle.py", "some = values > values[-1]", "Gt -> GtE", TIE),
     (
         "kfgen/identify/evidence/allan.py",

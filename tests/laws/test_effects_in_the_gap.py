@@ -44,7 +44,6 @@ DISTINCT = {
 NEEDS_POSITION = {(SHAKEN, "accel_x"), ("lever_arm", "gnss"), ("time_delay", "gnss"), ("clock_drift", "gnss")}
 NAMED_QUICKLY = {
     ("lever_arm", "gnss"),
-    ("time_delay", "gnss"),
     ("clock_drift", "gnss"),
     ("scale_factor", "gyro_x"),
     ("scale_temperature", "gyro_x"),
@@ -53,7 +52,6 @@ NAMED_QUICKLY = {
     ("time_delay", "accel"),
     ("bandwidth", "gyro"),
     ("hard_iron", "mag"),
-    ("soft_iron", "mag"),
     ("declination", "mag"),
     ("static_pressure_error", "baro"),
     ("magnetic_disturbance", "mag"),
