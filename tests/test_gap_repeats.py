@@ -108,7 +108,7 @@ def test_every_other_sample_and_samples_of_no_grid() -> None:
 @pytest.mark.parametrize("step", GRIDS)
 @pytest.mark.parametrize("drift", [0.1, 1.0, 10.0])
 def test_a_drift_behind_the_converter_makes_no_repeats_of_equal_codes(drift: float, step: float) -> None:
-    """A sensor corrects its temperature behind its converter: 2 to 26 % of its samples were "repeated", all of them sound."""
+    """A sensor corrects its temperature behind its converter: 1 to 26 % of its samples were "repeated", all of them sound."""
     t = np.arange(N) / N
     for seed in range(5):
         rng = np.random.default_rng([seed, int(100 * step), 43])

@@ -162,6 +162,19 @@ def test_many_steps_at_once_are_as_exact_as_one_by_one() -> None:
         np.testing.assert_allclose(Qd[at], one_Qd, rtol=1e-12)
 
 
+@pytest.mark.parametrize("dt", [1e-6, 0.3, 40.0])
+def test_states_of_their_own_that_share_noise(dt: float) -> None:
+    """``W_ik`` times the integral of ``exp((a_i + a_k) s)`` over the step, by quadrature; a walk and a growing state too."""
+    own, W = [-0.3, 0.0, -40.0, 0.02], COUPLED_W @ COUPLED_W.T
+    W = np.pad(W, (0, 1)) + np.outer([0.1, 0.2, 0.3, 1.0], [0.1, 0.2, 0.3, 1.0])
+    Phi, Qd = linear.van_loan(np.diag(own), W, dt)
+    ends = [0.0, dt / 1000.0, dt / 100.0, dt / 10.0, dt]
+    for i, k in np.ndindex(4, 4):
+        integral = mp.quad(lambda s: mp.exp((own[i] + own[k]) * s), ends)  # noqa: B023 - used at once
+        assert Qd[i, k] == pytest.approx(W[i, k] * float(integral), rel=1e-12)
+        assert Phi[i, k] == pytest.approx(math.exp(own[i] * dt) if i == k else 0.0, rel=1e-14, abs=0.0)
+
+
 def test_no_state_and_no_time() -> None:
     Phi, Qd = linear.van_loan(np.zeros((0, 0)), np.zeros((0, 0)), 1.0)
     assert Phi.shape == Qd.shape == (0, 0)

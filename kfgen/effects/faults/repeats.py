@@ -96,7 +96,9 @@ def repeated_share(y: Array, step: float) -> float:
     from scipy.stats import t
 
     limit = float(t.isf(FALSE_ALARM_PER_RECORD, BLOCKS - 1))
-    near = _excess(_differences(y, 1, step)) if step > 0.0 else Excess(1.0, 0.0, np.ones(1))
+    if step <= 0.0:
+        return _share_of_no_grid(y, limit)
+    near = _excess(_differences(y, 1, step))
     if near is None or near.share < limit * _deviation(near.influence) or near.share <= 0.0:
         return 0.0
     if (
@@ -158,12 +160,13 @@ def _share_of_no_grid(y: Array, limit: float) -> float:
     """The share that repeats beyond chance, whatever neighbours differ by that a drift behind the converter moved."""
     usual = float(np.median(np.abs(np.diff(y))))
     most = min(MEANS_OVER_MEDIAN * _movement(y) * max(LAGS_AFAR), MAX_DRIFT_SHARE * usual)
-    found = []
-    for same in (0.0, *(most * np.array(DRIFTS_TRIED))):
-        one = _excess_of_no_grid(y, float(same))
-        least = max(limit * _deviation(one.influence), MIN_EXCESS_OVER_CHANCE * one.chance)
-        found.append(one.share if one.share >= least else 0.0)
-    return min(found)
+    share = 1.0
+    for of_most in (0.0, *DRIFTS_TRIED):
+        one = _excess_of_no_grid(y, of_most * most)
+        if one.share < max(limit * _deviation(one.influence), MIN_EXCESS_OVER_CHANCE * one.chance):
+            return 0.0
+        share = min(share, one.share)
+    return share
 
 
 def _movement(y: Array) -> float:

@@ -11,7 +11,11 @@ from kfgen.effects.faults.samples import Fault
 from kfgen.gap.core.battery import Test
 from kfgen.gap.core.holdout import Gap
 from kfgen.gap.core.search import NO_EFFECT, Distinguishability, Refused
-from kfgen.gap.core.thresholds import CONFUSION_SET_MIN_PROBABILITY, MAX_PROBABILITY_BESIDE_MISFIT
+from kfgen.gap.core.thresholds import (
+    CONFUSION_SET_MIN_PROBABILITY,
+    MAX_PROBABILITY_BESIDE_MISFIT,
+    MAX_PROBABILITY_OF_STAND_IN,
+)
 
 NO_GAP = "no_gap"
 EFFECTS_FOUND = "effects_found"
@@ -89,17 +93,18 @@ class Finding:
 
 
 def beside_misfit(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings as probable as a model allows that leaves more than noise; faults are seen, and stay as they are.
+    """Findings as probable as a model allows that leaves more than noise, or as a stand-in is; faults are seen, and stay.
 
     Parameters
     ----------
     findings : sequence of Finding
     """
-    limit = MAX_PROBABILITY_BESIDE_MISFIT
-    return tuple(
-        f if isinstance(f.effect, Fault) else replace(f, probability=min(f.probability, limit))
-        for f in findings
-    )
+    return tuple(f if isinstance(f.effect, Fault) else _as_probable(f) for f in findings)
+
+
+def _as_probable(f: Finding) -> Finding:
+    limit = MAX_PROBABILITY_OF_STAND_IN if f.objection else MAX_PROBABILITY_BESIDE_MISFIT
+    return replace(f, probability=min(f.probability, limit))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from kfgen.gap.core.level_law import MANY_LEVELS, many_levels_log_odds
 from kfgen.gap.core.random_course import COURSE_POINTS, FALSE_ALARM_RATE, least_usual
 from kfgen.gap.core.result import Finding
 from kfgen.gap.core.swing_law import MODULATED_LINE, comes_and_goes_log_odds, other_law
-from kfgen.gap.core.thresholds import MAX_PROBABILITY_OF_STAND_IN
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.evidence import series_of
 from kfgen.gap.rest.explanation import ChannelExplanation
@@ -107,25 +106,13 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
     )
     objection = said or none_of_their_kind(record, known, added)
     return [
-        as_probable(
-            replace(
-                f,
-                probability=f.probability * law.own_probability,
-                objection=objection if has_course(f.effect) else law.objection,
-            )
+        replace(
+            f,
+            probability=f.probability * law.own_probability,
+            objection=objection if has_course(f.effect) else law.objection,
         )
         for law, f in zip(laws, findings)
     ]
-
-
-def as_probable(f: Finding) -> Finding:
-    """As probable as a stand-in is at most, where it is one.
-
-    Parameters
-    ----------
-    f : Finding
-    """
-    return replace(f, probability=min(f.probability, MAX_PROBABILITY_OF_STAND_IN)) if f.objection else f
 
 
 def _more_levels(search: ChannelExplanation) -> OtherLaw:

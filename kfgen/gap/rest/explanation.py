@@ -230,7 +230,7 @@ class ChannelExplanation:
     def without_vanished(self) -> ChannelExplanation:
         """Without noise of which later additions left nothing: where time ended it was not put to the test again."""
         fitted = self.base.fit.effects
-        data = self.record.likelihood(fitted)
+        data = self.base.problem.record.likelihood(fitted)
         value = data.log_likelihood(fitted).value
         for index in reversed(range(len(self.chosen))):
             place = self._place(index)
