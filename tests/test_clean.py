@@ -171,3 +171,14 @@ def test_samples_that_are_computed_keep_the_grid_on_which_they_were_logged() -> 
         cleaned = without_lines(record, [line])
         assert adc_step(cleaned.y) == 0.0  # type: ignore[attr-defined]
         assert cleaned.adc_step == pytest.approx(step)
+
+
+def test_what_a_third_of_the_samples_has_are_no_outliers() -> None:
+    """A sensor that shows what is above a threshold only: N is that of all samples (0.1 of their standard deviation)."""
+    y = np.maximum(white(31) - 0.3, 0.0)
+    result = found(y)
+    lo, hi = result.intervals[0, "N"]
+    assert lo < 0.1 * y.std() < hi
+    assert N_of(result) == pytest.approx(0.1 * y.std(), rel=0.05)
+    assert [w for w in result.warnings if "N is that of all" in w] != []
+    assert result.record.left_out.outliers is None  # type: ignore[union-attr]

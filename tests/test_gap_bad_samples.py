@@ -112,3 +112,11 @@ def test_noise_that_leans_is_unknown() -> None:
     gap, _ = gap_of(0.1 * (rng.gamma(16.0, 0.25, N) - 4.0))
     assert gap.verdict == "unknown_effect"
     assert "skewness" in [t.name for t in gap.after if t.significant]
+
+
+def test_a_quiet_spell_on_a_grid_wider_than_the_noise_is_no_stretch() -> None:
+    """An eighth of the noise for three seconds: one value, as a sensor of 8 bits at rest has. The grid is what is said."""
+    y = 0.13 + np.round((noise(5) - 0.8) * np.where(abs(T - 60.0) < 1.5, 0.125, 1.0) / 0.25) * 0.25
+    gap, said = gap_of(y)
+    assert said == []
+    assert [f.effect.name for f in gap.findings] == ["coarse_quantisation"]

@@ -222,3 +222,37 @@ def test_a_fault_that_is_assumed_is_said_again_only_where_it_spoils_the_samples(
     assert spotted_in(Record(T, white(2)), noise, stamps) == []
     found = spotted_in(Record(T, np.clip(white(2), -9.0, 1.5)), noise, stamps)
     assert [f.effect.name for f in found] == ["clipping"]
+
+
+def gauss_markov(seed: int, tau: float) -> Array:
+    """Of standard deviation one."""
+    phi = np.exp(-DT / tau)
+    return np.asarray(lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], white(seed, 2 * N))[N:])
+
+
+SCALED = {
+    "g for m/s^2": ("m/s^2", 9.80665, 9.80665, True),
+    "g for m/s^2 in a gyro": ("rad/s", 9.80665, 9.80665, False),
+    "degrees for radians in an accelerometer": ("m/s^2", 180.0 / np.pi, 180.0 / np.pi, False),
+    "a thousand in a magnetometer": ("T", 1e3, 1e3, True),
+    "white noise alone": ("m/s^2", 9.80665, 1.0, False),
+}
+
+
+@pytest.mark.parametrize("name", SCALED)
+def test_a_wrong_unit_scales_everything_between_units_of_its_quantity(name: str) -> None:
+    """A Gauss-Markov bias as large as the white noise is scaled with it; where it is not, N of the model is wrong."""
+    unit, of_white, of_slow, is_unit = SCALED[name]
+    model = (make("white_noise", N=np.sqrt(DT)), make("gauss_markov", sigma=1.0, tau=20.0))
+    record = Record(T, of_white * white(61) + of_slow * gauss_markov(62, 20.0))
+    faults = spotted_in(record, ChannelNoise(unit, tuple(Term(e) for e in model)))
+    assert ("unit_error" in {f.effect.name for f in faults}) is is_unit
+
+
+def test_values_of_a_slower_sensor_that_recur_are_not_clipped() -> None:
+    """Each is held over eight samples, and goes to the next within one: one in a hundred is the largest."""
+    new = np.round(white(63, N // 8) / 0.8)
+    y = np.repeat(new, 8) + 1e-7 * np.arange(N)
+    y[::8] += 0.37 * np.concatenate([[0.0], np.diff(new)])
+    y = np.where(y > 2.0, 2.3, y)  # its largest code
+    assert "clipping" not in {f.effect.name for f in spotted_in(Record(T, np.round(y, 4)), assumed())}

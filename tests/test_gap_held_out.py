@@ -92,3 +92,19 @@ def test_a_resonance_of_no_size_is_the_assumed_model() -> None:
     found = explanation(record, make("resonance", frequency=0.05, damping=0.02, rms=1.0))
     checks = checks_of(found, found.base.fit.effects, [("resonance", 0.9, 1.1)])
     assert checks.nested_nats < 1e-6
+
+
+def test_a_pulse_inside_a_block_that_is_left_out_is_not_predicted() -> None:
+    """Two steps: what they differ by shows in that block alone, and no fit to the others may say how large they are.
+
+    Beside a random walk each sample says a little of those beside it; a fit that took that for knowledge made the gap larger.
+    """
+    block = N // 32
+    at = 17 * block + block // 2  # the 18th is left out
+    walk = 0.05 * np.cumsum(noisy(8, 1.0))
+    record = Record(T, noisy(9, 1.0) + walk + 3.0 * ((T >= at) & (T < at + 14)) + 4.0 * (T >= 9000.0))
+    shapes = [("bias_step", 3.0, float(at)), ("bias_step", -3.0, at + 14.0), ("bias_step", 4.0, 9000.0)]
+    noise = (make("white_noise", N=1.0), make("rate_random_walk", K=0.05))
+    model = (*noise, *(make(e, size=size, time=t) for e, size, t in shapes))
+    gap = held_out_gap(record, record, noise, Problem(record, model))
+    assert gap.after < gap.before

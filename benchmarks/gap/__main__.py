@@ -95,7 +95,7 @@ def main() -> None:
             wanted.count, strengths, nulls, np.random.default_rng([seed, WORLDS.index(name)])
         )
         chosen = [
-            r for r in drawn if not only or r.kind in only or (r.kind == "single" and only & set(r.effects))
+            r for r in drawn if not only or r.kind in only or (len(r.effects) == 1 and only & set(r.effects))
         ]
         with tempfile.TemporaryDirectory() as temporary:
             folder = wanted.keep / name if wanted.keep else Path(temporary)

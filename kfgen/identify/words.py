@@ -185,6 +185,12 @@ def outlier_law(share: float, lo: float, hi: float) -> str:
     )
 
 
+HEAVY_TAILS = (
+    "more samples are far from their neighbours than normal noise has, and too many of them for outliers: N is that of all."
+    " Look at the samples: bursts, a coarse ADC grid, or a threshold inside the sensor"
+)
+
+
 def shocks(begun_and_length_s: Sequence[tuple[float, float]]) -> str:
     """Of shocks, with beginning and length [s] of the first ones."""
     n = len(begun_and_length_s)

@@ -28,6 +28,8 @@ MIN_CLIPPED_SAMPLES = 4
 """At one value: of a short record one sample is a large share."""
 MIN_CLIPPED_SHARE = 0.004
 """Share of the samples at one end of the range above which they are clipped."""
+MAX_OVER_CHANCE_OF_EQUALS = 1.5
+"""Times the chance by which neighbours are equal on the grid of the ADC, beyond which values are held."""
 MIN_JITTER_PERIODS = 0.02
 """Root mean square error of the time steps, in sampling periods, above which jitter is reported."""
 MAX_OF_ZEROS = 0.05
@@ -37,13 +39,9 @@ MIN_COARSE_STEP_SIGMAS = 1.0
 MIN_INTEGRATED_STEP_RATIO = 1.04
 """Mean square step to the neighbour over that to the next but one, above which the integral is on the grid:
 one for rounded samples."""
-UNIT_FACTORS = (
-    ("degrees for radians", 180.0 / np.pi),
-    ("g for m/s^2", 9.80665),
-    ("a thousand", 1e3),
-    ("a million", 1e6),
-    ("hours for seconds", 3600.0),
-)
+PLAIN_FACTORS = (("a thousand", 1e3), ("a million", 1e6), ("hours for seconds", 3600.0))
+"""Factors between units of any quantity."""
+UNIT_FACTORS = (("degrees for radians", 180.0 / np.pi), ("g for m/s^2", 9.80665), *PLAIN_FACTORS)
 """Factors between units that are taken for one another."""
 UNIT_FACTOR_TOLERANCE = 0.05
 """Relative distance at which a factor is a known one."""
@@ -74,6 +72,20 @@ def unit_factors(unit: str) -> tuple[float, ...]:
             ratios = {float(f"{a.factor / b.factor:.9g}") for a in units for b in units}
             return tuple(sorted(ratios - {1.0}))
     return ()
+
+
+def is_between_units(factor: float, unit: str) -> bool:
+    """Whether a channel can be so many times as large because its unit is taken for another one of the same quantity.
+
+    Parameters
+    ----------
+    factor : float
+    unit : str
+        That the log states; of a quantity that is not known any factor can be.
+    """
+    own = unit_factors(unit)
+    known = [*own, *(f for _, k in PLAIN_FACTORS for f in (k, 1.0 / k))]
+    return not own or bool(np.isclose(factor, known, rtol=1e-3, atol=0.0).any())
 
 
 @dataclass(frozen=True)
@@ -226,10 +238,19 @@ class Clipping(Fault):
     @classmethod
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """The largest or smallest value, far too often."""
+        same = np.diff(raw.y) == 0.0
+        chance = MAX_OVER_CHANCE_OF_EQUALS * raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
         for end in (float(raw.y.max()), float(raw.y.min())):
             count = int(np.sum(raw.y == end))
             share = count / raw.n
-            if count >= MIN_CLIPPED_SAMPLES and share > MIN_CLIPPED_SHARE and raw.adc_step < 0.25 * raw.noise:
+            held = (
+                float(np.mean(same & (raw.y[1:] != end))) - chance
+            )  # a slower sensor holds any value, not only the last
+            if (
+                count >= MIN_CLIPPED_SAMPLES
+                and share > max(MIN_CLIPPED_SHARE, held)
+                and raw.adc_step < 0.25 * raw.noise
+            ):
                 return DetectedFault(cls(end), share * raw.n, spoils=True)
         return None
 

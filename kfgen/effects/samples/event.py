@@ -199,7 +199,7 @@ class Outliers(AddsNothingAtRest):
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """A mixture of two normal laws against one, by the histogram of the white series."""
         found = Mixture.fitted(series.z, series.level)
-        return [cls.of(found, series.sd)] if found else []
+        return [cls.of(found, series.sd)] if found and not found.is_the_noise else []
 
     @classmethod
     def of(cls, mixture: Mixture, sd: float) -> Detection:

@@ -24,6 +24,8 @@ LOG_LEVEL_RANGE = (-float(np.log(1e3)), float(np.log(1e3)))
 """Range of the logarithm of the narrow law's standard deviation over that of the series."""
 LOG_SHARE_RANGE = (float(np.log(1e-6)), float(np.log(0.3)))
 """Range of the logarithm of the share: a log-uniform prior."""
+END_OF_LOG_SHARE = 0.01
+"""From the end of that range, within which a share is as large as it may be."""
 LOG_KAPPA_RANGE = (float(np.log(1.3)), float(np.log(1e3)))
 """Range of the logarithm of the ratio of standard deviations: a log-uniform prior."""
 
@@ -51,6 +53,11 @@ class Mixture:
     kappa: float
     evidence: float
     spread: Array
+
+    @property
+    def is_the_noise(self) -> bool:
+        """Whether no share is large enough: samples of the wide law are then no outliers, but the noise of all of them."""
+        return float(np.log(self.share)) > LOG_SHARE_RANGE[1] - END_OF_LOG_SHARE
 
     @staticmethod
     def fitted(z: Array, level_prior: tuple[float, float]) -> Mixture | None:

@@ -39,6 +39,8 @@ FOLDS = 3
 """Parts of a record, each of which is predicted from the others where no shape ties it to its time."""
 MIN_TAIL_POWER_SHARE = 0.01
 """Share of a shape's power in the tail below which the tail cannot show it."""
+MIN_SEEN_SHARE = 0.02
+"""Of the power of a course of shapes in the part to which they are fitted, below which that part does not tell its size."""
 BLOCKS = 32
 """Into which a record is cut to leave out every other one."""
 INTERVAL_DRAWS = 2000
@@ -174,11 +176,23 @@ def _masked(
     z = whitener.series(clean.y - clean.drift(others))
     B = np.column_stack([whitener.series(x) for e in shapes for x in clean.regressors(e)])
     unseen, words = _unseen(clean, shapes)
-    scale = np.maximum(np.linalg.norm(B, axis=0), 1e-300)
-    theta = np.linalg.lstsq(B[~unseen] / scale, z[~unseen], rcond=1e-12)[0] / scale
     r0, m = _block_ratios(Whitener.on(raw, written).series(raw.y), unseen)
-    r1, _ = _block_ratios(z - B @ theta, unseen)
+    r1, _ = _block_ratios(z - _predicted(z, B, ~unseen), unseen)
     return divergence(r0, r1, m, words)
+
+
+def _predicted(z: Array, B: Array, seen: NDArray[np.bool_]) -> Array:
+    """A series from shapes that are fitted to a part of it.
+
+    Of the independent courses that the shapes can take together those are zero of which that part holds next to nothing:
+    two steps inside one block that is left out are one there, and what they differ by could be anything.
+    """
+    U, s, _ = np.linalg.svd(B / np.maximum(np.linalg.norm(B, axis=0), 1e-300), full_matrices=False)
+    U = U[:, s > 1e-9 * s.max(initial=0.0)]
+    share, V = np.linalg.eigh(U[seen].T @ U[seen])
+    known = share > MIN_SEEN_SHARE
+    course = U @ V[:, known]
+    return np.asarray(course @ (course[seen].T @ z[seen] / share[known]))
 
 
 def _unseen(record: Record, shapes: Sequence[Effect]) -> tuple[NDArray[np.bool_], str]:

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from kfgen.effects.faults.samples import Stuck, runs
 from kfgen.effects.samples.event import Outliers
 from kfgen.effects.series import DetectedFault, RawSamples
-from kfgen.gap.rest.faults import standing
+from kfgen.gap.rest.faults import MAX_EQUAL_NEIGHBOUR_PROBABILITY, standing
 from kfgen.gap.rest.words import no_measurements
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MIN_REPEAT_PROBABILITY = 1e-4
-"""Chance that a sample equals the one before it, at least."""
+MIN_REPEAT_PROBABILITY, MAX_REPEAT_PROBABILITY = 1e-4, 0.95
+"""Chance that a sample equals the one before it, at least and at most."""
 MIN_RUNS_AT_A_LIMIT = 3
 """Runs at one end of the range that are a limit and no stuck stretch."""
 MAX_STUCK_STRETCHES = 8
@@ -72,7 +72,10 @@ def _still(raw: RawSamples) -> list[tuple[int, int]]:
     """Runs of equal values that the noise and the ADC grid do not explain."""
     twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
     equal = raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
-    spans = standing(raw.y, min(max(equal, twice, MIN_REPEAT_PROBABILITY), 0.95), 2, MIN_RUNS_AT_A_LIMIT)
+    if equal > MAX_EQUAL_NEIGHBOUR_PROBABILITY:  # on a grid wider than the noise a quiet spell has one value
+        equal = MAX_REPEAT_PROBABILITY
+    chance = min(max(equal, twice, MIN_REPEAT_PROBABILITY), MAX_REPEAT_PROBABILITY)
+    spans = standing(raw.y, chance, 2, MIN_RUNS_AT_A_LIMIT)
     return spans if len(spans) <= MAX_STUCK_STRETCHES else []
 
 

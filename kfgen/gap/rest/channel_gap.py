@@ -130,7 +130,11 @@ def channel_gap(
         gap=held_out_gap(raw, clean, random.effects, replace(base.problem, effects=base.fit.effects)),
         span_s=span_of(at.whole),
         assumed=(*random.effects, *(t.effect for t in at.trusted)),
-        updated=replace(noise, terms=(*merged(at.trusted, terms), *at.altering), covariance=None),
+        updated=replace(
+            noise,
+            terms=(*merged(at.trusted, terms), *at.altering),
+            covariance=None if findings or retuned else noise.covariance,
+        ),
         limits=limits_of(channel, noise.unit, base, at.trusted),
         record=at.whole,
         retuned=retuned,

@@ -19,9 +19,11 @@ from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
 from kfgen.gap.rest.words import drawn
 from kfgen.identify.evidence.record import Record
+from kfgen.identify.evidence.sampling import is_slower
 from kfgen.identify.screening.noise_free import refuse_noise_free
 from kfgen.identify.screening.shocks import shocks, shocks_said
 from kfgen.log.log import Log
+from kfgen.log.own_rows import OwnSamples
 
 Array = NDArray[np.float64]
 
@@ -56,19 +58,17 @@ def regular(
     InputError
         Most samples are missing, or time is uneven.
     """
-    y = log.channel(name).values
-    said: list[str] = []
-    drive = {k: v for k, v in (drive or {}).items() if k != name}
+    t, y, drive, said = _own(log, name, {k: v for k, v in (drive or {}).items() if k != name})
     good = np.isfinite(y)
-    logged = log.t[good]
-    said += _without_shocks(log.t, y, good, name)
-    calm = log.t[good]
+    logged = t[good]
+    said += _without_shocks(t, y, good, name)
+    calm = t[good]
     faults: tuple[DetectedFault, ...] = ()
     if calm.size > MIN_STEPS_FOR_REPEATS:
         invalid, faults = invalid_samples(RawSamples(calm, y[good], assumed_sd(assumed, usual_period(calm))))
         said += words_of(name, calm, invalid, faults)
         good[good] = ~invalid
-    stamps = log.t[good]
+    stamps = t[good]
     if y.size < 3:
         raise InputError(
             f"{name} has {y.size} samples, too few to compare", where=log.source, remedy="Give a longer log"
@@ -96,15 +96,24 @@ def regular(
         )
     place = np.concatenate([[0.0], np.cumsum(steps)])
     if count == y.size and good.all():
-        return Record(log.t, y, drive, faults=faults), logged, said
+        return Record(t, y, drive, faults=faults), logged, said
     dt = float(np.polyfit(place, stamps, 1)[0])
     even = np.arange(count)
-    t = stamps[0] + dt * even
     filled = _drawn_over(np.interp(even, place, y[good]), np.isin(even, place), assumed, dt)
     drive = {k: np.interp(even, place, v[good]) for k, v in drive.items()}
     if count > stamps.size:
         said.append(drawn(count - stamps.size, name))
-    return Record(t, filled, drive, faults=faults), logged, said
+    return Record(stamps[0] + dt * even, filled, drive, faults=faults), logged, said
+
+
+def _own(log: Log, name: str, drive: Mapping[str, Array]) -> tuple[Array, Array, dict[str, Array], list[str]]:
+    """Times, values and drivers at the rows at which a channel has a sample, if its sensor is slower than the log."""
+    y = log.channel(name).values
+    own = OwnSamples.of(log.t, y)
+    if not own.held and (own.rows.all() or not is_slower(log.t, own.rows)):
+        return log.t, y, dict(drive), []
+    said = [f"{name}: {words}" for words in own.said]
+    return own.t, y[own.rows], {k: v[own.rows] for k, v in drive.items()}, said
 
 
 def _without_shocks(t: Array, y: Array, good: NDArray[np.bool_], name: str) -> list[str]:

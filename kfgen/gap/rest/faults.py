@@ -9,11 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.faults.samples import MIN_STEPS_FOR_REPEATS, Clipping, Fault, runs
+from kfgen.effects.faults.samples import (
+    MIN_STEPS_FOR_REPEATS,
+    Clipping,
+    Fault,
+    UnitError,
+    is_between_units,
+    runs,
+)
 from kfgen.effects.noise_model import ChannelNoise
 from kfgen.effects.series import SAME, DetectedFault, RawSamples
 from kfgen.gap.core.battery import Test
-from kfgen.gap.core.holdout import Gap
+from kfgen.gap.core.holdout import Gap, ratios
 from kfgen.gap.core.result import BAD_DATA, Finding
 from kfgen.gap.rest.comparison import ChannelGap, span_of
 from kfgen.gap.rest.second_recording import lasts
@@ -25,6 +32,10 @@ MAX_EQUAL_NEIGHBOUR_PROBABILITY = 0.25
 """Chance of two equal neighbours above which nothing is said of samples that repeat."""
 MAX_RUN_PROBABILITY = 1e-6
 """Chance in a whole record of a run of equal samples that is none."""
+MAX_LOG_POWER_OFF = 1.1
+"""Of a band's power from that of the scaled model, as a logarithm: a factor of three."""
+MIN_SCALED_SHARE = 0.9
+"""Of the ordinates, and half of the bands of equal logarithmic width, that are scaled so."""
 MIN_RUN_SAMPLES = 16
 """Samples of such a run at least."""
 MIN_OTHER_RUNS = 25
@@ -54,7 +65,18 @@ def spotted_in(
         raw = RawSamples(record.t if stamps is None else stamps, record.y, assumed, stated)
     else:
         raw = RawSamples(stamps, np.interp(stamps, record.t, record.y), assumed, stated)
-    return [f for f in _of(raw, list(catalogue().values())) if f.spoils or f.effect.name not in known]
+    found = [f for f in _of(raw, list(catalogue().values())) if f.spoils or f.effect.name not in known]
+    return [f for f in found if not isinstance(f.effect, UnitError) or _scales(f.effect, record, noise)]
+
+
+def _scales(error: UnitError, record: Record, noise: ChannelNoise) -> bool:
+    """Whether a wrong unit explains a record: it scales all frequencies alike, by a factor between units of its quantity."""
+    if not is_between_units(float(error.factor), noise.unit):
+        return False
+    random = [e for e in noise.effects if not e.coefficients() and not e.changes_samples]
+    r, m = ratios(record, random, np.zeros(0))
+    alike = np.abs(np.log(r / float(error.factor) ** 2)) < MAX_LOG_POWER_OFF
+    return float(m[alike].sum()) > MIN_SCALED_SHARE * float(m.sum()) and bool(np.median(alike) > 0.5)
 
 
 def _of(raw: RawSamples, effects: Sequence[type[Effect]]) -> list[DetectedFault]:

@@ -21,6 +21,7 @@ from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.screening.noise_free import refuse_noise_free
+from kfgen.log.own_rows import OwnSamples
 
 Array = NDArray[np.float64]
 
@@ -62,11 +63,12 @@ def evidence(
     InputError
         Too few samples, most of them missing, no noise at all, or a rate that changes.
     """
-    there = np.isfinite(y)
+    own = OwnSamples.of(t, y)
     limit = _gap_limit(t)
-    said = ([] if _is_slower(t, there) else _missing(t, there)) + _gaps(t, limit)
-    logged, t, y = t, t[there], y[there]
-    drive = {k: _filled(v)[there] for k, v in (drive or {}).items()}
+    said = own.said or ([] if is_slower(t, own.rows) else _missing(t, own.rows))
+    said += _gaps(t, limit)
+    logged, t, y = t, own.t, y[own.rows]
+    drive = {k: _filled(v)[own.rows] for k, v in (drive or {}).items()}
     if t.size < 3:
         raise InputError(
             f"{how_many(t.size, 'sample')} {'is' if t.size == 1 else 'are'} too few for a fit",
@@ -103,8 +105,16 @@ def evidence(
     return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
 
 
-def _is_slower(t: Array, there: NDArray[np.bool_]) -> bool:
-    """Whether a channel has a rate of its own below that of the log: nothing of it is missing between its samples."""
+def is_slower(t: Array, there: NDArray[np.bool_]) -> bool:
+    """Whether a channel has a rate of its own below that of the log: nothing of it is missing between its samples.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times of the rows [s].
+    there : ndarray of bool, shape (n,)
+        At which it has a sample.
+    """
     steps = np.diff(t[there])
     if steps.size < MIN_STEPS_OF_A_RATE:
         return False

@@ -39,6 +39,8 @@ COUNT_DEVIATIONS = 6.0
 STRETCHES = 20
 LEVEL_WINDOW_SAMPLES = 101
 """Samples whose running median is what is slow."""
+MAX_SHARE_BESIDE_HEAVY_TAILS = 0.005
+"""Of samples that are far out of noise whose tails are heavy: more of them are its tails."""
 MIN_KAPPA = 2.5
 """Standard deviation of outliers over that of the noise: below, it is noise whose size changes."""
 MIN_EVIDENCE_NATS = 10.0
@@ -60,16 +62,18 @@ def cleaned(record: Record) -> tuple[Record, list[str]]:
     said = shocks_said(record.t, spans)
     times = tuple((float(record.t[a]), float(record.t[b - 1])) for a, b in spans)
     y = bridged(record.y, spans)
-    found = contaminated(y) if heavy_tailed(y) else None
+    heavy = heavy_tailed(y)
+    found = contaminated(y) if heavy else None
     if found is not None:
         y, detected, widening = found
         assert isinstance(detected.effect, Outliers)
         left = LeftOut(times, detected.effect, detected.ci95, widening)
         return replace(record, y=y, left_out=left), [*said, _mixture_said(detected)]
     bad = is_outlier(y)
-    return replace(record, y=interpolated(y, bad), left_out=LeftOut(times)), said + outliers_said(
-        record.t, bad
-    )
+    if heavy and float(np.mean(bad)) > MAX_SHARE_BESIDE_HEAVY_TAILS:
+        bad[:] = False
+    said += outliers_said(record.t, bad) + ([words.HEAVY_TAILS] if heavy else [])
+    return replace(record, y=interpolated(y, bad), left_out=LeftOut(times)), said
 
 
 def heavy_tailed(y: Array) -> bool:
@@ -104,7 +108,7 @@ def contaminated(y: Array) -> tuple[Array, Detection, float] | None:
     Returns
     -------
     tuple or None
-        None where one normal law is as good, or the wide one is not much wider.
+        None where one normal law is as good, or the wide one is not much wider, or has too many samples for outliers.
     """
     from scipy.ndimage import median_filter
 
@@ -119,6 +123,8 @@ def contaminated(y: Array) -> tuple[Array, Detection, float] | None:
     z = noise / local
     mixture = Mixture.fitted(z, (0.0, 1.0))
     if mixture is None or mixture.evidence < MIN_EVIDENCE_NATS or mixture.kappa < MIN_KAPPA:
+        return None
+    if mixture.is_the_noise:
         return None
     rng, scaled = np.random.default_rng(y.size), Outliers.of(mixture, 1.0).effect
     assert isinstance(scaled, Outliers)

@@ -1,0 +1,142 @@
+"""At which rows of a log a slower sensor gives a new value, where its last one is held over the rows between them.
+
+A logger that writes a row for every sample of the fastest sensor repeats what a barometer of 25 Hz said last. Rows are
+taken for held ones only where new values come by a clock: samples that repeat at random, and those of a coarse ADC that
+are equal by chance, come at any row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+MIN_NEW_VALUES = 64
+"""In a log, from which their clock is known."""
+MIN_ROWS_OF_A_VALUE = 1.5
+"""On average: a sensor that is hardly slower than the log is not distinguished from one whose samples repeat."""
+MIN_SHARE_EITHER_WAY = 0.1
+"""Of the changes, that are up, and that are down."""
+MIN_SIZES_OF_CHANGE = 3
+"""By how many different amounts values change, at least."""
+WINDOW_VALUES = 64
+"""Over which their clock is looked at: it need not keep time with the logger's for longer."""
+MAX_CLOCK_ERROR_ROWS, MAX_CLOCK_ERROR_SHARE = 0.6, 0.05
+"""Standard deviation of the rows at which new values come, about those of an even clock: in rows, or of their distance."""
+MAX_OFF_AN_EVEN_CLOCK_ROWS = 2.0
+"""Over a whole log, within which the times of new values are those of one even clock."""
+FIRST_VALUES = 32
+"""From which the clock is known at first."""
+MIN_SHARE_BY_THE_CLOCK = 0.9
+"""Of the windows that keep time."""
+
+
+@dataclass(frozen=True)
+class OwnSamples:
+    """What a channel has of its own in a log.
+
+    Parameters
+    ----------
+    rows : ndarray of bool, shape (n,)
+        Of the log, at which it has a value of its own: all that are numbers where none is held.
+    t : ndarray, shape (m,)
+        Their times [s]; of a slower sensor those of its clock, which the rows show but for parts of a row.
+    held : int
+        Rows that repeat a value.
+    """
+
+    rows: Rows
+    t: Array
+    held: int = 0
+
+    @staticmethod
+    def of(t: Array, y: Array) -> OwnSamples:
+        """Of times [s] and values in the order of the rows, shape (n,); not a number where there is none."""
+        there = np.isfinite(y)
+        at = np.flatnonzero(there)
+        if MIN_NEW_VALUES <= at.size < y.size / MIN_ROWS_OF_A_VALUE:
+            return OwnSamples(there, _evened(t[there], _clock(np.diff(at))[0]))
+        first = np.concatenate([[0], 1 + np.flatnonzero(np.diff(y[at]) != 0.0)])
+        few = first.size < MIN_NEW_VALUES or at.size < MIN_ROWS_OF_A_VALUE * first.size
+        rows = np.diff(first)  # of the first value some may be before the log begins
+        if few or _is_regular(np.diff(y[at])):
+            return OwnSamples(there, t[there])
+        period, count = _clock(rows[1:])
+        if period < MIN_ROWS_OF_A_VALUE:
+            return OwnSamples(there, t[there])
+        whole = int(rows[0] / period)
+        count = np.concatenate([[max(whole, 1)], count])
+        first = np.concatenate([[first[1] - whole * period if whole else 0], first[1:]])
+        rows = np.diff(first)
+        # Of two new values that are equal the second is not seen, but its clock is.
+        nth = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        ticks = np.repeat(first[:-1], count) + np.rint(nth * np.repeat(rows / count, count))
+        new = np.zeros_like(there)
+        new[at[np.append(ticks, first[-1]).astype(np.intp)]] = True
+        return OwnSamples(new, _evened(t[new], period), int(at.size - new.sum()))
+
+    @property
+    def said(self) -> list[str]:
+        """A sentence on held rows; none without them."""
+        if not self.held:
+            return []
+        m = self.t.size
+        rate = (m - 1) / float(self.t[-1] - self.t[0])
+        return [
+            f"its sensor is slower than the log, which holds each value over {1.0 + self.held / m:.3g} rows on average: "
+            f"the {m} new values are taken, {rate:.4g} a second"
+        ]
+
+
+def _evened(t: Array, period: float) -> Array:
+    """Times [s] of an even clock through those of rows, where these are nowhere further from it than a row or two."""
+    if period < MIN_ROWS_OF_A_VALUE:
+        return t
+    k = np.arange(t.size)
+    even = np.polyval(np.polyfit(k[1:], t[1:], 1), k)
+    row = float(even[1] - even[0]) / period
+    off = np.abs(t - even)[1:].max(initial=0.0)
+    return np.asarray(even) if off < MAX_OFF_AN_EVEN_CLOCK_ROWS * row else t
+
+
+def _is_regular(change: Array) -> bool:
+    """Whether values themselves come by a rule: a ramp on a grid changes by a clock, too, and so does a square wave."""
+    up, down = int(np.sum(change > 0.0)), int(np.sum(change < 0.0))
+    sizes = np.unique(np.abs(change[change != 0.0])).size
+    return min(up, down) < MIN_SHARE_EITHER_WAY * (up + down) or sizes < MIN_SIZES_OF_CHANGE
+
+
+def _clock(rows: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
+    """The period of an even clock in rows, from those between changes of the value, and how many periods each is.
+
+    Zero where they keep no time. Of more than one period is what holds new values that equal the one before.
+    """
+    one = rows[rows <= np.quantile(rows, 0.05) + 1.0]  # the whole rows below and above one period
+    at = np.concatenate([[0.0], np.cumsum(rows)])
+    period, start = float(one.mean()), 0.0
+    known = min(FIRST_VALUES, rows.size)
+    ticks = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(rows[:known] / period), 1.0))])
+    while True:  # the clock of twice as many values is known from that of the first ones
+        period, start = np.polyfit(ticks, at[: ticks.size], 1).tolist()
+        if ticks.size == at.size and known > at.size:
+            break
+        known *= 2
+        ticks = np.rint((at[:known] - start) / max(period, 1.0))
+    count = np.diff(ticks)
+    size = min(WINDOW_VALUES, rows.size)
+    starts = range(0, rows.size - size + 1, size)
+    off = np.array([_clock_error(rows[a : a + size], count[a : a + size]) for a in starts])
+    limit = max(MAX_CLOCK_ERROR_ROWS, MAX_CLOCK_ERROR_SHARE * period)
+    keeps_time = bool(np.mean(off < limit) >= MIN_SHARE_BY_THE_CLOCK and count.min() > 0)
+    return (period if keeps_time else 0.0), count.astype(np.intp)
+
+
+def _clock_error(rows: NDArray[np.intp], count: Array) -> float:
+    """Standard deviation of rows about a straight line in the number of clock periods."""
+    x = np.concatenate([[0.0], np.cumsum(count)])
+    y = np.concatenate([[0.0], np.cumsum(rows)])
+    return float(np.std(y - np.polyval(np.polyfit(x, y, 1), x)))

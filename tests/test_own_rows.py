@@ -1,0 +1,101 @@
+"""Proves that the rows of a slower sensor are found in a log that holds its values, and no others are taken for such.
+
+A row of the log has the sample that was the newest then: what is wanted is known from how the log was made.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from kfgen.gap.find_gap import find_gap
+from kfgen.identify.identify_log import identify
+from kfgen.log.log import Channel, Log
+from kfgen.log.own_rows import OwnSamples
+
+Array = NDArray[np.float64]
+
+N, ROW_S = 20_000, 0.01
+T = ROW_S * np.arange(N)
+
+
+def newest(rate_hz: float, values: Array, late: float = 0.3) -> Array:
+    """A row for every hundredth of a second, with the newest of the samples of a slower sensor."""
+    return np.asarray(values[np.floor(T * rate_hz + late).astype(int)])
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "step"),
+    [*((r, 0.0) for r in (0.7, 3.0, 26.36, 41.7, 50.0, 62.0)), *((r, 0.7) for r in (0.7, 10.0, 30.1, 41.7))],
+)
+def test_new_values_are_found_by_their_clock(rate_hz: float, step: float) -> None:
+    """On a coarse grid, too, where a new value often equals the one before it; of the last ones that is not seen."""
+    x = np.random.default_rng(int(rate_hz)).standard_normal(N)
+    own = OwnSamples.of(T, newest(rate_hz, np.round(x / step) if step else x))
+    count = int(np.floor(T[-1] * rate_hz + 0.3)) + 1
+    assert abs(int(own.rows.sum()) - count) <= (3 if step else 1)
+    assert own.held == N - own.rows.sum()
+    assert np.diff(own.t[1:]) == pytest.approx(1.0 / rate_hz, rel=1e-3)
+    assert own.t == pytest.approx(T[own.rows], abs=1.1 / rate_hz)
+
+
+def test_a_slower_sensor_whose_rows_are_empty_between_keeps_its_clock() -> None:
+    y = np.full(N, np.nan)
+    at = np.unique(np.ceil(np.arange(5000) / 26.36 / ROW_S).astype(int))
+    y[at[at < N]] = 1.0
+    own = OwnSamples.of(T, y)
+    assert own.held == 0
+    assert np.diff(own.t) == pytest.approx(1.0 / 26.36, rel=1e-3)
+
+
+def repeated(share: float) -> Array:
+    """Samples that repeat the one before at random."""
+    rng = np.random.default_rng(3)
+    new = rng.random(N) >= share
+    new[0] = True
+    return np.asarray(rng.standard_normal(N)[np.maximum.accumulate(np.where(new, np.arange(N), 0))])
+
+
+WHITE = np.random.default_rng(5).standard_normal(N)
+NOT_HELD = {
+    "white noise": WHITE,
+    "one in three repeats": repeated(0.33),
+    "half repeats": repeated(0.5),
+    "most repeat": repeated(0.9),
+    "a coarse ADC": np.round(WHITE / 3.0),
+    "a random walk on a coarse ADC": np.round(np.cumsum(WHITE) / 5.0),
+    "a ramp on a grid": np.round(7.0 * T),
+    "a square wave": np.sign(np.sin(20.0 * T + 0.1)),
+    "a slow sine on a grid": np.round(20.0 * np.sin(T)),
+    "a channel that never changes": np.ones(N),
+}
+
+
+@pytest.mark.parametrize("name", NOT_HELD)
+def test_what_no_clock_holds_is_left_as_it_is(name: str) -> None:
+    own = OwnSamples.of(T, NOT_HELD[name])
+    assert own.rows.all()
+    assert own.held == 0
+    assert own.said == []
+    assert own.t == pytest.approx(T)
+
+
+def test_a_merged_log_is_identified_and_compared_at_each_sensors_own_rate(tmp_path: Path) -> None:
+    """White noise of one unit: its N is one over the root of the sensor's rate [per hertz]; nothing is missing in the model."""
+    rng = np.random.default_rng(8)
+    held = newest(30.1, rng.standard_normal(N))
+    empty = np.where(np.arange(N) % 4 == 0, rng.standard_normal(N), np.nan)
+    channels = {"mag_x": Channel.of(held, "T"), "mag_y": Channel.of(empty, "T")}
+    log = Log(T, channels)
+    found = identify(log)
+    for name, rate_hz in (("mag_x", 30.1), ("mag_y", 25.0)):
+        (white,) = found.channels[name].effects
+        lo, hi = white.ci95["N"]
+        assert lo < 1.0 / np.sqrt(rate_hz) < hi
+        assert hi / lo < 1.07  # 4 / sqrt(2 n) of it, were all ordinates counted
+    assert [w for w in found.warnings if "slower than the log" in w] != []
+    gap = find_gap(log, found.noise)
+    assert gap.verdict == "no_gap"
