@@ -102,7 +102,7 @@ def test_a_pulse_inside_a_block_that_is_left_out_is_not_predicted() -> None:
     block = N // 32
     at = 17 * block + block // 2  # the 18th is left out
     walk = 0.05 * np.cumsum(noisy(8, 1.0))
-    record = Record(T, noisy(9, 1.0) + walk + 3.0 * ((T >= at) & (T < at + 14)) + 4.0 * (T >= 9000.0))
+    record = Record(T, noisy(9, 1.0) + walk + 3.0 * (np.abs(T - at - 6.5) < 7.0) + 4.0 * (T >= 9000.0))
     shapes = [("bias_step", 3.0, float(at)), ("bias_step", -3.0, at + 14.0), ("bias_step", 4.0, 9000.0)]
     noise = (make("white_noise", N=1.0), make("rate_random_walk", K=0.05))
     model = (*noise, *(make(e, size=size, time=t) for e, size, t in shapes))

@@ -5,20 +5,25 @@ A row of the log has the sample that was the newest then: what is wanted is know
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
+import kfgen as kf
+from kfgen.calibrate.calibrate import calibrate
+from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Channel, Log
 from kfgen.log.own_rows import OwnSamples
+from kfgen.run.run import run
 
 Array = NDArray[np.float64]
 
 N, ROW_S = 20_000, 0.01
+INERTIAL = tuple(f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz")
 T = ROW_S * np.arange(N)
 
 
@@ -83,7 +88,7 @@ def test_what_no_clock_holds_is_left_as_it_is(name: str) -> None:
     assert own.t == pytest.approx(T)
 
 
-def test_a_merged_log_is_identified_and_compared_at_each_sensors_own_rate(tmp_path: Path) -> None:
+def test_a_merged_log_is_identified_and_compared_at_each_sensors_own_rate() -> None:
     """White noise of one unit: its N is one over the root of the sensor's rate [per hertz]; nothing is missing in the model."""
     rng = np.random.default_rng(8)
     held = newest(30.1, rng.standard_normal(N))
@@ -99,3 +104,47 @@ def test_a_merged_log_is_identified_and_compared_at_each_sensors_own_rate(tmp_pa
     assert [w for w in found.warnings if "slower than the log" in w] != []
     gap = find_gap(log, found.noise)
     assert gap.verdict == "no_gap"
+
+
+def held(rows: int, values: Array) -> Array:
+    """Values of shape (n, ...), each over some rows."""
+    return np.asarray(values[np.arange(len(values)) // rows * rows])
+
+
+def test_a_filter_takes_a_held_value_for_one_measurement() -> None:
+    """As one whose cells are empty between; as many as there are rows make the NIS of a barometer meaningless."""
+    model = kf.build("ins15", sensors=["barometer"])
+    rng, n = np.random.default_rng(12), 2000
+    baro = 0.5 * rng.standard_normal(n)
+    still = {c: Channel.of(1e-3 * rng.standard_normal(n), model.channel_units[c]) for c in INERTIAL}
+    still["accel_z"] = Channel.of(still["accel_z"].values - STANDARD_GRAVITY, "m/s^2")
+    heights = (held(4, baro), np.where(np.arange(n) % 4 == 0, baro, np.nan))
+    logs = [Log(T[:n], {**still, "baro": Channel.of(values, "m")}) for values in heights]
+    one, other = (run(model, log) for log in logs)
+    assert one.sensors["barometer"].t.size == other.sensors["barometer"].t.size == n // 4
+    assert one.estimate == pytest.approx(other.estimate)
+    assert ["holds each value over 4 rows" in w for w in one.cautions] == [True]
+
+
+def turned() -> Array:
+    """A field of 50 uT in the body, turned through all directions, with a hard iron of 3 uT in x and noise of 0.3 uT."""
+    rng = np.random.default_rng(13)
+    rates = gaussian_filter1d(20.0 * rng.standard_normal((N // 2, 3)), 40, axis=0)
+    attitude, field = Rotation.identity(), []
+    for w in rates:
+        attitude = attitude * Rotation.from_rotvec(w * ROW_S)
+        field.append(attitude.inv().apply([30.0, 0.0, 40.0]))
+    return np.asarray(np.array(field) + [3.0, 0.0, 0.0] + 0.3 * rng.standard_normal((N // 2, 3)))
+
+
+@pytest.mark.parametrize("empty", [False, True], ids=["held", "empty between"])
+def test_a_slower_magnetometer_is_calibrated_by_its_own_samples(empty: bool) -> None:
+    """Of 2500 the hard iron is known to 0.3 sqrt(3 / 2500) = 0.01 uT."""
+    field = turned()
+    rows = np.arange(len(field)) % 4 == 0
+    field = np.where(rows[:, None], field, np.nan) if empty else held(4, field)
+    channels = {f"mag_{a}": Channel.of(field[:, k], "uT") for k, a in enumerate("xyz")}
+    (mag,) = calibrate(Log(ROW_S * np.arange(len(field)), channels)).sensors
+    assert mag.readings == rows.sum()
+    x = next(v for e, v in zip(mag.entries, mag.fit.values) if e.parameter == "x" and e.effect == "hard_iron")
+    assert 1e6 * x == pytest.approx(3.0, abs=0.05)

@@ -26,6 +26,7 @@ from kfgen.effects.series import noise_of
 from kfgen.gap.motion.known_length import MIN_POSES, NormScene, norm_scene, poses
 from kfgen.gap.scene.scene import ScenePoint
 from kfgen.log.log import Log
+from kfgen.log.own_rows import held_in, log_of_sensor
 from kfgen.log.readers import read_log
 
 Array = NDArray[np.float64]
@@ -115,10 +116,12 @@ def calibrate(
             where=data.source,
             remedy="Name its columns with --columns",
         )
-    found, refused = [], list[str]()
+    found, refused, held = [], list[str](), list[str]()
     for sensor in wanted:
+        own = log_of_sensor(data, [f"{sensor}_{a}" for a in AXES])
+        held += held_in(own)
         try:
-            found.append(_calibrated(data, sensor, known))
+            found.append(_calibrated(own, sensor, known))
         except InputError as error:
             if sensor in asked or len(wanted) == 1:
                 raise
@@ -126,7 +129,7 @@ def calibrate(
     refused = list(dict.fromkeys(refused))
     if not found:
         raise InputError("; ".join(refused), where=data.source)
-    warnings = (*data.warnings, *refused, *(w for s in found for w in s.warnings))
+    warnings = (*data.warnings, *held, *refused, *(w for s in found for w in s.warnings))
     return Calibration(tuple(found), ((data.source, data.sha256),), warnings)
 
 

@@ -7,8 +7,9 @@ or in several poses; or sensors at rest, each channel by itself.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 from kfgen.core.channel_names import some_of
@@ -41,6 +42,7 @@ from kfgen.gap.updated_noise import rescaled, with_findings
 from kfgen.gap.words import compared_at, refused_sentence
 from kfgen.identify.screening.motion import motion_in
 from kfgen.log.log import Log, StoredLog
+from kfgen.log.own_rows import held_in, with_own_samples
 from kfgen.log.readers import log_of, read_long
 from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
@@ -279,6 +281,7 @@ def _beside_references(
 
 def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
     """Of sensors that move, beside references or in several poses; None where nothing moves."""
+    log = with_own_samples(log, _by_sensor(assumed.channels))
     whole, said = with_missing(log)
     scene = motion_scene(whole, assumed)
     if scene is not None:
@@ -292,6 +295,11 @@ def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
         return None
     gaps = [scene_gap(poses, units_of(log))]
     return _of_scenes(log, gaps, assumed, with_findings(assumed, gaps))
+
+
+def _by_sensor(channels: Iterable[str]) -> list[list[str]]:
+    """Channels of one sensor together: ``mag_x``, ``mag_y`` and ``mag_z``."""
+    return [list(group) for _, group in groupby(sorted(channels), key=lambda n: n.rpartition("_")[0] or n)]
 
 
 def _of_each_sensor(scene: MotionScene, log: Log) -> list[SceneGap]:
@@ -312,7 +320,8 @@ def _of_scenes(
 ) -> GapResult:
     constant = dict.fromkeys(n for g in gaps for n in g.constant_inputs)
     still = [f"the input {n} never changes: no effect of it can be seen" for n in constant]
-    return GapResult((source_of(log),), tuple(gaps), assumed, updated, (*warnings, *still, *silent(log)))
+    said = (*held_in(log), *warnings, *still, *silent(log))
+    return GapResult((source_of(log),), tuple(gaps), assumed, updated, said)
 
 
 def units_of(log: Log) -> UnitOf:

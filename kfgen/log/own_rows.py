@@ -7,10 +7,13 @@ are equal by chance, come at any row.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -35,6 +38,9 @@ MIN_SHARE_BY_THE_CLOCK = 0.9
 """Of the windows that keep time."""
 
 
+_HOLDS = "than the log, which holds each value over"
+
+
 @dataclass(frozen=True)
 class OwnSamples:
     """What a channel has of its own in a log.
@@ -47,23 +53,32 @@ class OwnSamples:
         Their times [s]; of a slower sensor those of its clock, which the rows show but for parts of a row.
     held : int
         Rows that repeat a value.
+    is_slower : bool
+        Whether its values come by a clock of its own.
     """
 
     rows: Rows
     t: Array
     held: int = 0
+    is_slower: bool = False
 
     @staticmethod
     def of(t: Array, y: Array) -> OwnSamples:
-        """Of times [s] and values in the order of the rows, shape (n,); not a number where there is none."""
-        there = np.isfinite(y)
+        """Of times [s] and values in the order of the rows, shape (n,); not a number where there is none.
+
+        The values may be those of several channels that come together, shape (n, k).
+        """
+        y = y.reshape(t.size, -1)
+        there: Rows = np.asarray(np.isfinite(y).all(axis=1))
         at = np.flatnonzero(there)
-        if MIN_NEW_VALUES <= at.size < y.size / MIN_ROWS_OF_A_VALUE:
-            return OwnSamples(there, _evened(t[there], _clock(np.diff(at))[0]))
-        first = np.concatenate([[0], 1 + np.flatnonzero(np.diff(y[at]) != 0.0)])
+        if MIN_NEW_VALUES <= at.size < t.size / MIN_ROWS_OF_A_VALUE:
+            period, _ = _clock(np.diff(at))
+            return OwnSamples(there, _evened(t[there], period), is_slower=period >= MIN_ROWS_OF_A_VALUE)
+        change = np.diff(y[at], axis=0)
+        first = np.concatenate([[0], 1 + np.flatnonzero(np.any(change != 0.0, axis=1))])
         few = first.size < MIN_NEW_VALUES or at.size < MIN_ROWS_OF_A_VALUE * first.size
         rows = np.diff(first)  # of the first value some may be before the log begins
-        if few or _is_regular(np.diff(y[at])):
+        if few or all(_is_regular(c) for c in change.T):
             return OwnSamples(there, t[there])
         period, count = _clock(rows[1:])
         if period < MIN_ROWS_OF_A_VALUE:
@@ -77,7 +92,7 @@ class OwnSamples:
         ticks = np.repeat(first[:-1], count) + np.rint(nth * np.repeat(rows / count, count))
         new = np.zeros_like(there)
         new[at[np.append(ticks, first[-1]).astype(np.intp)]] = True
-        return OwnSamples(new, _evened(t[new], period), int(at.size - new.sum()))
+        return OwnSamples(new, _evened(t[new], period), int(at.size - new.sum()), is_slower=True)
 
     @property
     def said(self) -> list[str]:
@@ -87,9 +102,54 @@ class OwnSamples:
         m = self.t.size
         rate = (m - 1) / float(self.t[-1] - self.t[0])
         return [
-            f"its sensor is slower than the log, which holds each value over {1.0 + self.held / m:.3g} rows on average: "
+            f"its sensor is slower {_HOLDS} {1.0 + self.held / m:.3g} rows on average: "
             f"the {m} new values are taken, {rate:.4g} a second"
         ]
+
+
+def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:
+    """A log in which channels have a value where their sensor gave one and no number where its last one was held.
+
+    What is held is added to its warnings.
+
+    Parameters
+    ----------
+    log : Log
+    sensors : iterable of sequence of str
+        The channels of each, whose values come together; those that the log lacks are left alone.
+    """
+    channels, said = dict(log.channels), []
+    for names in sensors:
+        there = [n for n in names if n in channels]
+        own = OwnSamples.of(log.t, np.array([channels[n].values for n in there]).T) if there else None
+        if own is None or not own.held:
+            continue
+        for n in there:
+            channels[n] = replace(channels[n], values=np.where(own.rows, channels[n].values, np.nan))
+        said += [f"{', '.join(there)}: {words}" for words in own.said]
+    return replace(log, channels=channels, warnings=(*log.warnings, *said)) if said else log
+
+
+def log_of_sensor(log: Log, names: Sequence[str]) -> Log:
+    """The channels of one sensor that is slower than a log at the rows at which it has values; other logs as they are.
+
+    Parameters
+    ----------
+    log : Log
+    names : sequence of str
+        Channels whose values come together.
+    """
+    own = OwnSamples.of(log.t, np.array([log.channel(n).values for n in names]).T)
+    if not own.is_slower:
+        return log
+    channels = {n: replace(log.channel(n), values=log.channel(n).values[own.rows]) for n in names}
+    said = tuple(f"{', '.join(names)}: {words}" for words in own.said)
+    return replace(log, t=own.t, channels=channels, warnings=(*log.warnings, *said))
+
+
+def held_in(log: Log) -> tuple[str, ...]:
+    """The sentences that `with_own_samples` added to a log."""
+    return tuple(w for w in log.warnings if _HOLDS in w)
 
 
 def _evened(t: Array, period: float) -> Array:

@@ -7,14 +7,16 @@ from dataclasses import replace
 from kfgen.core.channel_names import acts_on
 from kfgen.core.units import parse_unit
 from kfgen.log.log import Log
+from kfgen.log.own_rows import with_own_samples
 from kfgen.model.filter import FilterModel
 from kfgen.model.parts.sensors import sensors
 
 
 def as_named_by(model: FilterModel, log: Log) -> Log:
-    """A log in which a sensor of one channel has the filter's name for it.
+    """A log in which a sensor of one channel has the filter's name for it, and sensors have their own samples alone.
 
     Where the log lacks the channel, it is the only one of the log that begins with the sensor's name and is of its kind.
+    A value that the log holds over its rows is one measurement; a filter would take it for as many as it has rows.
 
     Parameters
     ----------
@@ -26,10 +28,10 @@ def as_named_by(model: FilterModel, log: Log) -> Log:
         own = _channels_of(sensor.channels[0], model.channel_units[sensor.channels[0]], log)
         if len(own) == 1:
             names[own[0]] = sensor.channels[0]
-    if not names:
-        return log
-    unplaced = {names.get(c, c): v for c, v in log.unplaced.items()}
-    return replace(log, channels={names.get(c, c): v for c, v in log.channels.items()}, unplaced=unplaced)
+    if names:
+        unplaced = {names.get(c, c): v for c, v in log.unplaced.items()}
+        log = replace(log, channels={names.get(c, c): v for c, v in log.channels.items()}, unplaced=unplaced)
+    return with_own_samples(log, (s.channels for s in model.sensors))
 
 
 def unused_sensors(model: FilterModel, log: Log) -> tuple[str, ...]:

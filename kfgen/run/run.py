@@ -21,6 +21,7 @@ from kfgen.emit.targets.filterpy import class_name, module
 from kfgen.emit.targets.loaded import loaded
 from kfgen.emit.watch.parts import PARTS
 from kfgen.log.log import Log
+from kfgen.log.own_rows import held_in
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
@@ -128,14 +129,15 @@ class FilterRun(Result):
 
     @cached_property
     def cautions(self) -> tuple[str, ...]:
-        """What of the filter may be why its innovations are too large, a sentence each."""
+        """What the log holds over its rows, and what may be why innovations are too large, a sentence each."""
         too_large = any(float(s.nis.mean()) > s.expected_nis95[1] for s in self.updated.values())
+        held = held_in(self.calls.log) if self.calls else ()
         if self.calls is None or not too_large or not (measured := self.calls.assumed_exact):
-            return ()
+            return held
         tilt = Alignment(self.calls.program.discrete.model).tilt
         error = quantity(tilt * float(np.linalg.norm([*measured.values()])), "uT", 2)
         components = ", ".join(f"{n} {quantity(v, 'uT')}" for n, v in measured.items())
-        return (assumes_exact_field(components, tilt, error),)
+        return (*held, assumes_exact_field(components, tilt, error))
 
     @property
     def title(self) -> str:
