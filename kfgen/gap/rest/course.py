@@ -97,13 +97,14 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
     if len(search.altering) == 1 and has_course(search.altering[0]):
         record, added = records_of(search.record)[0], (*added, *search.altering)
     every = [*known, *added]
-    laws = [
-        _more_levels(search) if isinstance(f.effect, RandomTelegraph) else _other_law(record, every, f.effect)
-        for f in findings
-    ]
-    said = next(
-        (law.objection for law, f in zip(laws, findings) if law.objection and has_course(f.effect)), ""
-    )
+    laws, said = list[OtherLaw](), ""
+    for effect in (f.effect for f in findings):
+        if said and has_course(effect):  # it stands in for what the first one stands in for
+            laws.append(OtherLaw())
+            continue
+        telegraph = isinstance(effect, RandomTelegraph)
+        laws.append(_more_levels(search) if telegraph else _other_law(record, every, effect))
+        said = said or (laws[-1].objection if has_course(effect) else "")
     objection = said or none_of_their_kind(record, known, added)
     return [
         replace(
