@@ -5,8 +5,8 @@ Editors complete and check TOML by them (``#:schema`` of Taplo). Usage: python t
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -252,7 +252,11 @@ def texts() -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    parser = argparse.ArgumentParser(
+        prog="tools/schemas.py", description="Writes the JSON schemas of the files."
+    )
+    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER, help="docs/schemas when left out")
+    folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts().items():
         (folder / name).write_text(text, encoding="utf-8")
