@@ -64,9 +64,18 @@ class OwnSamples:
 
     @staticmethod
     def of(t: Array, y: Array) -> OwnSamples:
-        """Of times [s] and values in the order of the rows, shape (n,); not a number where there is none.
+        """The samples of one sensor.
 
-        The values may be those of several channels that come together, shape (n, k).
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Times of the rows [s].
+        y : ndarray, shape (n,) or (n, k)
+            Values of one channel, or of several that come together; not a number where there is none.
+
+        Returns
+        -------
+        OwnSamples
         """
         y = y.reshape(t.size, -1)
         there: Rows = np.asarray(np.isfinite(y).all(axis=1))
@@ -117,6 +126,10 @@ def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:
     log : Log
     sensors : iterable of sequence of str
         The channels of each, whose values come together; those that the log lacks are left alone.
+
+    Returns
+    -------
+    Log
     """
     channels, said = dict(log.channels), []
     for names in sensors:
@@ -138,6 +151,10 @@ def log_of_sensor(log: Log, names: Sequence[str]) -> Log:
     log : Log
     names : sequence of str
         Channels whose values come together.
+
+    Returns
+    -------
+    Log
     """
     own = OwnSamples.of(log.t, np.array([log.channel(n).values for n in names]).T)
     if not own.is_slower:
@@ -148,7 +165,16 @@ def log_of_sensor(log: Log, names: Sequence[str]) -> Log:
 
 
 def held_in(log: Log) -> tuple[str, ...]:
-    """The sentences that `with_own_samples` added to a log."""
+    """The sentences that `with_own_samples` or `log_of_sensor` added to a log.
+
+    Parameters
+    ----------
+    log : Log
+
+    Returns
+    -------
+    tuple of str
+    """
     return tuple(w for w in log.warnings if _HOLDS in w)
 
 

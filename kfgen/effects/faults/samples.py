@@ -82,6 +82,10 @@ def is_between_units(factor: float, unit: str) -> bool:
     factor : float
     unit : str
         That the log states; of a quantity that is not known any factor can be.
+
+    Returns
+    -------
+    bool
     """
     own = unit_factors(unit)
     known = [*own, *(f for _, k in PLAIN_FACTORS for f in (k, 1.0 / k))]

@@ -69,6 +69,11 @@ class Prepared:
     random: ChannelNoise
     search: ChannelExplanation
 
+    def updated(self, noise: ChannelNoise, terms: tuple[Term, ...], *, changed: bool) -> ChannelNoise:
+        """The assumed noise with other terms beside those that alter the record; its covariance where nothing changed."""
+        every = (*merged(self.trusted, terms), *self.altering)
+        return replace(noise, terms=every, covariance=None if changed else noise.covariance)
+
 
 def channel_gap(
     channel: str,
@@ -130,11 +135,7 @@ def channel_gap(
         gap=held_out_gap(raw, clean, random.effects, replace(base.problem, effects=base.fit.effects)),
         span_s=span_of(at.whole),
         assumed=(*random.effects, *(t.effect for t in at.trusted)),
-        updated=replace(
-            noise,
-            terms=(*merged(at.trusted, terms), *at.altering),
-            covariance=None if findings or retuned else noise.covariance,
-        ),
+        updated=at.updated(noise, terms, changed=bool(findings) or retuned),
         limits=limits_of(channel, noise.unit, base, at.trusted),
         record=at.whole,
         retuned=retuned,
