@@ -34,7 +34,7 @@ def newest(rate_hz: float, values: Array, late: float = 0.3) -> Array:
 
 @pytest.mark.parametrize(
     ("rate_hz", "step"),
-    [*((r, 0.0) for r in (0.7, 3.0, 26.36, 41.7, 50.0, 62.0)), *((r, 0.7) for r in (0.7, 10.0, 30.1, 41.7))],
+    [*((r, 0.0) for r in (0.7, 3.0, 26.36, 41.7, 50.0, 62.0, 83.0)), *((r, 0.7) for r in (0.7, 10.0, 30.1, 41.7))],
 )
 def test_new_values_are_found_by_their_clock(rate_hz: float, step: float) -> None:
     """On a coarse grid, too, where a new value often equals the one before it; of the last ones that is not seen."""
@@ -67,6 +67,8 @@ def repeated(share: float) -> Array:
 WHITE = np.random.default_rng(5).standard_normal(N)
 NOT_HELD = {
     "white noise": WHITE,
+    "one in ten repeats": repeated(0.1),
+    "one in six repeats": repeated(0.17),
     "one in three repeats": repeated(0.33),
     "half repeats": repeated(0.5),
     "most repeat": repeated(0.9),

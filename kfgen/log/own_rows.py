@@ -20,8 +20,10 @@ Rows = NDArray[np.bool_]
 
 MIN_NEW_VALUES = 64
 """In a log, from which their clock is known."""
-MIN_ROWS_OF_A_VALUE = 1.5
+MIN_ROWS_OF_A_VALUE = 1.1
 """On average: a sensor that is hardly slower than the log is not distinguished from one whose samples repeat."""
+MAX_SHARE_OF_ROWS = 2.0 / 3.0
+"""That have a value, beyond which empty ones are lost samples of a sensor as fast as the log."""
 MIN_SHARE_EITHER_WAY = 0.1
 """Of the changes, that are up, and that are down."""
 MIN_SIZES_OF_CHANGE = 3
@@ -30,8 +32,12 @@ WINDOW_VALUES = 64
 """Over which their clock is looked at: it need not keep time with the logger's for longer."""
 MAX_CLOCK_ERROR_ROWS, MAX_CLOCK_ERROR_SHARE = 0.6, 0.05
 """Standard deviation of the rows at which new values come, about those of an even clock: in rows, or of their distance."""
+FAST_PERIOD_ROWS, MAX_CLOCK_ERROR_OF_FAST = 1.5, 0.4
+"""Rows of a period, below which the error is to be less: rounding to whole rows makes 0.29, repeats at random one in ten 0.6."""
 MAX_OFF_AN_EVEN_CLOCK_ROWS = 2.0
 """Over a whole log, within which the times of new values are those of one even clock."""
+SHARE_OF_SINGLE_PERIODS = 0.98
+"""Of the rows between changes, that are one or two where a sensor is less than twice as slow as the log."""
 FIRST_VALUES = 32
 """From which the clock is known at first."""
 MIN_SHARE_BY_THE_CLOCK = 0.9
@@ -80,7 +86,7 @@ class OwnSamples:
         y = y.reshape(t.size, -1)
         there: Rows = np.asarray(np.isfinite(y).all(axis=1))
         at = np.flatnonzero(there)
-        if MIN_NEW_VALUES <= at.size < t.size / MIN_ROWS_OF_A_VALUE:
+        if MIN_NEW_VALUES <= at.size < MAX_SHARE_OF_ROWS * t.size:
             period, _ = _clock(np.diff(at))
             return OwnSamples(there, _evened(t[there], period), is_slower=period >= MIN_ROWS_OF_A_VALUE)
         change = np.diff(y[at], axis=0)
@@ -201,11 +207,16 @@ def _clock(rows: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
 
     Zero where they keep no time. Of more than one period is what holds new values that equal the one before.
     """
-    one = rows[rows <= np.quantile(rows, 0.05) + 1.0]  # the whole rows below and above one period
+    least = float(np.quantile(rows, 0.05))
+    one = rows[rows <= least + 1.0]  # the whole rows below and above one period
     at = np.concatenate([[0.0], np.cumsum(rows)])
     period, start = float(one.mean()), 0.0
     known = min(FIRST_VALUES, rows.size)
     ticks = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(rows[:known] / period), 1.0))])
+    if (
+        least <= 1.0 and one.size >= SHARE_OF_SINGLE_PERIODS * rows.size
+    ):  # one row and two are one period each
+        ticks, known = np.arange(at.size, dtype=np.float64), 2 * at.size
     while True:  # the clock of twice as many values is known from that of the first ones
         period, start = np.polyfit(ticks, at[: ticks.size], 1).tolist()
         if ticks.size == at.size and known > at.size:
@@ -216,7 +227,8 @@ def _clock(rows: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
     size = min(WINDOW_VALUES, rows.size)
     starts = range(0, rows.size - size + 1, size)
     off = np.array([_clock_error(rows[a : a + size], count[a : a + size]) for a in starts])
-    limit = max(MAX_CLOCK_ERROR_ROWS, MAX_CLOCK_ERROR_SHARE * period)
+    rows_off = MAX_CLOCK_ERROR_OF_FAST if period < FAST_PERIOD_ROWS else MAX_CLOCK_ERROR_ROWS
+    limit = max(rows_off, MAX_CLOCK_ERROR_SHARE * period)
     keeps_time = bool(np.mean(off < limit) >= MIN_SHARE_BY_THE_CLOCK and count.min() > 0)
     return (period if keeps_time else 0.0), count.astype(np.intp)
 
