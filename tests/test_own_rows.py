@@ -34,7 +34,10 @@ def newest(rate_hz: float, values: Array, late: float = 0.3) -> Array:
 
 @pytest.mark.parametrize(
     ("rate_hz", "step"),
-    [*((r, 0.0) for r in (0.7, 3.0, 26.36, 41.7, 50.0, 62.0, 83.0)), *((r, 0.7) for r in (0.7, 10.0, 30.1, 41.7))],
+    [
+        *((r, 0.0) for r in (0.7, 3.0, 26.36, 41.7, 50.0, 62.0, 83.0)),
+        *((r, 0.7) for r in (0.7, 10.0, 30.1, 41.7)),
+    ],
 )
 def test_new_values_are_found_by_their_clock(rate_hz: float, step: float) -> None:
     """On a coarse grid, too, where a new value often equals the one before it; of the last ones that is not seen."""
