@@ -46,6 +46,7 @@ class Shapes:
         self._factor = factor
         self._known: dict[tuple[Hashable, ...], Array] = {}
         self._recent_slopes = RecentResults[Array](RECENT)
+        self._recent_factors = RecentResults[Array](RECENT)
 
     def of(self, effect: Effect) -> Array:
         """The function, shape (m,)."""
@@ -69,9 +70,11 @@ class Shapes:
 
     def factor(self, effects: Sequence[Effect]) -> Array | float:
         """What is passed of the sum, by the effects that filter."""
-        if self._factor is None or not any(e.is_filter for e in effects):
+        filters = tuple(e for e in effects if e.is_filter)
+        make = self._factor
+        if make is None or not filters:
             return 1.0
-        return self._factor([e for e in effects if e.is_filter])
+        return self._recent_factors.recalled(filters, lambda: make(filters))
 
     def slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of the sum in the logarithms of the keys' parameters, shape (k, m).
