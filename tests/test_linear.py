@@ -144,7 +144,7 @@ def test_no_overflow_when_the_step_is_long(dt: float) -> None:
     """exp(-A dt) of the plain method is beyond any float here; Qd is the stationary covariance."""
     with np.errstate(over="raise", invalid="raise", divide="raise"):
         Phi, Qd = linear.van_loan(COUPLED, COUPLED_W, dt)
-    with mp.workdps(40):
+    with mp.workdps(120):
         P = to_array(lyapunov(mp.matrix(COUPLED.tolist()), mp.matrix(COUPLED_W.tolist())))
     np.testing.assert_allclose(Phi, 0.0, atol=1e-15)
     np.testing.assert_allclose(Qd, P, rtol=1e-11)
@@ -184,7 +184,7 @@ def test_no_state_and_no_time() -> None:
 
 
 def test_stationary_covariance() -> None:
-    with mp.workdps(40):
+    with mp.workdps(120):
         P = to_array(lyapunov(mp.matrix(COUPLED.tolist()), mp.matrix(COUPLED_W.tolist())))
     np.testing.assert_allclose(linear.stationary_covariance(COUPLED, COUPLED_W), P, rtol=1e-12)
 
@@ -232,3 +232,29 @@ def test_simulate_obeys_the_system(A: Array) -> None:
     product = white @ white.T / white.shape[1]
     off = product[np.triu_indices(3, 1)] * math.sqrt(white.shape[1])
     assert np.abs(off).max() < 5.0
+
+
+def of_many_digits(A: Array, W: Array, h: float) -> tuple[Array, Array]:
+    """Van Loan's one exponential: what it loses of 120 digits is none of a double's sixteen."""
+    with mp.workdps(120):
+        block = np.block([[-A, W], [np.zeros_like(A), A.T]])
+        E = mp.expm(mp.matrix(block.tolist()) * mp.mpf(h), method="taylor")
+        Phi = E[2:4, 2:4].T
+        return to_array(Phi), to_array(Phi * E[0:2, 2:4])
+
+
+@pytest.mark.parametrize("turn", [0.05, 0.6, 3.0, 14.0])
+@pytest.mark.parametrize("damping", [2e-4, 0.02, 0.7, 3.0])
+def test_two_states_that_drive_each_other_are_exact(turn: float, damping: float) -> None:
+    """A resonance and an overdamped pair, steps from 0.05 rad to two periods, the position first or second."""
+    w = 40.0
+    A, W = np.array([[0.0, 1.0], [-(w**2), -2.0 * damping * w]]), np.diag([1.0, 4.0 * damping * w**3])
+    for order in ([0, 1], [1, 0]):
+        own, driven, unit = A[np.ix_(order, order)], W[np.ix_(order, order)], np.array([1.0, w])[order]
+        Phi, Qd = linear.van_loan(own, driven, turn / w)
+        wanted, noise = of_many_digits(own, driven, turn / w)
+        size = np.sqrt(np.outer(np.diag(noise), np.diag(noise)))
+        np.testing.assert_allclose(
+            Phi * unit / unit[:, None], wanted * unit / unit[:, None], atol=1e-13, rtol=0
+        )
+        np.testing.assert_allclose(Qd / size, noise / size, atol=1e-12, rtol=0)

@@ -78,6 +78,7 @@ NOT_HELD = {
     "a coarse ADC": np.round(WHITE / 3.0),
     "a random walk on a coarse ADC": np.round(np.cumsum(WHITE) / 5.0),
     "a ramp on a grid": np.round(7.0 * T),
+    "a stuck channel": np.where((np.arange(N) >= 9000) & (np.arange(N) < 13000), WHITE[9000], WHITE),
     "a square wave": np.sign(np.sin(20.0 * T + 0.1)),
     "a slow sine on a grid": np.round(20.0 * np.sin(T)),
     "a channel that never changes": np.ones(N),

@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,6 +26,9 @@ Array = NDArray[np.float64]
 
 MAX_SERIES_NORM = 0.25
 """Norm of ``A h`` at which the series is taken at most; the rest is doubling."""
+MIN_TURN_OF_DIFFERENCE_RAD, MIN_DECAY_OF_DIFFERENCE = 0.5, 1e-3
+"""Of an oscillator in a step, and of its power: below, the noise of a step is no difference of covariances, in which
+digits are lost; twelve are left."""
 SERIES_RELATIVE_TOLERANCE = 2e-17
 """Next term of the series over its first: below the rounding."""
 
@@ -85,9 +89,16 @@ def van_loan(A: Array, W: Array, dt: ArrayLike) -> tuple[Array, Array]:
     own = np.diagonal(A)
     if np.count_nonzero(A) == np.count_nonzero(own):
         return _of_own_states(own * dt[..., None], W * dt[..., None, None])
+    if n == 2 and not dt.ndim and A[0, 1] * A[1, 0] != 0.0:
+        return _of_pair(A, W, dt)
+    return _by_doubling(A, W, dt, norm)
+
+
+def _by_doubling(A: Array, W: Array, dt: Array, norm: Array) -> tuple[Array, Array]:
+    """The same by a series over a short step, from the norm of ``A dt``."""
     doublings = np.ceil(np.log2(np.maximum(norm, MAX_SERIES_NORM) / MAX_SERIES_NORM)).astype(int)
     terms = _terms(float((norm / 2.0**doublings).max(initial=0.0)))
-    Phi, Qd = taylor(np.eye(n), A, W, (dt / 2.0**doublings)[..., None, None], terms)
+    Phi, Qd = taylor(np.eye(len(A)), A, W, (dt / 2.0**doublings)[..., None, None], terms)
     fewest = int(doublings.min(initial=int(doublings.max(initial=0))))
     for k in range(int(doublings.max(initial=0))):
         twice = Qd + Phi @ Qd @ np.swapaxes(Phi, -1, -2), Phi @ Phi
@@ -107,6 +118,40 @@ def _of_own_states(decay: Array, driven: Array) -> tuple[Array, Array]:
     constant = both == 0.0
     share = np.where(constant, 1.0, np.expm1(both) / np.where(constant, 1.0, both))
     return np.exp(decay)[..., None] * np.eye(decay.shape[-1]), driven * share
+
+
+def _of_pair(A: Array, W: Array, dt: Array) -> tuple[Array, Array]:
+    """The same of two states that drive each other, one in units that make both couplings about as large."""
+    scale = np.array(
+        [1.0, 2.0 ** round(0.5 * math.log2(abs(A[1, 0] / A[0, 1])))]
+    )  # a power of two rounds nothing
+    A, W = A * scale / scale[:, None], W / np.outer(scale, scale)
+    found = _of_oscillator(A, W, float(dt))
+    if found is None:
+        found = _by_doubling(A, W, dt, np.abs(A).sum(axis=1).max() * dt)
+    return found[0] * scale[:, None] / scale, found[1] * np.outer(scale, scale)
+
+
+def _of_oscillator(A: Array, W: Array, h: float) -> tuple[Array, Array] | None:
+    """The same in closed form where two states swing; None where they do not, or the step is too short for a difference.
+
+    With ``s = tr A / 2`` and ``q^2 = det A - s^2``: ``Phi = exp(s h) (cos(q h) I + sin(q h) / q (A - s I))`` (Cayley and
+    Hamilton), ``Qd = P - Phi P Phi'`` with ``P = -(det A W + (A - tr A I) W (A - tr A I)') / (2 tr A det A)``.
+    """
+    (a, b), (c, d) = A.tolist()
+    trace, det = a + d, a * d - b * c
+    s, q2 = 0.5 * trace, det - 0.25 * trace * trace
+    if not (
+        q2 > 0.0 and -trace * h > MIN_DECAY_OF_DIFFERENCE and det * h * h > MIN_TURN_OF_DIFFERENCE_RAD**2
+    ):
+        return None
+    q = math.sqrt(q2)
+    cosine, sine = math.exp(s * h) * math.cos(q * h), math.exp(s * h) * math.sin(q * h) / q
+    Phi = np.array([[cosine + sine * (a - s), sine * b], [sine * c, cosine + sine * (d - s)]])
+    turned = np.array([[-d, b], [c, -a]])  # A - tr A I
+    P = -(det * W + turned @ W @ turned.T) / (2.0 * trace * det)
+    Qd = P - Phi @ P @ Phi.T
+    return Phi, 0.5 * (Qd + Qd.T)
 
 
 def _terms(norm: float) -> int:

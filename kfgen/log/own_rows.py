@@ -216,7 +216,8 @@ def _clock(rows: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
     if (
         least <= 1.0 and one.size >= SHARE_OF_SINGLE_PERIODS * rows.size
     ):  # one row and two are one period each
-        ticks, known = np.arange(at.size, dtype=np.float64), 2 * at.size
+        every = np.where(rows <= least + 1.0, 1.0, np.rint(rows / period))
+        ticks, known = np.concatenate([[0.0], np.cumsum(every)]), 2 * at.size
     while True:  # the clock of twice as many values is known from that of the first ones
         period, start = np.polyfit(ticks, at[: ticks.size], 1).tolist()
         if ticks.size == at.size and known > at.size:
