@@ -122,9 +122,8 @@ def _of_own_states(decay: Array, driven: Array) -> tuple[Array, Array]:
 
 def _of_pair(A: Array, W: Array, dt: Array) -> tuple[Array, Array]:
     """The same of two states that drive each other, one in units that make both couplings about as large."""
-    scale = np.array(
-        [1.0, 2.0 ** round(0.5 * math.log2(abs(A[1, 0] / A[0, 1])))]
-    )  # a power of two rounds nothing
+    # A power of two rounds nothing.
+    scale = np.array([1.0, 2.0 ** round(0.5 * math.log2(abs(A[1, 0] / A[0, 1])))])
     A, W = A * scale / scale[:, None], W / np.outer(scale, scale)
     found = _of_oscillator(A, W, float(dt))
     if found is None:

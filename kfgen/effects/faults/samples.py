@@ -247,14 +247,10 @@ class Clipping(Fault):
         for end in (float(raw.y.max()), float(raw.y.min())):
             count = int(np.sum(raw.y == end))
             share = count / raw.n
-            held = (
-                float(np.mean(same & (raw.y[1:] != end))) - chance
-            )  # a slower sensor holds any value, not only the last
-            if (
-                count >= MIN_CLIPPED_SAMPLES
-                and share > max(MIN_CLIPPED_SHARE, held)
-                and raw.adc_step < 0.25 * raw.noise
-            ):
+            # A slower sensor holds any value, not only the last one.
+            held = float(np.mean(same & (raw.y[1:] != end))) - chance
+            often = count >= MIN_CLIPPED_SAMPLES and share > max(MIN_CLIPPED_SHARE, held)
+            if often and raw.adc_step < 0.25 * raw.noise:
                 return DetectedFault(cls(end), share * raw.n, spoils=True)
         return None
 
