@@ -5,6 +5,8 @@ A row of the log has the sample that was the newest then: what is wanted is know
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -130,6 +132,22 @@ def test_a_filter_takes_a_held_value_for_one_measurement() -> None:
     assert one.sensors["barometer"].t.size == other.sensors["barometer"].t.size == n // 4
     assert one.estimate == pytest.approx(other.estimate)
     assert ["holds each value over 4 rows" in w for w in one.cautions] == [True]
+
+
+def test_a_flight_whose_receiver_is_held_is_compared_at_its_rate() -> None:
+    """Five fixes a second in a log of 50 Hz: before, both channels were said to be stuck for all of the flight."""
+    flown = kf.simulate("ins15", duration=30.0, rate=50.0, rates={"gnss": 5.0}, manoeuvre="figure-8", seed=3)
+    channels = {n: c for n, c in flown.channels.items() if not n.startswith("ref_")}
+    for name in (n for n in channels if n.startswith("gnss")):
+        values = channels[name].values
+        newest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), 0))
+        channels[name] = replace(channels[name], values=values[newest])
+    gap = kf.find_gap(replace(flown, channels=channels), "ins15")
+    assert gap.verdict == "no_gap"
+    assert [w.split(":")[0] for w in gap.warnings if "over 10 rows" in w] == [
+        "gnss_p_N, gnss_p_E, gnss_p_D",
+        "gnss_v_N, gnss_v_E, gnss_v_D",
+    ]
 
 
 def turned() -> Array:
