@@ -165,9 +165,21 @@ class Cells:
     wander: tuple[float, float]
 
     @staticmethod
-    def of(series: WhiteSeries) -> Cells:
-        """At most `MAX_CELLS` of them."""
-        block = max(1, -(-series.n // MAX_CELLS))
+    def of(series: WhiteSeries, most: int = MAX_CELLS) -> Cells:
+        """The cells of a record.
+
+        Parameters
+        ----------
+        series : WhiteSeries
+            The record, white if its model is right.
+        most : int
+            Cells at most.
+
+        Returns
+        -------
+        Cells
+        """
+        block = max(1, -(-series.n // most))
         m = series.n // block
         mean = series.y[: m * block].reshape(m, block).mean(axis=1)
         dt = series.dt * block

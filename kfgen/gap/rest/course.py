@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 from kfgen.effects import Effect, sampled_spectrum
 from kfgen.effects.effect import LinearProcess
 from kfgen.effects.process.periodic import Resonance, Sinusoid
+from kfgen.effects.process.stochastic import GaussMarkov
 from kfgen.effects.process.telegraph import RandomTelegraph
+from kfgen.gap.core.jump_law import jumps_log_odds
 from kfgen.gap.core.level_law import MANY_LEVELS, many_levels_log_odds
 from kfgen.gap.core.random_course import COURSE_POINTS, FALSE_ALARM_RATE, least_usual
 from kfgen.gap.core.result import Finding
 from kfgen.gap.core.swing_law import MODULATED_LINE, comes_and_goes_log_odds, other_law
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.rest.evidence import series_of
+from kfgen.gap.rest.evidence import Candidate, series_of
 from kfgen.gap.rest.explanation import ChannelExplanation
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
@@ -46,7 +48,7 @@ STEPS_OF_A_POINT = 8
 LOG_ODDS_OF_ITS_OWN_LAW = 2.0
 """Of what an effect is named, over all other laws of its spectrum, before the record is seen [nats]. A likelihood that is so
 much larger makes these likelier: of 240 true resonances of 10 to 1000 nats 4 have it (3 of 10 or 30 nats, none of 1000), of
-32 true telegraphs none, of 160 true lines four (all of 10 nats)."""
+32 true telegraphs and 33 true Gauss-Markov biases none, of 160 true lines four (all of 10 nats)."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
             laws.append(OtherLaw())
             continue
         telegraph = isinstance(effect, RandomTelegraph)
-        laws.append(_more_levels(search) if telegraph else _other_law(record, every, effect))
+        laws.append(_more_levels(search) if telegraph else _other_law(base, record, every, effect))
         said = said or (laws[-1].objection if has_course(effect) else "")
     objection = said or none_of_their_kind(record, known, added)
     return [
@@ -147,7 +149,7 @@ def own_noise_objection(search: ChannelExplanation) -> str:
         return ""
     own, added = base.fit.effects[:assumed], base.fit.effects[assumed:]
     slow, others = [e for e in own if has_course(e)], [*(e for e in own if not has_course(e)), *added]
-    laws = (_other_law(record, [*others, *slow], e).objection for e in slow)
+    laws = (_other_law(base, record, [*others, *slow], e).objection for e in slow)
     return next((words for words in laws if words), "") or none_of_their_kind(record, others, slow)
 
 
@@ -218,8 +220,13 @@ def none_of_their_kind(record: Record, known: Sequence[Effect], added: Sequence[
     return words
 
 
-def _other_law(record: Record, effects: Sequence[Effect], effect: Effect) -> OtherLaw:
-    """By what other law something swings beside the other effects of a model; by none where it does not swing."""
+def _other_law(base: Candidate, record: Record, effects: Sequence[Effect], effect: Effect) -> OtherLaw:
+    """By what other law a bias wanders or something swings beside the other effects of a model; by none for other effects."""
+    if isinstance(effect, GaussMarkov):
+        others = tuple(e for e in effects if e is not effect)
+        fit = replace(base.fit, effects=others, free=(), point=np.zeros(0))
+        alone = replace(base, fit=fit, problem=replace(base.problem, record=record))
+        return OtherLaw.seen(*jumps_log_odds(series_of(alone), effect))
     if not isinstance(effect, Resonance | Sinusoid):
         return OtherLaw()
     z, omega, white = _without(record, effects, effect)
