@@ -20,7 +20,7 @@ from kfgen.effects.process.stochastic import GaussMarkov
 from kfgen.gap.core.jump_law import (
     ANY_LEVEL,
     FADING_KICKS,
-    Bias,
+    BiasNumbers,
     _any_level,
     _fading,
     _log_chain,
@@ -70,7 +70,7 @@ def test_likelihood_of_a_chain_is_the_sum_over_all_histories() -> None:
 @pytest.mark.parametrize("law", ["any level", "kicks"])
 def test_chains_have_the_variance_and_the_memory_of_the_bias(law: str) -> None:
     """Of the grid's law in the long run, and of one step: a twelfth of the time makes exp(-1 / 12)."""
-    bias = Bias(0.5, 12.0)
+    bias = BiasNumbers(0.5, 12.0)
     x = np.linspace(-4.0, 4.0, 400)
     move = _any_level(x, bias) if law == "any level" else _fading(x, bias, 0.5)
     assert move.sum(axis=1) == pytest.approx(1.0)

@@ -36,7 +36,7 @@ KICK_LOG_SD = 0.5
 
 
 @dataclass(frozen=True)
-class Bias:
+class BiasNumbers:
     """A size and a time about those of a fit.
 
     Parameters
@@ -74,10 +74,12 @@ def jumps_log_odds(series: WhiteSeries, bias: GaussMarkov) -> tuple[str, float]:
         return "", -np.inf
     y, R, sigma = cells.switching.mean, cells.switching.sd**2, float(bias.sigma)
     own = log_mean(
-        np.array([_log_noise(y, R, Bias(a * sigma, b * of_a_time)) for a, b in product(FACTORS, FACTORS)])
+        np.array(
+            [_log_noise(y, R, BiasNumbers(a * sigma, b * of_a_time)) for a, b in product(FACTORS, FACTORS)]
+        )
     )
     x = np.linspace(-1.0, 1.0, LEVELS) * REACH_SIGMAS * sigma
-    some = [Bias(a * sigma, b * of_a_time) for a, b in product(FACTORS, FACTORS)]
+    some = [BiasNumbers(a * sigma, b * of_a_time) for a, b in product(FACTORS, FACTORS)]
     levels = _log_chain(y, R, x, [_any_level(x, b) for b in some])
     kicks = [
         _log_chain(sign * y, R, x, [_fading(x, b, k) for b in some for k in KICKS_IN_A_TIME])
@@ -87,7 +89,7 @@ def jumps_log_odds(series: WhiteSeries, bias: GaussMarkov) -> tuple[str, float]:
     return max(laws, key=lambda w: laws[w]), log_mean(np.array([*laws.values()]))
 
 
-def _log_noise(y: Array, R: float, bias: Bias) -> float:
+def _log_noise(y: Array, R: float, bias: BiasNumbers) -> float:
     """Log-likelihood of cells under the bias and white noise of variance R."""
     phi, P = float(np.exp(-1.0 / bias.cells)), bias.sigma**2
     q, x, total = P * (1.0 - phi**2), 0.0, 0.0
@@ -115,14 +117,14 @@ def _log_chain(y: Array, R: float, x: Array, moved: list[Array]) -> Array:
     return np.asarray(total)
 
 
-def _any_level(x: Array, bias: Bias) -> Array:
+def _any_level(x: Array, bias: BiasNumbers) -> Array:
     """Where a level is in the next cell, shape (levels, levels), each row a law."""
     anywhere = _rows(np.broadcast_to(np.exp(-0.5 * (x / bias.sigma) ** 2), (x.size, x.size)))
     chance = -float(np.expm1(-1.0 / bias.cells))
     return np.asarray((1.0 - chance) * np.eye(x.size) + chance * anywhere)
 
 
-def _fading(x: Array, bias: Bias, kicks: float) -> Array:
+def _fading(x: Array, bias: BiasNumbers, kicks: float) -> Array:
     """The same of kicks upwards about their mean; what lies between two levels of the grid is shared by them."""
     one = np.exp(0.5 * KICK_LOG_SD**2)
     size = bias.sigma / np.sqrt(0.5 * kicks) / one**2  # the variance is half that of the kicks in a time
