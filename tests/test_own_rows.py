@@ -112,6 +112,8 @@ def test_a_merged_log_is_identified_and_compared_at_each_sensors_own_rate() -> N
     assert [w for w in found.warnings if "slower than the log" in w] != []
     gap = find_gap(log, found.noise)
     assert gap.verdict == "no_gap"
+    for name in found.channels:  # nothing changed: the updated file knows as much as the file
+        assert gap.updated.channels[name].covariance == found.noise.channels[name].covariance is not None
 
 
 def held(rows: int, values: Array) -> Array:

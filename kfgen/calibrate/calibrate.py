@@ -26,7 +26,7 @@ from kfgen.effects.series import noise_of
 from kfgen.gap.motion.known_length import MIN_POSES, NormScene, norm_scene, poses
 from kfgen.gap.scene.scene import ScenePoint
 from kfgen.log.log import Log
-from kfgen.log.own_rows import held_in, log_of_sensor
+from kfgen.log.own_rows import log_of_sensor
 from kfgen.log.readers import read_log
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def calibrate(
     found, refused, held = [], list[str](), list[str]()
     for sensor in wanted:
         own = log_of_sensor(data, [f"{sensor}_{a}" for a in AXES])
-        held += held_in(own)
+        held += own.held
         try:
             found.append(_calibrated(own, sensor, known))
         except InputError as error:

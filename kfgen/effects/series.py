@@ -301,6 +301,11 @@ class RawSamples:
         return 1.4826 * middle / float(np.sqrt(2.0))
 
     @cached_property
+    def chance_of_equals(self) -> float:
+        """That two neighbours are equal on the ADC grid: of normal deviates ``q / (2 sqrt(pi) s)``."""
+        return float(self.adc_step / (2.0 * np.sqrt(np.pi) * max(self.noise, 1e-300)))
+
+    @cached_property
     def still(self) -> NDArray[np.bool_] | None:
         """Of a sensor that moves, the steps about which it does not move for sure, shape (n - 1,)."""
         if not self.moves:

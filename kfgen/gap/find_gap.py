@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
-from kfgen.core.channel_names import some_of
+from kfgen.core.channel_names import sensor_and_axis, some_of
 from kfgen.core.elapsed import counted
 from kfgen.core.errors import InputError
 from kfgen.core.time_budget import time_budget
@@ -42,7 +42,7 @@ from kfgen.gap.updated_noise import rescaled, with_findings
 from kfgen.gap.words import compared_at, refused_sentence
 from kfgen.identify.screening.motion import motion_in
 from kfgen.log.log import Log, StoredLog
-from kfgen.log.own_rows import held_in, with_own_samples
+from kfgen.log.own_rows import with_own_samples
 from kfgen.log.readers import log_of, read_long
 from kfgen.model.build import build, filter_file
 from kfgen.model.filter import FilterModel
@@ -299,7 +299,7 @@ def _moving(assumed: NoiseModel, log: Log) -> GapResult | None:
 
 def _by_sensor(channels: Iterable[str]) -> list[list[str]]:
     """Channels of one sensor together: ``mag_x``, ``mag_y`` and ``mag_z``."""
-    return [list(group) for _, group in groupby(sorted(channels), key=lambda n: n.rpartition("_")[0] or n)]
+    return [list(group) for _, group in groupby(sorted(channels), key=lambda n: sensor_and_axis(n)[0])]
 
 
 def _of_each_sensor(scene: MotionScene, log: Log) -> list[SceneGap]:
@@ -320,7 +320,7 @@ def _of_scenes(
 ) -> GapResult:
     constant = dict.fromkeys(n for g in gaps for n in g.constant_inputs)
     still = [f"the input {n} never changes: no effect of it can be seen" for n in constant]
-    said = (*held_in(log), *warnings, *still, *silent(log))
+    said = (*log.held, *warnings, *still, *silent(log))
     return GapResult((source_of(log),), tuple(gaps), assumed, updated, said)
 
 

@@ -102,6 +102,8 @@ class Log:
         instant (``at``); empty where the log does not say.
     unplaced : mapping of str to str
         Channels none of whose samples is within the time of the log, and what times theirs are.
+    held : tuple of str
+        Sentences on sensors that are slower than the log, whose held values were left out (`kfgen.log.own_rows`).
 
     Raises
     ------
@@ -118,6 +120,7 @@ class Log:
     stated: float = 0.0
     samples: str = ""
     unplaced: Mapping[str, str] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _frozen(self.t))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.core.sampling_period import is_slower
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -22,8 +23,6 @@ MIN_NEW_VALUES = 64
 """In a log, from which their clock is known."""
 MIN_ROWS_OF_A_VALUE = 1.1
 """On average: a sensor that is hardly slower than the log is not distinguished from one whose samples repeat."""
-MAX_SHARE_OF_ROWS = 2.0 / 3.0
-"""That have a value, beyond which empty ones are lost samples of a sensor as fast as the log."""
 MIN_SHARE_EITHER_WAY = 0.1
 """Of the changes, that are up, and that are down."""
 MIN_SIZES_OF_CHANGE = 3
@@ -44,9 +43,6 @@ MIN_SHARE_BY_THE_CLOCK = 0.9
 """Of the windows that keep time."""
 
 
-_HOLDS = "than the log, which holds each value over"
-
-
 @dataclass(frozen=True)
 class OwnSamples:
     """What a channel has of its own in a log.
@@ -60,7 +56,7 @@ class OwnSamples:
     held : int
         Rows that repeat a value.
     is_slower : bool
-        Whether its values come by a clock of its own.
+        Whether it has a rate of its own, below that of the log.
     """
 
     rows: Rows
@@ -86,9 +82,8 @@ class OwnSamples:
         y = y.reshape(t.size, -1)
         there: Rows = np.asarray(np.isfinite(y).all(axis=1))
         at = np.flatnonzero(there)
-        if MIN_NEW_VALUES <= at.size < MAX_SHARE_OF_ROWS * t.size:
-            period, _ = _clock(np.diff(at))
-            return OwnSamples(there, _evened(t[there], period), is_slower=period >= MIN_ROWS_OF_A_VALUE)
+        if is_slower(t, there):
+            return OwnSamples(there, _evened(t[there], _clock(np.diff(at))[0]), is_slower=True)
         change = np.diff(y[at], axis=0)
         first = np.concatenate([[0], 1 + np.flatnonzero(np.any(change != 0.0, axis=1))])
         few = first.size < MIN_NEW_VALUES or at.size < MIN_ROWS_OF_A_VALUE * first.size
@@ -117,7 +112,7 @@ class OwnSamples:
         m = self.t.size
         rate = (m - 1) / float(self.t[-1] - self.t[0])
         return [
-            f"its sensor is slower {_HOLDS} {1.0 + self.held / m:.3g} rows on average: "
+            f"its sensor is slower than the log, which holds each value over {1.0 + self.held / m:.3g} rows on average: "
             f"the {m} new values are taken, {rate:.4g} a second"
         ]
 
@@ -125,7 +120,7 @@ class OwnSamples:
 def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:
     """A log in which channels have a value where their sensor gave one and no number where its last one was held.
 
-    What is held is added to its warnings.
+    Its `held` says of which.
 
     Parameters
     ----------
@@ -146,7 +141,7 @@ def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:
         for n in there:
             channels[n] = replace(channels[n], values=np.where(own.rows, channels[n].values, np.nan))
         said += [f"{', '.join(there)}: {words}" for words in own.said]
-    return replace(log, channels=channels, warnings=(*log.warnings, *said)) if said else log
+    return replace(log, channels=channels, held=(*log.held, *said)) if said else log
 
 
 def log_of_sensor(log: Log, names: Sequence[str]) -> Log:
@@ -167,21 +162,7 @@ def log_of_sensor(log: Log, names: Sequence[str]) -> Log:
         return log
     channels = {n: replace(log.channel(n), values=log.channel(n).values[own.rows]) for n in names}
     said = tuple(f"{', '.join(names)}: {words}" for words in own.said)
-    return replace(log, t=own.t, channels=channels, warnings=(*log.warnings, *said))
-
-
-def held_in(log: Log) -> tuple[str, ...]:
-    """The sentences that `with_own_samples` or `log_of_sensor` added to a log.
-
-    Parameters
-    ----------
-    log : Log
-
-    Returns
-    -------
-    tuple of str
-    """
-    return tuple(w for w in log.warnings if _HOLDS in w)
+    return replace(log, t=own.t, channels=channels, held=(*log.held, *said))
 
 
 def _evened(t: Array, period: float) -> Array:
@@ -213,9 +194,8 @@ def _clock(rows: NDArray[np.intp]) -> tuple[float, NDArray[np.intp]]:
     period, start = float(one.mean()), 0.0
     known = min(FIRST_VALUES, rows.size)
     ticks = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(rows[:known] / period), 1.0))])
-    if (
-        least <= 1.0 and one.size >= SHARE_OF_SINGLE_PERIODS * rows.size
-    ):  # one row and two are one period each
+    if least <= 1.0 and one.size >= SHARE_OF_SINGLE_PERIODS * rows.size:
+        # One row and two are one period each.
         every = np.where(rows <= least + 1.0, 1.0, np.rint(rows / period))
         ticks, known = np.concatenate([[0.0], np.cumsum(every)]), 2 * at.size
     while True:  # the clock of twice as many values is known from that of the first ones

@@ -21,7 +21,6 @@ from kfgen.emit.targets.filterpy import class_name, module
 from kfgen.emit.targets.loaded import loaded
 from kfgen.emit.watch.parts import PARTS
 from kfgen.log.log import Log
-from kfgen.log.own_rows import held_in
 from kfgen.log.readers import LogOrPath, log_of
 from kfgen.model.build import ModelSource, NoiseSource, filter_of
 from kfgen.model.discretise import DiscreteModel
@@ -131,7 +130,7 @@ class FilterRun(Result):
     def cautions(self) -> tuple[str, ...]:
         """What the log holds over its rows, and what may be why innovations are too large, a sentence each."""
         too_large = any(float(s.nis.mean()) > s.expected_nis95[1] for s in self.updated.values())
-        held = held_in(self.calls.log) if self.calls else ()
+        held = self.calls.log.held if self.calls else ()
         if self.calls is None or not too_large or not (measured := self.calls.assumed_exact):
             return held
         tilt = Alignment(self.calls.program.discrete.model).tilt

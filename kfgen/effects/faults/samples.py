@@ -153,7 +153,7 @@ class RepeatedSamples(Fault):
         if looked.size < MIN_STEPS_FOR_REPEATS:
             return 0.0
         equal = float(np.mean(looked))
-        chance = min(raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300)), 1.0)
+        chance = min(raw.chance_of_equals, 1.0)
         share = (equal - chance) / max(1.0 - chance, 1e-9)
         least = 3.0 / looked.size + 5.0 * np.sqrt(chance / looked.size) + 0.25 * chance
         one, two = raw.steps
@@ -243,7 +243,7 @@ class Clipping(Fault):
     def detect_fault(cls, raw: RawSamples) -> DetectedFault | None:
         """The largest or smallest value, far too often."""
         same = np.diff(raw.y) == 0.0
-        chance = MAX_OVER_CHANCE_OF_EQUALS * raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
+        chance = MAX_OVER_CHANCE_OF_EQUALS * raw.chance_of_equals
         for end in (float(raw.y.max()), float(raw.y.min())):
             count = int(np.sum(raw.y == end))
             share = count / raw.n

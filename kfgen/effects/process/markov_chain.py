@@ -1,4 +1,4 @@
-"""Hidden Markov chain of two levels: its likelihood, and histories drawn from it.
+"""Hidden Markov chain of two levels: its likelihood, and histories drawn from it; the likelihood of one of many levels.
 
 Used by effects that switch on and off: random telegraph noise, bursts of noise.
 
@@ -14,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+LONG_RUN_STEPS = 4096
+"""After which a chain has forgotten where it was."""
 
 
 def transitions(share: Array, lasting: Array, dt: float) -> Array:
@@ -85,6 +88,32 @@ def log_likelihood(log_e: Array, T: Array, share: Array) -> Array:
         seen[k] = total
         a, b = a / total, b / total
     return np.asarray((np.log(seen) + top).sum(axis=0))
+
+
+def log_likelihood_of_levels(log_e: Array, T: Array) -> Array:
+    """The same of chains of many levels that see the same, each from where it is in the long run.
+
+    Parameters
+    ----------
+    log_e : ndarray, shape (m, L)
+        Log-likelihood of what was seen at each step on each level.
+    T : ndarray, shape (p, L, L)
+        Probabilities of going from each level to each.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        [nats].
+    """
+    top = log_e.max(axis=1)
+    p = np.linalg.matrix_power(T, LONG_RUN_STEPS)[:, :1]
+    total = np.full(len(T), float(top.sum()))
+    for k, e in enumerate(np.exp(log_e - top[:, None])):
+        p = (p @ T if k else p) * e
+        whole = np.maximum(p.sum(axis=2), 1e-300)
+        total += np.log(whole[:, 0])
+        p = p / whole[:, :, None]
+    return np.asarray(total)
 
 
 def history(log_odds: Array, T: Array, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:

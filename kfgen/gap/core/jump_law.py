@@ -7,13 +7,15 @@ measured where they are asked for, in `kfgen.gap.rest.course`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kfgen.effects.process import markov_chain as chain
 from kfgen.effects.process.stochastic import GaussMarkov
+from kfgen.effects.process.switching_level import Slow, Switching, SwitchingParameters
 from kfgen.effects.process.telegraph import Cells
 from kfgen.effects.series import WhiteSeries, log_mean
 
@@ -22,11 +24,12 @@ Array = NDArray[np.float64]
 ANY_LEVEL = "it jumps to any level and stays there"
 FADING_KICKS = "it is kicked to one side and fades (doors)"
 MAX_CELLS, CELLS_IN_A_TIME = 2400, 8.0
-"""Means of samples in which a record is looked at, and in the time of the bias, of which there are at least a quarter."""
+"""Means of samples in which a record is looked at, at most, and in the time of the bias: with less than a quarter of these
+nothing is said."""
 LEVELS = 160
 """Of the grid."""
 REACH_SIGMAS = 5.0
-"""Standard deviations of the bias, to either side, that the grid covers about the range of what is slow."""
+"""Standard deviations of the bias, to either side of its mean, that the grid covers."""
 FACTORS = (0.7, 1.0, 1.4)
 """Of sizes and times of the fit."""
 KICKS_IN_A_TIME = (0.15, 0.5)
@@ -73,11 +76,7 @@ def jumps_log_odds(series: WhiteSeries, bias: GaussMarkov) -> tuple[str, float]:
     if cells.switching.slow.order or not cells.even or of_a_time < 0.25 * CELLS_IN_A_TIME:
         return "", -np.inf
     y, R, sigma = cells.switching.mean, cells.switching.sd**2, float(bias.sigma)
-    own = log_mean(
-        np.array(
-            [_log_noise(y, R, BiasNumbers(a * sigma, b * of_a_time)) for a, b in product(FACTORS, FACTORS)]
-        )
-    )
+    own = log_mean(np.concatenate([_log_bias(cells.switching, bias, factor) for factor in FACTORS]))
     x = np.linspace(-1.0, 1.0, LEVELS) * REACH_SIGMAS * sigma
     some = [BiasNumbers(a * sigma, b * of_a_time) for a, b in product(FACTORS, FACTORS)]
     levels = _log_chain(y, R, x, [_any_level(x, b) for b in some])
@@ -89,39 +88,24 @@ def jumps_log_odds(series: WhiteSeries, bias: GaussMarkov) -> tuple[str, float]:
     return max(laws, key=lambda w: laws[w]), log_mean(np.array([*laws.values()]))
 
 
-def _log_noise(y: Array, R: float, bias: BiasNumbers) -> float:
-    """Log-likelihood of cells under the bias and white noise of variance R."""
-    phi, P = float(np.exp(-1.0 / bias.cells)), bias.sigma**2
-    q, x, total = P * (1.0 - phi**2), 0.0, 0.0
-    for v in y.tolist():
-        S, left = P + R, v - x
-        total -= 0.5 * (left**2 / S + float(np.log(2.0 * np.pi * S)))
-        x, P = phi * (x + P / S * left), phi**2 * P * R / S + q
-    return total
+def _log_bias(cells: Switching, bias: GaussMarkov, factor: float) -> Array:
+    """Log-likelihood of cells under the bias of a time so many times as long, of each size; shape (sizes,)."""
+    form = replace(bias, tau=factor * float(bias.tau)).form()
+    none, one = np.zeros(len(FACTORS)), np.ones(len(FACTORS))
+    noise = replace(cells, slow=Slow.of((form,), cells.dt))
+    return noise.log_likelihood(SwitchingParameters(none, one, none, one, np.array(FACTORS)))
 
 
 def _log_chain(y: Array, R: float, x: Array, moved: list[Array]) -> Array:
-    """The same of chains on the levels x, from where each is in the long run; shape (chains,)."""
+    """The same of chains on the levels x, in white noise of variance R; shape (chains,)."""
     log_e = -0.5 * (y[:, None] - x) ** 2 / R - 0.5 * np.log(2.0 * np.pi * R)
-    top = log_e.max(axis=1)
-    seen = np.exp(log_e - top[:, None])
-    T = np.array(moved)
-    p = np.full((len(moved), 1, x.size), 1.0 / x.size)
-    settled = np.linalg.matrix_power(T, 4096)
-    p, total = p @ settled, np.full(len(moved), float(top.sum()))
-    for k, e in enumerate(seen):
-        p = (p @ T if k else p) * e
-        whole = np.maximum(p.sum(axis=2), 1e-300)
-        total += np.log(whole[:, 0])
-        p = p / whole[:, :, None]
-    return np.asarray(total)
+    return chain.log_likelihood_of_levels(log_e, np.array(moved))
 
 
 def _any_level(x: Array, bias: BiasNumbers) -> Array:
     """Where a level is in the next cell, shape (levels, levels), each row a law."""
-    anywhere = _rows(np.broadcast_to(np.exp(-0.5 * (x / bias.sigma) ** 2), (x.size, x.size)))
-    chance = -float(np.expm1(-1.0 / bias.cells))
-    return np.asarray((1.0 - chance) * np.eye(x.size) + chance * anywhere)
+    law = np.exp(-0.5 * (x / bias.sigma) ** 2)
+    return np.asarray(chain.redrawn(np.exp([-1.0 / bias.cells]), (law / law.sum())[None])[0])
 
 
 def _fading(x: Array, bias: BiasNumbers, kicks: float) -> Array:

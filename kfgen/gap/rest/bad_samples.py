@@ -71,7 +71,7 @@ def _is_spoilt(raw: RawSamples, still: Sequence[tuple[int, int]]) -> bool:
 def _still(raw: RawSamples) -> list[tuple[int, int]]:
     """Runs of equal values that the noise and the ADC grid do not explain."""
     twice = 2.0 * float(np.count_nonzero(runs(raw.y)[1] > 1)) / raw.n
-    equal = raw.adc_step / (2.0 * np.sqrt(np.pi) * max(raw.noise, 1e-300))
+    equal = raw.chance_of_equals
     if equal > MAX_EQUAL_NEIGHBOUR_PROBABILITY:  # on a grid wider than the noise a quiet spell has one value
         equal = MAX_REPEAT_PROBABILITY
     chance = min(max(equal, twice, MIN_REPEAT_PROBABILITY), MAX_REPEAT_PROBABILITY)

@@ -19,7 +19,6 @@ from kfgen.gap.rest.bad_samples import invalid_samples, words_of
 from kfgen.gap.rest.faults import assumed_sd
 from kfgen.gap.rest.words import drawn
 from kfgen.identify.evidence.record import Record
-from kfgen.identify.evidence.sampling import is_slower
 from kfgen.identify.screening.noise_free import refuse_noise_free
 from kfgen.identify.screening.shocks import shocks, shocks_said
 from kfgen.log.log import Log
@@ -110,7 +109,7 @@ def _own(log: Log, name: str, drive: Mapping[str, Array]) -> tuple[Array, Array,
     """Times, values and drivers at the rows at which a channel has a sample, if its sensor is slower than the log."""
     y = log.channel(name).values
     own = OwnSamples.of(log.t, y)
-    if not own.held and (own.rows.all() or not is_slower(log.t, own.rows)):
+    if not own.is_slower:
         return log.t, y, dict(drive), []
     said = [f"{name}: {words}" for words in own.said]
     return own.t, y[own.rows], {k: v[own.rows] for k, v in drive.items()}, said

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.core.numbers import how_many, moment
-from kfgen.core.sampling_period import GAP_IN_PERIODS, MIN_SHARE_OF_NEIGHBOURS, STRETCHES, single_period
+from kfgen.core.sampling_period import GAP_IN_PERIODS, STRETCHES, channel_period, single_period
 from kfgen.effects.series import adc_step
 from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
@@ -37,9 +37,6 @@ MAX_MISSING_SHARE = 0.9
 """Share of samples that may be missing."""
 MAX_UNEVEN_SAMPLES = 10_000
 """Samples at uneven times that are fitted."""
-MIN_STEPS_OF_A_RATE = 8
-MIN_SHARE_OF_OWN_STEPS = 0.5
-"""Of the steps of a channel with a rate of its own: those that are about a period long."""
 MAX_DIFFERENCE_OF_PERIODS = 0.005
 """Relative, of the sampling periods of pieces that are fitted together."""
 MIN_PIECE_SAMPLES = 512
@@ -65,7 +62,7 @@ def evidence(
     """
     own = OwnSamples.of(t, y)
     limit = _gap_limit(t)
-    said = own.said or ([] if is_slower(t, own.rows) else _missing(t, own.rows))
+    said = own.said or ([] if own.is_slower else _missing(t, own.rows))
     said += _gaps(t, limit)
     logged, t, y = t, own.t, y[own.rows]
     drive = {k: _filled(v)[own.rows] for k, v in (drive or {}).items()}
@@ -76,7 +73,7 @@ def evidence(
         )
     refuse_noise_free(y)
     steps = np.diff(t)
-    dt, of_channel = _period(logged, steps)
+    dt, of_channel = channel_period(logged, steps)
     single = single_period(np.diff(logged))
     if single and float(np.mean(np.diff(logged) > GAP_IN_PERIODS * single)) > MAX_GAP_SHARE_OF_STEPS:
         share = 1.0 - logged.size / (1.0 + (logged[-1] - logged[0]) / single)
@@ -103,23 +100,6 @@ def evidence(
         said = [w for w in said if not words.is_of_gaps(w)]  # random times have no gaps
         said.append(words.uneven_time(period))
     return Exact(t, y, drive, period, view, drawn=not pieces), tuple(said)
-
-
-def is_slower(t: Array, there: NDArray[np.bool_]) -> bool:
-    """Whether a channel has a rate of its own below that of the log: nothing of it is missing between its samples.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times of the rows [s].
-    there : ndarray of bool, shape (n,)
-        At which it has a sample.
-    """
-    steps = np.diff(t[there])
-    if steps.size < MIN_STEPS_OF_A_RATE:
-        return False
-    own, is_own = _period(t, steps)
-    return is_own and float(np.mean(np.abs(steps / own - 1.0) < 0.5)) > MIN_SHARE_OF_OWN_STEPS
 
 
 def _missing(t: Array, there: NDArray[np.bool_]) -> list[str]:
@@ -163,16 +143,6 @@ def _gaps(t: Array, limit: float) -> list[str]:
     longest = int(gaps[np.argmax(steps[gaps])])
     lost = float(np.sum(steps[gaps] / dt - 1.0))
     return [words.gaps(gaps.size, round(lost), float(steps[longest]), float(t[longest]))]
-
-
-def _period(logged: Array, steps: Array) -> tuple[float, bool]:
-    """The sampling period [s], and whether it is the channel's own: a channel of half the log's rate has every second
-    sample, one that lost half of them at random has neighbours too, and the log's period.
-    """
-    own, of_log = float(np.median(steps)), float(np.median(np.diff(logged)))
-    neighbours = float(np.mean(np.abs(steps / of_log - 1.0) < 0.1))
-    lost = own > GAP_IN_PERIODS * of_log and neighbours >= MIN_SHARE_OF_NEIGHBOURS
-    return (of_log, False) if lost else (own, own > GAP_IN_PERIODS * of_log)
 
 
 def _check_rate(t: Array, steps: Array) -> None:

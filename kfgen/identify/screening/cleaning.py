@@ -122,9 +122,12 @@ def contaminated(y: Array) -> tuple[Array, Detection, float] | None:
     local = np.concatenate([np.full(p.size, level) for p, level in zip(parts, levels)])
     z = noise / local
     mixture = Mixture.fitted(z, (0.0, 1.0))
-    if mixture is None or mixture.evidence < MIN_EVIDENCE_NATS or mixture.kappa < MIN_KAPPA:
-        return None
-    if mixture.is_the_noise:
+    if (
+        mixture is None
+        or mixture.evidence < MIN_EVIDENCE_NATS
+        or mixture.kappa < MIN_KAPPA
+        or mixture.is_the_noise
+    ):
         return None
     rng, scaled = np.random.default_rng(y.size), Outliers.of(mixture, 1.0).effect
     assert isinstance(scaled, Outliers)
