@@ -81,11 +81,18 @@ class IdentifiedEffect:
         """The estimated parameters [SI]."""
         return {p.name: float(getattr(self.effect, p.name)) for p in self.effect.estimated()}
 
+    def said(self, unit: str) -> str:
+        """In words, without the channel, of an effect that has no estimated parameters; in the user's unit."""
+        return "" if self.values else self.effect.sentence("", unit).strip()
+
     def to_dict(self, unit: str) -> dict[str, Any]:
         """Its entry in the JSON of a channel that has the SI unit `unit`."""
-        units = {p.name: derived_unit(p.unit, unit) for p in self.effect.estimated()}
+        units = {p.name: derived_unit(p.unit, unit) for p in self.effect.parameters()}
+        chosen = [p.name for p in self.effect.parameters() if p.kind == "setting"]
+        settings = {n: {"value": float(getattr(self.effect, n)), "unit": units[n]} for n in chosen}
         return {
             "effect": self.name,
+            **({"settings": settings} if settings else {}),
             "parameters": {
                 name: {
                     "value": value,
@@ -126,7 +133,7 @@ class IdentifiedChannel:
     def effects(self) -> tuple[IdentifiedEffect, ...]:
         """The effects that the record shows; a drift of unknown kind is not among them."""
         found = self.fitted
-        return tuple(
+        fitted = [
             IdentifiedEffect(
                 e,
                 {p.name: found.intervals.get((i, p.name), (0.0, np.inf)) for p in e.estimated()},
@@ -134,9 +141,12 @@ class IdentifiedChannel:
             )
             for i, e in enumerate(found.fit.effects)
             if i not in found.unresolved
-        ) + tuple(
+        ]
+        outliers = [
             IdentifiedEffect(part.outliers, part.ci95, {}) for part in self.left_out[:1] if part.outliers
-        )
+        ]
+        response = [IdentifiedEffect(found.response, {}, {})] if found.response else []
+        return (*fitted, *outliers, *response)
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -244,6 +254,7 @@ class IdentifiedChannel:
             for e in self.effects
             for p, (name, value) in zip(e.effect.estimated(), e.values.items())
         ]
+        sizes += [f"{e.name} ({said})" for e in self.effects if (said := e.said(unit))]
         drift = ["a drift of unknown kind"] if self.fitted.unresolved else []
         return f"{self.name}: {', '.join([*sizes, *drift])}"
 
@@ -343,4 +354,5 @@ class Identification(Result):
                     )
                     value = quantity(effect.values[p.name], u)
                     rows.append([name, f"{effect.name} {p.name}", value, f"{lo} to {hi}"])
+                rows += [[name, effect.name, said, ""]] if (said := effect.said(unit)) else []
         return ("channel", "parameter", "value", "95 % interval"), rows

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect, effect_named
+from kfgen.effects.process.sensor_response import SensorResponse
 from kfgen.identify import words
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.kalman import Exact
@@ -26,6 +27,7 @@ from kfgen.identify.fit.goodness import widening
 from kfgen.identify.fit.interval import stretched
 from kfgen.identify.fit.limits import Limit
 from kfgen.identify.fit.lines import PeriodicLine, find_lines, is_of, with_harmonics, without_line
+from kfgen.identify.fit.response import response_beyond
 from kfgen.identify.methods.likelihood import METHODS
 from kfgen.identify.screening.cleaning import cleaned, outliers_said
 from kfgen.identify.screening.record_faults import (
@@ -64,6 +66,8 @@ class Identified:
         What was fitted: without outliers, with the bands that were left out.
     warnings : tuple of str
     lines : tuple of PeriodicLine
+    response : SensorResponse, optional
+        The gain above the frequency from which on an internal low-pass takes power away.
     """
 
     fit: Fit
@@ -75,6 +79,7 @@ class Identified:
     covariance: Array
     warnings: tuple[str, ...] = ()
     lines: tuple[PeriodicLine, ...] = ()
+    response: SensorResponse | None = None
 
 
 def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str = "ml") -> Identified:
@@ -130,7 +135,17 @@ def identify(record: Evidence, wanted: Sequence[str] | None = None, method: str 
         found.covariance * np.outer(scale, scale),
         (*drift, *warnings, *found.warnings, *_misfit(factors)),
         tuple(lines),
+        _response(clean, found.fit.effects),
     )
+
+
+def _response(record: Evidence, effects: Sequence[Effect]) -> SensorResponse | None:
+    """Beyond the frequency from which on nothing was fitted, where the records reach beyond it."""
+    if isinstance(record, Exact) and record.drawn:
+        return None
+    records = [r for r in records_within(record) if r.block * r.averaged == 1]
+    cuts = [lo for r in records for lo, hi in r.skip if hi == float("inf")]
+    return response_beyond(min(cuts), records, effects) if cuts and len(cuts) == len(records) else None
 
 
 def exactly(record: Evidence) -> Evidence:

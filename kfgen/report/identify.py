@@ -102,6 +102,7 @@ def _rows(channel: IdentifiedChannel, unit: str) -> list[list[str]]:
                     _bound(bound),
                 ]
             )
+        rows += [[e.name, said, "", "", ""]] if (said := e.said(unit)) else []
     return rows
 
 
@@ -125,7 +126,7 @@ def one_line(channel: IdentifiedChannel) -> str:
     """What was found of a channel, in one line."""
     parts, unit = [], display_unit(channel.unit)
     for e in channel.effects:
-        sizes = [_size(e, p, derived_unit(p.unit, unit)) for p in e.effect.estimated()]
+        sizes = [_size(e, p, derived_unit(p.unit, unit)) for p in e.effect.estimated()] or [e.said(unit)]
         parts.append(sizes[0] if len(sizes) == 1 else f"{e.name} ({', '.join(sizes)})")
     tones = [f"{line.frequency:.3g}" for line in channel.lines]
     parts += [f"line {tones[0]} Hz"] if len(tones) == 1 else []

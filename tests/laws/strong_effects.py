@@ -59,6 +59,7 @@ REST = (
     strong("periodic_wave", *BOTH, size=RATE, period=2.0, duty=0.3, flank=0.05, start=0.4),
     strong("resonance", *BOTH, frequency=11.0, damping=0.02, rms=RATE),
     strong("low_pass", *BOTH, corner=5.0),
+    strong("sensor_response", *BOTH, start=2.0, end=50.0, **{f"gain_{k}": 0.8**k for k in range(1, 9)}),
     strong("random_telegraph", *BOTH, size=RATE, dwell=5.0),
     strong("bias_step", *BOTH, size=RATE, time=20.0),
     strong("noise_change", *BOTH, ratio=4.0, time=20.0),

@@ -46,6 +46,7 @@ OF_SAMPLES = {"stuck"}
 """Found among the samples before any model, by `kfgen.gap.rest.bad_samples`."""
 REASONS = {
     "bias": "a constant of a record at rest is fitted freely, whatever it is",
+    "sensor_response": "the model's own: gap names what differs from it low_pass, identify describes it",
     "sign_error": "of noise about an unknown constant nothing shows its sign",
     "axis_swap": "of one channel at rest nothing shows which axis it reads",
     "too_early": "a stationary noise that is shifted is the same noise",
