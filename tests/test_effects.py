@@ -70,7 +70,9 @@ POSITIVE = ("size", "time", "frequency", "ratio", "slope", "width")
 def example(cls: type[Effect]) -> Effect:
     """An effect with plain numbers, its settings as declared where they have a default."""
     if cls is SensorResponse:
-        return SensorResponse.through(0.5, 5.0, np.geomspace(0.9, 0.2, GAINS).tolist())
+        return SensorResponse.through(
+            0.5, np.linspace(1.0, 5.0, GAINS).tolist(), np.geomspace(0.9, 0.2, GAINS).tolist()
+        )
     settings = {p.name for p in cls.parameters() if p.kind == "setting" and hasattr(cls, p.name)}
     return cls(**{p.name: KINDS[p.kind] for p in cls.parameters() if p.name not in settings})
 

@@ -54,6 +54,8 @@ class WhiteSeries:
         The systems of the slow noise that is in the model.
     wander : (mean, standard deviation)
         As `level`, of the slow noise.
+    ends : int
+        Samples at either end whose noise a filter in the model keeps from being white.
     """
 
     t: Array
@@ -66,6 +68,7 @@ class WhiteSeries:
     drive: Mapping[str, Array]
     forms: tuple[LinearSystem, ...] = ()
     wander: tuple[float, float] = (0.0, 1.0)
+    ends: int = 0
 
     @property
     def n(self) -> int:
@@ -79,23 +82,36 @@ class WhiteSeries:
 
     @cached_property
     def X(self) -> Array:
-        """Whitened cosine ordinates, unit normal deviates under the model, shape (n,)."""
+        """Whitened cosine ordinates, unit normal deviates under the model, shape (n,).
+
+        Where a filter in the model stops, and nothing is looked at, such deviates are drawn, the same ones each time.
+        """
         from scipy.fft import dct
 
         X = dct(self.y, type=2, norm="ortho") * self.weight
-        return np.asarray(X - self.nuisance @ (self.nuisance.T @ X))
+        X = np.asarray(X - self.nuisance @ (self.nuisance.T @ X))
+        stopped = np.flatnonzero(self.weight[1:] <= 0.0) + 1
+        X[stopped] = np.random.default_rng(0).standard_normal(stopped.size)
+        return X
 
     @cached_property
     def z(self) -> Array:
-        """The white series in time, shape (n,)."""
-        return self.in_time(self.X)
+        """The white series in time, shape (n,); unit normal deviates are drawn over its ends."""
+        return self._drawn_over_ends(self.in_time(self.X))
 
     @cached_property
     def fast(self) -> Array:
         """The white series without its lowest twentieth of frequencies, of unit variance, shape (n,)."""
         low = self.n // 20
         quick = self.in_time(np.where(np.arange(self.n) < low, 0.0, self.X))
-        return np.asarray(quick / np.sqrt(1.0 - low / self.n))
+        return self._drawn_over_ends(np.asarray(quick / np.sqrt(1.0 - low / self.n)))
+
+    def _drawn_over_ends(self, z: Array) -> Array:
+        """The series with unit normal deviates, the same ones each time, where it cannot be white."""
+        if self.ends:
+            drawn = np.random.default_rng(1).standard_normal((2, self.ends))
+            z[: self.ends], z[self.n - self.ends :] = drawn
+        return z
 
     def regression(self, x: Array) -> tuple[float, Array]:
         """On a shape (n,): the coefficient in standard deviations, and the shape's whitened ordinates."""

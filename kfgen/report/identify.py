@@ -46,6 +46,7 @@ def identify_answer(found: Identification) -> Answer:
         rows, missing = _rows(channel, unit), _missing(channel, unit)
         words = channel.fitted.record.words
         lines += ["", f"{name}: {words}", columns(rows)]
+        lines += [f"  {e.name}: {e.said(unit)}" for e in channel.effects if not e.values]
         lines += [f"  {line}" for line in missing]
         parts += [
             heading(name),
@@ -102,7 +103,6 @@ def _rows(channel: IdentifiedChannel, unit: str) -> list[list[str]]:
                     _bound(bound),
                 ]
             )
-        rows += [[e.name, said, "", "", ""]] if (said := e.said(unit)) else []
     return rows
 
 

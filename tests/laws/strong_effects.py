@@ -44,6 +44,9 @@ GYRO = ("gyro_x",)
 BOTH = ("gyro_x", "accel_x")
 TRIADS = ("gyro", "accel", "mag")
 
+RESPONSE = {k: v for i in range(1, 13) for k, v in ((f"frequency_{i}", 2.0 + 4.0 * i), (f"gain_{i}", 0.8**i))}
+"""Of a sensor that passes less and less."""
+
 REST = (
     strong("white_noise", *BOTH, N=1e-2),
     strong("sample_noise", *BOTH, sd=0.1),
@@ -59,7 +62,7 @@ REST = (
     strong("periodic_wave", *BOTH, size=RATE, period=2.0, duty=0.3, flank=0.05, start=0.4),
     strong("resonance", *BOTH, frequency=11.0, damping=0.02, rms=RATE),
     strong("low_pass", *BOTH, corner=5.0),
-    strong("sensor_response", *BOTH, start=2.0, end=50.0, **{f"gain_{k}": 0.8**k for k in range(1, 9)}),
+    strong("sensor_response", *BOTH, start=2.0, **RESPONSE),
     strong("random_telegraph", *BOTH, size=RATE, dwell=5.0),
     strong("bias_step", *BOTH, size=RATE, time=20.0),
     strong("noise_change", *BOTH, ratio=4.0, time=20.0),

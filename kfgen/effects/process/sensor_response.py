@@ -15,73 +15,74 @@ from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 
 Array = NDArray[np.float64]
 
-GAINS = 8
-"""Gains that describe a response."""
-
-
-def hats(f: Array, start: float, end: float) -> Array:
-    """How much of each gain's logarithm is that of the response at frequencies, shape (m, `GAINS`).
-
-    Parameters
-    ----------
-    f : ndarray, shape (m,)
-        Frequency [Hz].
-    start, end : float
-        Where the gain is still one, and where the last gain stands [Hz].
-
-    Returns
-    -------
-    ndarray, shape (m, GAINS)
-        Between two gains the shares of both sum to one.
-    """
-    knots = np.linspace(start, end, GAINS + 1)
-    return np.array([np.interp(f, knots, row) for row in np.eye(GAINS + 1)[1:]]).T
+GAINS = 12
+"""Frequencies at which a response is described."""
 
 
 @dataclass(frozen=True)
 class SensorResponse(AddsNothingAtRest):
-    """The gain over frequency: one up to `start`, then its logarithm goes in straight lines from gain to gain up to `end`.
+    """The gain over frequency: one up to `start`, then its logarithm goes in straight lines from gain to gain.
 
-    The gains stand at equal steps of frequency. Beyond `end` the last one holds.
+    Beyond the last frequency the last gain holds.
     """
 
     start: Any = parameter("Hz", "setting")
-    end: Any = parameter("Hz", "setting")
+    frequency_1: Any = parameter("Hz", "setting")
     gain_1: Any = parameter("", "setting")
+    frequency_2: Any = parameter("Hz", "setting")
     gain_2: Any = parameter("", "setting")
+    frequency_3: Any = parameter("Hz", "setting")
     gain_3: Any = parameter("", "setting")
+    frequency_4: Any = parameter("Hz", "setting")
     gain_4: Any = parameter("", "setting")
+    frequency_5: Any = parameter("Hz", "setting")
     gain_5: Any = parameter("", "setting")
+    frequency_6: Any = parameter("Hz", "setting")
     gain_6: Any = parameter("", "setting")
+    frequency_7: Any = parameter("Hz", "setting")
     gain_7: Any = parameter("", "setting")
+    frequency_8: Any = parameter("Hz", "setting")
     gain_8: Any = parameter("", "setting")
+    frequency_9: Any = parameter("Hz", "setting")
+    gain_9: Any = parameter("", "setting")
+    frequency_10: Any = parameter("Hz", "setting")
+    gain_10: Any = parameter("", "setting")
+    frequency_11: Any = parameter("Hz", "setting")
+    gain_11: Any = parameter("", "setting")
+    frequency_12: Any = parameter("Hz", "setting")
+    gain_12: Any = parameter("", "setting")
 
     name: ClassVar[str] = "sensor_response"
     title: ClassVar[str] = "gain of the sensor over frequency"
     separating_experiment: ClassVar[str] = "a higher sampling rate"
     sentence_template: ClassVar[str] = (
-        "passes everything up to {start}, and {gain_8} of an amplitude at {end}"
+        "passes everything up to {start}, and {gain_12} of an amplitude at {frequency_12}"
     )
     is_filter: ClassVar[bool] = True
 
     @classmethod
-    def through(cls, start: float, end: float, gains: Sequence[float]) -> SensorResponse:
-        """Of gains at equal steps of frequency.
+    def through(cls, start: float, frequencies: Sequence[float], gains: Sequence[float]) -> SensorResponse:
+        """Through gains at frequencies.
 
         Parameters
         ----------
         start : float
             Up to it the gain is one [Hz].
-        end : float
-            Where the last gain stands [Hz].
+        frequencies : sequence of float
+            Rising, `GAINS` of them [Hz].
         gains : sequence of float
-            Ratios of amplitudes, `GAINS` of them.
+            Ratios of amplitudes there.
 
         Returns
         -------
         SensorResponse
         """
-        return cls(start, end, *(float(g) for g in gains))
+        return cls(start, *(float(x) for pair in zip(frequencies, gains, strict=True) for x in pair))
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """`start` and the frequencies of the gains [Hz]."""
+        return (float(self.start), *(float(getattr(self, f"frequency_{k}")) for k in range(1, GAINS + 1)))
 
     @property
     def gains(self) -> tuple[float, ...]:
@@ -95,14 +96,14 @@ class SensorResponse(AddsNothingAtRest):
         Raises
         ------
         InputError
-            Also where a gain is not positive, or `end` is not above `start`.
+            Also where a gain is not positive, or the frequencies do not rise.
         """
         read = super().read(entry, unit, where)
-        if not 0.0 <= float(read.start) < float(read.end):
+        if read.knots[0] < 0.0 or min(np.diff(read.knots)) <= 0.0:
             raise InputError(
-                f"end = {entry['end']!r} is not above start = {entry['start']!r}",
+                "the frequencies do not rise",
                 where=where,
-                remedy="Give the frequencies up to which the gain is one, and at which gain_8 holds",
+                remedy="Give start, then frequency_1 and so on above it",
             )
         if min(read.gains) <= 0.0:
             raise InputError(
@@ -121,7 +122,7 @@ class SensorResponse(AddsNothingAtRest):
     def response(self, omega: Array, dt: float) -> Array:
         """Square of the gain."""
         f = omega / (2.0 * np.pi * dt)
-        return np.exp(2.0 * hats(f, float(self.start), float(self.end)) @ np.log(self.gains))
+        return np.asarray(np.exp(2.0 * np.interp(f, self.knots, [0.0, *np.log(self.gains)])))
 
     def apply_to(
         self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None

@@ -32,6 +32,8 @@ MAX_HISTORY_CELLS = 65536
 """The same where a history of the bursts is drawn."""
 MIN_BURSTS_IN_RECORD = 8.0
 """Bursts of the longest mean length that the record must hold."""
+MIN_BURSTS_SEEN = 1.5
+"""Bursts that the record must hold: one alone, a knock on the bench, neither comes nor goes again."""
 SCATTER_WIDTHS_CELLS = (1, 4, 16, 64)
 """Numbers of cells over which squares are summed to see whether their level changes at all."""
 MIN_SCATTER_SIGMAS = 3.5
@@ -88,6 +90,8 @@ class IntermittentNoise(AddsNothingAtRest):
             name: (float(getattr(low, name)), float(getattr(high, name)))
             for name in ("ratio", "share", "lasting")
         }
+        if float(middle.share) * series.n * series.dt < MIN_BURSTS_SEEN * float(middle.lasting):
+            return []
         return [Detection(middle, 0.0, best.log - alone - float(prior), ci95)]
 
     @classmethod

@@ -94,14 +94,7 @@ def battery(
             tests.append(_driven(record, effects, coefficients, shown[0]))
     tests += [_followed(series, name) for name in series.drive if name not in DRIVERS]
     tests += [_louder(series, name) for name in series.drive]
-    return holm([*tests, *_of_passed(series)])
-
-
-def _of_passed(series: WhiteSeries) -> list[Test]:
-    """Tests of the white series; without the upper end of the band where a filter stops, so at fewer times."""
-    X = series.X[: int(np.flatnonzero(series.weight)[-1]) + 1]
-    z = series.z if X.size == series.n else WhiteSeries.in_time(X)
-    return white_tests(z, series.dt * series.n / X.size, X)
+    return holm([*tests, *white_tests(series.z, series.dt, series.X)])
 
 
 def bands(data: Ordinates) -> list[tuple[int, int]]:

@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 
 DENSITY_GRID_POINTS = 512
 """Frequencies at which a density is computed; between them it is interpolated."""
+SAMPLES_ABOUT_AN_END = 1024
+"""Of a record that stands for the ends of longer ones."""
+MAX_RISE_OF_VARIANCE = 0.1
+"""By which the variance of a whitened sample may exceed one."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,38 @@ class Whitener:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
         passed = filtered(effects, omega, dt, averaged, n) >= MIN_PASSED_POWER_SHARE
         return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], passed / np.sqrt(S)]))
+
+    def ends(self, effects: Sequence[Effect], dt: float) -> int:
+        """Samples at either end that are not white again, because a record does not go on beyond them.
+
+        A cosine transform mirrors the record at its ends, where its slope jumps; what a filter holds back is then
+        above the little that it lets pass.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Of which the weight was made.
+        dt : float
+            Sampling period [s].
+
+        Returns
+        -------
+        int
+            Zero without an effect that filters.
+        """
+        from scipy.fft import dctn, idctn, irfft
+        from scipy.linalg import toeplitz
+
+        fast = [e for e in effects if not e.form().order or e.is_filter]
+        if not any(e.is_filter for e in fast):
+            return 0
+        m, n = min(SAMPLES_ABOUT_AN_END, self.weight.size), self.weight.size
+        omega = np.maximum(np.linspace(0.0, np.pi, 2 * m + 1), 1e-6 / m)
+        gamma = irfft(sampled_spectrum(fast, omega, dt))[:m]
+        w = np.interp(np.arange(m) / m, np.arange(n) / n, self.weight)
+        variance = np.diag(idctn(np.outer(w, w) * dctn(toeplitz(gamma), norm="ortho"), norm="ortho"))
+        high = np.flatnonzero(variance[: m // 4] > 1.0 + MAX_RISE_OF_VARIANCE)
+        return int(high[-1]) + 1 if high.size else 0
 
     def ordinates(self, x: Array) -> Array:
         """Whitened cosine coefficients, shape (n, ...), of samples along the first axis."""

@@ -1,0 +1,140 @@
+"""A sensor whose own low-pass lies below half the rate: identify describes it, gap takes it from the file.
+
+Records are white noise through filters of scipy, rounded to a tenth of its standard deviation as a converter does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, firwin, freqz, lfilter
+
+import kfgen as kf
+from kfgen.core.errors import InputError
+from kfgen.effects.noise_model import parse_noise
+from kfgen.effects.process.sensor_response import GAINS, SensorResponse
+from kfgen.identify.evidence.joint import JointRecord
+from kfgen.identify.evidence.record import Record
+from kfgen.identify.identify import Identified, identify
+
+Array = NDArray[np.float64]
+
+RATE = 100.0
+N = 0.1
+"""Density of the noise that is passed [rad/s/sqrt(Hz)]."""
+STEP = 0.1 * N * RATE**0.5
+"""Of the converter [rad/s]."""
+FILTERS = {
+    "first order": butter(1, 10.0, fs=RATE),
+    "fourth order": butter(4, 20.0, fs=RATE),
+    "finite impulse response": (firwin(31, 25.0, fs=RATE), [1.0]),
+    "mean of five": (np.ones(5) / 5.0, [1.0]),
+}
+
+
+def passed(name: str, seed: int, n: int = 12_000) -> Array:
+    """A record of the sensor."""
+    white = N * RATE**0.5 * np.random.default_rng([seed, 1763]).standard_normal(n + 1000)
+    return np.asarray(np.round(lfilter(*FILTERS[name], white)[1000:] / STEP) * STEP)
+
+
+def true_power(name: str, f: Array) -> Array:
+    """Of the samples over that of the noise that is passed; a converter adds a twelfth of the square of its step."""
+    return np.asarray(np.abs(freqz(*FILTERS[name], worN=f, fs=RATE)[1]) ** 2 + STEP**2 / 12.0 / (N**2 * RATE))
+
+
+def identified(y: Array) -> Identified:
+    return identify(Record(np.arange(y.size) / RATE, y))
+
+
+def log_of(y: Array, path: Path) -> str:
+    """The record as a file."""
+    t = np.arange(y.size) / RATE
+    np.savetxt(path, np.column_stack([t, y]), delimiter=",", header="t [s],gyro_x [rad/s]", comments="")
+    return str(path)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_the_gain_is_that_of_the_filter(name: str) -> None:
+    """In bands of 2.5 Hz: 300 ordinates of 12,000 samples are known to 8 %, and the line to less; four of those."""
+    found = identified(passed(name, 1))
+    assert found.response is not None
+    white = found.fit.effects[0]
+    f = np.linspace(found.response.knots[0], 0.5 * RATE - 0.1, 2000)
+    described = found.response.response(2.0 * np.pi * f / RATE, 1.0 / RATE) * (float(white.N) / N) ** 2
+    band = (f // 2.5).astype(int)
+    power, true = (np.bincount(band, x)[band.min() :] for x in (described, true_power(name, f)))
+    np.testing.assert_allclose(power / true, 1.0, atol=0.32)
+    assert abs(np.log(power.sum() / true.sum())) < 0.1
+    assert found.response.gains[-1] == pytest.approx(np.sqrt(true_power(name, np.array([49.9]))[0]), rel=0.35)
+
+
+def test_white_noise_has_no_response() -> None:
+    assert identified(passed("first order", 2) + 0.0).response is not None
+    white = np.random.default_rng(3).standard_normal(12_000)
+    assert identified(white).response is None
+
+
+@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("seed", [2, 3])
+def test_another_record_of_the_sensor_has_no_gap(name: str, seed: int, tmp_path: Path) -> None:
+    """Without the response each is a low-pass that is missing. A gap that is none is found in 0.5 % of records."""
+    kf.identify(log_of(passed(name, seed), tmp_path / "a.csv")).save(tmp_path / "n.toml")
+    found = kf.find_gap(log_of(passed(name, seed + 100), tmp_path / "b.csv"), str(tmp_path / "n.toml"))
+    assert found.verdict == "no_gap"
+
+
+@pytest.mark.parametrize(
+    ("hidden", "what"),
+    [
+        (lambda t, _: 0.15 * np.sin(2.0 * np.pi * 31.3 * t), "sinusoid"),
+        (lambda t, _: 0.5 * (t > 70.0), "bias_step"),
+        (lambda t, _: 1.7 * passed("fourth order", 7) * (t > 50.0), "noise_change"),
+    ],
+)
+def test_an_effect_beside_the_response_is_named(
+    hidden: Callable[[Array, Array], Array], what: str, tmp_path: Path
+) -> None:
+    """A line above the corner, a step, and noise that doubles."""
+    kf.identify(log_of(passed("fourth order", 5), tmp_path / "a.csv")).save(tmp_path / "n.toml")
+    y = passed("fourth order", 6)
+    log = log_of(y + hidden(np.arange(y.size) / RATE, y), tmp_path / "b.csv")
+    found = kf.find_gap(log, str(tmp_path / "n.toml"))
+    assert [f.name for f in found.findings] == [what]
+    assert found.findings[0].probability > 0.9
+
+
+def test_several_logs_have_one_response() -> None:
+    parts = [passed("first order", s, 6000) for s in (8, 9)]
+    records = tuple(Record(np.arange(y.size) / RATE, y) for y in parts)
+    found = identify(JointRecord(records)).response
+    assert found is not None
+    assert found.gains[-1] == pytest.approx(np.sqrt(true_power("first order", np.array([49.9]))[0]), rel=0.2)
+
+
+def test_a_response_is_simulated_as_it_is_described() -> None:
+    """Power in tenths of the band: 1000 ordinates are known to 4.5 %, four of those."""
+    response = SensorResponse.through(10.0, np.linspace(12.0, 50.0, GAINS), np.geomspace(0.95, 0.1, GAINS))
+    t, rng = np.arange(20_000) / RATE, np.random.default_rng(11)
+    y = response.apply_to(rng.standard_normal(t.size), t, rng)
+    power = np.abs(np.fft.rfft(y))[1:] ** 2 / t.size
+    omega = np.arange(1, power.size + 1) * 2.0 * np.pi / t.size
+    ratio = (power / response.response(omega, 1.0 / RATE)).reshape(10, -1).mean(axis=1)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.18)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [(("gain_3", "0"), "gain is not positive"), (("frequency_3", "60 Hz"), "frequencies do not rise")],
+)
+def test_a_response_that_is_none_is_refused(change: tuple[str, str], said: str) -> None:
+    numbers = {f"frequency_{k}": f"{10 + k} Hz" for k in range(1, GAINS + 1)}
+    numbers |= {f"gain_{k}": "0.5" for k in range(1, GAINS + 1)} | dict([change])
+    entry = ", ".join(f'{k} = "{v}"' for k, v in numbers.items())
+    text = f'format = "kfgen-noise-1"\n[gyro_x]\nunit = "rad/s"\neffects = [{{ effect = "sensor_response", start = "10 Hz", {entry} }}]\n'
+    with pytest.raises(InputError, match=said):
+        parse_noise(text, "noise.toml")
