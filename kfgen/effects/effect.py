@@ -95,6 +95,8 @@ class Effect:
     driver: ClassVar[str] = ""
     repeatable: ClassVar[bool] = False
     is_filter: ClassVar[bool] = False
+    is_measured: ClassVar[bool] = False
+    """Of a filter: whether its gain is that of the samples themselves, with what is added behind it."""
     shrinks_with_size: ClassVar[bool] = False
     prior_penalty_nats: ClassVar[float] = 0.0
     changes_samples: ClassVar[bool] = False

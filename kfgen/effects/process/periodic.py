@@ -182,7 +182,7 @@ class Resonance(LinearProcess):
             r = np.maximum((power[hi] - power[lo]) / np.maximum(m, 1), 1e-6)
             gain = np.where((r > 1.0) & (m > 2), 0.5 * m * (r - 1.0 - np.log(r)), 0.0)
             k = int(np.argmax(gain))
-            if gain[k] > 4.0:
+            if gain[k] > 4.0 and series.weight[int(centre[k])] > 0.0:
                 f = float(centre[k]) / (2.0 * n * series.dt)
                 S = 1.0 / float(series.weight[int(centre[k])]) ** 2
                 rms = np.sqrt((float(r[k]) - 1.0) * S * series.dt * damping * 2.0 * np.pi * f)

@@ -59,6 +59,7 @@ class SensorResponse(AddsNothingAtRest):
         "passes everything up to {start}, and {gain_12} of an amplitude at {frequency_12}"
     )
     is_filter: ClassVar[bool] = True
+    is_measured: ClassVar[bool] = True
 
     @classmethod
     def through(cls, start: float, frequencies: Sequence[float], gains: Sequence[float]) -> SensorResponse:

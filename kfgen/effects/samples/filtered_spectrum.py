@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 MIN_PASSED_POWER_SHARE = 1e-3
 """Share of the power that a filter passes below which a frequency is left out: rounding and the ends of the
-record show there, and not the noise."""
+record show there, and not the noise. A filter whose gain is measured has them in it."""
 MAX_LEAK_LAGS = 2048
 """Lags [samples] over which the output of a filter is correlated at most."""
 
@@ -73,6 +73,11 @@ def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1,
             + _leak(filtered(effects, np.pi * np.arange(MAX_LEAK_LAGS + 1) / MAX_LEAK_LAGS, dt), omega) / n
         )
     return out
+
+
+def filters_that_stop(effects: Sequence[Effect]) -> list[Effect]:
+    """Of effects the filters that may pass less than a record shows."""
+    return [e for e in effects if e.is_filter and not e.is_measured]
 
 
 def _leak(factor: Array, omega: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, filtered, sampled_spectrum
-from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE
+from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE, filters_that_stop
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ class Whitener:
         S = np.maximum(sampled_spectrum(effects, grid, dt, averaged, n), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
-        passed = filtered(effects, omega, dt, averaged, n) >= MIN_PASSED_POWER_SHARE
+        passed = filtered(filters_that_stop(effects), omega, dt, averaged, n) >= MIN_PASSED_POWER_SHARE
         return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], passed / np.sqrt(S)]))
 
     def ends(self, effects: Sequence[Effect], dt: float) -> int:

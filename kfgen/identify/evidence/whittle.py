@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.recent_results import RecentResults
 from kfgen.effects import Effect, filtered, sampled_spectrum
-from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE
+from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE, filters_that_stop
 from kfgen.identify.evidence.peaks import SpectralPeak, split_edges
 from kfgen.identify.evidence.shapes import RECENT, Key, Shapes
 
@@ -119,7 +119,7 @@ class Ordinates:
 
     def _density(self, effects: Sequence[Effect]) -> Array:
         S = self._shapes.total(effects)
-        stopped = self._shapes.factor(effects) < MIN_PASSED_POWER_SHARE
+        stopped = self._shapes.factor(filters_that_stop(effects)) < MIN_PASSED_POWER_SHARE
         return np.where(stopped, self.gram[:, 0, 0] / self.count, S) if np.any(stopped) else S
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
