@@ -44,7 +44,7 @@ GYRO = ("gyro_x",)
 BOTH = ("gyro_x", "accel_x")
 TRIADS = ("gyro", "accel", "mag")
 
-RESPONSE = {k: v for i in range(1, 13) for k, v in ((f"frequency_{i}", 2.0 + 4.0 * i), (f"gain_{i}", 0.8**i))}
+RESPONSE = {k: v for i in range(1, 17) for k, v in ((f"frequency_{i}", 2.0 + 3.0 * i), (f"gain_{i}", 0.8**i))}
 """Of a sensor that passes less and less."""
 
 REST = (

@@ -15,7 +15,7 @@ from kfgen.effects.filter_role import FilterPlace, FilterRole, NotModelled
 
 Array = NDArray[np.float64]
 
-GAINS = 12
+GAINS = 16
 """Frequencies at which a response is described."""
 
 
@@ -51,12 +51,20 @@ class SensorResponse(AddsNothingAtRest):
     gain_11: Any = parameter("", "setting")
     frequency_12: Any = parameter("Hz", "setting")
     gain_12: Any = parameter("", "setting")
+    frequency_13: Any = parameter("Hz", "setting")
+    gain_13: Any = parameter("", "setting")
+    frequency_14: Any = parameter("Hz", "setting")
+    gain_14: Any = parameter("", "setting")
+    frequency_15: Any = parameter("Hz", "setting")
+    gain_15: Any = parameter("", "setting")
+    frequency_16: Any = parameter("Hz", "setting")
+    gain_16: Any = parameter("", "setting")
 
     name: ClassVar[str] = "sensor_response"
     title: ClassVar[str] = "gain of the sensor over frequency"
     separating_experiment: ClassVar[str] = "a higher sampling rate"
     sentence_template: ClassVar[str] = (
-        "passes everything up to {start}, and {gain_12} of an amplitude at {frequency_12}"
+        "passes everything up to {start}, and {gain_16} of an amplitude at {frequency_16}"
     )
     is_filter: ClassVar[bool] = True
     is_measured: ClassVar[bool] = True

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.effects import Effect, catalogue
-from kfgen.effects.process.sensor_response import GAINS, SensorResponse
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, log_mean
 from kfgen.gap.core.search import Label
 from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.trust import chance_of_gains
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, as_it_stands, curvature, maximise
@@ -46,8 +46,6 @@ MAX_LOSS_OF_PLACE_NATS = 20.0
 """Evidence against the best of several places beyond which the noise is not fitted anew."""
 START_SIZE_FACTORS = (1.0, 0.3, 0.1, 0.03)
 """Of the start value's: sizes at which a candidate is tried before it is fitted."""
-CHANCE_OF_GAINS_NATS = 0.5 * GAINS
-"""What the chance errors of the gains of a response are worth in its own record."""
 RETUNED_SD_OF_LOG = 0.7
 """Standard deviation of the logarithm of a number that is no longer trusted: a factor of two either way."""
 
@@ -207,18 +205,18 @@ def candidates(base: Candidate, without: frozenset[str] = frozenset()) -> list[C
     allowed = additions(base, series_of(base), without)
     cost = float(np.log(len(allowed) + 1))
     reference = log_evidence(base.problem, base.fit) + cost
-    rarer = [_rarer_by_nats(f[0].effect, base.fit.effects) for f in allowed]
-    found = [_added(f, base, reference + r, cost + r) for f, r in zip(allowed, rarer)]
+    found = [
+        _added(f, base, reference + f[0].effect.rarer_by_nats(), cost + f[0].effect.rarer_by_nats())
+        for f in allowed
+    ]
+    found = [
+        c if c.changes_samples else replace(c, gain=c.gain - chance_of_gains(c.problem.record, c.fit.effects))
+        for c in found
+    ]
     found = [c for c in found if np.isfinite(c.gain)]
     if RETUNE not in without:
         found.append(_retuned(base, reference))
     return sorted(found, key=lambda c: -c.gain)
-
-
-def _rarer_by_nats(effect: Effect, known: Sequence[Effect]) -> float:
-    """Beside a response whose gains were estimated, another filter pays for what they are off by chance."""
-    beside = effect.is_filter and any(isinstance(e, SensorResponse) for e in known)
-    return effect.rarer_by_nats() + CHANCE_OF_GAINS_NATS * beside
 
 
 def additions(

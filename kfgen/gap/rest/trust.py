@@ -10,7 +10,8 @@ import numpy as np
 from kfgen.core.errors import InputError
 from kfgen.effects import Effect
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.identify.evidence.record import Record
+from kfgen.effects.process.sensor_response import SensorResponse
+from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Fit, Key, Prior, Problem, maximise
 from kfgen.identify.identify import MIN_SAMPLES
 
@@ -19,6 +20,8 @@ DEFAULT_RELATIVE_SD = 0.1
 MIN_RELATIVE_SD = 0.02
 MAX_SHIFT_SD = 1.0
 """Standard deviations from an assumed number beyond which it does not hold."""
+CHANCE_OF_GAINS_NATS = 6.0
+"""What the gains of a response leave unexplained in its own record: no further knot brought more."""
 MIN_RETUNING_NATS = 7.0
 """Nats that assumed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 
@@ -142,3 +145,31 @@ def check_model(channel: str, noise: ChannelNoise) -> None:
             f"the model of {channel} has no white noise",
             remedy="Give it an effect white_noise, or identify it first",
         )
+
+
+def chance_of_gains(record: Evidence, effects: Sequence[Effect]) -> float:
+    """What an addition pays beside a response whose gains were estimated and are off by chance [nats].
+
+    Parameters
+    ----------
+    record : Evidence
+    effects : sequence of Effect
+        The addition last, fitted; one that acts below the response pays nothing.
+
+    Returns
+    -------
+    float
+    """
+    *known, effect = effects
+    starts = [e.knots[0] for e in known if isinstance(e, SensorResponse)]
+    if not starts:
+        return 0.0
+    if effect.coefficients():
+        beyond = float(getattr(effect, "frequency", 0.0)) > starts[0]
+    elif effect.is_filter:
+        beyond = True
+    else:
+        data = record.ordinates(())
+        weight = data.count * (data.part(effect) / data.density(effects)) ** 2
+        beyond = float(weight[data.frequency > starts[0]].sum()) > 0.5 * float(weight.sum())
+    return CHANCE_OF_GAINS_NATS * beyond

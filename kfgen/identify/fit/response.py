@@ -7,6 +7,7 @@ Newton's steps climb to its top. Knots are set one after another where they rais
 References
 ----------
 .. [1] J. H. Friedman, Multivariate adaptive regression splines, Annals of Statistics 19(1), 1991.
+.. [2] H. Akaike, A new look at the statistical model identification, IEEE Trans. Automatic Control 19(6), 1974.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ BINS_PER_DECADE_OF_RESPONSE = 400
 """Of the spectrum, so that a zero of a filter is seen."""
 POSSIBLE_KNOTS = 64
 """Equally spaced frequencies at which a knot may stand."""
-PARAMETERS_OF_A_KNOT = 2
-"""Frequency and gain: each pays half the logarithm of the number of ordinates."""
+NATS_OF_A_KNOT = 2.0 + float(np.log(POSSIBLE_KNOTS))
+"""Gain of log-likelihood that a knot must bring: that of two numbers by chance [2]_, and of the choice of its place."""
 MAX_NEWTON_STEPS = 60
 MAX_STEP_NATS = 1.0
 """Change of the logarithm of a power in one step."""
@@ -64,11 +65,10 @@ def response_beyond(
     end = 0.5 / records[0].dt
     possible = np.linspace(cut_hz, end, POSSIBLE_KNOTS + 1)[1:-1].tolist()
     best = seen.line((cut_hz, end), np.zeros(1))
-    price = 0.5 * PARAMETERS_OF_A_KNOT * float(np.log(seen.count.sum()))
     while len(best.knots) <= GAINS:
         more = [seen.line(*best.with_knot(at)) for at in possible if at not in best.knots]
         better = max(more, key=lambda line: line.likelihood)
-        if better.likelihood < best.likelihood + price:
+        if better.likelihood < best.likelihood + NATS_OF_A_KNOT:
             break
         best = better
     return best.response()
