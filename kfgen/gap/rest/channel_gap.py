@@ -34,7 +34,7 @@ from kfgen.gap.rest.explanation import ChannelExplanation, search_limits
 from kfgen.gap.rest.faults import fault_finding, spoilt, spotted_in
 from kfgen.gap.rest.intervals import closed_intervals
 from kfgen.gap.rest.second_recording import lasts
-from kfgen.gap.rest.trust import check, merged, moved, priors_of, without_assumed_terms
+from kfgen.gap.rest.trust import check, is_among_gains, merged, moved, priors_of, without_assumed_terms
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Evidence, Record
 from kfgen.identify.fit.fit import Problem, maximise
@@ -120,6 +120,7 @@ def channel_gap(
     clean, after = cast(Record, base.problem.record), tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
+    findings = [_beside_gains(f, clean, base.fit.effects) for f in findings]
     checks = checked(search, findings) if findings else None
     objection = own_noise_objection(search) if retuned else ""
     if verdict_of(findings, retuned, after, search.comb_hz, objection) == UNKNOWN_EFFECT:
@@ -146,6 +147,13 @@ def channel_gap(
         checks=checks,
         clean=replace(at.whole, y=at.whole.y - raw.y + clean.y),
     )
+
+
+def _beside_gains(finding: Finding, record: Record, effects: Sequence[Effect]) -> Finding:
+    """As probable as beside misfit where gains of the model that are off would look the same; a line they do not make."""
+    effect = finding.effect
+    sure = effect.coefficients() or effect.changes_samples or not is_among_gains(record, effects, effect)
+    return finding if sure else beside_misfit([finding])[0]
 
 
 def _faults_beside(record: Record, noise: ChannelNoise) -> list[DetectedFault]:

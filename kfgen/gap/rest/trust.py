@@ -22,6 +22,8 @@ MAX_SHIFT_SD = 1.0
 """Standard deviations from an assumed number beyond which it does not hold."""
 CHANCE_OF_GAINS_NATS = 6.0
 """What the gains of a response leave unexplained in its own record: no further knot brought more."""
+CHANCE_OF_GAINS_OF_A_LINE_NATS = 2.0
+"""The same at one frequency: a level that is off by a fifth makes that much of the highest of ten thousand ordinates."""
 MIN_RETUNING_NATS = 7.0
 """Nats that assumed numbers must lose against those of a fit: by chance once in a thousand records with three."""
 
@@ -160,16 +162,34 @@ def chance_of_gains(record: Evidence, effects: Sequence[Effect]) -> float:
     -------
     float
     """
-    *known, effect = effects
-    starts = [e.knots[0] for e in known if isinstance(e, SensorResponse)]
+    price = CHANCE_OF_GAINS_OF_A_LINE_NATS if effects[-1].coefficients() else CHANCE_OF_GAINS_NATS
+    return price * is_among_gains(record, effects[:-1], effects[-1])
+
+
+def is_among_gains(record: Evidence, effects: Sequence[Effect], effect: Effect) -> bool:
+    """Whether an effect acts where a response in the model has its gains.
+
+    Parameters
+    ----------
+    record : Evidence
+    effects : sequence of Effect
+        Of the model, fitted.
+    effect : Effect
+        One of them, or beside them.
+
+    Returns
+    -------
+    bool
+    """
+    starts = [e.knots[0] for e in effects if isinstance(e, SensorResponse)]
     if not starts:
-        return 0.0
+        return False
     if effect.coefficients():
-        beyond = float(getattr(effect, "frequency", 0.0)) > starts[0]
-    elif effect.is_filter:
-        beyond = True
-    else:
-        data = record.ordinates(())
-        weight = data.count * (data.part(effect) / data.density(effects)) ** 2
-        beyond = float(weight[data.frequency > starts[0]].sum()) > 0.5 * float(weight.sum())
-    return CHANCE_OF_GAINS_NATS * beyond
+        period = float(getattr(effect, "period", 0.0))
+        return float(getattr(effect, "frequency", 1.0 / period if period else 0.0)) > starts[0]
+    if effect.is_filter:
+        return True
+    data = record.ordinates(())
+    whole = effects if effect in effects else [*effects, effect]
+    weight = data.count * (data.part(effect) / data.density(whole)) ** 2
+    return float(weight[data.frequency > starts[0]].sum()) > 0.5 * float(weight.sum())

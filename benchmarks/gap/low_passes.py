@@ -1,0 +1,142 @@
+"""Sensors that pass less than half their rate: what is found in a record where nothing is missing.
+
+Usage: python benchmarks/gap/low_passes.py [--count K] [--seed S] [--samples N] [--jobs 2] [--docs]
+
+White noise of a gyro and its random walk go through a filter of scipy (first order, fourth order, a decimator's finite
+impulse response, a mean of five samples), and are rounded to a tenth of the noise. `kfgen identify` sees one record,
+`kfgen gap` the next; beside it stands the same file without the effect `sensor_response`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, firwin, lfilter
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
+from docs_table import write_table
+from tables import share
+
+import kfgen as kf
+from kfgen.effects.noise_model import NoiseModel
+
+Array = NDArray[np.float64]
+
+RATE_HZ = 100.0
+WHITE = 0.1
+"""Density of the white noise [deg/s/sqrt(Hz)]."""
+WALK = 0.01
+"""Of the random walk [deg/s/sqrt(s)] over a tenth of a second."""
+SETTLING_SAMPLES = 1000
+FILTERS = {
+    "first order, 10 Hz": butter(1, 10.0, fs=RATE_HZ),
+    "fourth order, 20 Hz": butter(4, 20.0, fs=RATE_HZ),
+    "decimator, 31 taps, 25 Hz": (firwin(31, 25.0, fs=RATE_HZ), [1.0]),
+    "mean of five samples": (np.ones(5) / 5.0, [1.0]),
+}
+HEAD = [
+    "| low-pass of the sensor | no gap | a name above 90 % | without `sensor_response`: no gap | a name above 90 % |",
+    "|---|---|---|---|---|",
+]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One sensor, two records."""
+
+    filter: str
+    seed: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Verdict and whether a name stands above 90 %."""
+
+    quiet: bool
+    claimed: bool
+
+
+def record(trial: Trial, rng: np.random.Generator) -> Array:
+    """What the sensor's log holds [deg/s]."""
+    sd = WHITE * RATE_HZ**0.5
+    white = sd * rng.standard_normal(trial.samples + SETTLING_SAMPLES)
+    fast = lfilter(*FILTERS[trial.filter], white)[SETTLING_SAMPLES:]
+    y = fast + np.cumsum(WALK * rng.standard_normal(trial.samples))
+    return np.asarray(np.round(y / (0.1 * sd)) * (0.1 * sd))
+
+
+def without_response(noise: NoiseModel) -> NoiseModel:
+    """The file as it would be without the description of the low-pass."""
+    channels = {
+        name: replace(c, terms=tuple(t for t in c.terms if t.effect.name != "sensor_response"))
+        for name, c in noise.channels.items()
+    }
+    return replace(noise, channels=channels)
+
+
+def done(trial: Trial) -> tuple[str, Found, Found]:
+    """What is found with and without the description."""
+    rng = np.random.default_rng([trial.seed, list(FILTERS).index(trial.filter)])
+    t = np.arange(trial.samples) / RATE_HZ
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [f"{folder}/{k}.csv" for k in range(2)]
+        for path in paths:
+            np.savetxt(
+                path,
+                np.column_stack([t, record(trial, rng)]),
+                delimiter=",",
+                header="t [s],gyro_x [deg/s]",
+                comments="",
+            )
+        noise = kf.identify(paths[0]).noise
+        with_it, without = (kf.find_gap(paths[1], n) for n in (noise, without_response(noise)))
+    return trial.filter, *(
+        Found(a.verdict == "no_gap", any(f.probability > 0.9 for f in a.findings)) for a in (with_it, without)
+    )
+
+
+def lines(found: Sequence[tuple[str, Found, Found]]) -> list[str]:
+    """The table."""
+    out = list(HEAD)
+    for name in FILTERS:
+        both = [f[1:] for f in found if f[0] == name]
+        cells = [share(getattr(f[k], what) for f in both) for k in (0, 1) for what in ("quiet", "claimed")]
+        out.append(f"| {' | '.join([name, *cells])} |")
+    return out
+
+
+def main() -> None:
+    """Draw the records, and compare."""
+    parser = argparse.ArgumentParser(prog="benchmarks/gap/low_passes.py")
+    parser.add_argument("--count", type=int, default=20, help="records of each filter")
+    parser.add_argument("--seed", type=int, default=20260101)
+    parser.add_argument("--samples", type=int, default=8000)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--docs", action="store_true", help="write the table into the documentation")
+    wanted = parser.parse_args()
+    seeds = np.random.default_rng(wanted.seed).integers(2**47, size=wanted.count)
+    trials = [Trial(name, int(s), wanted.samples) for s in seeds for name in FILTERS]
+    with ProcessPoolExecutor(wanted.jobs, mp_context=get_context("spawn")) as pool:
+        table = lines(list(pool.map(done, trials)))
+    print("\n".join(table))
+    if wanted.docs:
+        command = (
+            f"`python benchmarks/gap/low_passes.py --count {wanted.count} --seed {wanted.seed} "
+            f"--samples {wanted.samples} --docs`"
+        )
+        write_table("benchmarks.md", "gap low-passes", "\n".join([*table, "", f"Drawn by\n{command}."]))
+
+
+if __name__ == "__main__":
+    main()
