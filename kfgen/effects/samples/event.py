@@ -176,13 +176,6 @@ class NoiseChange(AddsNothingAtRest):
         return np.where(late, y.mean() + (y - y.mean()) * float(self.ratio), y)
 
 
-SURE_OUTLIER = 0.9
-"""Probability from which a sample is surely an outlier."""
-MIN_SAMPLES_OF_KNOCK = 3
-MAX_PAUSE_IN_KNOCK_SAMPLES = 64
-"""Samples between two that are of one knock on the bench."""
-
-
 @dataclass(frozen=True)
 class Outliers(AddsNothingAtRest):
     """A `share` of the samples carries an error of standard deviation `sigma` beside the noise."""
@@ -209,24 +202,7 @@ class Outliers(AddsNothingAtRest):
         if not found or found.is_the_noise:
             return []
         detection = cls.of(found, series.sd)
-        effect = cls(found.share, float(getattr(detection.effect, "sigma")))
-        return [] if effect.is_a_knock(series, found.level) else [detection]
-
-    def is_a_knock(self, series: WhiteSeries, level: float) -> bool:
-        """Whether all the samples that are surely outliers follow one another, and are several.
-
-        Parameters
-        ----------
-        series : WhiteSeries
-        level : float
-            Standard deviation of its samples that are none.
-
-        Returns
-        -------
-        bool
-        """
-        at = np.flatnonzero(self.chance(series.z * series.sd, series.sd * level) > SURE_OUTLIER)
-        return at.size >= MIN_SAMPLES_OF_KNOCK and bool(np.diff(at).max() <= MAX_PAUSE_IN_KNOCK_SAMPLES)
+        return [] if found.is_a_knock(series.z) else [detection]
 
     @classmethod
     def of(cls, mixture: Mixture, sd: float) -> Detection:

@@ -30,6 +30,13 @@ LOG_KAPPA_RANGE = (float(np.log(1.3)), float(np.log(1e3)))
 """Range of the logarithm of the ratio of standard deviations: a log-uniform prior."""
 
 
+SURE_OF_WIDE = 0.9
+"""Probability of the wide law from which a sample surely has it."""
+MIN_SAMPLES_OF_KNOCK = 2
+MAX_PAUSE_IN_KNOCK_SAMPLES = 64
+"""Samples between two that are of one knock on the bench."""
+
+
 @dataclass(frozen=True)
 class Mixture:
     """``(1 - share) N(0, level^2) + share N(0, (kappa level)^2)``, with its evidence over one normal law.
@@ -58,6 +65,23 @@ class Mixture:
     def is_the_noise(self) -> bool:
         """Whether no share is large enough: samples of the wide law are then no outliers, but the noise of all of them."""
         return float(np.log(self.share)) > LOG_SHARE_RANGE[1] - END_OF_LOG_SHARE
+
+    def is_a_knock(self, z: Array) -> bool:
+        """Whether the samples of a series that are surely of the wide law are several, one soon after another.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+            The series that was fitted.
+
+        Returns
+        -------
+        bool
+        """
+        gain = 0.5 * (z / self.level) ** 2 * (1.0 - self.kappa**-2)
+        sure = np.log((1.0 - SURE_OF_WIDE) / SURE_OF_WIDE * self.share / (1.0 - self.share) / self.kappa)
+        at = np.flatnonzero(gain > -sure)
+        return at.size >= MIN_SAMPLES_OF_KNOCK and bool(np.diff(at).max() <= MAX_PAUSE_IN_KNOCK_SAMPLES)
 
     @staticmethod
     def fitted(z: Array, level_prior: tuple[float, float]) -> Mixture | None:

@@ -120,7 +120,6 @@ def channel_gap(
     clean, after = cast(Record, base.problem.record), tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
-    findings = [_beside_gains(f, clean, base.fit.effects) for f in findings]
     checks = checked(search, findings) if findings else None
     objection = own_noise_objection(search) if retuned else ""
     if verdict_of(findings, retuned, after, search.comb_hz, objection) == UNKNOWN_EFFECT:
@@ -149,7 +148,7 @@ def channel_gap(
     )
 
 
-def _beside_gains(finding: Finding, record: Record, effects: Sequence[Effect]) -> Finding:
+def _beside_gains(finding: Finding, record: Evidence, effects: Sequence[Effect]) -> Finding:
     """As probable as beside misfit where gains of the model that are off would look the same; a line they do not make."""
     effect = finding.effect
     sure = effect.coefficients() or effect.changes_samples or not is_among_gains(record, effects, effect)
@@ -323,6 +322,7 @@ def terms_of(
         findings.append(_finding(channel, noise.unit, chosen, term, worst))
     if not retuned:
         terms[:kept] = noise.terms
+    findings = [_beside_gains(f, base.problem.record, base.fit.effects) for f in findings]
     return with_objections(search, findings), tuple(terms)
 
 
