@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 MAX_BLOCK_MEANS = 1 << 18
 """Block means to which a record is brought."""
+HARDLY_FOLDED_SHARE_OF_NYQUIST = 0.15
+"""Of the Nyquist frequency of block means: below it a fiftieth of their power is folded from above."""
 HEAD_SAMPLES = 1 << 19
 """Samples at the beginning that are kept as they are."""
 CHUNK_SAMPLES = 1 << 20
@@ -170,7 +172,15 @@ class Long(Evidence):
             coarse_transform(x, self.means.size - 1) for e in effects for x in e.regressors(edges, drive)
         ]
         narrow = spectral_peaks(effects) if peaks is None else peaks
-        return ordinates([self._sines, *columns], self.period, self.block, skip=self.skip, peaks=narrow)
+        skip = (*self.skip, (self._top, np.inf))
+        return ordinates([self._sines, *columns], self.period, self.block, skip=skip, peaks=narrow)
+
+    @property
+    def _top(self) -> float:
+        """Up to it the block means are looked at [Hz]: where an internal low-pass takes power away, they fold less into it."""
+        nyquist = 0.5 / (self.period * self.block)
+        passed = all(hi < np.inf for _, hi in self.skip)
+        return nyquist if passed else HARDLY_FOLDED_SHARE_OF_NYQUIST * nyquist
 
     def measure(self, shapes: Sequence[Effect], peaks: Peaks = ()) -> Likelihood:
         """Block means, and what is inside the blocks: of all of it, or, with bands left out, of the beginning.
@@ -179,8 +189,8 @@ class Long(Evidence):
         """
         main = self.ordinates(shapes, peaks)
         if self.skip:
-            top = 0.5 / (self.period * self.block)
-            return IndependentLikelihoods((main, self.head.leaving_out((0.0, top)).ordinates((), peaks)))
+            inside_blocks = self.head.leaving_out((0.0, self._top))
+            return IndependentLikelihoods((main, inside_blocks.ordinates((), peaks)))
         m = 2 ** np.arange(int(np.log2(self.block)))
         inside = self.octaves
         count = np.asarray(self.samples / (2.0 * m), dtype=np.float64)
