@@ -73,6 +73,25 @@ def test_the_gain_is_that_of_the_filter(name: str) -> None:
     assert found.response.gains[-1] == pytest.approx(np.sqrt(true_power(name, np.array([49.9]))[0]), rel=0.35)
 
 
+@pytest.mark.parametrize(("order", "corner_hz"), [(1, 3.0), (1, 10.0), (2, 3.0), (2, 10.0)])
+def test_a_slow_low_pass_takes_nothing_from_the_density(order: int, corner_hz: float) -> None:
+    """A slow one has fallen over most of the band; 4.5 standard deviations, of the fit's own intervals, and 1 % by its law."""
+    white = np.random.default_rng(1).standard_normal(203_000)
+    found = identified(np.round(lfilter(*butter(order, corner_hz, fs=RATE), white)[3000:] / 0.05) * 0.05)
+    assert [e.name for e in found.fit.effects] == ["white_noise"]
+    lo, hi = np.log(found.intervals[0, "N"])
+    assert abs(np.log(float(found.fit.effects[0].N) / N)) < 0.01 + 4.5 * (hi - lo) / 3.92
+
+
+@pytest.mark.parametrize(("order", "corner_hz"), [(1, 3.0), (2, 10.0)])
+def test_nor_in_a_long_record(order: int, corner_hz: float) -> None:
+    """Of 2.5 million samples, whose block means have power folded into them."""
+    white = np.random.default_rng(1).standard_normal(2_503_000)
+    found = identified(np.round(lfilter(*butter(order, corner_hz, fs=RATE), white)[3000:] / 0.05) * 0.05)
+    assert [e.name for e in found.fit.effects] == ["white_noise"]
+    assert float(found.fit.effects[0].N) == pytest.approx(N, rel=0.02)
+
+
 def test_white_noise_has_no_response() -> None:
     assert identified(passed("first order", 2) + 0.0).response is not None
     white = np.random.default_rng(3).standard_normal(12_000)

@@ -41,6 +41,18 @@ ROLLED_OFF_SHARE_OF_POWER = 0.7
 """Share of the plateau's power below which a band belongs to the low-pass."""
 KEPT_SHARE_OF_ROLL_OFF_FREQUENCY = 0.35
 """Of the frequency where that begins: there a second-order low-pass has taken 1 %."""
+KEPT_SHARE_OF_FIRST_ORDER = 0.15
+"""The same of a first-order one."""
+FAR_ROLLED_OFF_SHARE = 0.4
+"""Share of the plateau's power at which the order of the low-pass shows."""
+MAX_FALL_OF_SECOND_ORDER = 1.5
+"""Of the two frequencies: 1.37 of a low-pass of second order, 1.87 of one of first order."""
+LOOKED_AT_OVER_FALL = 3
+"""Of the frequency where it falls: as far it is looked at again."""
+MIN_SHRINKING = 0.9
+"""Of the ordinates that are looked at, above which nothing new is seen."""
+MIN_BANDS_ROLLED_OFF = 5
+"""At the end of the spectrum."""
 
 
 @dataclass(frozen=True)
@@ -137,21 +149,51 @@ def noise_change(y: Array) -> tuple[float, float] | None:
 
 
 def roll_off(record: Record) -> float | None:
-    """The frequency [Hz] from which on an internal low-pass takes power away, None without one."""
+    """The frequency [Hz] from which on an internal low-pass takes power away, None without one.
+
+    A slow one has fallen over most of the band, plateau and all: it is looked at again about where it falls.
+    """
     X = record.sines
-    n = X.size
-    omega = frequencies(n)
-    power = X**2 / (4.0 * np.sin(0.5 * omega) ** 2)
-    edges = np.unique(np.linspace(n // 50, n, 50).astype(int))
-    if edges.size < 20 or np.diff(edges).min() < 20:
-        return None
-    # The median of a chi-square of one degree of freedom is 0.4549.
-    level = np.array([np.median(power[a:b]) for a, b in pairwise(edges)]) / 0.4549
-    plateau = float(np.median(level[: level.size // 3]))
-    low = level < ROLLED_OFF_SHARE_OF_POWER * plateau
-    if not low[-5:].all():
-        return None
-    first = int(np.flatnonzero(~low)[-1]) + 1 if not low.all() else 1
-    return float(
-        KEPT_SHARE_OF_ROLL_OFF_FREQUENCY * omega[edges[first]] / (2.0 * np.pi * record.dt * record.block)
-    )
+    n = whole = X.size
+    power = X**2 / (4.0 * np.sin(0.5 * frequencies(n)) ** 2)
+    cut = 0.0
+    while (fall := _Fall.of(power[:n])) is not None:
+        cut, before, n = fall.kept, n, min(n, LOOKED_AT_OVER_FALL * fall.first)
+        if n > MIN_SHRINKING * before:
+            break
+    return float(0.5 * cut / whole / (record.dt * record.block)) if cut else None
+
+
+@dataclass(frozen=True)
+class _Fall:
+    """Ordinates from which on a spectrum has fallen a little, and far; zero where it has not."""
+
+    first: int
+    far: int
+
+    @staticmethod
+    def of(power: Array) -> _Fall | None:
+        """None where it does not fall, or rises again."""
+        n = power.size
+        edges = np.unique(np.linspace(n // 50, n, 50).astype(int))
+        if edges.size < 20 or np.diff(edges).min() < 20:
+            return None
+        # The median of a chi-square of one degree of freedom is 0.4549.
+        level = np.array([np.median(power[a:b]) for a, b in pairwise(edges)]) / 0.4549
+        level /= np.median(level[: level.size // 3])
+        first, far = (_last_above(level, s) + 1 for s in (ROLLED_OFF_SHARE_OF_POWER, FAR_ROLLED_OFF_SHARE))
+        if first > level.size - MIN_BANDS_ROLLED_OFF:
+            return None
+        return _Fall(int(edges[max(first, 1)]), int(edges[far]) if far < level.size else 0)
+
+    @property
+    def kept(self) -> float:
+        """The ordinate up to which hardly any power is lost."""
+        is_steep = 0 < self.far < MAX_FALL_OF_SECOND_ORDER * self.first
+        return self.first * (KEPT_SHARE_OF_ROLL_OFF_FREQUENCY if is_steep else KEPT_SHARE_OF_FIRST_ORDER)
+
+
+def _last_above(level: Array, share: float) -> int:
+    """The last band of that level or above, -1 without one."""
+    above = np.flatnonzero(level >= share)
+    return int(above[-1]) if above.size else -1
