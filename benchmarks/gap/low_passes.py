@@ -1,10 +1,10 @@
 """Sensors that pass less than half their rate: what is found in a record where nothing is missing.
 
-Usage: python benchmarks/gap/low_passes.py [--count K] [--seed S] [--samples N] [--jobs 2] [--docs]
+Usage: python benchmarks/gap/low_passes.py [--count K] [--seed S] [--without M] [--samples N] [--jobs 2] [--docs]
 
 White noise of a gyro and its random walk go through a filter of scipy (first order, fourth order, a decimator's finite
 impulse response, a mean of five samples), and are rounded to a tenth of the noise. `kfgen identify` sees one record,
-`kfgen gap` the next; beside it stands the same file without the effect `sensor_response`.
+`kfgen gap` the next; for M of the records of each filter beside it stands the same file without `sensor_response`.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ class Trial:
     filter: str
     seed: int
     samples: int
+    compared: bool
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,8 @@ def without_response(noise: NoiseModel) -> NoiseModel:
     return replace(noise, channels=channels)
 
 
-def done(trial: Trial) -> tuple[str, Found, Found]:
-    """What is found with and without the description."""
+def done(trial: Trial) -> tuple[str, list[Found]]:
+    """What is found with the description and, where that is compared, without."""
     rng = np.random.default_rng([trial.seed, list(FILTERS).index(trial.filter)])
     t = np.arange(trial.samples) / RATE_HZ
     with tempfile.TemporaryDirectory() as folder:
@@ -100,18 +101,18 @@ def done(trial: Trial) -> tuple[str, Found, Found]:
                 comments="",
             )
         noise = kf.identify(paths[0]).noise
-        with_it, without = (kf.find_gap(paths[1], n) for n in (noise, without_response(noise)))
-    return trial.filter, *(
-        Found(a.verdict == "no_gap", any(f.probability > 0.9 for f in a.findings)) for a in (with_it, without)
-    )
+        files = [noise, without_response(noise)] if trial.compared else [noise]
+        answers = [kf.find_gap(paths[1], n) for n in files]
+    found = [Found(a.verdict == "no_gap", any(f.probability > 0.9 for f in a.findings)) for a in answers]
+    return trial.filter, found
 
 
-def lines(found: Sequence[tuple[str, Found, Found]]) -> list[str]:
+def lines(found: Sequence[tuple[str, list[Found]]]) -> list[str]:
     """The table."""
     out = list(HEAD)
     for name in FILTERS:
-        both = [f[1:] for f in found if f[0] == name]
-        cells = [share(getattr(f[k], what) for f in both) for k in (0, 1) for what in ("quiet", "claimed")]
+        of = [[f[k] for n, f in found if n == name and len(f) > k] for k in (0, 1)]
+        cells = [share(getattr(f, what) for f in each) for each in of for what in ("quiet", "claimed")]
         out.append(f"| {' | '.join([name, *cells])} |")
     return out
 
@@ -121,19 +122,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks/gap/low_passes.py")
     parser.add_argument("--count", type=int, default=20, help="records of each filter")
     parser.add_argument("--seed", type=int, default=20260101)
+    parser.add_argument(
+        "--without", type=int, default=20, help="of these, compared without the description, too"
+    )
     parser.add_argument("--samples", type=int, default=8000)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--docs", action="store_true", help="write the table into the documentation")
     wanted = parser.parse_args()
     seeds = np.random.default_rng(wanted.seed).integers(2**47, size=wanted.count)
-    trials = [Trial(name, int(s), wanted.samples) for s in seeds for name in FILTERS]
+    trials = [
+        Trial(n, int(s), wanted.samples, k < wanted.without) for k, s in enumerate(seeds) for n in FILTERS
+    ]
     with ProcessPoolExecutor(wanted.jobs, mp_context=get_context("spawn")) as pool:
         table = lines(list(pool.map(done, trials)))
     print("\n".join(table))
     if wanted.docs:
         command = (
             f"`python benchmarks/gap/low_passes.py --count {wanted.count} --seed {wanted.seed} "
-            f"--samples {wanted.samples} --docs`"
+            f"--without {wanted.without} --samples {wanted.samples} --docs`"
         )
         write_table("benchmarks.md", "gap low-passes", "\n".join([*table, "", f"Drawn by\n{command}."]))
 
