@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 RATE_HZ = 100.0
 WHITE = 0.1
 """Density of the white noise [deg/s/sqrt(Hz)]."""
-WALK = 0.01
-"""Of the random walk [deg/s/sqrt(s)] over a tenth of a second."""
+WALK_STEP = 0.01
+"""Standard deviation of what the random walk goes from sample to sample [deg/s]: K = 0.1 deg/s/sqrt(s)."""
 SETTLING_SAMPLES = 1000
 FILTERS = {
     "first order, 10 Hz": butter(1, 10.0, fs=RATE_HZ),
@@ -73,7 +73,7 @@ def record(trial: Trial, rng: np.random.Generator) -> Array:
     sd = WHITE * RATE_HZ**0.5
     white = sd * rng.standard_normal(trial.samples + SETTLING_SAMPLES)
     fast = lfilter(*FILTERS[trial.filter], white)[SETTLING_SAMPLES:]
-    y = fast + np.cumsum(WALK * rng.standard_normal(trial.samples))
+    y = fast + np.cumsum(WALK_STEP * rng.standard_normal(trial.samples))
     return np.asarray(np.round(y / (0.1 * sd)) * (0.1 * sd))
 
 

@@ -221,6 +221,11 @@ class Effect:
         """What would tell it from another effect, by name."""
         return self.separating_experiment
 
+    @property
+    def lowest_hz(self) -> float:
+        """Frequency [Hz] below which it does nothing, of a periodic effect; zero of others."""
+        return 0.0
+
     def forbidden(self) -> str:
         """Why physics allows no effect with these values; empty where it does."""
         return ""

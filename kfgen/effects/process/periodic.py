@@ -51,6 +51,11 @@ class Sinusoid(LinearProcess):
     sentence_template: ClassVar[str] = "carries a line of {amplitude} at {frequency}"
     repeatable: ClassVar[bool] = True
 
+    @property
+    def lowest_hz(self) -> float:
+        """Its frequency [Hz]."""
+        return float(self.frequency)
+
     @classmethod
     @cache
     def coefficients(cls) -> tuple[str, ...]:
@@ -180,9 +185,10 @@ class Resonance(LinearProcess):
             if not m.size:
                 continue
             r = np.maximum((power[hi] - power[lo]) / np.maximum(m, 1), 1e-6)
-            gain = np.where((r > 1.0) & (m > 2), 0.5 * m * (r - 1.0 - np.log(r)), 0.0)
+            seen = series.weight[np.minimum(centre.astype(int), n - 1)] > 0.0
+            gain = np.where(seen & (r > 1.0) & (m > 2), 0.5 * m * (r - 1.0 - np.log(r)), 0.0)
             k = int(np.argmax(gain))
-            if gain[k] > 4.0 and series.weight[int(centre[k])] > 0.0:
+            if gain[k] > 4.0:
                 f = float(centre[k]) / (2.0 * n * series.dt)
                 S = 1.0 / float(series.weight[int(centre[k])]) ** 2
                 rms = np.sqrt((float(r[k]) - 1.0) * S * series.dt * damping * 2.0 * np.pi * f)

@@ -79,6 +79,11 @@ class PeriodicWave(LinearProcess):
     prior_penalty_nats: ClassVar[float] = 2.0
 
     @property
+    def lowest_hz(self) -> float:
+        """That of its first harmonic [Hz]."""
+        return 1.0 / float(self.period)
+
+    @property
     def _shares(self) -> tuple[float, float]:
         """Duty and flank as shares of a period that are possible."""
         duty = min(max(float(self.duty) % 1.0, EDGE), 1.0 - EDGE)

@@ -25,7 +25,7 @@ from kfgen.effects.filter_role import (
     SampleVariance,
 )
 from kfgen.effects.linear_system import LinearSystem, State
-from kfgen.effects.samples.mixture import Mixture
+from kfgen.effects.samples.mixture import Mixture, chance_of_wide
 from kfgen.effects.series import DECADES, Detection, WhiteSeries, coefficient_worth, log_mean, middle95
 
 Array = NDArray[np.float64]
@@ -199,10 +199,9 @@ class Outliers(AddsNothingAtRest):
     def detect(cls, series: WhiteSeries) -> list[Detection]:
         """A mixture of two normal laws against one, by the histogram of the white series."""
         found = Mixture.fitted(series.z, series.level)
-        if not found or found.is_the_noise:
+        if not found or found.is_the_noise or found.is_at_one_place(series.z):
             return []
-        detection = cls.of(found, series.sd)
-        return [] if found.is_a_knock(series.z) else [detection]
+        return [cls.of(found, series.sd)]
 
     @classmethod
     def of(cls, mixture: Mixture, sd: float) -> Detection:
@@ -241,11 +240,7 @@ class Outliers(AddsNothingAtRest):
         -------
         ndarray, shape (n,)
         """
-        wide = float(np.hypot(1.0, self.sigma / sd))
-        z2 = (noise / sd) ** 2
-        odds = float(self.share) / (1.0 - float(self.share)) / wide
-        log_odds = np.clip(0.5 * z2 * (1.0 - 1.0 / wide**2) + np.log(odds), -700.0, 700.0)
-        return np.asarray(1.0 / (1.0 + np.exp(-log_odds)))
+        return chance_of_wide(noise / sd, float(self.share), float(np.hypot(1.0, self.sigma / sd)))
 
     def deviation_between(self, noise: Array) -> float:
         """Standard deviation of the samples that are none [U], by expectation and maximisation.

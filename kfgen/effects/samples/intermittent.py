@@ -34,8 +34,6 @@ MIN_BURSTS_IN_RECORD = 8.0
 """Bursts of the longest mean length that the record must hold."""
 MIN_BURSTS_SEEN = 1.5
 """Bursts that the record must hold: one alone, a knock on the bench, neither comes nor goes again."""
-MIN_SPELLS = 2
-"""The same in a history of the record."""
 SCATTER_WIDTHS_CELLS = (1, 4, 16, 64)
 """Numbers of cells over which squares are summed to see whether their level changes at all."""
 MIN_SCATTER_SIGMAS = 3.5
@@ -94,8 +92,6 @@ class IntermittentNoise(AddsNothingAtRest):
         }
         if float(middle.share) * series.n * series.dt < MIN_BURSTS_SEEN * float(middle.lasting):
             return []
-        if middle.spells(series) < MIN_SPELLS:
-            return []
         return [Detection(middle, 0.0, best.log - alone - float(prior), ci95)]
 
     @classmethod
@@ -106,15 +102,6 @@ class IntermittentNoise(AddsNothingAtRest):
 
     def removed_from(self, series: WhiteSeries) -> Array:
         """The loud samples brought to the level of the others, where a history drawn from all says that they are."""
-        return np.where(self._loud(series), series.y - series.noise * (1.0 - 1.0 / self.ratio), series.y)
-
-    def spells(self, series: WhiteSeries) -> int:
-        """How often it is loud, in a history drawn from all samples."""
-        loud = self._loud(series)
-        return int(loud[0]) + int(np.count_nonzero(loud[1:] & ~loud[:-1]))
-
-    def _loud(self, series: WhiteSeries) -> NDArray[np.bool_]:
-        """Which samples are loud in a history drawn from all of them, shape (n,)."""
         z, ratio, share = series.fast, float(self.ratio), float(self.share)
         block = -(-series.n // MAX_HISTORY_CELLS)
         m = series.n // block
@@ -123,7 +110,8 @@ class IntermittentNoise(AddsNothingAtRest):
         log_odds = 0.5 * squares / quiet * (1.0 - ratio**-2) - block * np.log(ratio)
         T = transitions(np.array([share]), np.array([float(self.lasting)]), series.dt * block)[0]
         loud = history(log_odds, T, share, np.random.default_rng(series.n))
-        return np.asarray(loud[np.minimum(np.arange(series.n) // block, m - 1)])
+        each = loud[np.minimum(np.arange(series.n) // block, m - 1)]
+        return np.where(each, series.y - series.noise * (1.0 - 1.0 / ratio), series.y)
 
     def apply_to(
         self, y: Array, t: Array, rng: np.random.Generator, drive: Mapping[str, Array] | None = None

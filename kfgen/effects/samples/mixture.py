@@ -28,13 +28,10 @@ END_OF_LOG_SHARE = 0.01
 """From the end of that range, within which a share is as large as it may be."""
 LOG_KAPPA_RANGE = (float(np.log(1.3)), float(np.log(1e3)))
 """Range of the logarithm of the ratio of standard deviations: a log-uniform prior."""
-
-
 SURE_OF_WIDE = 0.9
 """Probability of the wide law from which a sample surely has it."""
-MIN_SAMPLES_OF_KNOCK = 2
-MAX_PAUSE_IN_KNOCK_SAMPLES = 64
-"""Samples between two that are of one knock on the bench."""
+MAX_PAUSE_IN_EVENT_SAMPLES = 64
+"""Samples between two that are of one event: a glitch, a knock on the bench that rings down."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +63,8 @@ class Mixture:
         """Whether no share is large enough: samples of the wide law are then no outliers, but the noise of all of them."""
         return float(np.log(self.share)) > LOG_SHARE_RANGE[1] - END_OF_LOG_SHARE
 
-    def is_a_knock(self, z: Array) -> bool:
-        """Whether the samples of a series that are surely of the wide law are several, one soon after another.
+    def is_at_one_place(self, z: Array) -> bool:
+        """Whether the samples of a series that are surely of the wide law follow one another: one event, and no law.
 
         Parameters
         ----------
@@ -78,10 +75,8 @@ class Mixture:
         -------
         bool
         """
-        gain = 0.5 * (z / self.level) ** 2 * (1.0 - self.kappa**-2)
-        sure = np.log((1.0 - SURE_OF_WIDE) / SURE_OF_WIDE * self.share / (1.0 - self.share) / self.kappa)
-        at = np.flatnonzero(gain > -sure)
-        return at.size >= MIN_SAMPLES_OF_KNOCK and bool(np.diff(at).max() <= MAX_PAUSE_IN_KNOCK_SAMPLES)
+        at = np.flatnonzero(chance_of_wide(z / self.level, self.share, self.kappa) > SURE_OF_WIDE)
+        return at.size > 0 and bool((np.diff(at) <= MAX_PAUSE_IN_EVENT_SAMPLES).all())
 
     @staticmethod
     def fitted(z: Array, level_prior: tuple[float, float]) -> Mixture | None:
@@ -123,6 +118,25 @@ class Mixture:
         )
         spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(H, hermitian=True))))
         return Mixture(float(np.exp(best.x[0])), share, kappa, float(gain), spread)
+
+
+def chance_of_wide(z: Array, share: float, kappa: float) -> Array:
+    """Probability of each sample to have the wide law of a mixture.
+
+    Parameters
+    ----------
+    z : ndarray, shape (n,)
+        Samples over the standard deviation of the narrow law.
+    share, kappa : float
+        As of `Mixture`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    odds = share / (1.0 - share) / kappa
+    log_odds = np.clip(0.5 * z**2 * (1.0 - kappa**-2) + np.log(odds), -700.0, 700.0)
+    return np.asarray(1.0 / (1.0 + np.exp(-log_odds)))
 
 
 @dataclass(frozen=True)

@@ -185,8 +185,7 @@ def is_among_gains(record: Evidence, effects: Sequence[Effect], effect: Effect) 
     if not starts:
         return False
     if effect.coefficients():
-        period = float(getattr(effect, "period", 0.0))
-        return float(getattr(effect, "frequency", 1.0 / period if period else 0.0)) > starts[0]
+        return effect.lowest_hz > starts[0]
     if effect.is_filter:
         return True
     data = record.ordinates(())
