@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincc
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,10 @@ SURE_OF_WIDE = 0.9
 """Probability of the wide law from which a sample surely has it."""
 MAX_PAUSE_IN_EVENT_SAMPLES = 64
 """Samples between two that are of one event: a glitch, a knock on the bench that rings down."""
+NEIGHBOURS_OF_EVENT_SAMPLES = 16
+"""On either side of a single sample: louder than the noise where it is the crest of an event, and no bad sample."""
+MAX_CHANCE_OF_LOUD_NEIGHBOURS = 1e-3
+"""False alarm of that test: a bad sample among loud neighbours that are noise."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,8 @@ class Mixture:
     def is_at_one_place(self, z: Array) -> bool:
         """Whether the samples of a series that are surely of the wide law follow one another: one event, and no law.
 
+        A single one is an event where its neighbours are louder than the narrow law, by the sum of their squares.
+
         Parameters
         ----------
         z : ndarray, shape (n,)
@@ -76,7 +83,11 @@ class Mixture:
         bool
         """
         at = np.flatnonzero(chance_of_wide(z / self.level, self.share, self.kappa) > SURE_OF_WIDE)
-        return at.size > 0 and bool((np.diff(at) <= MAX_PAUSE_IN_EVENT_SAMPLES).all())
+        if at.size == 1:
+            first, last = max(at[0] - NEIGHBOURS_OF_EVENT_SAMPLES, 0), at[0] + NEIGHBOURS_OF_EVENT_SAMPLES
+            sides = np.delete(z, at)[first:last] / self.level
+            return bool(gammaincc(sides.size / 2, sides @ sides / 2) < MAX_CHANCE_OF_LOUD_NEIGHBOURS)
+        return at.size > 1 and bool((np.diff(at) <= MAX_PAUSE_IN_EVENT_SAMPLES).all())
 
     @staticmethod
     def fitted(z: Array, level_prior: tuple[float, float]) -> Mixture | None:
