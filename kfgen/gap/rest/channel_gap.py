@@ -374,20 +374,20 @@ def limits_of(
 
 def _linear_limit(record: Evidence, base: Candidate, effect: Effect) -> float:
     data = record.ordinates([effect])
-    S = data.density(base.fit.effects)
+    weight = data.weight(base.fit.effects)
     places = any(p.kind == "place" for p in effect.parameters())
     nats = DETECTION_LIMIT_NATS + (float(np.log(record.n)) if places else 0.0)
-    return float(np.sqrt(2.0 * nats / max(float((data.gram[:, 1, 1] / S).sum()), 1e-300)))
+    return float(np.sqrt(2.0 * nats / max(float((data.gram[:, 1, 1] * weight).sum()), 1e-300)))
 
 
 def _size_limit(base: Candidate, effect: Effect) -> float:
     from scipy.optimize import brentq
 
     data, size = base.problem.record.ordinates(()), effect.sizes()[0]
-    S, part = data.density(base.fit.effects), data.part(replace(effect, **{size: 1.0}))
+    relative = data.weight(base.fit.effects) * data.part(replace(effect, **{size: 1.0}))
 
     def worth(log_size: float) -> float:
-        x = np.exp(2.0 * log_size) * part / S
+        x = np.exp(2.0 * log_size) * relative
         return float(0.5 * (data.count * (x - np.log1p(x))).sum()) - DETECTION_LIMIT_NATS
 
     lo, hi = base.problem.record.box("size")

@@ -190,5 +190,5 @@ def is_among_gains(record: Evidence, effects: Sequence[Effect], effect: Effect) 
         return True
     data = record.ordinates(())
     whole = effects if effect in effects else [*effects, effect]
-    weight = data.count * (data.part(effect) / data.density(whole)) ** 2
+    weight = data.count * (data.part(effect) * data.weight(whole)) ** 2
     return float(weight[data.frequency > starts[0]].sum()) > 0.5 * float(weight.sum())

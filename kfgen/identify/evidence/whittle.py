@@ -118,30 +118,37 @@ class Ordinates:
         return RecentResults(RECENT)
 
     def _density(self, effects: Sequence[Effect]) -> Array:
-        S = self._shapes.total(effects)
-        stopped = self._shapes.factor(filters_that_stop(effects)) < MIN_PASSED_POWER_SHARE
-        return np.where(stopped, self.gram[:, 0, 0] / self.count, S) if np.any(stopped) else S
+        S, seen = self._shapes.total(effects), self._seen(effects)
+        return S if np.all(seen) else np.where(seen, S, self.gram[:, 0, 0] / self.count)
+
+    def _seen(self, effects: Sequence[Effect]) -> NDArray[np.bool_]:
+        """Where the filters among the effects do not stop, shape (m,) or ()."""
+        return np.asarray(self._shapes.factor(filters_that_stop(effects)) >= MIN_PASSED_POWER_SHARE)
+
+    def weight(self, effects: Sequence[Effect]) -> Array:
+        """``1 / S`` [1/U^2], shape (m,): zero where a filter stops, so that nothing is fitted to what it leaves there."""
+        return np.asarray(self._seen(effects) / self.density(effects))
 
     def log_likelihood(self, effects: Sequence[Effect], coefficients: Array | None = None) -> SpectralFit:
         """``ln L`` of the record under the random `effects`; deterministic ones are the regressors.
 
         See `kfgen.identify.evidence.record.Likelihood`.
         """
-        S = self.density(effects)
-        weighted = self._weighted(S)
-        theta, covariance, quadratic = least_squares(weighted, coefficients)
-        return SpectralFit(-0.5 * float(self.count @ np.log(S) + quadratic), theta, covariance)
+        S, weight = self.density(effects), self.weight(effects)
+        theta, covariance, quadratic = least_squares(self._weighted(weight), coefficients)
+        stopped = float(self.count @ (weight == 0.0))  # a misfit of one each
+        return SpectralFit(-0.5 * (float(self.count @ np.log(S) + quadratic) + stopped), theta, covariance)
 
-    def _weighted(self, S: Array) -> Array:
-        """Products of the record and the regressors over the density, summed, shape (1 + r, 1 + r)."""
+    def _weighted(self, weight: Array) -> Array:
+        """Products of the record and the regressors times a weight, summed, shape (1 + r, 1 + r)."""
         k = self.gram.shape[1]
-        return np.asarray((1.0 / S) @ self.gram.reshape(-1, k * k)).reshape(k, k)
+        return np.asarray(weight @ self.gram.reshape(-1, k * k)).reshape(k, k)
 
     def slope(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of ``ln L`` in logarithms, the coefficients at their best. See `Likelihood`."""
-        S = self.density(effects)
-        theta = least_squares(self._weighted(S))[0]
-        sensitivity = 0.5 * (residual_power(self, theta) / S - self.count) / S
+        weight = self.weight(effects)
+        theta = least_squares(self._weighted(weight))[0]
+        sensitivity = 0.5 * (residual_power(self, theta) * weight - self.count) * weight
         return self._shapes.slopes(effects, keys) @ sensitivity
 
     def information(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
@@ -154,7 +161,7 @@ class Ordinates:
 
     def relative_slopes(self, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
         """Derivative of ``ln S`` in logarithms of parameters, shape (k, m); see `information`."""
-        return self._shapes.slopes(effects, keys) / self.density(effects)
+        return self._shapes.slopes(effects, keys) * self.weight(effects)
 
 
 def least_squares(weighted: Array, coefficients: Array | None = None) -> tuple[Array, Array, float]:

@@ -100,7 +100,7 @@ def _is_even(data: Ordinates, fit: Fit, column: int) -> bool:
 
     left = np.concatenate([[1.0], -fit.likelihood.coefficients])
     left[1 + column] = 0.0
-    weight = 1.0 / data.density(fit.effects)
+    weight = data.weight(fit.effects)
     band = np.floor(BANDS_PER_DECADE * np.log10(data.omega / data.omega.min())).astype(int)
     xy = np.bincount(band, (data.gram[:, :, 1 + column] @ left) * weight)
     xx = np.bincount(band, data.gram[:, 1 + column, 1 + column] * weight)
