@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from kfgen.effects.effect import Effect
 
@@ -14,6 +15,11 @@ Array = NDArray[np.float64]
 MIN_PASSED_POWER_SHARE = 1e-3
 """Share of the power that a filter passes below which a frequency is left out: rounding and the ends of the
 record show there, and not the noise. A filter whose gain is measured has them in it."""
+MAX_LEAK_SHARE = 0.1
+"""Of the power that a filter of measured gain passes at a frequency, above which nothing is looked at: the ends of the
+record carry so much there."""
+LEAK_ENVELOPE_LAGS = 65
+"""Over which the largest leak counts: it changes its sign from frequency to frequency."""
 MAX_LEAK_LAGS = 2048
 """Lags [samples] over which the output of a filter is correlated at most."""
 
@@ -67,11 +73,38 @@ def filtered(effects: Sequence[Effect], omega: Array, dt: float, block: int = 1,
     for e in effects:
         factor = e.response(omega / block, dt)
         out = out if factor is None else out * factor
-    if n and block == 1 and any(e.is_filter for e in effects):
-        out = (
-            out
-            + _leak(filtered(effects, np.pi * np.arange(MAX_LEAK_LAGS + 1) / MAX_LEAK_LAGS, dt), omega) / n
-        )
+    if n and block == 1 and any(e.is_filter for e in effects) and not any(e.is_measured for e in effects):
+        out += np.interp(omega, *_leak(effects, dt)) * np.cos(0.5 * omega) ** 2 / n
+    return out
+
+
+def is_passed(
+    effects: Sequence[Effect], omega: Array, dt: float, block: int = 1, n: int = 0
+) -> NDArray[np.bool_]:
+    """Where the filters among effects let so much pass that a record shows it, and not what its ends leak.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    omega : ndarray, shape (m,)
+        Frequencies [rad per block].
+    dt : float
+        Sampling period [s].
+    block : int
+        Samples averaged to one.
+    n : int
+        Blocks of the record; zero for a record without end.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+    """
+    measured = [e for e in effects if e.is_measured]
+    out = filtered(filters_that_stop(effects), omega, dt, block) >= MIN_PASSED_POWER_SHARE
+    if n and block == 1 and measured:
+        grid, leak = _leak(measured, dt)
+        largest = np.interp(omega, grid, maximum_filter1d(np.abs(leak), LEAK_ENVELOPE_LAGS)) / n
+        out &= largest * np.cos(0.5 * omega) ** 2 <= MAX_LEAK_SHARE * filtered(measured, omega, dt)
     return out
 
 
@@ -80,7 +113,7 @@ def filters_that_stop(effects: Sequence[Effect]) -> list[Effect]:
     return [e for e in effects if e.is_filter and not e.is_measured]
 
 
-def _leak(factor: Array, omega: Array) -> Array:
+def _leak(effects: Sequence[Effect], dt: float) -> tuple[Array, Array]:
     """What a record without end does not show: power that the ends of one carry to other ordinates, times its length.
 
     A cosine ordinate at ``omega = pi k / n`` of a stationary series of autocovariance ``gamma`` has the variance
@@ -90,17 +123,24 @@ def _leak(factor: Array, omega: Array) -> Array:
 
     Parameters
     ----------
-    factor : ndarray, shape (LEAK + 1,)
-        ``S`` from zero to the Nyquist frequency.
-    omega : ndarray, shape (m,)
+    effects : sequence of Effect
+        Those that filter.
+    dt : float
+        Sampling period [s].
+
+    Returns
+    -------
+    omega : ndarray, shape (MAX_LEAK_LAGS - 1,)
+    leak : ndarray, shape (MAX_LEAK_LAGS - 1,)
+        Over ``cos(omega / 2)^2``.
     """
     from scipy.fft import dct, dst, irfft
 
     h = np.arange(1, MAX_LEAK_LAGS)
-    gamma = irfft(factor)[1:MAX_LEAK_LAGS]
+    passed = filtered(effects, np.pi * np.arange(MAX_LEAK_LAGS + 1) / MAX_LEAK_LAGS, dt)
+    gamma = irfft(passed)[1:MAX_LEAK_LAGS]
     grid = np.pi * h / MAX_LEAK_LAGS
     cosines = 0.5 * dct(np.concatenate([[0.0], h * gamma, [0.0]]), type=1)[1:MAX_LEAK_LAGS]
     sines = 0.5 * dst(gamma, type=1) / np.sin(grid)
     # Both parts cancel at the Nyquist frequency, to second order.
-    even = -2.0 * (cosines + sines) / np.cos(0.5 * grid) ** 2
-    return np.asarray(np.interp(omega, grid, even) * np.cos(0.5 * omega) ** 2)
+    return grid, -2.0 * (cosines + sines) / np.cos(0.5 * grid) ** 2

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kfgen.effects import Effect, filtered, sampled_spectrum
-from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE, filters_that_stop
+from kfgen.effects import Effect, sampled_spectrum
+from kfgen.effects.samples.filtered_spectrum import is_passed
 from kfgen.identify.evidence.record import Record
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ class Whitener:
         S = np.maximum(sampled_spectrum(effects, grid, dt, averaged, n), np.finfo(float).tiny)
         if grid.size < omega.size:
             S = np.exp(np.interp(np.log(omega), np.log(grid), np.log(S)))
-        passed = filtered(filters_that_stop(effects), omega, dt, averaged, n) >= MIN_PASSED_POWER_SHARE
+        passed = is_passed(effects, omega, dt, averaged, n)
         return Whitener(np.concatenate([[1.0 / np.sqrt(S[0]) if constant else 0.0], passed / np.sqrt(S)]))
 
     def ends(self, effects: Sequence[Effect], dt: float) -> int:
@@ -103,7 +103,9 @@ class Whitener:
         gamma = irfft(sampled_spectrum(fast, omega, dt))[:m]
         w = np.interp(np.arange(m) / m, np.arange(n) / n, self.weight)
         variance = np.diag(idctn(np.outer(w, w) * dctn(toeplitz(gamma), norm="ortho"), norm="ortho"))
-        high = np.flatnonzero(variance[: m // 4] > 1.0 + MAX_RISE_OF_VARIANCE)
+        # Where a filter stops, unit deviates are drawn, which are white up to the ends.
+        drawn = float(np.mean(self.weight[1:] <= 0.0))
+        high = np.flatnonzero(variance[: m // 4] + drawn > 1.0 + MAX_RISE_OF_VARIANCE)
         return int(high[-1]) + 1 if high.size else 0
 
     def ordinates(self, x: Array) -> Array:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from kfgen.core.recent_results import RecentResults
 from kfgen.effects import Effect, filtered, sampled_spectrum
-from kfgen.effects.samples.filtered_spectrum import MIN_PASSED_POWER_SHARE, filters_that_stop
+from kfgen.effects.samples.filtered_spectrum import is_passed
 from kfgen.identify.evidence.peaks import SpectralPeak, split_edges
 from kfgen.identify.evidence.shapes import RECENT, Key, Shapes
 
@@ -122,8 +122,15 @@ class Ordinates:
         return S if np.all(seen) else np.where(seen, S, self.gram[:, 0, 0] / self.count)
 
     def _seen(self, effects: Sequence[Effect]) -> NDArray[np.bool_]:
-        """Where the filters among the effects do not stop, shape (m,) or ()."""
-        return np.asarray(self._shapes.factor(filters_that_stop(effects)) >= MIN_PASSED_POWER_SHARE)
+        """Where the filters among the effects do not stop, shape (m,)."""
+        filters = tuple(e for e in effects if e.is_filter)
+        return self._recently_seen.recalled(
+            filters, lambda: is_passed(filters, self.omega, self.dt, self.block, self.n)
+        )
+
+    @cached_property
+    def _recently_seen(self) -> RecentResults[NDArray[np.bool_]]:
+        return RecentResults(RECENT)
 
     def weight(self, effects: Sequence[Effect]) -> Array:
         """``1 / S`` [1/U^2], shape (m,): zero where a filter stops, so that nothing is fitted to what it leaves there."""
