@@ -228,6 +228,7 @@ def test_a_line_is_named() -> None:
     assert not any(t.significant for t in gap.after)
 
 
+@pytest.mark.usefixtures("few")
 def test_a_burst_is_a_gap_and_no_drift() -> None:
     """A burst is no effect of the catalogue: outliers of the same errors may stand in for it."""
     rng = np.random.default_rng(33)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, firwin, freqz, lfilter
+from scipy.stats import chi2
 
 import kfgen as kf
 from kfgen.core.errors import InputError
@@ -19,8 +20,11 @@ from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_noise
 from kfgen.effects.process.sensor_response import GAINS, SensorResponse
 from kfgen.gap.core.whitener import Whitener
+from kfgen.gap.rest.channel_gap import tests_of
+from kfgen.gap.rest.evidence import assumed
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.record import Record
+from kfgen.identify.fit.fit import Prior
 from kfgen.identify.identify import Identified, identify
 
 Array = NDArray[np.float64]
@@ -185,6 +189,31 @@ def test_one_knock_is_neither_outliers_nor_intermittent(seed: int, tmp_path: Pat
     y[3000 + 137 * seed + m] += 6.0 * N * RATE**0.5 * np.exp(-m / 8.0) * np.cos(2.0 * np.pi * 0.23 * m + seed)
     found = kf.find_gap(log_of(y, tmp_path / "a.csv"), white_noise())
     assert not {f.name for f in found.findings} & {"outliers", "intermittent_noise"}
+
+
+def test_measured_gains_are_as_uncertain_as_their_record() -> None:
+    """The widest band of a record that is as long as that of the gains: a mean of twice the variance, half the ordinates.
+
+    Its power is about 9 % too high. The p value is that of a chi-square law by scipy, times 74 tests at most; the count
+    of its ordinates is known to one in a hundred.
+    """
+    record = Record(np.arange(12_000) / RATE, passed("first order", 5))
+    f = np.linspace(1.0, 50.0, GAINS + 1)
+    gains = np.sqrt(true_power("first order", f[1:]) / 1.09).tolist()
+    p = []
+    for measured_over, share in ((0.0, 1.0), (record.duration, 0.5)):
+        response = SensorResponse.through(f[0], f[1:].tolist(), gains, measured_over)
+        trusted = {(0, "N"): Prior(np.log(N), 1e-6)}
+        tests = tests_of("gyro_x", assumed(record, [make("white_noise", N=N), response], trusted))
+        (band,) = [t for t in tests if t.name == "power" and t.band_hz[1] > 40.0]
+        m = share * 2.0 * (band.band_hz[1] - band.band_hz[0]) * record.duration
+        alone = 2.0 * chi2.sf(band.ratio * m, m)
+        assert 0.5 * alone < band.p < 148.0 * alone
+        p.append(band.p)
+    assert p[0] < 0.005 < p[1]
+    described = identify(record).response
+    assert described is not None
+    assert described.measured_over == pytest.approx(record.duration)
 
 
 def white_noise() -> NoiseModel:

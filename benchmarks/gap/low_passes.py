@@ -3,8 +3,8 @@
 Usage: python benchmarks/gap/low_passes.py [--count K] [--seed S] [--without M] [--samples N] [--jobs 2] [--docs]
 
 White noise of a gyro and its random walk go through a filter of scipy (first order, fourth order, a decimator's finite
-impulse response, a mean of five samples), and are rounded to a tenth of the noise. `kfgen identify` sees one record,
-`kfgen gap` the next; for M of the records of each filter beside it stands the same file without `sensor_response`.
+impulse response, a mean of five samples), and are rounded to a tenth of the noise; behind a filter of eighth order, to
+a ten-thousandth. `kfgen identify` sees one record, `kfgen gap` the next; for M of the records of each filter beside it stands the same file without `sensor_response`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ FILTERS = {
     "fourth order, 20 Hz": butter(4, 20.0, fs=RATE_HZ),
     "decimator, 31 taps, 25 Hz": (firwin(31, 25.0, fs=RATE_HZ), [1.0]),
     "mean of five samples": (np.ones(5) / 5.0, [1.0]),
+    "eighth order, 8 Hz, hardly rounded": butter(8, 8.0, fs=RATE_HZ),
 }
+STEP = {"eighth order, 8 Hz, hardly rounded": 1e-4}
+"""Step of the converter over the standard deviation of the white noise, of others a tenth."""
 HEAD = [
     "| low-pass of the sensor | no gap | a name above 90 % | without `sensor_response`: no gap | a name above 90 % |",
     "|---|---|---|---|---|",
@@ -74,7 +77,8 @@ def record(trial: Trial, rng: np.random.Generator) -> Array:
     white = sd * rng.standard_normal(trial.samples + SETTLING_SAMPLES)
     fast = lfilter(*FILTERS[trial.filter], white)[SETTLING_SAMPLES:]
     y = fast + np.cumsum(WALK_STEP * rng.standard_normal(trial.samples))
-    return np.asarray(np.round(y / (0.1 * sd)) * (0.1 * sd))
+    step = STEP.get(trial.filter, 0.1) * sd
+    return np.asarray(np.round(y / step) * step)
 
 
 def without_response(noise: NoiseModel) -> NoiseModel:

@@ -226,6 +226,10 @@ class Effect:
         """Frequency [Hz] below which it does nothing, of a periodic effect; zero of others."""
         return 0.0
 
+    def variance_of_measured(self, f: Array, duration: float) -> Array:
+        """Variance of the power that it passes at `f` [Hz], over that of the ordinates of a record of `duration` [s]."""
+        return np.zeros(f.size)
+
     def forbidden(self) -> str:
         """Why physics allows no effect with these values; empty where it does."""
         return ""

@@ -23,7 +23,8 @@ GAINS = 16
 class SensorResponse(AddsNothingAtRest):
     """The gain over frequency: one up to `start`, then its logarithm goes in straight lines from gain to gain.
 
-    Beyond the last frequency the last gain holds.
+    Beyond the last frequency the last gain holds. `measured_over` is the length of the records in which the gains were
+    measured, zero where they are known.
     """
 
     start: Any = parameter("Hz", "setting")
@@ -59,6 +60,7 @@ class SensorResponse(AddsNothingAtRest):
     gain_15: Any = parameter("", "setting")
     frequency_16: Any = parameter("Hz", "setting")
     gain_16: Any = parameter("", "setting")
+    measured_over: Any = parameter("s", "setting", default=0.0)
 
     name: ClassVar[str] = "sensor_response"
     title: ClassVar[str] = "gain of the sensor over frequency"
@@ -70,7 +72,9 @@ class SensorResponse(AddsNothingAtRest):
     is_measured: ClassVar[bool] = True
 
     @classmethod
-    def through(cls, start: float, frequencies: Sequence[float], gains: Sequence[float]) -> SensorResponse:
+    def through(
+        cls, start: float, frequencies: Sequence[float], gains: Sequence[float], measured_over: float = 0.0
+    ) -> SensorResponse:
         """Through gains at frequencies.
 
         Parameters
@@ -81,12 +85,15 @@ class SensorResponse(AddsNothingAtRest):
             Rising, `GAINS` of them [Hz].
         gains : sequence of float
             Ratios of amplitudes there.
+        measured_over : float
+            Length of the records in which they were measured [s].
 
         Returns
         -------
         SensorResponse
         """
-        return cls(start, *(float(x) for pair in zip(frequencies, gains, strict=True) for x in pair))
+        numbers = [float(x) for pair in zip(frequencies, gains, strict=True) for x in pair]
+        return cls(*(start, *numbers, measured_over))
 
     @property
     def knots(self) -> tuple[float, ...]:
@@ -119,6 +126,11 @@ class SensorResponse(AddsNothingAtRest):
                 "a gain is not positive", where=where, remedy="Give gains as ratios of amplitudes"
             )
         return read
+
+    def variance_of_measured(self, f: Array, duration: float) -> Array:
+        """The ratio of the lengths beyond the start: gains are known as well as their own records show power."""
+        known = float(self.measured_over)
+        return np.where(f > self.start, duration / known, 0.0) if known else np.zeros(f.size)
 
     def in_filter(self, place: FilterPlace) -> FilterRole:
         """Left out: the noise of a filter is white."""

@@ -87,7 +87,9 @@ def battery(
     """
     data = record.ordinates(effects)
     ratio = residual_ratio(data, effects, coefficients)
-    tests = [_band(data, ratio, lo, hi) for lo, hi in bands(data)]
+    measured = (e.variance_of_measured(data.frequency, record.duration) for e in effects)
+    variance = sum(measured, np.ones(data.omega.size))
+    tests = [_band(data, ratio, variance, lo, hi) for lo, hi in bands(data)]
     for name, cls in catalogue().items():
         shown = cls.starts(record.look)
         if shown and cls.coefficients() and not any(e.name == name for e in effects):
@@ -105,11 +107,12 @@ def bands(data: Ordinates) -> list[tuple[int, int]]:
     return list(zip(at[:-1].tolist(), at[1:].tolist()))
 
 
-def _band(data: Ordinates, ratio: Array, lo: int, hi: int) -> Test:
-    m = float(data.count[lo:hi].sum())
-    total = float(data.count[lo:hi] @ ratio[lo:hi])
-    f = data.frequency
-    return Test("power", chance_of(total, m), (float(f[lo]), float(f[hi - 1])), total / m)
+def _band(data: Ordinates, ratio: Array, variance: Array, lo: int, hi: int) -> Test:
+    """Of a mean of ordinates, each of which counts the less the worse its expectation is known."""
+    f, count = data.frequency, data.count[lo:hi]
+    mean = float(count @ ratio[lo:hi] / count.sum())
+    m = float(count.sum() ** 2 / (count @ variance[lo:hi]))
+    return Test("power", chance_of(mean * m, m), (float(f[lo]), float(f[hi - 1])), mean)
 
 
 def chance_of(total: float, m: float) -> float:

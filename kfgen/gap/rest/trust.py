@@ -21,7 +21,8 @@ MIN_RELATIVE_SD = 0.02
 MAX_SHIFT_SD = 1.0
 """Standard deviations from an assumed number beyond which it does not hold."""
 CHANCE_OF_GAINS_NATS = 6.0
-"""What the gains of a response leave unexplained in its own record: no further knot brought more."""
+"""What gains that were measured in a record of the same length leave unexplained at most; nothing where they are known,
+and twice as much where that record was a short one."""
 CHANCE_OF_GAINS_OF_A_LINE_NATS = 2.0
 """The same at one frequency: a level that is off by a fifth makes that much of the highest of ten thousand ordinates."""
 MIN_RETUNING_NATS = 7.0
@@ -162,8 +163,12 @@ def chance_of_gains(record: Evidence, effects: Sequence[Effect]) -> float:
     -------
     float
     """
+    if not is_among_gains(record, effects[:-1], effects[-1]):
+        return 0.0
     price = CHANCE_OF_GAINS_OF_A_LINE_NATS if effects[-1].coefficients() else CHANCE_OF_GAINS_NATS
-    return price * is_among_gains(record, effects[:-1], effects[-1])
+    far = np.array([np.inf])
+    variance = max(float(e.variance_of_measured(far, record.duration)[0]) for e in effects[:-1])
+    return price * 2.0 * variance / (1.0 + variance)
 
 
 def is_among_gains(record: Evidence, effects: Sequence[Effect], effect: Effect) -> bool:

@@ -31,8 +31,8 @@ BINS_PER_DECADE_OF_RESPONSE = 400
 """Of the spectrum, so that a zero of a filter is seen."""
 POSSIBLE_KNOTS = 64
 """Equally spaced frequencies at which a knot may stand."""
-NATS_OF_A_KNOT = 2.0 + float(np.log(POSSIBLE_KNOTS))
-"""Gain of log-likelihood that a knot must bring: that of two numbers by chance [2]_, and of the choice of its place."""
+NATS_OF_A_KNOT = 2.0
+"""Gain of log-likelihood that a knot must bring: what its two numbers cost the prediction of another record [2]_."""
 MAX_NEWTON_STEPS = 60
 MAX_STEP_NATS = 1.0
 """Change of the logarithm of a power in one step."""
@@ -71,7 +71,7 @@ def response_beyond(
         if better.likelihood < best.likelihood + NATS_OF_A_KNOT:
             break
         best = better
-    return best.response()
+    return best.response(sum(r.duration for r in records))
 
 
 @dataclass(frozen=True)
@@ -87,13 +87,13 @@ class _Line:
         knots = tuple(sorted((*self.knots, at)))
         return knots, np.interp(knots[1:], self.knots, [0.0, *self.log_power])
 
-    def response(self) -> SensorResponse:
-        """As an effect, the widest gaps filled with knots on the line."""
+    def response(self, measured_over: float) -> SensorResponse:
+        """As an effect measured over so long [s], the widest gaps filled with knots on the line."""
         knots, values = self.knots, self.log_power
         while len(knots) <= GAINS:
             line, widest = replace(self, knots=knots, log_power=values), int(np.argmax(np.diff(knots)))
             knots, values = line.with_knot(0.5 * (knots[widest] + knots[widest + 1]))
-        return SensorResponse.through(knots[0], knots[1:], np.exp(0.5 * values).tolist())
+        return SensorResponse.through(knots[0], knots[1:], np.exp(0.5 * values).tolist(), measured_over)
 
 
 @dataclass(frozen=True)
