@@ -13,7 +13,7 @@ from in_part import in_part
 
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, Term
-from kfgen.gap.core.result import Checks
+from kfgen.gap.core.result import Checks, Finding
 from kfgen.gap.rest.channel_gap import channel_gap
 from kfgen.gap.rest.comparison import ChannelGap
 from kfgen.gap.rest.even_record import regular
@@ -94,6 +94,22 @@ def test_checks_that_fail_say_so() -> None:
     assert "does not bound the size of bias_step" in other[1]
     assert "finds rate_ramp, not bias_step" in other[2]
     assert "finds nothing" in check_sentences(Checks(0.0, {}, (), ("bias_step",)))[2]
+
+
+@pytest.mark.parametrize(
+    ("checks", "probability"),
+    [
+        (Checks(0.0, {"bias_step": True}, ("bias_step",), ("bias_step",)), 0.99),
+        (Checks(0.0, {"bias_step": True}, None, ("bias_step",)), 0.99),
+        (Checks(0.0, {}, ("rate_ramp", "bias_step"), ("bias_step",)), 0.99),
+        (Checks(0.0, {"bias_step": True}, ("rate_ramp",), ("bias_step",)), 0.9),
+        (Checks(0.0, {"bias_step": False}, ("bias_step",), ("bias_step",)), 0.9),
+    ],
+)
+def test_what_a_check_does_not_bear_out_is_not_certain(checks: Checks, probability: float) -> None:
+    """Where none could be simulated there is nothing to find again."""
+    found = Finding(make("bias_step", size=1.0, time=5.0), "gyro_x", "rad/s", probability=0.99)
+    assert [f.probability for f in checks.tempered([found])] == [probability]
 
 
 @pytest.mark.parametrize("assumed", [0.0, *(pytest.param(a, marks=pytest.mark.long) for a in (2e-3, -2e-3))])

@@ -174,3 +174,46 @@ def test_a_slower_magnetometer_is_calibrated_by_its_own_samples(empty: bool) -> 
     assert mag.readings == rows.sum()
     x = next(v for e, v in zip(mag.entries, mag.fit.values) if e.parameter == "x" and e.effect == "hard_iron")
     assert 1e6 * x == pytest.approx(3.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("rows", "step"), [(2, 0.0), (3, 1e-3), (3, 0.1), (7, 1e-6), (40, 0.0)])
+def test_lines_between_values_are_no_samples(rows: int, step: float) -> None:
+    """As `numpy.interp` draws them, and a file rounds: the rows of the values, whatever their step."""
+    x = np.random.default_rng(rows).standard_normal(N // rows + 2)
+    y = np.interp((np.arange(N) + 1) / rows, np.arange(x.size), x)
+    own = OwnSamples.of(T, np.round(y / step) * step if step else y)
+    assert own.is_drawn
+    assert np.array_equal(np.flatnonzero(own.rows), np.arange(rows - 1, N, rows))
+    assert own.t == pytest.approx(T[own.rows])
+    assert f"{rows:.3g} rows apart" in own.said[0]
+
+
+NOT_DRAWN = {
+    "white noise": WHITE,
+    "smooth noise": gaussian_filter1d(WHITE, 20.0),
+    "a ramp": T,
+    "a triangle": np.abs((T / 0.2) % 2.0 - 1.0),
+    "a square wave": np.sign(np.sin(2.0 * np.pi * T / 0.2 + 0.1)),
+    "a coarse grid": np.round(gaussian_filter1d(WHITE, 20.0) * 20.0),
+    "lines over a number of rows that is not whole": np.interp(np.arange(N) / 2.5, np.arange(N), WHITE),
+    "one value": np.ones(N),
+}
+
+
+@pytest.mark.parametrize("name", NOT_DRAWN)
+def test_rows_of_other_signals_are_samples(name: str) -> None:
+    assert not OwnSamples.of(T, NOT_DRAWN[name]).is_drawn
+
+
+def test_a_log_brought_to_a_higher_rate_is_identified_at_its_own() -> None:
+    """White noise of 0.1 rad/s at 25 Hz, drawn to 100 Hz: N = 0.02, to 4.5 of 0.7 % in 10,000 samples."""
+    x = 0.1 * np.random.default_rng(8).standard_normal(10_001)
+    log = Log(
+        ROW_S * np.arange(40_000),
+        {"gyro_x": Channel.of(np.interp(np.arange(40_000) / 4, np.arange(x.size), x), "rad/s")},
+    )
+    found = identify(log)
+    (white,) = found.noise.channels["gyro_x"].effects
+    assert white.name == "white_noise"
+    assert pytest.approx(0.02, rel=0.032) == white.N  # type: ignore[attr-defined]
+    assert find_gap(log, found.noise).verdict == "no_gap"

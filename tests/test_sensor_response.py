@@ -6,6 +6,7 @@ Records are white noise through filters of scipy, rounded to a tenth of its stan
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,10 @@ from kfgen.core.errors import InputError
 from kfgen.effects import make
 from kfgen.effects.noise_model import ChannelNoise, NoiseModel, Term, parse_noise
 from kfgen.effects.process.sensor_response import GAINS, SensorResponse
+from kfgen.effects.samples.event import BiasStep
 from kfgen.gap.core.whitener import Whitener
-from kfgen.gap.rest.channel_gap import tests_of
-from kfgen.gap.rest.evidence import assumed
+from kfgen.gap.rest.channel_gap import tests_of as battery_of
+from kfgen.gap.rest.evidence import assumed, series_of
 from kfgen.identify.evidence.joint import JointRecord
 from kfgen.identify.evidence.record import Record
 from kfgen.identify.fit.fit import Prior
@@ -204,7 +206,7 @@ def test_measured_gains_are_as_uncertain_as_their_record() -> None:
     for measured_over, share in ((0.0, 1.0), (record.duration, 0.5)):
         response = SensorResponse.through(f[0], f[1:].tolist(), gains, measured_over)
         trusted = {(0, "N"): Prior(np.log(N), 1e-6)}
-        tests = tests_of("gyro_x", assumed(record, [make("white_noise", N=N), response], trusted))
+        tests = battery_of("gyro_x", assumed(record, [make("white_noise", N=N), response], trusted))
         (band,) = [t for t in tests if t.name == "power" and t.band_hz[1] > 40.0]
         m = share * 2.0 * (band.band_hz[1] - band.band_hz[0]) * record.duration
         alone = 2.0 * chi2.sf(band.ratio * m, m)
@@ -257,3 +259,21 @@ def test_a_response_that_is_none_is_refused(change: tuple[str, str], said: str) 
     text = f'format = "kfgen-noise-1"\n[gyro_x]\nunit = "rad/s"\neffects = [{{ effect = "sensor_response", start = "10 Hz", {entry} }}]\n'
     with pytest.raises(InputError, match=said):
         parse_noise(text, "noise.toml")
+
+
+@pytest.mark.parametrize(("samples_left", "time_s"), [(10, None), (40, 119.6)])
+def test_no_step_stands_where_a_record_ends_behind_a_filter(samples_left: int, time_s: float | None) -> None:
+    """Behind a mean of five the last 14 samples are not white again; a step of 1.5 rad/s before them is found."""
+    f = np.linspace(15.0, 50.0, GAINS + 1)
+    response = SensorResponse.through(
+        f[0], f[1:].tolist(), np.sqrt(true_power("mean of five", f[1:])).tolist()
+    )
+    record = Record(np.arange(12_000) / RATE, passed("mean of five", 4))
+    series = series_of(assumed(record, [make("white_noise", N=N), response], {}))
+    assert series.ends > 10
+    y = series.y + 1.5 * (np.arange(record.n) >= record.n - samples_left)
+    (found,) = BiasStep.detect(replace(series, y=y))
+    assert isinstance(found.effect, BiasStep)
+    assert found.effect.time < series.t[record.n - series.ends]
+    if time_s is not None:
+        assert found.effect.time == pytest.approx(time_s)

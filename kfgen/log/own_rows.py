@@ -1,8 +1,8 @@
 """At which rows of a log a slower sensor gives a new value, where its last one is held over the rows between them.
 
-A logger that writes a row for every sample of the fastest sensor repeats what a barometer of 25 Hz said last. Rows are
-taken for held ones only where new values come by a clock: samples that repeat at random, and those of a coarse ADC that
-are equal by chance, come at any row.
+A logger that writes a row for every sample of the fastest sensor repeats what a barometer of 25 Hz said last, or draws
+a line to what it says next (`kfgen.log.drawn_rows`). Rows are taken for held ones only where new values come by a
+clock: samples that repeat at random, and those of a coarse ADC that are equal by chance, come at any row.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kfgen.core.sampling_period import is_slower
+from kfgen.log.drawn_rows import ends_of_lines
 from kfgen.log.log import Log
 
 Array = NDArray[np.float64]
@@ -57,12 +58,15 @@ class OwnSamples:
         Rows that repeat a value.
     is_slower : bool
         Whether it has a rate of its own, below that of the log.
+    is_drawn : bool
+        Whether the rows between are not held ones, but lie on straight lines from value to value.
     """
 
     rows: Rows
     t: Array
     held: int = 0
     is_slower: bool = False
+    is_drawn: bool = False
 
     @staticmethod
     def of(t: Array, y: Array) -> OwnSamples:
@@ -86,6 +90,11 @@ class OwnSamples:
             return OwnSamples(there, _evened(t[there], _clock(np.diff(at))[0]), is_slower=True)
         change = np.diff(y[at], axis=0)
         first = np.concatenate([[0], 1 + np.flatnonzero(np.any(change != 0.0, axis=1))])
+        ends = ends_of_lines(y[at])
+        if ends.size and not all(_is_regular(c) for c in np.diff(y[at][ends], axis=0).T):
+            new = np.zeros_like(there)
+            new[at[ends]] = True
+            return OwnSamples(new, t[new], int(at.size - ends.size), is_slower=True, is_drawn=True)
         few = first.size < MIN_NEW_VALUES or at.size < MIN_ROWS_OF_A_VALUE * first.size
         rows = np.diff(first)  # of the first value some may be before the log begins
         if few or all(_is_regular(c) for c in change.T):
@@ -111,10 +120,13 @@ class OwnSamples:
             return []
         m = self.t.size
         rate = (m - 1) / float(self.t[-1] - self.t[0])
-        return [
-            f"its sensor is slower than the log, which holds each value over {1.0 + self.held / m:.3g} rows on average: "
-            f"the {m} new values are taken, {rate:.4g} a second"
-        ]
+        rows = 1.0 + self.held / m
+        how = (
+            f"draws straight lines from value to value, {rows:.3g} rows apart: the {m} values"
+            if self.is_drawn
+            else f"holds each value over {rows:.3g} rows on average: the {m} new values"
+        )
+        return [f"its sensor is slower than the log, which {how} are taken, {rate:.4g} a second"]
 
 
 def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:

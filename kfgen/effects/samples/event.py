@@ -82,7 +82,8 @@ class BiasStep(LinearProcess):
         energy = (power.sum() - np.fft.fft(power).real[1:]) / n
         for q in series.nuisance.T:
             energy = energy - product(q) ** 2
-        keep = slice(EDGE_MARGIN_SAMPLES, n - 1 - EDGE_MARGIN_SAMPLES)
+        margin = max(EDGE_MARGIN_SAMPLES, series.ends)
+        keep = slice(margin, n - 1 - margin)
         size = product(series.X)[keep] / np.maximum(energy[keep], 1e-9 * energy.max())
         w = coefficient_worth(size * np.sqrt(np.maximum(energy[keep], 0.0)))
         k = int(np.argmax(w))

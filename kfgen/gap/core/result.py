@@ -157,6 +157,19 @@ class Checks:
     found_again: tuple[str, ...] | None
     named: tuple[str, ...] = ()
 
+    def tempered(self, findings: Sequence[Finding]) -> list[Finding]:
+        """Findings, as probable as beside misfit where the log does not bound their size or they are not found again.
+
+        Parameters
+        ----------
+        findings : sequence of Finding
+            Of what was checked.
+        """
+        again = set(self.named if self.found_again is None else self.found_again)
+        return [
+            f if f.name in again and self.seen.get(f.name, True) else beside_misfit([f])[0] for f in findings
+        ]
+
 
 @dataclass(frozen=True)
 class NoiseScale:

@@ -120,7 +120,7 @@ def channel_gap(
     clean, after = cast(Record, base.problem.record), tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, random.effects)
     findings, terms = terms_of(channel, search, random, retuned, before)
-    checks = checked(search, findings) if findings else None
+    findings, checks = checked(search, findings)
     objection = own_noise_objection(search) if retuned else ""
     if verdict_of(findings, retuned, after, search.comb_hz, objection) == UNKNOWN_EFFECT:
         findings = list(beside_misfit(findings))
@@ -193,20 +193,23 @@ def hidden_in_means() -> frozenset[str]:
     )
 
 
-def checked(search: ChannelExplanation, findings: Sequence[Finding]) -> Checks:
-    """The checks of what was added.
+def checked(search: ChannelExplanation, findings: list[Finding]) -> tuple[list[Finding], Checks | None]:
+    """The findings as probable as the checks of what was added allow, and these checks.
 
     Parameters
     ----------
     search : ChannelExplanation
         Finished.
-    findings : sequence of Finding
+    findings : list of Finding
         Of it.
     """
+    if not findings:
+        return [], None
     sized = ("size", "signed", "solved", "ratio", "frequency", "corner")
     sizes = {f.name: [p.name for p in f.effect.estimated() if p.kind in sized] for f in findings}
     intervals = [(f.name, *f.ci95[n]) for f in findings for n in sizes[f.name][:1] if n in f.ci95]
-    return checks_of(search, search.base.fit.effects, intervals)
+    checks = checks_of(search, search.base.fit.effects, intervals)
+    return checks.tempered(findings), checks
 
 
 def as_written(record: Evidence, effects: tuple[Effect, ...]) -> Candidate:

@@ -141,6 +141,7 @@ def _of_all(
     after = tests_of(channel, base)
     retuned = search.is_retuned or moved(base.problem, base.fit, at.random.effects)
     findings, terms = terms_of(channel, search, at.random, retuned, before)
+    findings, checks = checked(search, findings)
     return replace(
         first,
         verdict=verdict_of(findings, retuned, after, 0.0),
@@ -155,7 +156,7 @@ def _of_all(
         own_noise_objection="",
         refused=tuple(replace(r, where=channel) for r in refused_of(search)),
         white=np.zeros(0),
-        checks=checked(search, findings) if findings else None,
+        checks=checks,
     )
 
 
