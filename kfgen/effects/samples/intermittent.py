@@ -40,6 +40,16 @@ MIN_SCATTER_SIGMAS = 3.5
 """Standard deviations by which those sums must scatter more than sums of one level."""
 MIN_START_GAIN_NATS = 3.0
 """Gain of log-likelihood [nats] of the best first point below which the search ends."""
+MAX_SQUARE_OF_A_BEAT = 25.0
+"""To which squares of the white series are cut where they are looked at for a period: five standard deviations."""
+MIN_CYCLES_OF_A_BEAT = 16
+"""In a record, of which bursts by chance show no line."""
+FLOOR_ORDINATES = 101
+"""Of which the median is the floor of the spectrum of squares."""
+BESIDE_A_LINE = np.array([*range(-12, -2), *range(3, 13)])
+"""Ordinates whose mean is its floor, too: where bursts are long it falls steeply."""
+BEAT_FALSE_ALARM_RATE = 1e-4
+"""Of records of bursts that come by chance, the share in which a period is seen."""
 LOG_RATIO_RANGE = (float(np.log(1.05)), float(np.log(1e3)))
 """Range of the logarithm of the ratio of standard deviations: a uniform prior."""
 LOG_ODDS_RANGE = (-8.0, 2.0)
@@ -99,6 +109,31 @@ class IntermittentNoise(AddsNothingAtRest):
         """From log ratio, log odds of the share and log length."""
         share = 1.0 / (1.0 + np.exp(-x[1]))
         return cls(float(np.exp(x[0])), float(share), float(np.exp(x[2])))
+
+    @staticmethod
+    def beat(series: WhiteSeries) -> tuple[float, float]:
+        """The period [s] by which noise is louder and less loud, and its log-likelihood ratio above that of chance.
+
+        Bursts of the law come at random: the spectrum of the squares of the white series has no line.
+
+        Parameters
+        ----------
+        series : WhiteSeries
+        """
+        from scipy.ndimage import median_filter
+
+        squares = np.minimum(series.fast**2, MAX_SQUARE_OF_A_BEAT)
+        power = np.abs(np.fft.rfft(squares)) ** 2
+        at = np.arange(MIN_CYCLES_OF_A_BEAT, power.size + BESIDE_A_LINE[0])
+        if at.size <= FLOOR_ORDINATES:
+            return 0.0, -np.inf
+        far = power[at] * np.log(2.0) / np.maximum(median_filter(power, FLOOR_ORDINATES)[at], 1e-300)
+        m = BESIDE_A_LINE.size
+        beside = power[at] / np.maximum(power[at[:, None] + BESIDE_A_LINE].mean(axis=1), 1e-300)
+        # Against the law of an ordinate over its mean, and over the mean of m others.
+        nats = np.minimum(far, m * np.log1p(beside / m))
+        k = int(np.argmax(nats))
+        return series.n * series.dt / float(at[k]), float(nats[k] - np.log(at.size / BEAT_FALSE_ALARM_RATE))
 
     def removed_from(self, series: WhiteSeries) -> Array:
         """The loud samples brought to the level of the others, where a history drawn from all says that they are."""

@@ -18,6 +18,8 @@ from kfgen.effects.effect import LinearProcess
 from kfgen.effects.process.periodic import Resonance, Sinusoid
 from kfgen.effects.process.stochastic import GaussMarkov
 from kfgen.effects.process.telegraph import RandomTelegraph
+from kfgen.effects.samples.event import Outliers
+from kfgen.effects.samples.intermittent import IntermittentNoise
 from kfgen.gap.core.jump_law import jumps_log_odds
 from kfgen.gap.core.level_law import MANY_LEVELS, many_levels_log_odds
 from kfgen.gap.core.random_course import COURSE_POINTS, FALSE_ALARM_RATE, least_usual
@@ -26,6 +28,7 @@ from kfgen.gap.core.swing_law import MODULATED_LINE, comes_and_goes_log_odds, ot
 from kfgen.gap.core.whitener import Whitener
 from kfgen.gap.rest.evidence import Candidate, series_of
 from kfgen.gap.rest.explanation import ChannelExplanation
+from kfgen.gap.rest.words import louder_by_a_clock
 from kfgen.identify.evidence.joint import records_of
 from kfgen.identify.evidence.record import Record
 
@@ -104,8 +107,12 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
         if said and has_course(effect):  # it stands in for what the first one stands in for
             laws.append(OtherLaw())
             continue
-        telegraph = isinstance(effect, RandomTelegraph)
-        laws.append(_more_levels(search) if telegraph else _other_law(base, record, every, effect))
+        if isinstance(effect, RandomTelegraph):
+            laws.append(_more_levels(search))
+        elif isinstance(effect, IntermittentNoise | Outliers):
+            laws.append(_beat(search))
+        else:
+            laws.append(_other_law(base, record, every, effect))
         said = said or (laws[-1].objection if has_course(effect) else "")
     objection = said or none_of_their_kind(record, known, added)
     return [
@@ -116,6 +123,14 @@ def with_objections(search: ChannelExplanation, findings: Sequence[Finding]) -> 
         )
         for law, f in zip(laws, findings)
     ]
+
+
+def _beat(search: ChannelExplanation) -> OtherLaw:
+    """Whether noise that is louder at times is so by a clock, and not by chance."""
+    seconds, log_odds = IntermittentNoise.beat(
+        series_of(replace(search.base, problem=replace(search.base.problem, record=search.record)))
+    )
+    return OtherLaw(louder_by_a_clock(seconds), log_odds)
 
 
 def _more_levels(search: ChannelExplanation) -> OtherLaw:

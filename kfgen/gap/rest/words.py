@@ -32,6 +32,14 @@ def drawn(count: int, channel: str) -> str:
     return f"{count} samples of {channel} are missing; assumed noise of the size beside is drawn over them"
 
 
+def louder_by_a_clock(period_s: float) -> str:
+    """Of noise that is louder and less loud with a period [s]."""
+    return (
+        f"the noise is louder every {period_s:.4g} s, by a clock, as a load that is switched makes it, or a log whose "
+        "samples were interpolated: log them as the sensor gives them"
+    )
+
+
 def loses_unseen(loss_nats: float) -> str:
     """Of an addition that makes data worse which its fit did not see, by so many nats."""
     return f"it loses {loss_nats:.3g} nats on data that its fit did not see"
