@@ -103,6 +103,19 @@ def test_nor_in_a_long_record(order: int, corner_hz: float) -> None:
     assert float(found.fit.effects[0].N) == pytest.approx(N, rel=0.02)
 
 
+def test_a_short_record_shows_the_low_pass_of_its_sensor() -> None:
+    """Of 500 samples: of 40 records through a filter of eighth order all, of 40 of white noise at most two.
+
+    A false alarm is one in a hundred records, three of 40 one in 200.
+    """
+    rng = np.random.default_rng(9)
+    found = [
+        identified(lfilter(*butter(8, 30.0, fs=RATE), rng.standard_normal(700))[200:]) for _ in range(40)
+    ]
+    assert all(f.response is not None for f in found)
+    assert sum(identified(rng.standard_normal(500)).response is not None for _ in range(40)) <= 2
+
+
 def test_white_noise_has_no_response() -> None:
     white = np.random.default_rng(3).standard_normal(12_000)
     assert identified(white).response is None

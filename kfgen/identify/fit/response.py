@@ -25,7 +25,7 @@ from kfgen.identify.evidence.whittle import residual_ratio
 
 Array = NDArray[np.float64]
 
-MIN_ORDINATES = 200.0
+MIN_ORDINATES = 30.0
 """Spectral ordinates beyond the frequency, below which nothing is described."""
 BINS_PER_DECADE_OF_RESPONSE = 400
 """Of the spectrum, so that a zero of a filter is seen."""

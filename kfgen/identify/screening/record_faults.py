@@ -51,6 +51,8 @@ LOOKED_AT_OVER_FALL = 3
 """Of the frequency where it falls: as far it is looked at again."""
 MIN_SHRINKING = 0.9
 """Of the ordinates that are looked at, above which nothing new is seen."""
+MIN_BANDS, MAX_BANDS, ORDINATES_OF_A_BAND = 15, 50, 21
+"""Into which a spectrum is divided: a median of fewer ordinates says little."""
 MIN_BANDS_ROLLED_OFF = 5
 """At the end of the spectrum."""
 
@@ -175,9 +177,10 @@ class _Fall:
     def of(power: Array) -> _Fall | None:
         """None where it does not fall, or rises again."""
         n = power.size
-        edges = np.unique(np.linspace(n // 50, n, 50).astype(int))
-        if edges.size < 20 or np.diff(edges).min() < 20:
+        count = min(MAX_BANDS, n // ORDINATES_OF_A_BAND)
+        if count < MIN_BANDS:
             return None
+        edges = np.linspace(n // MAX_BANDS, n, count).astype(int)
         # The median of a chi-square of one degree of freedom is 0.4549.
         level = np.array([np.median(power[a:b]) for a, b in pairwise(edges)]) / 0.4549
         level /= np.median(level[: level.size // 3])
