@@ -38,7 +38,9 @@ def ends_of_lines(y: Array) -> Rows:
     ndarray of int, shape (m,)
         Evenly spaced, two rows or more apart; before the first and after the last no line is whole.
     """
-    bends = np.zeros(max(y.shape[0] - 2, 0), bool)
+    if y.shape[0] < 2 * MIN_VALUES:
+        return np.zeros(0, np.intp)
+    bends = np.zeros(y.shape[0] - 2, bool)
     for column in y.T:
         bends |= np.abs(np.diff(column, 2)) > _rounding(column)
     at = 1 + np.flatnonzero(bends)

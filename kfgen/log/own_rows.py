@@ -114,13 +114,26 @@ class OwnSamples:
         return OwnSamples(new, _evened(t[new], period), int(at.size - new.sum()), is_slower=True)
 
     @property
+    def rows_of_a_value(self) -> float:
+        """Of the log, on average."""
+        return 1.0 + self.held / self.t.size
+
+    @property
+    def said_of_rows(self) -> str:
+        """Of rows on lines between values, where all rows are taken."""
+        return (
+            f"the log draws straight lines from value to value, {self.rows_of_a_value:.3g} rows apart, and a filter takes "
+            "each row for a measurement of its own, which is too sure: log the samples as the sensor gives them"
+        )
+
+    @property
     def said(self) -> list[str]:
         """A sentence on held rows; none without them."""
         if not self.held:
             return []
         m = self.t.size
         rate = (m - 1) / float(self.t[-1] - self.t[0])
-        rows = 1.0 + self.held / m
+        rows = self.rows_of_a_value
         how = (
             f"draws straight lines from value to value, {rows:.3g} rows apart: the {m} values"
             if self.is_drawn
@@ -129,16 +142,18 @@ class OwnSamples:
         return [f"its sensor is slower than the log, which {how} are taken, {rate:.4g} a second"]
 
 
-def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:
+def with_own_samples(log: Log, sensors: Iterable[Sequence[str]], *, by_filter: bool = False) -> Log:
     """A log in which channels have a value where their sensor gave one and no number where its last one was held.
 
-    Its `held` says of which.
+    Its `held` says of which, and which lie on lines between values: these stay as they are.
 
     Parameters
     ----------
     log : Log
     sensors : iterable of sequence of str
         The channels of each, whose values come together; those that the log lacks are left alone.
+    by_filter : bool
+        Whether a filter takes the rows, to which those on lines are measurements.
 
     Returns
     -------
@@ -149,6 +164,9 @@ def with_own_samples(log: Log, sensors: Iterable[Sequence[str]]) -> Log:
         there = [n for n in names if n in channels]
         own = OwnSamples.of(log.t, np.array([channels[n].values for n in there]).T) if there else None
         if own is None or not own.held:
+            continue
+        if own.is_drawn:
+            said += [f"{', '.join(there)}: {own.said_of_rows}"] if by_filter else []
             continue
         for n in there:
             channels[n] = replace(channels[n], values=np.where(own.rows, channels[n].values, np.nan))

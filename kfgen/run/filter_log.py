@@ -31,7 +31,7 @@ def as_named_by(model: FilterModel, log: Log) -> Log:
     if names:
         unplaced = {names.get(c, c): v for c, v in log.unplaced.items()}
         log = replace(log, channels={names.get(c, c): v for c, v in log.channels.items()}, unplaced=unplaced)
-    return with_own_samples(log, (s.channels for s in model.sensors))
+    return with_own_samples(log, (s.channels for s in model.sensors), by_filter=True)
 
 
 def unused_sensors(model: FilterModel, log: Log) -> tuple[str, ...]:

@@ -90,13 +90,23 @@ def test_the_likelihood_of_ordinates_in_full() -> None:
 
 
 def test_where_a_filter_stops_the_density_is_what_is_seen() -> None:
-    """In the bin of two ordinates nothing passes: there S is the power of the record over its count."""
+    """In the bin of two ordinates nothing passes: there S is the power of the record over its count, and fits nothing.
+
+    At 2 rad per sample, 3.2 Hz, a low-pass of second order of 0.35 Hz passes 1.5e-4 of the power; at 1.6 Hz 2e-3.
+    """
     o = some_ordinates()
     o.__dict__["_shapes"] = Shapes(
         lambda e: np.full(3, float(e.name == "white_noise")), lambda _: np.array([0.5, 1.0, 1e-30])
     )
-    found = o.density([WHITE, make("low_pass", corner=1.0)])
-    assert found == pytest.approx([0.5 * 0.09, 0.09, (0.25 + 2.25) / 2.0])
+    both = [WHITE, make("low_pass", corner=0.35, order=2)]
+    S = np.array([0.5 * 0.09, 0.09, (0.25 + 2.25) / 2.0])
+    assert o.density(both) == pytest.approx(S)
+    assert o.weight(both) == pytest.approx([1.0 / S[0], 1.0 / S[1], 0.0])
+    fit = o.log_likelihood(both)
+    xx, xb, bb = 1.0 / S[0] + 4.0 / S[1], 0.4 / S[0] - 0.2 / S[1], 0.16 / S[0] + 0.01 / S[1]
+    assert fit.coefficients == pytest.approx([xb / bb])
+    assert fit.value == pytest.approx(-0.5 * (o.count @ np.log(S) + xx - xb**2 / bb + 2.0))
+    assert o.information(both, [(0, "N")]) == pytest.approx(np.array([[0.5 * 4.0 * 2]]))
 
 
 def test_power_that_is_left_without_a_regressor() -> None:
