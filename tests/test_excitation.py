@@ -67,7 +67,13 @@ def comparison(result: GapResult) -> Comparison:
 
 @pytest.mark.parametrize(
     ("manoeuvre", "expected"),
-    [("static", True), ("cruise", False), ("hover", False), ("yaw-turn", False), ("accelerate", False)],
+    [
+        pytest.param("static", True, marks=pytest.mark.long),
+        ("cruise", False),
+        ("hover", False),
+        ("yaw-turn", False),
+        ("accelerate", False),
+    ],
 )
 def test_a_vehicle_that_never_moves_is_parked(manoeuvre: str, expected: bool) -> None:
     scene = flight_scene(log_of(manoeuvre), model())

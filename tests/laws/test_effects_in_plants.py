@@ -44,7 +44,7 @@ name = "drive"
 duration = "20 s"
 inputs = { u = "sin(0.9*t) + 0.6*sin(2.7*t + 1)*cos(0.13*t) + 0.3" }
 """
-QUICK = {"constant_input", "parameter_error", "viscous_friction"}
+QUICK = {"parameter_error", "viscous_friction"}
 QUICK_AND_LONG = [pytest.param(s, marks=[] if s.name in QUICK else pytest.mark.long) for s in PLANT]
 
 

@@ -43,7 +43,6 @@ DISTINCT = {
 """Of a size at which nothing else does the same: late by 0.02 s a magnetometer is one with a corner of 8 Hz."""
 NEEDS_POSITION = {(SHAKEN, "accel_x"), ("lever_arm", "gnss"), ("time_delay", "gnss"), ("clock_drift", "gnss")}
 NAMED_QUICKLY = {
-    ("lever_arm", "gnss"),
     ("clock_drift", "gnss"),
     ("scale_factor", "gyro_x"),
     ("scale_temperature", "gyro_x"),
@@ -54,7 +53,6 @@ NAMED_QUICKLY = {
     ("hard_iron", "mag"),
     ("declination", "mag"),
     ("static_pressure_error", "baro"),
-    ("magnetic_disturbance", "mag"),
 }
 MOVING = [n for n in LIBRARY if n not in ("gyro-static", "imu-static", "hemerly-ekf")]
 
