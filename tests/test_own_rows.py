@@ -19,7 +19,7 @@ from kfgen.core.units import STANDARD_GRAVITY
 from kfgen.gap.find_gap import find_gap
 from kfgen.identify.identify_log import identify
 from kfgen.log.log import Channel, Log
-from kfgen.log.own_rows import OwnSamples
+from kfgen.log.own_rows import OwnSamples, with_own_samples
 from kfgen.run.run import run
 
 Array = NDArray[np.float64]
@@ -203,6 +203,17 @@ NOT_DRAWN = {
 @pytest.mark.parametrize("name", NOT_DRAWN)
 def test_rows_of_other_signals_are_samples(name: str) -> None:
     assert not OwnSamples.of(T, NOT_DRAWN[name]).is_drawn
+
+
+def test_a_filter_over_drawn_rows_warns() -> None:
+    """Of held rows it takes the new values; a comparison at rest looks at drawn ones itself."""
+    log = Log(T, {"altitude": Channel.of(np.interp(np.arange(N) / 4, np.arange(N), WHITE), "m")})
+    over = with_own_samples(log, [["altitude"]], by_filter=True)
+    assert np.array_equal(over.channels["altitude"].values, log.channels["altitude"].values)
+    (said,) = over.held
+    assert said.startswith("altitude: the log draws straight lines")
+    assert "4 rows apart" in said
+    assert with_own_samples(log, [["altitude"]]).held == ()
 
 
 def test_a_log_brought_to_a_higher_rate_is_identified_at_its_own() -> None:

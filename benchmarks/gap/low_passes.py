@@ -4,7 +4,8 @@ Usage: python benchmarks/gap/low_passes.py [--count K] [--seed S] [--without M] 
 
 White noise of a gyro and its random walk go through a filter of scipy (first order, fourth order, a decimator's finite
 impulse response, a mean of five samples), and are rounded to a tenth of the noise; behind a filter of eighth order, to
-a ten-thousandth. `kfgen identify` sees one record, `kfgen gap` the next; for M of the records of each filter beside it stands the same file without `sensor_response`.
+a ten-thousandth. `kfgen identify` sees one record, `kfgen gap` the next; for M of the records of each filter beside it
+stands the same file without `sensor_response`.
 """
 
 from __future__ import annotations
