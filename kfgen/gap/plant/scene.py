@@ -28,6 +28,7 @@ from kfgen.gap.plant.initial_history import changed, distinct, independent, inte
 from kfgen.gap.plant.pieces import in_one_piece, lateness, segments, shortest
 from kfgen.gap.plant.reach import rms, unreached
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
+from kfgen.gap.plant.refuted_starts import refuted_starts
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting
 from kfgen.gap.rest.trust import MAX_SHIFT_SD
@@ -247,6 +248,10 @@ class PlantScene:
             run = scene.simulated(start_of(scene))
             check_near(model, scene.recorded, run.channels, f"with {', '.join(sorted(names))} as assumed")
         return scene
+
+    def refuted(self) -> tuple[Placed, ...]:
+        """See `kfgen.gap.scene.scene.Trusting`."""
+        return refuted_starts(self.shooting)
 
     def stated(self, where: str) -> float:
         """See `kfgen.gap.scene.scene.Trusting`."""

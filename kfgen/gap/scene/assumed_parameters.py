@@ -76,12 +76,12 @@ def answered(scene: Scene) -> Answered:
         plain = explained(scene, FIRST_LIMITS if isinstance(scene, HasRandomErrors) else LIMITS)
         return Answered(plain.scene, scene, plain)
     here: Scene = scene
-    # A start far from where it should be is mostly a sign of something else, and takes up little of it.
-    starts = {u.own for u in scene.unknowns if u.once}
-    wrong = moved(scene, fitted(scene, start_of(scene)).point) - starts
+    # A start that a whole log moves far is mostly a sign of something else, and takes up little of it.
+    starts, refuted = {u.own for u in scene.unknowns if u.once}, scene.refuted()
+    wrong = (moved(scene, fitted(scene, start_of(scene)).point) - starts) | {p.where for p in refuted}
     for _ in range(MAX_ITERATIONS):
         here = scene.held(wrong) if wrong else scene
-        found = explained(here)
+        found = explained(here, together=refuted)
         more = moved(here, found.fit.point)
         if not more or search_is_over():
             break

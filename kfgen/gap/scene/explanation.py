@@ -30,10 +30,10 @@ from kfgen.gap.core.search import (
 from kfgen.gap.core.thresholds import SearchLimits
 from kfgen.gap.core.unseen import MAX_UNSEEN_LOSS_NATS
 from kfgen.gap.scene.addition import RESEMBLING_MIN_COS2, FittedAddition, cos2, ranked, relinearised
-from kfgen.gap.scene.evidence import evidence_over_widths
+from kfgen.gap.scene.evidence import evidence, evidence_over_widths
 from kfgen.gap.scene.newton import SceneFit, fitted
 from kfgen.gap.scene.proof import unproven
-from kfgen.gap.scene.scene import Scene, ScenePoint, start_of
+from kfgen.gap.scene.scene import Placed, Scene, ScenePoint, start_of
 from kfgen.gap.scene.screen import Screened, basis, orthogonal_part, screen
 
 Array = NDArray[np.float64]
@@ -162,17 +162,41 @@ class Explained:
     refused: tuple[Refused, ...] = ()
 
 
-def explained(scene: Scene, limits: SearchLimits = LIMITS) -> Explained:
+def explained(scene: Scene, limits: SearchLimits = LIMITS, together: Sequence[Placed] = ()) -> Explained:
     """Add what has evidence, take out what a later addition makes superfluous, until nothing changes.
 
     Parameters
     ----------
     scene : Scene
     limits : SearchLimits
+    together : sequence of Placed
+        What is there before anything is looked for, as far as it has evidence: one by one, others would stand in for it.
     """
     assumed = fitted(scene, start_of(scene))
-    found = searched(SceneExplanation(scene, assumed), limits)
+    found = searched(_begun_with(SceneExplanation(scene, assumed), together, limits), limits)
     return Explained(assumed, found.chosen, found.fit, found.scene, refused_of(found))
+
+
+def _begun_with(
+    nothing: SceneExplanation, together: Sequence[Placed], limits: SearchLimits
+) -> SceneExplanation:
+    """With those of some effects that have evidence beside the others."""
+    scene, placed = nothing.scene, tuple(together)
+    while placed:
+        fit = fitted(scene, ScenePoint(placed, nothing.fit.point.unknowns))
+        cost, whole = float(np.log1p(len(scene.candidates(())))), evidence(scene, fit)
+        chosen = []
+        for i, p in enumerate(fit.point.placed):
+            rest = fitted(scene, ScenePoint((*placed[:i], *placed[i + 1 :]), fit.point.unknowns))
+            column = next(c for c, (at, _) in enumerate(fit.keys) if at == i)
+            gain = whole - evidence(scene, rest) - cost
+            own = FittedAddition(p, fit, gain, cost, fit.jacobian[:, column])
+            chosen.append(Chosen(own, probabilities([own])))
+        least = min(range(len(chosen)), key=lambda i: chosen[i].gain)
+        if chosen[least].gain >= limits.min_evidence_nats:
+            return replace(nothing, fit=fit, chosen=tuple(chosen))
+        placed = (*placed[:least], *placed[least + 1 :])
+    return nothing
 
 
 def completed(found: Explained, *, grow: bool) -> Explained:

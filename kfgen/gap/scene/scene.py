@@ -152,6 +152,9 @@ class Trusting(Protocol):
     def stated(self, where: str) -> float:
         """What is assumed about a number [SI]."""
 
+    def refuted(self) -> tuple[Placed, ...]:
+        """Errors of numbers that the log contradicts before errors of the model can add up."""
+
 
 @runtime_checkable
 class Integrating(Protocol):
