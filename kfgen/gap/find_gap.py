@@ -237,7 +237,7 @@ def _plant(assumed: UserModel, log: Log) -> GapResult:
     after = updated_model(assumed, missing, trusted if missing else None)
     noises = rescaled({n: m.noise for n, m in after.measurements.items()}, [found])
     measurements = {n: replace(m, noise=noises[n]) for n, m in after.measurements.items()}
-    return _of_scenes(log, [found], assumed, replace(after, measurements=measurements))
+    return _of_scenes(log, [found], assumed, replace(after, measurements=measurements), scene.warnings)
 
 
 def _in_flight(name: str, model: FilterModel, log: Log) -> GapResult | None:

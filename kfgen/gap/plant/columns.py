@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.scene.scene import ScenePoint
@@ -57,3 +58,42 @@ def columns_of(
         else:
             effects.append((where, stacked([e for e in kind if isinstance(e, PlantEffect)])))
     return Batch(parameters, tuple(effects), initial)
+
+
+def shared(points: Sequence[ScenePoint], segs: int, states: int) -> tuple[list[ScenePoint], NDArray[np.intp]]:
+    """Fewer points with all the segments of many, since segments do not know of one another.
+
+    Points that differ only in where segments start share simulations, each segment of which starts at another of the
+    wanted places.
+
+    Parameters
+    ----------
+    points : sequence of ScenePoint
+    segs, states : int
+        How many segments and states there are.
+
+    Returns
+    -------
+    columns : list of ScenePoint
+    source : ndarray, shape (points, segs)
+        In which of them each segment of each point is; empty where nothing can be shared.
+    """
+    alike: dict[tuple[object, bytes], list[int]] = {}
+    for j, p in enumerate(points):
+        alike.setdefault((p.placed, p.unknowns[segs * states :].tobytes()), []).append(j)
+    if segs == 1 or len(alike) == len(points):
+        return [], np.zeros((0, segs), dtype=np.intp)
+    columns: list[ScenePoint] = []
+    source = np.zeros((len(points), segs), dtype=np.intp)
+    for members in alike.values():
+        first = points[members[0]]
+        starts = np.array([points[j].unknowns[: segs * states] for j in members])
+        starts = starts.reshape(len(members), segs, states)
+        wanted = [np.unique(starts[:, s], axis=0, return_inverse=True) for s in range(segs)]
+        source[members] = len(columns) + np.column_stack([np.ravel(w[1]) for w in wanted])
+        for c in range(max(len(w[0]) for w in wanted)):
+            initial = np.concatenate([w[0][min(c, len(w[0]) - 1)] for w in wanted])
+            columns.append(
+                ScenePoint(first.placed, np.concatenate([initial, first.unknowns[segs * states :]]))
+            )
+    return columns, source

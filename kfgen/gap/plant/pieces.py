@@ -7,7 +7,8 @@ segment begins.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +49,14 @@ def lateness(data: Mapping[str, tuple[NDArray[np.intp], Array]], simulated: Mapp
     return best if best < n else best - 2 * n
 
 
-def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
+def segments(shooting: Shooting, anew: Sequence[int] = ()) -> tuple[tuple[int, ...], Array, Array]:
     """Where segments start, their initial states, shape (segments, states), and the untrusted parameters.
+
+    Parameters
+    ----------
+    shooting : Shooting
+    anew : sequence of int
+        Samples at which a segment starts whether the model follows or not.
 
     Raises
     ------
@@ -64,7 +71,8 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
     starts, initial, a = [0], [], 0
     before: Array | None = None
     while True:
-        x0, b = _segment(shooting, a, least, before)
+        stop = min((c for c in anew if c > a), default=n)
+        x0, b = _segment(shooting, (a, stop), least, before)
         shooting.check(x0, a, b)
         initial.append(x0)
         if b == n:
@@ -73,13 +81,13 @@ def segments(shooting: Shooting) -> tuple[tuple[int, ...], Array, Array]:
             for x0, a, b in zip(agreed, edges[:-1], edges[1:]):
                 shooting.check(np.concatenate([x0, parameters]), a, b)
             return tuple(starts), agreed, parameters
-        before = shooting.last(x0, a, b + 1)
+        before = shooting.last(x0, a, b + 1) if b < stop else None
         starts.append(b)
         a = b
 
 
-def in_one_piece(shooting: Shooting) -> Array | None:
-    """What is fitted to a whole record where one simulation follows it, shape (fitted,); None where none does.
+def in_one_piece(shooting: Shooting, anew: Sequence[int] = ()) -> tuple[Array, Array] | None:
+    """What is fitted to a whole record where one simulation follows it from one place where it starts anew to the next.
 
     Where it starts from decides whether a fit over many turns of a plant ends where it should, so it starts from the best
     of many parameters within what is assumed of them.
@@ -87,13 +95,27 @@ def in_one_piece(shooting: Shooting) -> Array | None:
     Parameters
     ----------
     shooting : Shooting
+    anew : sequence of int
+        Samples at which it does.
+
+    Returns
+    -------
+    (ndarray, ndarray) or None
+        Initial states, shape (1 + samples, states), and the untrusted parameters; None where none follows.
     """
-    n = shooting.t.size
-    first = np.concatenate([shooting.guess(0, MIN_FIRST_WINDOW_SAMPLES), shooting.trusted])
+    edges = (0, *anew, shooting.t.size)
+    found = [_whole(shooting, a, b) for a, b in pairwise(edges)]
+    followed = [x0 for x0 in found if x0 is not None]
+    return _agreed(shooting, edges, np.array(followed)) if len(followed) == len(found) else None
+
+
+def _whole(shooting: Shooting, a: int, b: int) -> Array | None:
+    """What is fitted over samples a to b where one simulation follows them; None where none does."""
+    first = np.concatenate([shooting.guess(a, min(b - a, MIN_FIRST_WINDOW_SAMPLES)), shooting.trusted])
     tried = np.column_stack([first, shooting.drawn(first)])
-    for best in np.argsort(shooting.cost(tried, 0, n))[:MAX_WHOLE_FITS].tolist():
-        x0 = shooting.fit(tried[:, best], 0, n)
-        if shooting.follows_whole(x0):
+    for best in np.argsort(shooting.cost(tried, a, b))[:MAX_WHOLE_FITS].tolist():
+        x0 = shooting.fit(tried[:, best], a, b)
+        if shooting.follows_whole(x0, a, b):
             return x0
         if fit_is_over():
             break
@@ -117,9 +139,11 @@ def _agreed(shooting: Shooting, edges: tuple[int, ...], found: Array) -> tuple[A
     return np.array(initial), parameters
 
 
-def _segment(shooting: Shooting, a: int, least: int, before: Array | None) -> tuple[Array, int]:
-    """What is fitted at sample a, and the sample up to which it is followed; at least so many."""
-    n = shooting.t.size
+def _segment(
+    shooting: Shooting, between: tuple[int, int], least: int, before: Array | None
+) -> tuple[Array, int]:
+    """What is fitted at the first of two samples, and the sample up to which it is followed; at least so many."""
+    a, n = between
     window = min(n - a, max(MIN_FIRST_WINDOW_SAMPLES, least // 4))
     guesses = [np.concatenate([shooting.guess(a, window), shooting.trusted])]
     if before is not None and np.isfinite(before).all():

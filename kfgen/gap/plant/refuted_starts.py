@@ -1,7 +1,7 @@
 """States that do not start where the model file says, by the first samples of a log alone.
 
 A log that begins in the middle of a motion contradicts a start at rest in its first samples, before errors of the model can
-add up; a fit of the whole log that believes the file would look for effects that bring the states there.
+add up; a fit of the whole log that trusts the file would look for effects that bring the states there.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WINDOWS_SAMPLES = tuple(MIN_FIRST_WINDOW_SAMPLES * k for k in (4, 2, 1))
 """The first samples that are looked at: the most that the assumed model follows from a start of their own."""
 MIN_CHANCE_OF_WINDOW = 1e-3
 """Chance of what is left in them below which the assumed model does not follow them."""
-MIN_DISTANCE_SD = 6.0
+MIN_DISTANCE_SD = 4.0
 """Standard deviations between the start that the samples show and the one of the file, both of their errors counted."""
 UNKNOWN_INFORMATION = 1e-9
 """On a state that no sample shows, in the inverse square of its size."""

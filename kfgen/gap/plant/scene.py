@@ -23,17 +23,20 @@ from kfgen.core.units import parse_unit
 from kfgen.effects.inertial.inertial_error import InertialError
 from kfgen.effects.plant.terms import ParameterError, PlantEffect
 from kfgen.gap.plant.candidates import additions
-from kfgen.gap.plant.columns import columns_of
+from kfgen.gap.plant.columns import columns_of, shared
+from kfgen.gap.plant.hole_responses import Simulation, disturbed
 from kfgen.gap.plant.initial_history import changed, distinct, independent, integrated, of_sensors, unsettled
+from kfgen.gap.plant.lost_rows import Disturbed, LostRows
 from kfgen.gap.plant.pieces import in_one_piece, lateness, segments, shortest
 from kfgen.gap.plant.reach import rms, unreached
 from kfgen.gap.plant.recorded_channel import RecordedChannel, check_near, check_unit, recorded_of
 from kfgen.gap.plant.refuted_starts import refuted_starts
 from kfgen.gap.plant.sensor_errors import SensorErrors, without_sensor_errors
 from kfgen.gap.plant.shooting import MIN_FIRST_WINDOW_SAMPLES, Shooting
+from kfgen.gap.plant.words import of_lost_rows
 from kfgen.gap.rest.trust import MAX_SHIFT_SD
 from kfgen.gap.scene.scene import Placed, ScenePoint, Unknown, start_of
-from kfgen.log.log import Channel, Log
+from kfgen.log.log import Log
 from kfgen.model.plant.equations import unknown_deviation
 from kfgen.model.plant.plant import Batch, Plant, Run
 from kfgen.model.plant.user import UserModel
@@ -42,8 +45,6 @@ Array = NDArray[np.float64]
 
 ASTRAY = 0.8
 """Share of the shortest segments that make up a record in which a model follows it nowhere."""
-LATE, LATEST = 3, 0.5
-"""Samples by which channels are late without doubt; share of a record of which nothing would be left."""
 FAR_FROM_START = 4.0
 """Standard deviations from where a state is assumed to start beyond which it does not: it starts anew in every log."""
 
@@ -106,11 +107,7 @@ class PlantScene:
 
     def cut(self) -> PlantScene:
         """The scene in as many segments as its model needs to follow the log; raises as `of`."""
-        shooting = self.shooting
-        starts, initial, parameters = segments(shooting)
-        begun = dict(zip(shooting.free, parameters.tolist()))
-        hidden = shooting.hidden(initial[0])
-        return replace(self, starts=starts, initial=initial, hidden=hidden, begun=begun)
+        return self._started(*segments(self.shooting, self._anew))
 
     @staticmethod
     def bare(model: UserModel, log: Log) -> PlantScene:
@@ -143,10 +140,29 @@ class PlantScene:
         """Samples of each."""
         return tuple(r.values.size for r in self.recorded.values())
 
+    @cached_property
+    def rows(self) -> LostRows:
+        """What rows the log has lost."""
+        return LostRows.of(np.asarray(self.log.t))
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user is told of the log."""
+        return of_lost_rows(self.rows, np.asarray(self.log.t))
+
+    @cached_property
+    def _anew(self) -> tuple[int, ...]:
+        return self.rows.anew(self.log.n)
+
+    @cached_property
+    def clock(self) -> Array:
+        """Times of the simulation, shape (n,) [s]: those of the log, long holes cut short."""
+        return self.rows.clock(np.asarray(self.log.t))
+
     @property
     def dt(self) -> float:
         """Sampling period [s]; the mean one of uneven times."""
-        return float((self.log.t[-1] - self.log.t[0]) / (self.log.n - 1))
+        return float((self.clock[-1] - self.clock[0]) / (self.log.n - 1))
 
     @property
     def span(self) -> tuple[float, float]:
@@ -161,18 +177,6 @@ class PlantScene:
             return self.seen_late or 0.0
         simulated = shooting.simulated(np.concatenate([self.initial[0], shooting.trusted]))
         return lateness(shooting.data, simulated) * self.dt
-
-    def answering(self, log: Log) -> Log:
-        """A log without what answers to inputs from before it, where the channels are late: nobody knows those."""
-        late = round(self.late / self.dt)
-        if not LATE <= late <= LATEST * log.n:
-            return log
-        channels = dict(log.channels)
-        for name in self.recorded:
-            values = np.array(channels[name].values)
-            values[: late + 1] = np.nan
-            channels[name] = Channel(values, channels[name].unit)
-        return replace(log, channels=channels)
 
     @cached_property
     def inputs(self) -> dict[str, Array]:
@@ -219,19 +223,22 @@ class PlantScene:
 
     def in_one_piece(self) -> PlantScene | None:
         """See `kfgen.gap.scene.scene.InPieces`."""
-        shooting, states = self.shooting, len(self.model.states)
-        found = in_one_piece(shooting) if len(self.starts) > 1 else None
-        if found is None:
-            return None
-        begun = dict(zip(shooting.free, found[states:].tolist()))
-        hidden = shooting.hidden(found[:states])
-        return replace(self, starts=(0,), initial=found[None, :states], hidden=hidden, begun=begun)
+        whole = len(self.starts) <= 1 + len(self._anew)
+        found = None if whole else in_one_piece(self.shooting, self._anew)
+        return None if found is None else self._started((0, *self._anew), *found)
+
+    def _started(self, starts: tuple[int, ...], initial: Array, parameters: Array) -> PlantScene:
+        begun = dict(zip(self.shooting.free, parameters.tolist()))
+        hidden = self.shooting.hidden(initial[0])
+        return replace(self, starts=starts, initial=initial, hidden=hidden, begun=begun)
 
     def free_run(self, point: ScenePoint) -> float:
         """See `kfgen.gap.scene.scene.InPieces`."""
-        k, segs = len(self.model.states), len(self.starts)
-        unknowns = np.concatenate([point.unknowns[:k], point.unknowns[k * segs :]])
-        whole = replace(self, starts=(0,), initial=self.initial[:1])
+        k, segs, few = len(self.model.states), len(self.starts), 1 + len(self._anew)
+        at = [self.starts.index(a) for a in (0, *self._anew)]
+        states = point.unknowns[: k * segs].reshape(segs, k)[at]
+        unknowns = np.concatenate([states.ravel(), point.unknowns[k * segs :]])
+        whole = replace(self, starts=(0, *self._anew), initial=self.initial[:few])
         run = whole.simulated(ScenePoint(point.placed, unknowns))
         return sum(rms(r.left(run.channels[n])[:, 0] / r.noise) ** 2 for n, r in self.recorded.items())
 
@@ -280,30 +287,11 @@ class PlantScene:
         return SensorErrors(self.log, self.inputs, noise, placed)
 
     def _shown(self, points: Sequence[ScenePoint]) -> Mapping[str, Array]:
-        """The simulated channels at points, each of shape (n, points).
-
-        Segments do not know of one another: points that differ only in where segments start share
-        simulations, each segment of which starts at another of the wanted places.
-        """
+        """The simulated channels at points, each of shape (n, points)."""
         segs, states = len(self.starts), len(self.model.states)
-        alike: dict[tuple[object, bytes], list[int]] = {}
-        for j, p in enumerate(points):
-            alike.setdefault((p.placed, p.unknowns[segs * states :].tobytes()), []).append(j)
-        if segs == 1 or len(alike) == len(points):
+        columns, source = shared(points, segs, states)
+        if not source.size:
             return self._run(points).channels
-        columns: list[ScenePoint] = []
-        source = np.zeros((len(points), segs), dtype=np.intp)
-        for members in alike.values():
-            first = points[members[0]]
-            starts = np.array([points[j].unknowns[: segs * states] for j in members])
-            starts = starts.reshape(len(members), segs, states)
-            wanted = [np.unique(starts[:, s], axis=0, return_inverse=True) for s in range(segs)]
-            source[members] = len(columns) + np.column_stack([np.ravel(w[1]) for w in wanted])
-            for c in range(max(len(w[0]) for w in wanted)):
-                initial = np.concatenate([w[0][min(c, len(w[0]) - 1)] for w in wanted])
-                columns.append(
-                    ScenePoint(first.placed, np.concatenate([initial, first.unknowns[segs * states :]]))
-                )
         run = self._run(columns)
         segment = np.searchsorted(np.asarray(self.starts), np.arange(self.log.n), side="right") - 1
         rows = np.arange(self.log.n)[:, None]
@@ -324,7 +312,7 @@ class PlantScene:
         kinds = (*((w, type(e)) for w, e in own), *_kinds(points[0].placed))
         plant = self._plants.setdefault(kinds, Plant(self.model, kinds))
         run = plant.simulate(
-            np.asarray(self.log.t),
+            self.clock,
             self.inputs,
             replace(self._batch(own, points), before=before or {}),
             self.starts,
@@ -346,14 +334,25 @@ class PlantScene:
 
     def _whitened(self, channels: Mapping[str, Array], points: Sequence[ScenePoint]) -> Array:
         left = np.concatenate([r.whitener.ordinates(r.left(channels[n])) for n, r in self.recorded.items()])
+        left = self.lost.without(self.lost.centred(left))
         for E in self._begun(channels, points):
             left = integrated(left, E)
         return left
 
+    @cached_property
+    def lost(self) -> Disturbed:
+        """What rows that the log has lost do to the residuals, by the assumed model."""
+        states = len(self.model.states)
+        initial = self.initial.reshape(len(self.starts), states, 1)
+        batch = replace(self._batch(self._own(), [self.assumed()]), initial=initial)
+        plant = Plant(self.model, [(w, type(e)) for w, e in self._own()])
+        simulation = Simulation(plant, batch, self.clock, self.starts)
+        return disturbed(self.rows, simulation, self.inputs, self.shooting.scale, self.recorded)
+
     def _begun(self, shown: Mapping[str, Array], points: Sequence[ScenePoint]) -> list[Array]:
         """Whitened, what sensors and late inputs may have begun with, each of shape (sum of lengths, points)."""
         batch = self._batch(self._own(), points)
-        found = of_sensors(self.recorded, batch, np.asarray(self.log.t), shown)
+        found = of_sensors(self.recorded, batch, self.clock, shown)
         for name, size in unsettled(batch, self.inputs).items():
             columns, source = distinct(
                 points, len(self.starts) * len(self.model.states) * (len(self.starts) > 1)
@@ -361,13 +360,13 @@ class PlantScene:
             before = np.repeat([0.0, size], len(columns))
             run = self._run([*columns, *columns], {name: before})
             found.append(changed(self.recorded, run.channels, len(columns))[:, source])
-        return independent(found)
+        return independent([self.lost.without(E) for E in found])
 
     def spread(self, point: ScenePoint) -> float:
         """See `kfgen.gap.scene.scene.Integrating`."""
         inside = without_sensor_errors(point)
         columns = self._begun(self._shown([inside]), [inside])
-        return 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
+        return self.lost.spread + 0.5 * float(sum(np.log1p(np.sum(E**2)) for E in columns))
 
     @property
     def shooting(self) -> Shooting:
@@ -376,7 +375,7 @@ class PlantScene:
         plant = Plant(self.model, [(w, type(e)) for w, e in own])
         weights = {n: 1.0 / r.noise for n, r in self.recorded.items()}
         data = {n: (r.at, r.values) for n, r in self.recorded.items()}
-        return Shooting(plant, own, np.asarray(self.log.t), self.inputs, data, weights)
+        return Shooting(plant, own, self.clock, self.inputs, data, weights)
 
     def unreached(self, placed: Placed) -> str:
         """See `kfgen.gap.scene.scene.Reaching`."""

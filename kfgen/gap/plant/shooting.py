@@ -233,16 +233,15 @@ class Shooting:
         most = {n: MAX_FOLLOWED_SHARE * min(self._spread(n, a, b), self._swing[n]) for n in self._full}
         return self._within(r, a, b, most) and self._forgets(J, a, b)
 
-    def follows_whole(self, x0: Array) -> bool:
-        """Whether one simulation over the record looks like the data, and answers not too much to where it starts.
+    def follows_whole(self, x0: Array, a: int, b: int) -> bool:
+        """Whether one simulation over samples a to b looks like the data, and answers not too much to where it starts.
 
         What it leaves may be large: a plant that forgets where it started needs no more starts, however wrong its model is,
         and with more of them the parameters would be lost to them.
         """
-        n = self.t.size
-        r, J = self.slope(x0, 0, n)
-        most = {c: MAX_LEFT_SHARE_IN_ONE_PIECE * self._spread(c, 0, n) for c in self._full}
-        return self._within(r, 0, n, most) and self._forgets(J, 0, n)
+        r, J = self.slope(x0, a, b)
+        most = {c: MAX_LEFT_SHARE_IN_ONE_PIECE * self._spread(c, a, b) for c in self._full}
+        return self._within(r, a, b, most) and self._forgets(J, a, b)
 
     def _spread(self, name: str, a: int, b: int) -> float:
         """Standard deviation of a channel over samples a to b [SI]; zero of fewer than two."""

@@ -60,6 +60,8 @@ MIN_STUCK_FRACTION_OF_RECORD = 0.05
 """Of the record: how long an input stands that may be stuck."""
 MIN_STUCK_RATIO = 8.0
 """Times how long it usually stands."""
+MIN_LATE_SAMPLES, MAX_LATE_SHARE = 3, 0.5
+"""Samples by which channels are late without doubt; share of a record of which nothing would be left."""
 
 
 def plant_scene(model: UserModel, log: Log) -> PlantScene:
@@ -79,8 +81,21 @@ def plant_scene(model: UserModel, log: Log) -> PlantScene:
         spoilt, either = found[:1], found[1:]
     if spoilt:
         return replace(bare, spoilt=tuple(spoilt), either=tuple(either))
-    scene = replace(PlantScene.of(model, bare.answering(sound)), said=tuple(said), seen_late=bare.late)
+    scene = replace(PlantScene.of(model, _answering(bare, sound)), said=tuple(said), seen_late=bare.late)
     return replace(scene, spoilt=tuple(logged_late(scene)))
+
+
+def _answering(scene: PlantScene, log: Log) -> Log:
+    """A log without what answers to inputs from before it, where the channels are late: nobody knows those."""
+    late = round(scene.late / scene.dt)
+    if not MIN_LATE_SAMPLES <= late <= MAX_LATE_SHARE * log.n:
+        return log
+    channels = dict(log.channels)
+    for name in scene.recorded:
+        values = np.array(channels[name].values)
+        values[: late + 1] = np.nan
+        channels[name] = Channel(values, channels[name].unit)
+    return replace(log, channels=channels)
 
 
 def _sound(model: UserModel, log: Log) -> tuple[Log, list[Placed], list[Placed]]:

@@ -1,0 +1,142 @@
+"""Proves that rows which a log of a plant has lost are no gap: what its inputs did meanwhile is unknown, and is said to be.
+
+The expected motion is the closed solution of ``m q'' = u - k q - c q'`` under held inputs. Seeds are fixed; a sound log is
+falsely alarmed at 0.2 % by the battery.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+import kfgen as kf
+from kfgen.gap.plant.hole_responses import Responses
+from kfgen.gap.plant.lost_rows import Disturbed, LostRows
+from kfgen.gap.plant.words import of_lost_rows
+
+Array = NDArray[np.float64]
+CART = """format = "kfgen-model-1"
+name = "cart"
+[parameters]
+m = "1.5 kg"
+k = "20 N/m"
+c = "1 N s/m"
+[states]
+q = { unit = "m", initial = "0 m", sd = "0.01 m" }
+v = { unit = "m/s", initial = "0 m/s", sd = "0.01 m/s" }
+[inputs]
+u = "N"
+[dynamics]
+q = "v"
+v = "(u - k*q - c*v)/m"
+[measurements.q_seen]
+unit = "m"
+expression = "q"
+effects = [ { effect = "white_noise", N = "7.0711e-4 m/sqrt(Hz)" } ]
+"""
+RATE, N = 50.0, 2500
+
+
+def cart(rng: np.random.Generator, damping: float = 1.0) -> tuple[Array, Array]:
+    """Held input, and the noisy place of the cart."""
+    ends = np.cumsum(rng.exponential(30.0, N).astype(int) + 5)
+    levels = rng.uniform(-6.0, 6.0, N)[np.searchsorted(ends, np.arange(N), side="right")]
+    u = levels + 2.0 * np.sin(2.0 * np.pi * 0.9 * np.arange(N) / RATE)
+    F = np.array([[0.0, 1.0, 0.0], [-20.0 / 1.5, -damping / 1.5, 1.0 / 1.5], [0.0, 0.0, 0.0]])
+    step = expm(F / RATE)
+    x, seen = np.zeros(2), np.empty(N)
+    for k in range(N):
+        seen[k] = x[0]
+        x = step[:2, :2] @ x + step[:2, 2] * u[k]
+    return u, seen + 0.005 * rng.standard_normal(N)
+
+
+def result(folder: Path, u: Array, seen: Array, kept: NDArray[np.bool_]) -> kf.GapResult:
+    """The gap of a log with these rows."""
+    table = np.column_stack([np.arange(N) / RATE, u, seen])[kept]
+    path, model = folder / "log.csv", folder / "cart.toml"
+    np.savetxt(path, table, delimiter=",", header="t [s],u [N],q_seen [m]", comments="", fmt="%.10g")
+    model.write_text(CART, encoding="utf-8")
+    return kf.find_gap(path, model)
+
+
+def lost_at_random(rng: np.random.Generator) -> NDArray[np.bool_]:
+    kept = rng.random(N) > 0.1
+    kept[0] = True
+    return kept
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_tenth_of_the_rows_lost_at_random(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng([176117, seed])
+    found = result(tmp_path, *cart(rng), lost_at_random(rng))
+    assert found.verdict == "no_gap"
+    assert any("rows of the log are lost" in w and "counts as unknown" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("length", [12, 60, 400])
+def test_a_long_hole(tmp_path: Path, length: int) -> None:
+    rng = np.random.default_rng([176118, length])
+    kept = np.ones(N, bool)
+    kept[900 : 900 + length] = False
+    found = result(tmp_path, *cart(rng), kept)
+    assert found.verdict == "no_gap"
+    assert any(f"{length} rows of the log are lost" in w for w in found.warnings)
+
+
+def test_what_is_hidden_beside_lost_rows_is_found(tmp_path: Path) -> None:
+    rng = np.random.default_rng(176119)
+    found = result(tmp_path, *cart(rng, damping=1.15), lost_at_random(rng))
+    assert [f.name for f in found.findings] in (["viscous_friction"], ["parameter_error"])
+    assert all(f.where in ("v", "c") for f in found.findings)
+
+
+def test_a_log_without_losses_says_nothing(tmp_path: Path) -> None:
+    found = result(tmp_path, *cart(np.random.default_rng(176120)), np.ones(N, bool))
+    assert found.verdict == "no_gap"
+    assert not found.warnings
+
+
+def test_uneven_times_are_no_losses() -> None:
+    rng = np.random.default_rng(5)
+    t = np.cumsum(rng.exponential(0.02, 1000))
+    assert LostRows.of(t).before.size == 0
+
+
+def test_holes_by_their_times() -> None:
+    t = np.delete(np.arange(200) * 0.02, [50, 90, 91, *range(120, 140)])
+    lost = LostRows.of(t)
+    assert lost.before.tolist() == [49, 88, 116]
+    np.testing.assert_allclose(lost.steps, [2.0, 3.0, 21.0])
+    assert lost.is_long.tolist() == [False, False, True]
+    assert lost.anew(t.size) == (117,)
+    assert lost.clock(t)[-1] == pytest.approx(t[-1] - (21.0 - 3.5) * 0.02)
+    assert of_lost_rows(lost, t) == [
+        "23 rows of the log are lost, the longest hole lasts 0.42 s from 2.38 s on: what the inputs did there and where "
+        "the plant is after the long ones counts as unknown. Log without losses where small effects matter"
+    ]
+    only = lost.moving({"u": np.where(np.arange(t.size) < 60, 0.0, 1.0)})
+    assert only.before.tolist() == [116]
+
+
+def test_integrated_deviates_leave_the_likelihood() -> None:
+    rng = np.random.default_rng(7)
+    E, x = rng.standard_normal((40, 3)), rng.standard_normal((40, 2))
+    C = np.eye(40) + E @ E.T
+    left = Disturbed(E).without(x)
+    np.testing.assert_allclose((left**2).sum(axis=0), np.einsum("ij,ij->j", x, np.linalg.solve(C, x)))
+    assert Disturbed(E).spread == pytest.approx(0.5 * np.linalg.slogdet(C)[1])
+
+
+def test_moves_pass_from_hole_to_hole_until_the_plant_starts_anew() -> None:
+    # One state that decays by a half each sample, seen as it is: a move of 1 at sample 2, none after sample 6.
+    decay = 0.5 ** np.array([0, 1, 0, 1, 0, 1, 0, 1])
+    there = Responses(
+        [0, 2, 4, 6], decay.reshape(1, 8, 1), np.array([0.25, 0.25, 0.0, 0.25]).reshape(4, 1, 1)
+    )
+    out = there.columns({2: np.ones((1, 1))})
+    np.testing.assert_allclose(out[0, :, 0], [0, 0, 1, 0.5, 0.25, 0.125, 0, 0])
