@@ -10,58 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driven_cart import N, cart, gap_of
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
-import kfgen as kf
 from kfgen.gap.plant.hole_responses import Responses
 from kfgen.gap.plant.lost_rows import Disturbed, LostRows
 from kfgen.gap.plant.words import of_lost_rows
 
 Array = NDArray[np.float64]
-CART = """format = "kfgen-model-1"
-name = "cart"
-[parameters]
-m = "1.5 kg"
-k = "20 N/m"
-c = "1 N s/m"
-[states]
-q = { unit = "m", initial = "0 m", sd = "0.01 m" }
-v = { unit = "m/s", initial = "0 m/s", sd = "0.01 m/s" }
-[inputs]
-u = "N"
-[dynamics]
-q = "v"
-v = "(u - k*q - c*v)/m"
-[measurements.q_seen]
-unit = "m"
-expression = "q"
-effects = [ { effect = "white_noise", N = "7.0711e-4 m/sqrt(Hz)" } ]
-"""
-RATE, N = 50.0, 2500
-
-
-def cart(rng: np.random.Generator, damping: float = 1.0) -> tuple[Array, Array]:
-    """Held input, and the noisy place of the cart."""
-    ends = np.cumsum(rng.exponential(30.0, N).astype(int) + 5)
-    levels = rng.uniform(-6.0, 6.0, N)[np.searchsorted(ends, np.arange(N), side="right")]
-    u = levels + 2.0 * np.sin(2.0 * np.pi * 0.9 * np.arange(N) / RATE)
-    F = np.array([[0.0, 1.0, 0.0], [-20.0 / 1.5, -damping / 1.5, 1.0 / 1.5], [0.0, 0.0, 0.0]])
-    step = expm(F / RATE)
-    x, seen = np.zeros(2), np.empty(N)
-    for k in range(N):
-        seen[k] = x[0]
-        x = step[:2, :2] @ x + step[:2, 2] * u[k]
-    return u, seen + 0.005 * rng.standard_normal(N)
-
-
-def result(folder: Path, u: Array, seen: Array, kept: NDArray[np.bool_]) -> kf.GapResult:
-    """The gap of a log with these rows."""
-    table = np.column_stack([np.arange(N) / RATE, u, seen])[kept]
-    path, model = folder / "log.csv", folder / "cart.toml"
-    np.savetxt(path, table, delimiter=",", header="t [s],u [N],q_seen [m]", comments="", fmt="%.10g")
-    model.write_text(CART, encoding="utf-8")
-    return kf.find_gap(path, model)
 
 
 def lost_at_random(rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -73,7 +29,7 @@ def lost_at_random(rng: np.random.Generator) -> NDArray[np.bool_]:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_tenth_of_the_rows_lost_at_random(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng([176117, seed])
-    found = result(tmp_path, *cart(rng), lost_at_random(rng))
+    found = gap_of(tmp_path, *cart(rng), lost_at_random(rng))
     assert found.verdict == "no_gap"
     assert any("rows of the log are lost" in w and "counts as unknown" in w for w in found.warnings)
 
@@ -83,20 +39,20 @@ def test_a_long_hole(tmp_path: Path, length: int) -> None:
     rng = np.random.default_rng([176118, length])
     kept = np.ones(N, bool)
     kept[900 : 900 + length] = False
-    found = result(tmp_path, *cart(rng), kept)
+    found = gap_of(tmp_path, *cart(rng), kept)
     assert found.verdict == "no_gap"
     assert any(f"{length} rows of the log are lost" in w for w in found.warnings)
 
 
 def test_what_is_hidden_beside_lost_rows_is_found(tmp_path: Path) -> None:
     rng = np.random.default_rng(176119)
-    found = result(tmp_path, *cart(rng, damping=1.15), lost_at_random(rng))
+    found = gap_of(tmp_path, *cart(rng, damping=1.15), lost_at_random(rng))
     assert [f.name for f in found.findings] in (["viscous_friction"], ["parameter_error"])
     assert all(f.where in ("v", "c") for f in found.findings)
 
 
 def test_a_log_without_losses_says_nothing(tmp_path: Path) -> None:
-    found = result(tmp_path, *cart(np.random.default_rng(176120)), np.ones(N, bool))
+    found = gap_of(tmp_path, *cart(np.random.default_rng(176120)), np.ones(N, bool))
     assert found.verdict == "no_gap"
     assert not found.warnings
 

@@ -52,6 +52,11 @@ MAX_NEARLY_ALIKE = 3
 """Effects that are said to look alike."""
 MAX_NOT_EXCITED_SAID = 4
 """Effects that one manoeuvre would excite, of which the names are said in a sentence."""
+MAX_KINDS_LEFT = 3
+"""Kinds of tests of which is said what they see."""
+TAILS_PER_KURTOSIS = 3.0
+"""Kurtosis of Gaussian noise, in which the ratio of the test for tails is counted."""
+_POWERS = ("power", "power in a stretch")
 MAX_REFUSED_SAID = 3
 """Effects that were not added, of which the names are said."""
 
@@ -79,6 +84,32 @@ def verdict_sentence(c: Comparison) -> str:
     if c.verdict == EFFECTS_FOUND and len(c.findings) > 1:
         return f"{of}: {len(c.findings)} effects are missing from the model, and they are named"
     return f"{of}: {VERDICTS[c.verdict]}"
+
+
+def left_sentences(c: Comparison) -> list[str]:
+    """What tests see in the residuals of a record that nothing explains, the strongest of each kind, of the worst channel."""
+    left = sorted((t for t in c.after if t.significant), key=lambda t: t.p)
+    if c.verdict != UNKNOWN_EFFECT or not left:
+        return []
+    channel = left[0].channel or c.channels[0]
+    kinds: dict[tuple[str, bool], str] = {}
+    for t in (t for t in left if (t.channel or channel) == channel):
+        kinds.setdefault(("power", t.ratio > 1.0) if t.name in _POWERS else (t.name, True), _seen_by(t))
+    said = [words for words in kinds.values() if words]
+    return [f"What is left of {channel}: {'; '.join(said[:MAX_KINDS_LEFT])}"] if said else []
+
+
+def _seen_by(t: Test) -> str:
+    """What a test saw, in words; empty of one whose name says it elsewhere."""
+    kurtosis = TAILS_PER_KURTOSIS * (t.ratio - 1.0)
+    words = {
+        **dict.fromkeys(_POWERS, f"{t.ratio:.2g} times the power of its noise {_band(t)}"),
+        "periodic line": f"a periodic line {_band(t)}",
+        "tails": f"{'more' if kurtosis > 0.0 else 'fewer'} large values than Gaussian noise has (excess kurtosis {kurtosis:.2g})",
+        "skewness": "values that are larger to one side than to the other",
+        "correlated squares": "noise that is louder at some times than at others",
+    }
+    return words.get(t.name, "")
 
 
 def noise_scale_sentences(scales: Sequence[NoiseScale]) -> list[str]:

@@ -16,6 +16,7 @@ from kfgen.gap.words import (
     VERDICTS,
     check_sentences,
     finding_sentence,
+    left_sentences,
     limit_words,
     noise_factor_sentence,
     noise_scale_sentences,
@@ -165,6 +166,7 @@ def sentences(c: Comparison) -> list[str]:
         *map(noise_factor_sentence, c.noise_factors),
         *along,
         *(finding_sentence(c, f) for f in c.findings),
+        *left_sentences(c),
         *(outage_sentence(*pair) for pair in c.outages),
         *([not_excited_sentence(unseen)] if (unseen := [m for m in c.limits if not m.is_excited]) else []),
     ]

@@ -148,7 +148,7 @@ class PlantScene:
     @property
     def warnings(self) -> list[str]:
         """What a user is told of the log."""
-        return of_lost_rows(self.rows, np.asarray(self.log.t))
+        return [*self.log.held, *of_lost_rows(self.rows, np.asarray(self.log.t))]
 
     @cached_property
     def _anew(self) -> tuple[int, ...]:
