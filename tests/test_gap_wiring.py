@@ -96,12 +96,21 @@ def test_a_wrong_column_is_said_and_nothing_else(case: str, seed: int) -> None:
     assert (gap.findings[0].effect.name, gap.findings[0].where) in said
 
 
+def repeated(y: np.ndarray, share: float) -> np.ndarray:
+    """Each sample with this chance what the one before was, or showed."""
+    out, again = y.copy(), np.random.default_rng(4).random(y.size) < share
+    for k in range(1, y.size):
+        out[k] = out[k - 1] if again[k] else out[k]
+    return out
+
+
 LEFT_OUT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], set[str]]] = {
     "stuck at the end": (lambda y: held_from(y, 1800), {"stuck"}),
     "stuck for a while": (lambda y: held_from(y, 1000, 1600), {"stuck"}),
     "stuck for a moment": (lambda y: held_from(y, 1000, 1040), {"stuck"}),
     "clipped": (lambda y: np.clip(y, *np.quantile(y, [0.08, 0.92])), {"clipping"}),
-    "every other one repeated": (lambda y: np.repeat(y[::2], 2), {"repeated_samples"}),
+    "a fifth repeated at random": (lambda y: repeated(y, 0.2), {"repeated_samples"}),
+    "every other one held, by a clock": (lambda y: np.repeat(y[::2], 2), set()),
 }
 
 
