@@ -145,7 +145,7 @@ class OwnSamples:
 def with_own_samples(log: Log, sensors: Iterable[Sequence[str]], *, by_filter: bool = False) -> Log:
     """A log in which channels have a value where their sensor gave one and no number where its last one was held.
 
-    Its `held` says of which, and which lie on lines between values: these stay as they are.
+    So do rows on lines between values. Its `held` says of which.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def with_own_samples(log: Log, sensors: Iterable[Sequence[str]], *, by_filter: b
     sensors : iterable of sequence of str
         The channels of each, whose values come together; those that the log lacks are left alone.
     by_filter : bool
-        Whether a filter takes the rows, to which those on lines are measurements.
+        Whether a filter takes the rows: those on lines are measurements to it, and stay as they are.
 
     Returns
     -------
@@ -165,8 +165,8 @@ def with_own_samples(log: Log, sensors: Iterable[Sequence[str]], *, by_filter: b
         own = OwnSamples.of(log.t, np.array([channels[n].values for n in there]).T) if there else None
         if own is None or not own.held:
             continue
-        if own.is_drawn:
-            said += [f"{', '.join(there)}: {own.said_of_rows}"] if by_filter else []
+        if own.is_drawn and by_filter:
+            said += [f"{', '.join(there)}: {own.said_of_rows}"]
             continue
         for n in there:
             channels[n] = replace(channels[n], values=np.where(own.rows, channels[n].values, np.nan))
