@@ -26,7 +26,7 @@ def lost_at_random(rng: np.random.Generator) -> NDArray[np.bool_]:
     return kept
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in (2, 3))])
 def test_a_tenth_of_the_rows_lost_at_random(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng([176117, seed])
     found = gap_of(tmp_path, *cart(rng), lost_at_random(rng))
@@ -34,7 +34,7 @@ def test_a_tenth_of_the_rows_lost_at_random(tmp_path: Path, seed: int) -> None:
     assert any("rows of the log are lost" in w and "counts as unknown" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("length", [12, 60, 400])
+@pytest.mark.parametrize("length", [12, pytest.param(60, marks=pytest.mark.long), 400])
 def test_a_long_hole(tmp_path: Path, length: int) -> None:
     rng = np.random.default_rng([176118, length])
     kept = np.ones(N, bool)
